@@ -1,0 +1,80 @@
+"""What a response costs: the weighted sum of its peaks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inkjet_env.printhead.naming import nearest_name
+
+EFFECTIVE_RULES = ("largest", "first")
+
+
+@dataclass(frozen=True)
+class PeakCost:
+    """Peak cost ``A|y_e| + B|y_{e+1}| + Σ|y_i|`` over all other peaks (Zhu et al. 2024, section 2.3).
+
+    Parameters
+    ----------
+    A : float
+        Weight of the effective peak ``y_e``; negative, since that peak ejects the drop.
+    B : float
+        Weight of the peak after it.
+    effective : {"largest", "first"} or float
+        Which peak ejects: the largest in magnitude (the earliest of equals), the first (the formula as printed), or
+        the first whose magnitude reaches this threshold in volts. Where no peak does, every peak has weight one.
+
+    Examples
+    --------
+    >>> PeakCost(-5, 5)([6.0, -1.0, 0.5])
+    -24.5
+    """
+
+    A: float = -5.0
+    B: float = 5.0
+    effective: str | float = "largest"
+
+    def __post_init__(self) -> None:
+        for name in ("A", "B"):
+            value = getattr(self, name)
+            if not (isinstance(value, (int, float)) and math.isfinite(value)):
+                raise ValueError(f"{name} must be a finite number; got {value!r}.")
+        if isinstance(self.effective, str):
+            if self.effective not in EFFECTIVE_RULES:
+                raise ValueError(
+                    f"effective must be 'largest', 'first' or a threshold in volts; got {self.effective!r}."
+                    + nearest_name(self.effective, EFFECTIVE_RULES)
+                )
+        elif not (isinstance(self.effective, (int, float)) and math.isfinite(self.effective) and self.effective >= 0):
+            raise ValueError(
+                f"effective must be 'largest', 'first' or a threshold of at least 0 V; got {self.effective!r}."
+            )
+
+    def effective_index(self, peaks_V: ArrayLike) -> int | None:
+        """Index of the effective peak among ``peaks_V`` (time order), or None where there is none."""
+        magnitude = np.abs(np.asarray(peaks_V, dtype=np.float64))
+        if magnitude.size == 0:
+            return None
+        if self.effective == "largest":
+            return int(np.argmax(magnitude))
+        if self.effective == "first":
+            return 0
+        reached = magnitude >= float(self.effective)
+        return int(np.argmax(reached)) if reached.any() else None
+
+    def weights(self, peaks_V: ArrayLike) -> np.ndarray:
+        """Weight of each peak's magnitude in the cost, same shape as ``peaks_V``."""
+        weights = np.ones(np.shape(peaks_V))
+        e = self.effective_index(peaks_V)
+        if e is not None:
+            weights[e] = self.A
+            if e + 1 < weights.size:
+                weights[e + 1] = self.B
+        return weights
+
+    def __call__(self, peaks_V: ArrayLike, tail_V: float = 0.0) -> float:
+        """Cost in volts of peaks in time order; ``tail_V`` is the summed magnitude of peaks after the listed ones."""
+        return float(self.weights(peaks_V) @ np.abs(np.asarray(peaks_V, dtype=np.float64)) + tail_V)

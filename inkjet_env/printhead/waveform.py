@@ -1,0 +1,179 @@
+"""The bipolar trapezoid: seven parameters, six knots, linear edges between them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+PARAMETER_NAMES = ("U1", "U2", "t1", "t2", "t3", "t4", "t5")
+PARAMETER_UNITS = ("V", "V", "s", "s", "s", "s", "s")
+
+
+def _check_rules(values: NDArray[np.float64], where: str) -> None:
+    """Raise ``ValueError`` at the first broken rule of an ``(n, 7)`` array."""
+    rules = (
+        (~np.isfinite(values), "must be finite", "Replace the NaN or infinity"),
+        (
+            np.column_stack([values[:, 0] < 0, values[:, 1] > 0, values[:, 2:] < 0]),
+            "",
+            "",
+        ),
+    )
+    for broken, rule, fix in rules:
+        if not broken.any():
+            continue
+        row, column = (int(i) for i in np.argwhere(broken)[0])
+        name, unit, got = PARAMETER_NAMES[column], PARAMETER_UNITS[column], values[row, column]
+        if not rule:
+            rule, fix = {
+                0: ("must be at least 0 V", "The first pulse is the positive one; a negative pulse goes into U2"),
+                1: ("must be at most 0 V", "The second pulse is the negative one; a positive pulse goes into U1"),
+            }.get(column, ("must be a duration of at least 0 s", "Check the sign and the order U1 U2 t1 t2 t3 t4 t5"))
+        place = f" in row {row} of {where}" if len(values) > 1 else ""
+        raise ValueError(f"{name} {rule}; got {got:g} {unit}{place}. {fix}.")
+
+
+def as_waveform_array(waveforms: ArrayLike) -> NDArray[np.float64]:
+    """Check waveform parameters and return them as one contiguous array.
+
+    Parameters
+    ----------
+    waveforms : array_like, shape (7,) or (n, 7)
+        ``U1, U2`` in volts and ``t1 … t5`` in seconds.
+
+    Returns
+    -------
+    ndarray, shape (n, 7)
+
+    Raises
+    ------
+    ValueError
+        Wrong shape, a value that is not finite, ``U1 < 0``, ``U2 > 0`` or a duration below zero.
+    """
+    try:
+        values = np.ascontiguousarray(waveforms, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError("waveforms must be numbers of shape (7,) or (n, 7): U1 U2 t1 t2 t3 t4 t5.") from None
+    if values.ndim == 1:
+        values = values[None, :]
+    if values.ndim != 2 or values.shape[1] != 7:
+        raise ValueError(
+            f"waveforms must have shape (7,) or (n, 7): U1 U2 t1 t2 t3 t4 t5; got shape {np.shape(waveforms)}."
+        )
+    _check_rules(values, "the waveforms")
+    return values
+
+
+@dataclass(frozen=True)
+class Waveform:
+    """Bipolar trapezoid drive waveform (Zhu et al. 2024, Fig. 3).
+
+    Parameters
+    ----------
+    U1 : float
+        Positive plateau in volts, at least 0.
+    U2 : float
+        Negative plateau in volts, at most 0.
+    t1, t2, t3, t4, t5 : float
+        Durations in seconds, at least 0: rise (0 → U1), dwell (at U1), fall (U1 → U2), second dwell (at U2),
+        return (U2 → 0). A duration of zero is a jump.
+
+    Examples
+    --------
+    >>> waveform = Waveform(100.0, -50.0, 2e-6, 10e-6, 4e-6, 8e-6, 2e-6)
+    >>> waveform.knots()[1]
+    array([   0.,  100.,  100.,  -50.,  -50.,    0.])
+    """
+
+    U1: float
+    U2: float
+    t1: float
+    t2: float
+    t3: float
+    t4: float
+    t5: float
+
+    def __post_init__(self) -> None:
+        as_waveform_array(astuple(self))
+
+    @classmethod
+    def from_array(cls, values: ArrayLike) -> Waveform:
+        """Waveform from ``(7,)`` values in the order ``U1 U2 t1 t2 t3 t4 t5`` (V, V, s …)."""
+        rows = as_waveform_array(values)
+        if len(rows) != 1:
+            raise ValueError(f"values must be one waveform of shape (7,); got {len(rows)} rows.")
+        return cls(*(float(v) for v in rows[0]))
+
+    def to_array(self) -> NDArray[np.float64]:
+        """The seven parameters, shape (7,), in volts and seconds."""
+        return np.array(astuple(self))
+
+    @property
+    def duration_s(self) -> float:
+        """Sum of the five durations, in seconds."""
+        return math.fsum((self.t1, self.t2, self.t3, self.t4, self.t5))
+
+    def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times in seconds and drive in volts at the six corners, two arrays of shape (6,)."""
+        time_s = np.concatenate([[0.0], np.cumsum([self.t1, self.t2, self.t3, self.t4, self.t5])])
+        return time_s, np.array([0.0, self.U1, self.U1, self.U2, self.U2, 0.0])
+
+    def drive_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Drive in volts at any times in seconds (same shape); zero outside the waveform."""
+        knot_s, knot_V = self.knots()
+        return np.interp(np.asarray(time_s, dtype=np.float64), knot_s, knot_V, left=0.0, right=0.0)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Search box for the seven waveform parameters, and its map to the box [-1, 1]⁷.
+
+    Parameters
+    ----------
+    lower, upper : tuple of 7 floats
+        In volts and seconds, order ``U1 U2 t1 t2 t3 t4 t5``. Defaults: U1 0…100 V, U2 −100…0 V, durations 1…20 µs
+        (the paper prints the voltages, not the durations).
+
+    Examples
+    --------
+    >>> Bounds().from_unit([1, -1, -1, 0, 0, 0, 1])[:2]
+    array([ 100., -100.])
+    """
+
+    lower: tuple[float, ...] = (0.0, -100.0, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6)
+    upper: tuple[float, ...] = (100.0, 0.0, 20e-6, 20e-6, 20e-6, 20e-6, 20e-6)
+    names: ClassVar[tuple[str, ...]] = PARAMETER_NAMES
+    _centre: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+    _half: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for label in ("lower", "upper"):
+            values = tuple(float(v) for v in np.ravel(getattr(self, label)))
+            if len(values) != 7:
+                raise ValueError(f"bounds.{label} must hold 7 values (U1 U2 t1 … t5); got {len(values)}.")
+            object.__setattr__(self, label, values)
+        low, high = as_waveform_array(self.lower)[0], as_waveform_array(self.upper)[0]
+        if (low > high).any():
+            name = PARAMETER_NAMES[int(np.argmax(low > high))]
+            raise ValueError(f"bounds.lower must not exceed bounds.upper; they are the wrong way round for {name}.")
+        object.__setattr__(self, "_centre", (low + high) / 2)
+        object.__setattr__(self, "_half", (high - low) / 2)
+
+    @property
+    def half_width(self) -> NDArray[np.float64]:
+        """Half the box's widths, shape (7,): d(physical)/d(unit)."""
+        return self._half.copy()
+
+    def from_unit(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Physical parameters (V, s) of points in [-1, 1], shape (7,) or (n, 7); ±1 hit the bounds exactly."""
+        points = np.asarray(points, dtype=np.float64)
+        return np.clip(self._centre + self._half * points, self.lower, self.upper)
+
+    def to_unit(self, waveforms: ArrayLike) -> NDArray[np.float64]:
+        """Points in [-1, 1] of physical parameters, shape (7,) or (n, 7); a box of no width maps to 0."""
+        offset = np.asarray(waveforms, dtype=np.float64) - self._centre
+        return np.divide(offset, self._half, out=np.zeros_like(offset), where=self._half > 0)
