@@ -1,0 +1,20 @@
+"""Physics of one waveform: no files but the printhead's own, no plots, no Gymnasium."""
+
+from inkjet_env.printhead.cost import PeakCost
+from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
+from inkjet_env.printhead.naming import check_name, nearest_name
+from inkjet_env.printhead.printhead import Printhead, Response
+from inkjet_env.printhead.waveform import Bounds, Waveform, as_waveform_array
+
+__all__ = [
+    "Bounds",
+    "BranchLaw",
+    "PeakCost",
+    "PlayOperators",
+    "Printhead",
+    "Response",
+    "Waveform",
+    "as_waveform_array",
+    "check_name",
+    "nearest_name",
+]

@@ -1,4 +1,4 @@
-"""The nearest known name, for errors that say what was probably meant."""
+"""Names that must be known ones: errors that say what was probably meant."""
 
 from __future__ import annotations
 
@@ -11,3 +11,10 @@ def nearest_name(given: str, known: Iterable[str]) -> str:
 
     match = process.extractOne(given, list(known), score_cutoff=60)
     return f" Did you mean {match[0]!r}?" if match else ""
+
+
+def check_name(label: str, given: object, known: Iterable[str]) -> None:
+    """Raise ``ValueError`` unless ``given`` is one of the ``known`` names; the message suggests the nearest."""
+    known = tuple(known)
+    if given not in known:
+        raise ValueError(f"{label} must be one of {', '.join(known)}; got {given!r}.{nearest_name(str(given), known)}")

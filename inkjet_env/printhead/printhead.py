@@ -1,0 +1,275 @@
+"""The printhead: hysteresis, then a second-order resonator; what it answers to one waveform."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import polynomial as poly
+from numpy.typing import ArrayLike, NDArray
+
+from inkjet_env.printhead.cost import PeakCost
+from inkjet_env.printhead.hysteresis import HYSTERESIS_MODELS, BranchLaw, PlayOperators
+from inkjet_env.printhead.naming import check_name
+from inkjet_env.printhead.resonator import PiecewiseResponse, check_resonator
+from inkjet_env.printhead.waveform import Waveform
+
+DEFAULT_WINDOW_S = 350e-6
+PLAY_OPERATORS = 200
+"""Plays of the classic PI model where it is asked for by name."""
+
+
+def check_window(window_s: float) -> float:
+    """Return the window; ``ValueError`` unless it is a positive time in seconds or infinite."""
+    if not window_s > 0:
+        raise ValueError(f"window_s must be a positive time in seconds, or infinite; got {window_s!r}.")
+    return float(window_s)
+
+
+@dataclass(frozen=True)
+class Printhead:
+    """A piezo printhead: branch law of the hysteresis, then ``G_s(s) = b1 s / (s² + a1 s + a0)``.
+
+    Parameters
+    ----------
+    a0, a1, b1 : float
+        Resonator, in 1/s², 1/s and 1/s (Zhu et al. 2024, section 3.2).
+    coefficients : tuple of float
+        Branch law ``Q``, highest power first (section 3.1); see `BranchLaw`.
+    full_scale_V : float
+        Change of drive at ``x = 1``, in volts.
+
+    Examples
+    --------
+    >>> head = Printhead.published()
+    >>> round(head.frequency_Hz), round(head.damping_ratio, 4)
+    (51695, 0.0469)
+    """
+
+    a0: float
+    a1: float
+    b1: float
+    coefficients: tuple[float, ...]
+    full_scale_V: float = 180.0
+
+    def __post_init__(self) -> None:
+        check_resonator(self.a0, self.a1)
+        if not math.isfinite(self.b1):
+            raise ValueError(f"b1 must be finite; got {self.b1!r}.")
+        object.__setattr__(self, "coefficients", self.branch_law.coefficients)
+
+    @classmethod
+    def published(cls) -> Printhead:
+        """The head identified by Zhu et al. 2024: ``A`` of section 3.1, ``a0, a1, b1`` of section 3.2.
+
+        Its ``Q''`` is slightly negative (down to −0.054) for 0.836 < x < 0.886, so it is not quite a valid PI density.
+        """
+        return cls(
+            a0=1.055e11,
+            a1=3.046e4,
+            b1=1.907e4,
+            coefficients=(19.014, -75.155, 120.8, -101.21, 46.92, -11.697, 1.5782, 0.74743, 0.0),
+        )
+
+    @classmethod
+    def from_json(cls, path: str | os.PathLike[str]) -> Printhead:
+        """Read a ``printhead/1`` file; ``ValueError`` names the file and the rule it breaks."""
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path}: cannot be read as a printhead: {error}.") from None
+        try:
+            data: Any = json.loads(text)
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise ValueError(f"{path}: is not JSON ({error}). Write it again with `inkjet identify`.") from None
+        if not isinstance(data, dict) or data.get("format") != "printhead/1":
+            got = data.get("format") if isinstance(data, dict) else type(data).__name__
+            raise ValueError(f'{path}: "format" must be "printhead/1"; got {got!r}. Is this a printhead file?')
+        try:
+            dynamics, hysteresis = data["dynamics"], data["hysteresis"]
+            values = {name: dynamics[name]["value"] for name in ("a0", "a1", "b1")}
+            values |= {"full_scale_V": hysteresis["full_scale_V"]}
+            coefficients = list(hysteresis["coefficients"])
+            for name, value in [*values.items(), *(("hysteresis.coefficients", c) for c in coefficients)]:
+                if isinstance(value, bool) or not isinstance(value, (int, float)):
+                    raise ValueError(f"{name} must be a number; got {value!r}.")
+            return cls(coefficients=tuple(coefficients), **values)
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"{path}: has no {error} where a printhead/1 file keeps it.") from None
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+    def to_json(self, path: str | os.PathLike[str]) -> None:
+        """Write a ``printhead/1`` file; values given, not identified, so each interval is a point."""
+        dynamics = {
+            name: {"value": value, "low": value, "high": value}
+            for name, value in (("a0", self.a0), ("a1", self.a1), ("b1", self.b1))
+        }
+        hysteresis = {
+            "coefficients": list(self.coefficients),
+            "full_scale_V": self.full_scale_V,
+            "degree": len(self.coefficients) - 1,
+        }
+        data = {"format": "printhead/1", "dynamics": dynamics, "hysteresis": hysteresis, "fit": {}}
+        beside = Path(f"{path}.tmp{os.getpid()}")
+        beside.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        beside.replace(path)
+
+    @property
+    def frequency_Hz(self) -> float:
+        """Undamped natural frequency ``√a0 / 2π``."""
+        return math.sqrt(self.a0) / (2 * math.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """``ζ = a1 / (2 √a0)``."""
+        return self.a1 / (2 * math.sqrt(self.a0))
+
+    @cached_property
+    def branch_law(self) -> BranchLaw:
+        """The hysteresis."""
+        return BranchLaw(self.coefficients, self.full_scale_V)
+
+    def varied(
+        self,
+        frequency_Hz: float | None = None,
+        damping_ratio: float | None = None,
+        gain: float = 1.0,
+        hysteresis_strength: float = 1.0,
+    ) -> Printhead:
+        """Another head: other resonance, ``b1`` times ``gain``, the loop's density times ``hysteresis_strength``."""
+        frequency = self.frequency_Hz if frequency_Hz is None else frequency_Hz
+        damping = self.damping_ratio if damping_ratio is None else damping_ratio
+        omega = 2 * math.pi * frequency
+        return Printhead(
+            a0=self.a0 if frequency_Hz is None else omega * omega,
+            a1=self.a1 if frequency_Hz is None and damping_ratio is None else 2 * damping * omega,
+            b1=self.b1 * gain,
+            coefficients=self.branch_law.strengthened(hysteresis_strength).coefficients,
+            full_scale_V=self.full_scale_V,
+        )
+
+    def respond(
+        self,
+        waveform: Waveform,
+        initial_state: str = "periodic",
+        window_s: float = DEFAULT_WINDOW_S,
+        hysteresis: str = "full_memory",
+    ) -> Response:
+        """Response to one waveform, the resonator being at rest when it starts.
+
+        Parameters
+        ----------
+        waveform : Waveform
+        initial_state : {"periodic", "demagnetised"}
+            Of the hysteresis: the waveform had been repeating, or virgin curve first.
+        window_s : float
+            Peaks later than this after the waveform's start do not count; may be infinite.
+        hysteresis : {"full_memory", "one_point", "play_operators"}
+            See `inkjet_env.printhead.hysteresis.HYSTERESIS_MODELS`.
+
+        Examples
+        --------
+        >>> head = Printhead.published()
+        >>> response = head.respond(Waveform(100, -100, 1e-6, 10.481e-6, 13.769e-6, 9.613e-6, 20e-6))
+        >>> response.peaks_V[:5].round(2)
+        array([ 6.19, -6.95,  0.66, -0.52,  1.9 ])
+        """
+        time_s, drive_V = waveform.knots()
+        return Response(self, time_s, drive_V, initial_state, check_window(window_s), hysteresis)
+
+
+@dataclass(frozen=True)
+class Response:
+    """What a head answers to a piecewise-linear drive that starts at time 0; made by `Printhead.respond`.
+
+    Attributes
+    ----------
+    peak_times_s, peaks_V : ndarray, shape (k,)
+        Every local extremum of the self-sensed signal within the window, signed, in time order.
+    tail_V : float
+        Summed magnitude of the extrema beyond those listed (infinite window only).
+    """
+
+    printhead: Printhead
+    knot_times_s: NDArray[np.float64]
+    knot_drive_V: NDArray[np.float64]
+    initial_state: str
+    window_s: float
+    hysteresis: str = "full_memory"
+
+    def __post_init__(self) -> None:
+        check_name("hysteresis", self.hysteresis, HYSTERESIS_MODELS)
+        times, values, tail = self._ringing.extrema(self.window_s)
+        object.__setattr__(self, "peak_times_s", times)
+        object.__setattr__(self, "peaks_V", values)
+        object.__setattr__(self, "tail_V", tail)
+
+    peak_times_s: NDArray[np.float64] = None  # type: ignore[assignment]
+    peaks_V: NDArray[np.float64] = None  # type: ignore[assignment]
+    tail_V: float = 0.0
+
+    @cached_property
+    def _ringing(self) -> PiecewiseResponse:
+        head, law = self.printhead, self.printhead.branch_law
+        if self.hysteresis == "play_operators":
+            plays = PlayOperators.of_branch_law(law, PLAY_OPERATORS)
+            rows = plays.pieces(self.knot_drive_V, self.initial_state)
+            rates = rows[:, 3:4]
+        else:
+            rows = law.pieces(self.knot_drive_V, self.initial_state, self.hysteresis == "one_point")
+            rates = branch_rates(law, rows)
+        segment_s = np.diff(self.knot_times_s)
+        durations, polynomials = [], []
+        for segment, duration in enumerate(segment_s):
+            mine = rows[:, 0] == segment
+            durations.extend(rows[mine, 2] * duration if mine.any() else [duration])
+            polynomials.extend(rates[mine] if mine.any() else np.zeros((1, rates.shape[1])))
+        return PiecewiseResponse(head.a0, head.a1, head.b1, np.array(durations), np.array(polynomials))
+
+    def drive_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Drive in volts at any times, same shape."""
+        return np.interp(time_s, self.knot_times_s, self.knot_drive_V, left=0.0, right=float(self.knot_drive_V[-1]))
+
+    def hysteretic_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Hysteretic drive in volts at any times, same shape; zero at the start."""
+        ringing = self._ringing
+        antiderivative = np.array([poly.polyint(rate) for rate in ringing.rate_V])
+        at_start = np.concatenate([[0.0], np.cumsum(antiderivative.sum(axis=1))])
+        time = np.asarray(time_s, dtype=np.float64)
+        where = np.searchsorted(ringing.start_s, time.ravel(), side="right") - 1
+        value = np.where(where < 0, 0.0, at_start[np.clip(where, 0, None)])
+        inside = (where >= 0) & (where < ringing.duration_s.size)
+        piece = where[inside]
+        tau = (time.ravel()[inside] - ringing.start_s[piece]) / ringing.duration_s[piece]
+        value[inside] += np.sum(antiderivative[piece] * tau[:, None] ** np.arange(antiderivative.shape[1]), axis=1)
+        return value.reshape(time.shape)
+
+    def sensor_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Self-sensed signal in volts at any times, same shape."""
+        return self._ringing.sensor_V(time_s)
+
+    def cost(self, peak_cost: PeakCost | None = None) -> float:
+        """Peak cost in volts; the default is `PeakCost()`."""
+        return (peak_cost or PeakCost())(self.peaks_V, self.tail_V)
+
+
+def branch_rates(law: BranchLaw, pieces: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``dv/dτ`` of branch pieces as polynomials of ``τ``, lowest power first, in volts: shape (pieces, degree)."""
+    slope = poly.polyder(law.ascending)
+    rates = np.zeros((len(pieces), slope.size))
+    for row, (x, dx, scale) in zip(rates, pieces[:, 3:6], strict=True):
+        if x >= 1.0:
+            row[0] = scale * dx * float(law.slope(1.0))
+            continue
+        derivative = slope
+        for k in range(slope.size):  # Taylor coefficients of Q' at x
+            row[k] = scale * dx ** (k + 1) * poly.polyval(x, derivative) / math.factorial(k)
+            derivative = poly.polyder(derivative)
+    return rates

@@ -1,0 +1,285 @@
+"""Closed-form response of the second-order resonator to a piecewise polynomial input.
+
+The self-sensed signal obeys ``y'' + a1 y' + a0 y = b1 v'`` (``G_s`` of Zhu et al. 2024, section 3.2). With the pole
+``λ = -a1/2 + i √(a0 - a1²/4)`` it is the imaginary part of a complex amplitude ``A`` with
+
+    A' = λ A + c v',   c = b1 / Im λ,   y = Im A,   y' = Im λA.                                     (1)
+
+On a piece of duration T, ``v`` is a polynomial of ``τ = t/T`` with ``dv/dτ = Σ q_k τ^k``, so with ``z = λT``
+
+    A(τ) = A(0) e^{zτ} + c Σ q_k τ^{k+1} m_k(zτ),   m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds.                  (2)
+
+The moments are ``k! φ_{k+1}``, the φ functions of exponential integrators. ``m_k = (k m_{k-1} - 1)/z`` is stable where
+``|z| > k``; elsewhere it is run backwards from the power series of the last moment, which does not cancel there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import polynomial as poly
+from numpy.typing import ArrayLike, NDArray
+
+Complex = NDArray[np.complex128]
+Real = NDArray[np.float64]
+
+ROUNDING = 1e-14
+"""Ringing that cancels to less than this share of what cancelled is rounding, and is taken as rest."""
+
+
+def check_resonator(a0: float, a1: float) -> None:
+    """Raise ``ValueError`` unless ``s² + a1 s + a0`` is a damped oscillation."""
+    if not (math.isfinite(a0) and a0 > 0):
+        raise ValueError(f"a0 must be a positive number (the square of the angular frequency, 1/s²); got {a0!r}.")
+    if not (math.isfinite(a1) and 0 < a1 < 2 * math.sqrt(a0)):
+        raise ValueError(
+            f"a1 must lie between 0 and 2√a0 = {2 * math.sqrt(a0):g} 1/s, so that the head rings and decays; got {a1!r}."
+        )
+
+
+def pole(a0: float, a1: float) -> complex:
+    """The pole λ in the upper half plane, in 1/s."""
+    return complex(-a1 / 2, math.sqrt((math.sqrt(a0) - a1 / 2) * (math.sqrt(a0) + a1 / 2)))
+
+
+def moments(z: ArrayLike, count: int) -> Complex:
+    """Moments ``m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds`` for ``k = 0 … count - 1``.
+
+    Parameters
+    ----------
+    z : array_like of complex, shape (n,)
+        With real part ≤ 0.
+    count : int
+
+    Returns
+    -------
+    ndarray of complex, shape (n, count)
+        Accurate to a few units of rounding relative to ``m_0``'s bound ``1/(k+1)``.
+    """
+    z = np.atleast_1d(np.asarray(z, dtype=np.complex128))
+    last = count - 1
+    result = np.empty((z.size, count), dtype=np.complex128)
+    small = np.abs(z) <= count + 1
+    zs = z[small]
+    if zs.size:
+        term = np.full(zs.shape, 1.0 / (last + 1), dtype=np.complex128)
+        total = term.copy()
+        j = 0
+        while np.abs(term).max() > 1e-18 / (last + 1):
+            j += 1
+            term = term * zs / (last + 1 + j)
+            total += term
+        result[small, last] = total
+        for k in range(last, 0, -1):
+            total = (zs * total + 1.0) / k
+            result[small, k - 1] = total
+    zl = z[~small]
+    if zl.size:
+        total = np.expm1(zl) / zl
+        result[~small, 0] = total
+        for k in range(1, count):
+            total = (k * total - 1.0) / zl
+            result[~small, k] = total
+    return result
+
+
+@dataclass(frozen=True)
+class PiecewiseResponse:
+    """Response of a resonator, at rest before time 0, to an input given by polynomial pieces.
+
+    Parameters
+    ----------
+    a0, a1, b1 : float
+        ``G_s(s) = b1 s / (s² + a1 s + a0)``, in 1/s², 1/s, 1/s.
+    duration_s : ndarray, shape (p,)
+        Durations of the pieces, which follow each other from time 0. Zero is a jump of the input.
+    rate_V : ndarray, shape (p, d)
+        ``dv/dτ`` on each piece as polynomial of ``τ`` in 0…1, lowest power first, in volts.
+    start_state : complex, optional
+        Amplitude A at time 0; zero is at rest.
+    """
+
+    a0: float
+    a1: float
+    b1: float
+    duration_s: Real
+    rate_V: Real
+    start_state: complex = 0j
+
+    def __post_init__(self) -> None:
+        check_resonator(self.a0, self.a1)
+        pole_ = pole(self.a0, self.a1)
+        gain = self.b1 / pole_.imag
+        z = pole_ * self.duration_s
+        forced = gain * np.sum(self.rate_V * moments(z, self.rate_V.shape[1]), axis=1)
+        amplitude = np.empty(self.duration_s.size + 1, dtype=np.complex128)
+        amplitude[0] = a = self.start_state
+        size = abs(a)  # what an amplitude may have cancelled from
+        for i, (step, increment) in enumerate(zip(np.exp(z), forced, strict=True)):
+            a = a * step + increment
+            size = size * abs(step) + abs(increment)
+            if abs(a) < ROUNDING * size:
+                a = 0j
+            amplitude[i + 1] = a
+        object.__setattr__(self, "pole", pole_)
+        object.__setattr__(self, "gain", gain)
+        object.__setattr__(self, "start_s", np.concatenate([[0.0], np.cumsum(self.duration_s)]))
+        object.__setattr__(self, "amplitude", amplitude)
+
+    pole: complex = 0j
+    gain: float = 0.0
+    start_s: Real = None  # type: ignore[assignment]
+    amplitude: Complex = None  # type: ignore[assignment]
+
+    def amplitude_in(self, piece: int, tau: ArrayLike) -> Complex:
+        """Complex amplitude A at fractions ``tau`` of one piece, Eq. (2)."""
+        tau = np.atleast_1d(np.asarray(tau, dtype=np.float64))
+        z = self.pole * self.duration_s[piece]
+        powers = tau[:, None] ** np.arange(1, self.rate_V.shape[1] + 1)
+        forced = np.sum(self.rate_V[piece] * powers * moments(z * tau, self.rate_V.shape[1]), axis=1)
+        return self.amplitude[piece] * np.exp(z * tau) + self.gain * forced
+
+    def amplitude_at(self, time_s: ArrayLike) -> Complex:
+        """Complex amplitude A at any times in seconds, same shape; at a jump, after it."""
+        time = np.asarray(time_s, dtype=np.float64)
+        flat = time.ravel()
+        result = np.zeros(flat.shape, dtype=np.complex128)
+        where = np.searchsorted(self.start_s, flat, side="right") - 1
+        for piece in np.unique(where[where >= 0]):
+            mine = where == piece
+            since = flat[mine] - self.start_s[piece]
+            if piece < self.duration_s.size:
+                result[mine] = self.amplitude_in(piece, since / self.duration_s[piece])
+            else:
+                result[mine] = self.amplitude[-1] * np.exp(self.pole * since)
+        return result.reshape(time.shape)
+
+    def sensor_V(self, time_s: ArrayLike) -> Real:
+        """The self-sensed signal ``y`` in volts at any times in seconds, same shape."""
+        return self.amplitude_at(time_s).imag
+
+    def extrema(self, window_s: float) -> tuple[Real, Real, float]:
+        """Every local extremum from the start to the end of the window.
+
+        Parameters
+        ----------
+        window_s : float
+            Extrema later than this are left out. May be infinite: then extrema of the final ring-down are listed
+            until they fall below 1e-12 of its first one.
+
+        Returns
+        -------
+        times_s, values_V : ndarray, shape (k,)
+            In time order.
+        tail_V : float
+            Summed magnitude of the extrema beyond the list: a geometric series for an infinite window, else 0.
+        """
+        found: list[tuple[float, float]] = []
+        heading = 0.0  # sign of y' just before the knot; 0 at rest
+        for piece, duration in enumerate(self.duration_s):
+            start, a, forced = self.start_s[piece], self.amplitude[piece], self.rate_V[piece].any()
+            if start > window_s:
+                break
+            if duration == 0.0 or (a == 0 and not forced):
+                heading *= bool(a != 0 or forced)
+                continue
+            if heading * self._heading(piece, 0.0) < 0:  # a jump turned y' round, or y' is zero on the knot
+                found.append((start, a.imag))
+            if forced:
+                roots = self._stationary_fractions(piece)
+                found.extend(zip(start + duration * roots, self.amplitude_in(piece, roots).imag, strict=True))
+            else:
+                found.extend(self._ring_down(a, start, duration, 0.0)[0])
+            heading = self._heading(piece, 1.0)
+        last = self.amplitude[-1]
+        if last != 0 and heading * (np.sign((self.pole * last).imag) or np.sign((self.pole**2 * last).imag)) < 0:
+            found.append((self.start_s[-1], last.imag))
+        tail = 0.0
+        if self.start_s[-1] <= window_s:
+            remaining = window_s - self.start_s[-1]
+            rows, tail = self._ring_down(self.amplitude[-1], self.start_s[-1], remaining, 1e-12)
+            found.extend(rows)
+        listed = np.array([row for row in found if row[0] <= window_s], dtype=np.float64).reshape(-1, 2)
+        return listed[:, 0].copy(), listed[:, 1].copy(), tail
+
+    def _ring_down(
+        self, a: complex, start_s: float, duration_s: float, floor: float
+    ) -> tuple[list[tuple[float, float]], float]:
+        """Extrema of ``Im(a e^{λt})`` for 0 < t ≤ duration: equally spaced, in geometric progression."""
+        slope = self.pole * a
+        if a == 0:
+            return [], 0.0
+        phase = math.atan2(slope.imag, slope.real)
+        half_period = math.pi / self.pole.imag
+        ratio = math.exp(self.pole.real * half_period)
+        first = (-phase if phase < 0 else math.pi - phase) / self.pole.imag
+        if slope.imag == 0.0:
+            first = half_period
+        value = (a * np.exp(self.pole * first)).imag
+        if math.isinf(duration_s):
+            count = math.ceil(math.log(floor) / math.log(ratio))
+            tail = abs(value) * ratio**count / (1 - ratio)
+        else:
+            count = max(0, math.floor((duration_s - first) / half_period) + 1)
+            tail = 0.0
+        n = np.arange(count)
+        return list(zip(start_s + first + n * half_period, value * (-ratio) ** n, strict=True)), tail
+
+    def _slope_and_curvature(self, piece: int, tau: Real) -> tuple[Real, Real]:
+        """``y'`` and ``y''`` per second and second squared at fractions of a piece, from Eq. (1)."""
+        a = self.amplitude_in(piece, tau)
+        input_rate = poly.polyval(tau, self.rate_V[piece]) / self.duration_s[piece]
+        return (self.pole * a).imag, (self.pole**2 * a).imag + self.b1 * input_rate
+
+    def _heading(self, piece: int, tau: float) -> float:
+        """Sign of ``y'`` just inside a piece, at its start (``tau = 0``) or its end (1)."""
+        slope = (self.pole * self.amplitude[piece + int(tau)]).imag
+        return float(np.sign(slope) or (1 - 2 * tau) * np.sign(self._slope_and_curvature(piece, np.array([tau]))[1][0]))
+
+    def _stationary_fractions(self, piece: int) -> Real:
+        """Zeros of ``y'`` inside a piece, each bracketed by an interval on which it is proved to be the only one.
+
+        On an interval of length h, ``|y'''| ≤ M`` proves that ``y'`` has no zero (both ends further from zero than
+        ``M h²/8``) or is monotone (``|y''|`` at the ends adds to more than ``M h``, same sign). What neither proves is
+        halved. M follows from the equation of motion, ``y''' = b1 v'' - a1 y'' - a0 y'``.
+        """
+        from scipy.optimize import brentq
+
+        duration, rate = float(self.duration_s[piece]), self.rate_V[piece]
+        cells = max(1, math.ceil(abs(self.pole) * duration / 0.4))
+        nodes = np.linspace(0.0, 1.0, cells + 1)
+        low, high = nodes[:-1], nodes[1:]
+        brackets: list[tuple[float, float]] = []
+        while low.size:
+            (g0, d0), (g1, d1) = (self._slope_and_curvature(piece, t) for t in (low, high))
+            h = (high - low) * duration
+            # |v''| on the interval, from the expansion about its middle.
+            middle, half = (low + high) / 2, (high - low) / 2
+            bound, derivative = np.zeros_like(low), poly.polyder(rate)
+            for k in range(derivative.size):
+                bound += np.abs(poly.polyval(middle, derivative)) * half**k / math.factorial(k)
+                derivative = poly.polyder(derivative)
+            forcing = abs(self.b1) * bound / duration**2
+            third = forcing + self.a1 * np.abs(d0) + self.a0 * (np.abs(g0) + h * np.abs(d0))
+            third /= 1.0 - self.a1 * h - self.a0 * h * h
+            sign0, sign1 = np.where(g0 == 0, np.sign(d0), np.sign(g0)), np.where(g1 == 0, 0.0, np.sign(g1))
+            sign1 = np.where(sign1 == 0, sign0, sign1)
+            monotone = (d0 * d1 > 0) & (np.abs(d0) + np.abs(d1) > third * h)
+            far = (sign0 == sign1) & (np.minimum(np.abs(g0), np.abs(g1)) > third * h * h / 8)
+            tiny = high - low < 1e-13
+            settled = monotone | far | tiny
+            brackets.extend(zip(low[settled & (sign0 != sign1)], high[settled & (sign0 != sign1)], strict=True))
+            on_node = settled & (g0 == 0) & (low > 0) & (d0 != 0)
+            brackets.extend(zip(low[on_node], low[on_node], strict=True))
+            unsettled = ~settled
+            low, high = (
+                np.concatenate([low[unsettled], middle[unsettled]]),
+                np.concatenate([middle[unsettled], high[unsettled]]),
+            )
+
+        def slope(t: float) -> float:
+            return float(self._slope_and_curvature(piece, np.array([t]))[0][0])
+
+        return np.array([brentq(slope, a, b, xtol=1e-16) if a < b else a for a, b in sorted(brackets)])
