@@ -1,0 +1,430 @@
+"""Compiled kernels of the printhead: the same closed form as `resonator`, written for speed.
+
+Nothing here is called by users; `batch` is the face. A head is one row of numbers (`HEAD_…` are its columns). On an
+edge the response is either the power series of the whole solution (short edges, where the particular polynomial would
+cancel) or particular polynomial plus ring-down (long edges). Extrema are isolated as in `resonator`: by a bound on
+``y'''`` that proves an interval to hold none or at most one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from inkjet_env.printhead import hysteresis
+from inkjet_env.printhead.resonator import ROUNDING
+
+MAX_DEGREE = 16
+CURVATURE_CELLS = 32
+
+(HEAD_A0, HEAD_A1, HEAD_B1, HEAD_FULL_SCALE, HEAD_DEGREE, HEAD_END_SLOPE) = range(6)
+HEAD_SLOPE = 6  # Q' lowest power first, MAX_DEGREE columns
+HEAD_CURVATURE = HEAD_SLOPE + MAX_DEGREE  # max |Q''| on each of CURVATURE_CELLS cells of 0 ≤ x ≤ 1
+HEAD_COLUMNS = HEAD_CURVATURE + CURVATURE_CELLS
+
+# Edges up to this |λT| are summed as a power series; longer ones use the particular polynomial, whose error grows
+# like degree! / |λT|^degree.
+SERIES_LIMIT = 4.0
+SERIES_TERMS = 64
+NODE_SPACING = 0.6  # of |λ| t, between the nodes that isolate extrema
+INFINITE_TAIL_FLOOR = 1e-12
+
+EFFECTIVE_LARGEST, EFFECTIVE_FIRST, EFFECTIVE_THRESHOLD = 0, 1, 2
+OVERFLOW = -1
+
+_jit = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True)
+
+branch_pieces = _jit(hysteresis.branch_pieces)
+play_operators = _jit(hysteresis.play_operators)
+
+
+@_jit
+def piece_rate(head, x_start, x_change, scale_V, rate):
+    """Fill ``rate`` with dv/dτ on a branch piece, lowest power first; return its number of coefficients."""
+    if x_start >= 1.0:
+        rate[0] = scale_V * x_change * head[HEAD_END_SLOPE]
+        return 1
+    n = int(head[HEAD_DEGREE])
+    for k in range(n):
+        rate[k] = head[HEAD_SLOPE + k]
+    if x_start != 0.0:
+        for k in range(n - 1):  # Taylor shift by repeated synthetic division
+            for j in range(n - 2, k - 1, -1):
+                rate[j] += x_start * rate[j + 1]
+    factor = scale_V
+    for k in range(n):
+        factor *= x_change
+        rate[k] *= factor
+    return n
+
+
+@_jit
+def _solve_piece(head, y, slope, duration, rate, n, series):
+    """Coefficients of the response on an edge, in τ; their number, or minus that where a ring-down is added.
+
+    Short edge: ``series`` is the whole solution. Long edge: it is the particular polynomial, and the ring-down is what
+    is missing at τ = 0.
+    """
+    a0, a1 = head[HEAD_A0], head[HEAD_A1]
+    stiffness = a0 * duration * duration
+    damping = a1 * duration
+    force = head[HEAD_B1] * duration
+    if stiffness <= SERIES_LIMIT * SERIES_LIMIT:
+        series[0] = y
+        series[1] = slope * duration
+        largest = abs(series[0]) + abs(series[1])
+        k = 0
+        while True:
+            f = force * rate[k] if k < n else 0.0
+            term = (f - damping * (k + 1) * series[k + 1] - stiffness * series[k]) / ((k + 1.0) * (k + 2.0))
+            series[k + 2] = term
+            largest = max(largest, abs(term))
+            k += 1
+            if k + 2 >= SERIES_TERMS or (k > n and abs(term) + abs(series[k]) <= 1e-18 * largest):
+                return k + 2
+    above, above2 = 0.0, 0.0
+    for k in range(n - 1, -1, -1):
+        p = (force * rate[k] - damping * (k + 1) * above - (k + 1.0) * (k + 2.0) * above2) / stiffness
+        series[k] = p
+        above2 = above
+        above = p
+    return -n
+
+
+@_jit
+def _evaluate(head, pole_re, pole_im, duration, series, terms, ring_y, ring_slope, rate, n, tau):
+    """Response, its slope and its curvature (per second, per second²) at fraction ``tau`` of an edge."""
+    count = abs(terms)
+    value, slope = 0.0, 0.0
+    for k in range(count - 1, -1, -1):
+        slope = slope * tau + value
+        value = value * tau + series[k]
+    slope /= duration
+    if terms < 0:
+        t = tau * duration
+        decay = math.exp(pole_re * t)
+        c, s = math.cos(pole_im * t), math.sin(pole_im * t)
+        # y = e^{-σt}(y0 cos + (y'0 + σ y0)/ω sin), y' likewise from (y'0, y''0).
+        value += decay * (ring_y * c + (ring_slope - pole_re * ring_y) / pole_im * s)
+        slope += decay * (
+            ring_slope * c + (pole_re * ring_slope - head[HEAD_A0] * ring_y) / pole_im * s
+        )
+    v = 0.0
+    for k in range(n - 1, -1, -1):
+        v = v * tau + rate[k]
+    curvature = head[HEAD_B1] * v / duration - head[HEAD_A1] * slope - head[HEAD_A0] * value
+    return value, slope, curvature
+
+
+@_jit
+def _curvature_bound(head, x_start, x_change, low, high):
+    """Largest |Q''| on a part of a branch piece."""
+    if x_start >= 1.0:
+        return 0.0
+    first = int((x_start + x_change * low) * CURVATURE_CELLS)
+    last = min(int((x_start + x_change * high) * CURVATURE_CELLS), CURVATURE_CELLS - 1)
+    bound = 0.0
+    for cell in range(first, last + 1):
+        bound = max(bound, head[HEAD_CURVATURE + cell])
+    return bound
+
+
+@_jit
+def _edge_extrema(
+    head, pole_re, pole_im, start_s, duration, x_start, x_change, scale_V, rate, n, series, terms,
+    ring_y, ring_slope, y, slope, curvature, stack, times, peaks, count,
+):  # fmt: skip
+    """Append the extrema inside an edge to ``times`` and ``peaks``.
+
+    Returns their new number (`OVERFLOW` when the arrays are full), then value, slope and curvature at the end.
+    """
+    a0, a1 = head[HEAD_A0], head[HEAD_A1]
+    forcing = abs(head[HEAD_B1] * scale_V) * (x_change / duration) ** 2
+    omega = math.sqrt(a0)
+    cells = int(omega * duration / NODE_SPACING) + 1
+    low = 0.0
+    y0, g0, d0 = y, slope, curvature
+    for cell in range(cells):
+        # The intervals still to be looked at: the node interval, then its halves where it proves nothing.
+        depth = 1
+        stack[0, 0] = (cell + 1.0) / cells
+        stack[0, 1], stack[0, 2], stack[0, 3] = _evaluate(
+            head, pole_re, pole_im, duration, series, terms, ring_y, ring_slope, rate, n, stack[0, 0]
+        )
+        while depth > 0:
+            high, y1, g1, d1 = stack[depth - 1, 0], stack[depth - 1, 1], stack[depth - 1, 2], stack[depth - 1, 3]
+            h = (high - low) * duration
+            third = forcing * _curvature_bound(head, x_start, x_change, low, high)
+            third += a1 * abs(d0) + a0 * (abs(g0) + h * abs(d0))
+            third /= 1.0 - a1 * h - a0 * h * h
+            positive0 = g0 > 0.0 or (g0 == 0.0 and d0 > 0.0)
+            positive1 = positive0 if g1 == 0.0 else g1 > 0.0
+            settled = (
+                (d0 * d1 > 0.0 and abs(d0) + abs(d1) > third * h)
+                or (positive0 == positive1 and min(abs(g0), abs(g1)) > third * h * h / 8.0)
+                or high - low < 1e-13
+            )
+            if not settled and depth < stack.shape[0]:
+                middle = 0.5 * (low + high)
+                stack[depth, 0] = middle
+                stack[depth, 1], stack[depth, 2], stack[depth, 3] = _evaluate(
+                    head, pole_re, pole_im, duration, series, terms, ring_y, ring_slope, rate, n, middle
+                )
+                depth += 1
+                continue
+            if g0 == 0.0 and low > 0.0 and d0 != 0.0:
+                if count >= times.shape[0]:
+                    return OVERFLOW, y1, g1, d1
+                times[count] = start_s + low * duration
+                peaks[count] = y0
+                count += 1
+            if positive0 != positive1:
+                if count >= times.shape[0]:
+                    return OVERFLOW, y1, g1, d1
+                # Safeguarded Newton from the cubic through both ends of the inverse function.
+                a, b = low, high
+                u = g0 / (g0 - g1)
+                tau = a + (b - a) * u
+                if d0 * d1 > 0.0:
+                    w = 1.0 - u
+                    span = (b - a) * duration
+                    tau += (b - a) * u * w * (
+                        w * ((g1 - g0) / (d0 * span) - 1.0) - u * ((g1 - g0) / (d1 * span) - 1.0)
+                    )
+                value = y0
+                for _ in range(60):
+                    if not a < tau < b:
+                        tau = 0.5 * (a + b)
+                    value, g, d = _evaluate(
+                        head, pole_re, pole_im, duration, series, terms, ring_y, ring_slope, rate, n, tau
+                    )
+                    if g == 0.0:
+                        break
+                    if (g > 0.0) == positive0:
+                        a = tau
+                    else:
+                        b = tau
+                    step = g / (d * duration) if d != 0.0 else 0.0
+                    tau -= step
+                    if d != 0.0 and abs(step) < 1e-9:
+                        value -= 0.5 * g * step * duration  # second order: Newton's own step is exact to 1e-18
+                        break
+                    if b - a < 1e-16:
+                        break
+                times[count] = start_s + tau * duration
+                peaks[count] = value
+                count += 1
+            low, y0, g0, d0 = high, y1, g1, d1
+            depth -= 1
+    return count, y0, g0, d0
+
+
+@_jit
+def _ring_down_extrema(pole_re, pole_im, a0, y, slope, start_s, duration, times, peaks, count):
+    """Append the extrema of a free ring-down for 0 < t ≤ duration; a geometric series.
+
+    Returns their new number (`OVERFLOW` when the arrays are full) and the summed magnitude beyond the list.
+    """
+    if y == 0.0 and slope == 0.0:
+        return count, 0.0
+    quadrature = (pole_re * slope - a0 * y) / pole_im
+    half_period = math.pi / pole_im
+    if slope == 0.0:
+        first = half_period
+        value = -y * math.exp(pole_re * half_period)
+    else:
+        phase = math.atan2(slope, quadrature)
+        first = (-phase if phase < 0.0 else math.pi - phase) / pole_im
+        if first > duration:
+            return count, 0.0
+        radius = math.sqrt(slope * slope + quadrature * quadrature)
+        c, s = -quadrature / radius, slope / radius
+        if phase < 0.0:
+            c, s = -c, -s
+        value = math.exp(pole_re * first) * (y * c + (slope - pole_re * y) / pole_im * s)
+    ratio = -math.exp(pole_re * half_period)
+    infinite = math.isinf(duration)
+    floor = INFINITE_TAIL_FLOOR * abs(value)
+    k = 0
+    while True:
+        t = first + k * half_period
+        if t > duration:
+            return count, 0.0
+        if infinite and abs(value) < floor:
+            return count, abs(value) / (1.0 + ratio)
+        if count >= times.shape[0]:
+            return OVERFLOW, 0.0
+        times[count] = start_s + t
+        peaks[count] = value
+        count += 1
+        k += 1
+        value *= ratio
+
+
+@_jit
+def response_extrema(head, knots_s, pieces, piece_count, window_s, rate, series, stack, times, peaks):
+    """Every extremum of the response to branch pieces, in time order.
+
+    Parameters
+    ----------
+    head : ndarray, shape (HEAD_COLUMNS,)
+    knots_s : ndarray, shape (n,)
+        Times of the drive's knots.
+    pieces : ndarray, shape (piece_count, 6)
+        From `hysteresis.branch_pieces`.
+    window_s : float
+    rate, series, stack : ndarray
+        Scratch: (MAX_DEGREE,), (SERIES_TERMS + 2,), (64, 4).
+    times, peaks : ndarray
+        Filled with times in seconds and values in volts.
+
+    Returns
+    -------
+    count : int
+        Number of extrema, or `OVERFLOW` when ``times`` is too short.
+    tail_V : float
+    """
+    a0, a1 = head[HEAD_A0], head[HEAD_A1]
+    pole_re = -0.5 * a1
+    omega0 = math.sqrt(a0)
+    pole_im = math.sqrt((omega0 + pole_re) * (omega0 - pole_re))
+    y, slope, size, heading = 0.0, 0.0, 0.0, 0.0
+    count = 0
+    tail = 0.0
+    last = knots_s.shape[0] - 1
+    segment = 0
+    index = 0
+    while segment < last:
+        # Next piece, or the segment as a whole where the drive stands still.
+        whole = knots_s[segment + 1] - knots_s[segment]
+        start = knots_s[segment]
+        forced = index < piece_count and int(pieces[index, 0]) == segment
+        duration = whole
+        n = 0
+        if forced:
+            start += pieces[index, 1] * whole
+            duration = pieces[index, 2] * whole
+            n = piece_rate(head, pieces[index, 3], pieces[index, 4], pieces[index, 5], rate)
+        if start > window_s:
+            return count, 0.0
+        change = 0.0
+        for k in range(n):
+            change += rate[k] / (k + 1.0)
+        at_rest = y == 0.0 and slope == 0.0
+        if duration == 0.0:
+            slope += head[HEAD_B1] * change
+        elif forced or not at_rest:
+            curvature = -a1 * slope - a0 * y
+            if forced:
+                curvature += head[HEAD_B1] * rate[0] / duration
+            begin = slope if slope != 0.0 else curvature
+            if heading * begin < 0.0:
+                if count >= times.shape[0]:
+                    return OVERFLOW, 0.0
+                times[count] = start
+                peaks[count] = y
+                count += 1
+            if forced:
+                terms = _solve_piece(head, y, slope, duration, rate, n, series)
+                ring_y, ring_slope = 0.0, 0.0
+                if terms < 0:
+                    ring_y = y - series[0]
+                    ring_slope = slope - (series[1] / duration if n > 1 else 0.0)
+                count, y, slope, curvature = _edge_extrema(
+                    head, pole_re, pole_im, start, duration, pieces[index, 3], pieces[index, 4], pieces[index, 5],
+                    rate, n, series, terms, ring_y, ring_slope, y, slope, curvature, stack, times, peaks, count,
+                )  # fmt: skip
+                if count == OVERFLOW:
+                    return OVERFLOW, 0.0
+            else:
+                count, tail = _ring_down_extrema(
+                    pole_re, pole_im, a0, y, slope, start, duration, times, peaks, count
+                )
+                if count == OVERFLOW:
+                    return OVERFLOW, 0.0
+                decay = math.exp(pole_re * duration)
+                c, s = decay * math.cos(pole_im * duration), decay * math.sin(pole_im * duration) / pole_im
+                y, slope = y * c + (slope - pole_re * y) * s, slope * c + (pole_re * slope - a0 * y) * s
+                curvature = -a1 * slope - a0 * y
+            heading = slope if slope != 0.0 else -curvature
+            size *= math.exp(pole_re * duration)
+        if forced:
+            size += abs(head[HEAD_B1] * change / pole_im)
+        quadrature = (slope - pole_re * y) / pole_im
+        if y * y + quadrature * quadrature < (ROUNDING * size) ** 2:
+            y, slope, heading = 0.0, 0.0, 0.0
+        if forced:
+            index += 1
+        if not (index < piece_count and int(pieces[index, 0]) == segment):
+            segment += 1
+    if knots_s[last] <= window_s:
+        begin = slope if slope != 0.0 else -y
+        if heading * begin < 0.0:
+            if count >= times.shape[0]:
+                return OVERFLOW, 0.0
+            times[count] = knots_s[last]
+            peaks[count] = y
+            count += 1
+        count, tail = _ring_down_extrema(
+            pole_re, pole_im, a0, y, slope, knots_s[last], window_s - knots_s[last], times, peaks, count
+        )
+        if count == OVERFLOW:
+            return OVERFLOW, 0.0
+    while count > 0 and times[count - 1] > window_s:
+        count -= 1
+    return count, tail
+
+
+@_jit
+def peak_cost(peaks, count, tail_V, A, B, effective, threshold):
+    """Peak cost of ``count`` peaks, as `cost.PeakCost`; also the index of the effective peak, or −1."""
+    e = -1
+    total = tail_V
+    largest = -1.0
+    for i in range(count):
+        magnitude = abs(peaks[i])
+        total += magnitude
+        if effective == EFFECTIVE_LARGEST:
+            if magnitude > largest:
+                largest = magnitude
+                e = i
+        elif e < 0 and (effective == EFFECTIVE_FIRST or magnitude >= threshold):
+            e = i
+    if e >= 0:
+        total += (A - 1.0) * abs(peaks[e])
+        if e + 1 < count:
+            total += (B - 1.0) * abs(peaks[e + 1])
+    return total, e
+
+
+@_jit
+def waveform_knots(waveform, knots_s, knots_V):
+    """Fill the six knots of a bipolar trapezoid."""
+    knots_s[0] = 0.0
+    for k in range(5):
+        knots_s[k + 1] = knots_s[k] + waveform[2 + k]
+    knots_V[0] = knots_V[5] = 0.0
+    knots_V[1] = knots_V[2] = waveform[0]
+    knots_V[3] = knots_V[4] = waveform[1]
+
+
+@_jit
+def batch_costs(waveforms, heads, laps_before, one_point, window_s, A, B, effective, threshold, capacity, costs):
+    """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False when ``capacity`` was too small."""
+    knots_s, knots_V = np.empty(6), np.empty(6)
+    memory, pieces = np.empty(32), np.empty((40, 6))
+    rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
+    times, peaks = np.empty(capacity), np.empty(capacity)
+    for i in range(waveforms.shape[0]):
+        head = heads[i if heads.shape[0] > 1 else 0]
+        waveform_knots(waveforms[i], knots_s, knots_V)
+        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
+        count, tail = response_extrema(
+            head, knots_s, pieces, found, window_s, rate, series, stack, times, peaks
+        )
+        if count == OVERFLOW:
+            return False
+        costs[i], _ = peak_cost(peaks, count, tail, A, B, effective, threshold)
+    return True
