@@ -116,6 +116,24 @@ def _rows(heads: Printhead | Real, count: int) -> Real:
     return rows
 
 
+def _prepare(
+    waveforms: ArrayLike,
+    heads: Printhead | Real,
+    cost: PeakCost | None,
+    initial_state: str,
+    window_s: float,
+    hysteresis: str,
+) -> tuple[tuple, int, Real]:
+    """Checked arguments of the compiled functions, the room they need for extrema, and an array for the costs."""
+    values = as_waveform_array(waveforms)
+    rows = _rows(heads, len(values))
+    cost = cost or PeakCost()
+    window = check_window(window_s)
+    capacity = _capacity(rows, float(values[:, 2:].sum(axis=1).max(initial=0.0)), window)
+    arguments = (values, rows, *_memory(initial_state, hysteresis), window, cost.A, cost.B, *_effective(cost))
+    return arguments, capacity, np.empty(len(values))
+
+
 def costs(
     waveforms: ArrayLike,
     heads: Printhead | Real,
@@ -146,13 +164,34 @@ def costs(
     ValueError
         Wrong shape, a value that is not finite, or a waveform outside the rules of `Waveform`.
     """
-    values = as_waveform_array(waveforms)
-    rows = _rows(heads, len(values))
-    cost = cost or PeakCost()
-    window = check_window(window_s)
-    capacity = _capacity(rows, float(values[:, 2:].sum(axis=1).max(initial=0.0)), window)
-    arguments = (*_memory(initial_state, hysteresis), window, cost.A, cost.B, *_effective(cost))
-    result = np.empty(len(values))
-    while not compiled.batch_costs(values, rows, *arguments, capacity, result):
+    arguments, capacity, result = _prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
+    while not compiled.batch_costs(*arguments, capacity, result):
         capacity *= 2
     return result
+
+
+def costs_and_gradients(
+    waveforms: ArrayLike,
+    heads: Printhead | Real,
+    cost: PeakCost | None = None,
+    initial_state: str = "periodic",
+    window_s: float = DEFAULT_WINDOW_S,
+    hysteresis: str = "full_memory",
+) -> tuple[Real, Real]:
+    """Peak cost of many waveforms and its gradient; parameters as `costs`.
+
+    Returns
+    -------
+    costs : ndarray, shape (n,)
+        In volts.
+    gradients : ndarray, shape (n, 7)
+        With respect to ``U1 U2`` (V/V) and ``t1 … t5`` (V/s). Exact where the cost is smooth: durations above zero, and
+        no peak about to appear, to leave the window or to change its part in the cost.
+    """
+    from inkjet_env.printhead.compiled_gradient import batch_costs_and_gradients
+
+    arguments, capacity, result = _prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
+    gradients = np.empty((len(result), 7))
+    while not batch_costs_and_gradients(*arguments, capacity, result, gradients):
+        capacity *= 2
+    return result, gradients

@@ -1,0 +1,198 @@
+"""Exact gradient of the peak cost with respect to the seven waveform parameters, compiled.
+
+A peak is stationary in time, so its value changes with a parameter as the response does at a fixed time (envelope
+theorem). On branch piece p, starting at ``s`` and lasting ``T``, the drive adds to the complex amplitude (`resonator`,
+Eq. 2) ``c ∫ e^{λ(t - s - Tσ)} q(σ) dσ``, whose derivative is again a sum of moments:
+
+    c ∫ e^{λ(t - s - Tσ)} (∂q - λ (∂s + σ ∂T) q) dσ.                                                (3)
+
+With the fraction of an edge held fixed, ``q = scale · Δx · Q'(x₀ + Δx σ)`` depends on U1 and U2 through the drive and the
+branch's origin; where two pieces meet inside an edge Q' is continuous, so nothing comes from the border. The peaks of a
+ring-down share one amplitude.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from inkjet_env.printhead import compiled
+from inkjet_env.printhead.compiled import (
+    HEAD_A0,
+    HEAD_A1,
+    HEAD_B1,
+    HEAD_FULL_SCALE,
+    MAX_DEGREE,
+    OVERFLOW,
+    SERIES_TERMS,
+    _jit,
+    branch_pieces,
+    peak_cost,
+    piece_rate,
+    response_extrema,
+    waveform_knots,
+)
+
+EFFECTIVE_FIRST, EFFECTIVE_LARGEST = compiled.EFFECTIVE_FIRST, compiled.EFFECTIVE_LARGEST
+
+
+@_jit
+def moments(z, count, result):
+    """Fill ``result`` with ``m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds`` for k = 0 … count - 1; see `resonator.moments`."""
+    if abs(z) <= count + 1.0:
+        term = 1.0 / count + 0j
+        total = term
+        j = 0
+        while abs(term) * count > 1e-18:
+            j += 1
+            term = term * z / (count + j)
+            total += term
+        result[count - 1] = total
+        for k in range(count - 1, 0, -1):
+            total = (z * total + 1.0) / k
+            result[k - 1] = total
+    else:
+        total = (np.exp(z) - 1.0) / z
+        result[0] = total
+        for k in range(1, count):
+            total = (k * total - 1.0) / z
+            result[k] = total
+
+
+@_jit
+def _forced_sensitivity(head, pole, gain, duration, rate, n, rate_by, start_by, duration_by, tau, moment, result):
+    """Fill ``result`` (7,) with Eq. (3) at fraction ``tau`` of a piece."""
+    moments(pole * duration * tau, n + 1, moment)
+    plain, weighted = 0j, 0j
+    power = 1.0
+    for k in range(n):
+        power *= tau
+        plain += rate[k] * power * moment[k]
+        weighted += rate[k] * power * tau * moment[k + 1]
+    for p in range(7):
+        result[p] = -gain * pole * (start_by[p] * plain + duration_by[p] * weighted)
+    for p in range(2):
+        power = 1.0
+        total = 0j
+        for k in range(n):
+            power *= tau
+            total += rate_by[p, k] * power * moment[k]
+        result[p] += gain * total
+
+
+@_jit
+def _rate_by_voltage(head, piece, from_by, to_by, origin_by, rate_by, scratch):
+    """Fill ``rate_by`` (2, degree) with ∂(dv/dτ)/∂(U1, U2) on a branch piece; return its number of coefficients.
+
+    ``from_by``, ``to_by`` (2,): derivatives of the drive at the ends of the edge; ``origin_by`` (2,): of the branch's
+    turning point.
+    """
+    at, length, x, dx, scale = piece[1], piece[2], piece[3], piece[4], piece[5]
+    full_scale = head[HEAD_FULL_SCALE]
+    heading = 1.0 if scale > 0.0 else -1.0
+    stretch = abs(full_scale / scale) * heading / full_scale  # dx/du; twice as large on the virgin curve
+    n = piece_rate(head, x, 1.0, 1.0, scratch)  # Q' about x
+    curved = n > 1
+    count = n if curved else 1
+    for p in range(2):
+        x_by = stretch * (from_by[p] * (1.0 - at) + to_by[p] * at - origin_by[p])
+        dx_by = stretch * (to_by[p] - from_by[p]) * length
+        power = 1.0
+        for k in range(count):
+            # scale (Q'' · (x_by + dx_by σ) Δx + Q' dx_by), coefficient of σ^k
+            term = scratch[k] * power * dx_by * (k + 1.0)
+            if k + 1 < n:
+                term += (k + 1.0) * scratch[k + 1] * power * dx * x_by
+            rate_by[p, k] = scale * term
+            power *= dx
+    return count
+
+
+@_jit
+def batch_costs_and_gradients(
+    waveforms, heads, laps_before, one_point, window_s, A, B, effective, threshold, capacity, costs, gradients
+):
+    """Peak cost and its gradient (n, 7) with respect to the waveform parameters; False when capacity was too small."""
+    knots_s, knots_V = np.empty(6), np.empty(6)
+    memory, pieces = np.empty(32), np.empty((40, 6))
+    rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
+    rate_by, scratch = np.empty((2, MAX_DEGREE)), np.empty(MAX_DEGREE)
+    times, peaks = np.empty(capacity), np.empty(capacity)
+    moment = np.empty(MAX_DEGREE + 1, dtype=np.complex128)
+    forced_by, amplitude_by = np.empty(7, dtype=np.complex128), np.empty(7, dtype=np.complex128)
+    start_by, duration_by = np.empty(7), np.empty(7)
+    knot_by = np.zeros((6, 2))  # the drive at each knot by U1, U2
+    knot_by[1, 0] = knot_by[2, 0] = knot_by[3, 1] = knot_by[4, 1] = 1.0
+    fixed_origin = np.zeros(2)
+    for i in range(waveforms.shape[0]):
+        head = heads[i if heads.shape[0] > 1 else 0]
+        waveform_knots(waveforms[i], knots_s, knots_V)
+        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
+        count, tail = response_extrema(head, knots_s, pieces, found, window_s, rate, series, stack, times, peaks)
+        if count == OVERFLOW:
+            return False
+        costs[i], e = peak_cost(peaks, count, tail, A, B, effective, threshold)
+        pole_re = -0.5 * head[HEAD_A1]
+        omega0 = math.sqrt(head[HEAD_A0])
+        pole = complex(pole_re, math.sqrt((omega0 + pole_re) * (omega0 - pole_re)))
+        gain = head[HEAD_B1] / pole.imag
+        gradients[i, :] = 0.0
+        amplitude_by[:] = 0.0
+        peak = 0
+        index = 0
+        for segment in range(6):  # the last is the final ring-down
+            whole = knots_s[segment + 1] - knots_s[segment] if segment < 5 else math.inf
+            more = True
+            while more:
+                forced = segment < 5 and index < found and int(pieces[index, 0]) == segment
+                start, duration, n = knots_s[segment], whole, 0
+                if forced:
+                    piece = pieces[index]
+                    start += piece[1] * whole
+                    duration = piece[2] * whole
+                    if segment == 0 and laps_before == 0 or abs(piece[5]) < head[HEAD_FULL_SCALE]:
+                        origin_by = fixed_origin  # 0 V: the first sample, or the virgin curve
+                    elif piece[5] > 0.0:
+                        origin_by = knot_by[3]
+                    else:
+                        origin_by = knot_by[1]
+                    n = _rate_by_voltage(
+                        head, piece, knot_by[segment], knot_by[segment + 1], origin_by, rate_by, scratch
+                    )
+                    piece_rate(head, piece[3], piece[4], piece[5], rate)
+                    for p in range(7):
+                        earlier = 1.0 if 2 <= p < 2 + segment else 0.0
+                        mine = 1.0 if p == 2 + segment else 0.0
+                        start_by[p] = earlier + piece[1] * mine
+                        duration_by[p] = piece[2] * mine
+                while peak < count and times[peak] < start + duration:
+                    since = times[peak] - start
+                    step = np.exp(pole * since)
+                    if forced:
+                        _forced_sensitivity(
+                            head, pole, gain, duration, rate, n, rate_by, start_by, duration_by,
+                            since / duration, moment, forced_by,
+                        )  # fmt: skip
+                    weight = A if peak == e else (B if e >= 0 and peak == e + 1 else 1.0)
+                    if peaks[peak] < 0.0:
+                        weight = -weight
+                    for p in range(7):
+                        change = (amplitude_by[p] * step).imag
+                        if forced:
+                            change += forced_by[p].imag
+                        gradients[i, p] += weight * change
+                    peak += 1
+                if segment < 5:
+                    step = np.exp(pole * duration)
+                    for p in range(7):
+                        amplitude_by[p] *= step
+                    if forced:
+                        _forced_sensitivity(
+                            head, pole, gain, duration, rate, n, rate_by, start_by, duration_by, 1.0, moment, forced_by
+                        )
+                        for p in range(7):
+                            amplitude_by[p] += forced_by[p]
+                        index += 1
+                more = segment < 5 and index < found and int(pieces[index, 0]) == segment
+    return True
