@@ -4,6 +4,7 @@ from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
 from inkjet_env.printhead.naming import check_name, nearest_name
 from inkjet_env.printhead.printhead import Printhead, Response
+from inkjet_env.printhead.sampled import SampledResponse, respond_sampled
 from inkjet_env.printhead.waveform import Bounds, Waveform, as_waveform_array
 
 __all__ = [
@@ -13,8 +14,10 @@ __all__ = [
     "PlayOperators",
     "Printhead",
     "Response",
+    "SampledResponse",
     "Waveform",
     "as_waveform_array",
     "check_name",
     "nearest_name",
+    "respond_sampled",
 ]

@@ -264,7 +264,9 @@ def _ring_down_extrema(pole_re, pole_im, a0, y, slope, start_s, duration, times,
 
 
 @_jit
-def response_extrema(head, knots_s, pieces, piece_count, window_s, rate, series, stack, times, peaks):
+def response_extrema(
+    head, knots_s, pieces, piece_count, window_s, state, rate, series, stack, times, peaks, knots_y
+):
     """Every extremum of the response to branch pieces, in time order.
 
     Parameters
@@ -275,10 +277,14 @@ def response_extrema(head, knots_s, pieces, piece_count, window_s, rate, series,
     pieces : ndarray, shape (piece_count, 6)
         From `hysteresis.branch_pieces`.
     window_s : float
+    state : ndarray, shape (2,)
+        Response and its slope (V, V/s) at the first knot; on return, at the last one.
     rate, series, stack : ndarray
         Scratch: (MAX_DEGREE,), (SERIES_TERMS + 2,), (64, 4).
     times, peaks : ndarray
         Filled with times in seconds and values in volts.
+    knots_y : ndarray, shape (n,) or (0,)
+        Filled with the response at the knots, in volts, where there is room.
 
     Returns
     -------
@@ -290,9 +296,12 @@ def response_extrema(head, knots_s, pieces, piece_count, window_s, rate, series,
     pole_re = -0.5 * a1
     omega0 = math.sqrt(a0)
     pole_im = math.sqrt((omega0 + pole_re) * (omega0 - pole_re))
-    y, slope, size, heading = 0.0, 0.0, 0.0, 0.0
+    y, slope = state[0], state[1]
+    heading, size = slope, abs(y)
     count = 0
     tail = 0.0
+    if knots_y.shape[0] > 0:
+        knots_y[0] = y
     last = knots_s.shape[0] - 1
     segment = 0
     index = 0
@@ -359,6 +368,9 @@ def response_extrema(head, knots_s, pieces, piece_count, window_s, rate, series,
             index += 1
         if not (index < piece_count and int(pieces[index, 0]) == segment):
             segment += 1
+            if knots_y.shape[0] > 0:
+                knots_y[segment] = y
+    state[0], state[1] = y, slope
     if knots_s[last] <= window_s:
         begin = slope if slope != 0.0 else -y
         if heading * begin < 0.0:
@@ -417,12 +429,14 @@ def batch_costs(waveforms, heads, laps_before, one_point, window_s, A, B, effect
     memory, pieces = np.empty(32), np.empty((40, 6))
     rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
     times, peaks = np.empty(capacity), np.empty(capacity)
+    state, no_knots = np.empty(2), np.empty(0)
     for i in range(waveforms.shape[0]):
+        state[:] = 0.0
         head = heads[i if heads.shape[0] > 1 else 0]
         waveform_knots(waveforms[i], knots_s, knots_V)
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
         count, tail = response_extrema(
-            head, knots_s, pieces, found, window_s, rate, series, stack, times, peaks
+            head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
         )
         if count == OVERFLOW:
             return False

@@ -17,7 +17,6 @@ import math
 
 import numpy as np
 
-from inkjet_env.printhead import compiled
 from inkjet_env.printhead.compiled import (
     HEAD_A0,
     HEAD_A1,
@@ -33,9 +32,6 @@ from inkjet_env.printhead.compiled import (
     response_extrema,
     waveform_knots,
 )
-
-EFFECTIVE_FIRST, EFFECTIVE_LARGEST = compiled.EFFECTIVE_FIRST, compiled.EFFECTIVE_LARGEST
-
 
 @_jit
 def moments(z, count, result):
@@ -125,11 +121,15 @@ def batch_costs_and_gradients(
     knot_by = np.zeros((6, 2))  # the drive at each knot by U1, U2
     knot_by[1, 0] = knot_by[2, 0] = knot_by[3, 1] = knot_by[4, 1] = 1.0
     fixed_origin = np.zeros(2)
+    state, no_knots = np.empty(2), np.empty(0)
     for i in range(waveforms.shape[0]):
         head = heads[i if heads.shape[0] > 1 else 0]
         waveform_knots(waveforms[i], knots_s, knots_V)
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
-        count, tail = response_extrema(head, knots_s, pieces, found, window_s, rate, series, stack, times, peaks)
+        state[:] = 0.0
+        count, tail = response_extrema(
+            head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
+        )
         if count == OVERFLOW:
             return False
         costs[i], e = peak_cost(peaks, count, tail, A, B, effective, threshold)

@@ -1,0 +1,140 @@
+"""Response to any sampled drive, linear between its samples: exact at every sample, compiled, O(1) a sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inkjet_env.printhead.cost import PeakCost
+from inkjet_env.printhead.hysteresis import laps_before_recording
+from inkjet_env.printhead.naming import check_name
+from inkjet_env.printhead.printhead import Printhead
+from inkjet_env.printhead.resonator import pole
+
+RINGING = ("rest", "steady")
+"""``rest``: the resonator rests at the first sample. ``steady``: it rings as it does under the repeated drive."""
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SampledResponse:
+    """What a head answers to a sampled drive.
+
+    Attributes
+    ----------
+    time_s, drive_V, sensor_V : ndarray, shape (n,)
+        Sensor values are exact for the drive that is linear between its samples; none depends on the sampling rate.
+    peak_times_s, peaks_V : ndarray, shape (k,)
+        Every local extremum of the self-sensed signal, between samples too.
+    """
+
+    time_s: Real
+    drive_V: Real
+    sensor_V: Real
+    peak_times_s: Real
+    peaks_V: Real
+
+    def cost(self, peak_cost: PeakCost | None = None) -> float:
+        """Peak cost in volts; the default is `PeakCost()`."""
+        return (peak_cost or PeakCost())(self.peaks_V)
+
+
+def check_samples(time_s: ArrayLike, drive_V: ArrayLike) -> tuple[Real, Real]:
+    """Return both as arrays of shape (n,); ``ValueError`` unless finite, as long as each other and increasing in time."""
+    time = np.ascontiguousarray(time_s, dtype=np.float64)
+    drive = np.ascontiguousarray(drive_V, dtype=np.float64)
+    if time.ndim != 1 or time.shape != drive.shape or time.size < 2:
+        raise ValueError(
+            f"time_s and drive_V must be two columns of at least 2 samples; got shapes {time.shape} and {drive.shape}."
+        )
+    for name, values in (("time_s", time), ("drive_V", drive)):
+        bad = ~np.isfinite(values)
+        if bad.any():
+            at = int(np.argmax(bad))
+            raise ValueError(
+                f"{name} must be finite; got {values[at]} at sample {at + 1} of {values.size}. Trim the recording."
+            )
+    steps = np.diff(time)
+    if not (steps > 0).all():
+        at = int(np.argmax(steps <= 0)) + 1
+        raise ValueError(
+            f"time_s must increase from sample to sample; sample {at + 1} is at {time[at]:g} s after {time[at - 1]:g} s. "
+            "Sort the rows or remove the repeated one."
+        )
+    return time, drive
+
+
+def respond_sampled(
+    printhead: Printhead,
+    time_s: ArrayLike,
+    drive_V: ArrayLike,
+    initial_state: str = "periodic",
+    hysteresis: str = "full_memory",
+    ringing: str = "rest",
+) -> SampledResponse:
+    """Response of a head to a sampled drive.
+
+    Parameters
+    ----------
+    printhead : Printhead
+    time_s, drive_V : array_like, shape (n,)
+        Increasing times in seconds; drive in volts, linear between samples.
+    initial_state : {"periodic", "demagnetised"}
+        Of the hysteresis. A periodic drive goes from its last sample back to its first in one more sampling step.
+    hysteresis : {"full_memory", "one_point"}
+    ringing : {"rest", "steady"}
+        Of the resonator at the first sample; ``steady`` needs ``initial_state="periodic"``.
+
+    Raises
+    ------
+    ValueError
+        Samples that are not finite, not increasing in time, or fewer than two; unknown names.
+    """
+    from inkjet_env.printhead import batch, compiled
+
+    time, drive = check_samples(time_s, drive_V)
+    check_name("hysteresis", hysteresis, ("full_memory", "one_point"))
+    check_name("ringing", ringing, RINGING)
+    laps = laps_before_recording(initial_state)
+    if ringing == "steady" and laps == 0:
+        raise ValueError('ringing="steady" needs initial_state="periodic": only a repeated drive has a steady state.')
+    head = batch.head_table(printhead)[0]
+    scratch = (
+        np.empty(compiled.MAX_DEGREE),
+        np.empty(compiled.SERIES_TERMS + 2),
+        np.empty((64, 4)),
+    )
+
+    def run(knots_s: Real, knots_V: Real, state: Real) -> tuple[Real, Real, Real]:
+        pieces = np.empty((4 * drive.size + 32, 6))
+        memory = np.empty((laps + 1) * knots_V.size + 2)
+        found = compiled.branch_pieces(
+            knots_V, printhead.full_scale_V, laps, hysteresis == "one_point", memory, pieces
+        )
+        sensor, capacity, start = np.empty(knots_s.size), 2 * drive.size + 64, state.copy()
+        while True:
+            state[:] = start
+            times, peaks = np.empty(capacity), np.empty(capacity)
+            count, _ = compiled.response_extrema(
+                head, knots_s, pieces, found, knots_s[-1], state, *scratch, times, peaks, sensor
+            )
+            if count != compiled.OVERFLOW:
+                return sensor, times[:count], peaks[:count]
+            capacity *= 2
+
+    since = time - time[0]
+    state = np.zeros(2)
+    if ringing == "steady":
+        period = since[-1] + (since[-1] - since[-2])
+        run(np.append(since, period), np.append(drive, drive[0]), state)
+        # The state that one period maps to itself: s = e^{FT} s + r, with r what one period adds from rest.
+        free = np.exp(pole(printhead.a0, printhead.a1) * period)
+        damping, frequency = -printhead.a1 / 2, pole(printhead.a0, printhead.a1).imag
+        c, s = free.real, free.imag / frequency
+        transition = np.array([[c - damping * s, s], [-printhead.a0 * s, c + damping * s]])
+        state = np.linalg.solve(np.eye(2) - transition, state)
+    sensor, times, peaks = run(since, drive, state)
+    return SampledResponse(time, drive, sensor, times + time[0], peaks.copy())
