@@ -19,7 +19,7 @@ from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import laps_before_recording
 from inkjet_env.printhead.naming import check_name
 from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, Printhead, check_window
-from inkjet_env.printhead.waveform import as_waveform_array
+from inkjet_env.printhead.waveform import Waveform, as_waveform_array
 
 Real = NDArray[np.float64]
 
@@ -195,3 +195,28 @@ def costs_and_gradients(
     while not batch_costs_and_gradients(*arguments, capacity, result, gradients):
         capacity *= 2
     return result, gradients
+
+
+def peaks(
+    waveform: Waveform,
+    head: Printhead,
+    initial_state: str = "periodic",
+    window_s: float = DEFAULT_WINDOW_S,
+    hysteresis: str = "full_memory",
+) -> tuple[Real, Real]:
+    """Times in seconds and signed values in volts, shape (k,), of every extremum; as `Printhead.respond`, compiled."""
+    laps, one_point = _memory(initial_state, hysteresis)
+    row, window = head_table(head)[0], check_window(window_s)
+    knots_s, knots_V = waveform.knots()
+    pieces = np.empty((40, 6))
+    found = compiled.branch_pieces(knots_V, head.full_scale_V, laps, one_point, np.empty(32), pieces)
+    scratch = np.empty(compiled.MAX_DEGREE), np.empty(compiled.SERIES_TERMS + 2), np.empty((64, 4))
+    capacity = _capacity(row[None, :], waveform.duration_s, window)
+    while True:
+        times, values = np.empty(capacity), np.empty(capacity)
+        count, _ = compiled.response_extrema(
+            row, knots_s, pieces, found, window, np.zeros(2), *scratch, times, values, np.empty(0)
+        )
+        if count != compiled.OVERFLOW:
+            return times[:count].copy(), values[:count].copy()
+        capacity *= 2

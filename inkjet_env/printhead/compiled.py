@@ -24,10 +24,11 @@ HEAD_SLOPE = 6  # Q' lowest power first, MAX_DEGREE columns
 HEAD_CURVATURE = HEAD_SLOPE + MAX_DEGREE  # max |Q''| on each of CURVATURE_CELLS cells of 0 ≤ x ≤ 1
 HEAD_COLUMNS = HEAD_CURVATURE + CURVATURE_CELLS
 
-# Edges up to this |λT| are summed as a power series; longer ones use the particular polynomial, whose error grows
-# like degree! / |λT|^degree.
-SERIES_LIMIT = 4.0
+# Edges up to |λT| = degree / 4 are summed as a power series; longer ones use the particular polynomial, whose error
+# grows like degree! / |λT|^degree.
+SERIES_PER_DEGREE = 0.25
 SERIES_TERMS = 64
+_RECIPROCALS = 1.0 / ((np.arange(SERIES_TERMS) + 1.0) * (np.arange(SERIES_TERMS) + 2.0))
 NODE_SPACING = 0.6  # of |λ| t, between the nodes that isolate extrema
 INFINITE_TAIL_FLOOR = 1e-12
 
@@ -71,22 +72,23 @@ def _solve_piece(head, y, slope, duration, rate, n, series):
     stiffness = a0 * duration * duration
     damping = a1 * duration
     force = head[HEAD_B1] * duration
-    if stiffness <= SERIES_LIMIT * SERIES_LIMIT:
+    if stiffness <= (SERIES_PER_DEGREE * head[HEAD_DEGREE]) ** 2:
         series[0] = y
         series[1] = slope * duration
         largest = abs(series[0]) + abs(series[1])
         k = 0
         while True:
             f = force * rate[k] if k < n else 0.0
-            term = (f - damping * (k + 1) * series[k + 1] - stiffness * series[k]) / ((k + 1.0) * (k + 2.0))
+            term = (f - damping * (k + 1) * series[k + 1] - stiffness * series[k]) * _RECIPROCALS[k]
             series[k + 2] = term
             largest = max(largest, abs(term))
             k += 1
             if k + 2 >= SERIES_TERMS or (k > n and abs(term) + abs(series[k]) <= 1e-18 * largest):
                 return k + 2
     above, above2 = 0.0, 0.0
+    compliance = 1.0 / stiffness
     for k in range(n - 1, -1, -1):
-        p = (force * rate[k] - damping * (k + 1) * above - (k + 1.0) * (k + 2.0) * above2) / stiffness
+        p = (force * rate[k] - damping * (k + 1) * above - (k + 1.0) * (k + 2.0) * above2) * compliance
         series[k] = p
         above2 = above
         above = p
@@ -94,27 +96,30 @@ def _solve_piece(head, y, slope, duration, rate, n, series):
 
 
 @_jit
-def _evaluate(head, pole_re, pole_im, duration, series, terms, ring_y, ring_slope, rate, n, tau):
-    """Response, its slope and its curvature (per second, per second²) at fraction ``tau`` of an edge."""
-    count = abs(terms)
-    value, slope = 0.0, 0.0
-    for k in range(count - 1, -1, -1):
+def _rotation(pole_re, pole_im, t):
+    """``e^{-σt} cos ωt`` and ``e^{-σt} sin ωt / ω``: a free ring-down after the time t."""
+    decay = math.exp(pole_re * t)
+    return decay * math.cos(pole_im * t), decay * math.sin(pole_im * t) / pole_im
+
+
+@_jit
+def _evaluate(head, duration, series, terms, ring_y, ring_slope, tau, c, s):
+    """Response, slope and curvature (V, V/s, V/s²) at fraction ``tau`` of an edge; ``c, s``: `_rotation` to there."""
+    value, slope, curvature = 0.0, 0.0, 0.0
+    for k in range(abs(terms) - 1, -1, -1):
+        curvature = curvature * tau + slope
         slope = slope * tau + value
         value = value * tau + series[k]
-    slope /= duration
+    per_s = 1.0 / duration
+    slope *= per_s
+    curvature *= 2.0 * per_s * per_s
     if terms < 0:
-        t = tau * duration
-        decay = math.exp(pole_re * t)
-        c, s = math.cos(pole_im * t), math.sin(pole_im * t)
-        # y = e^{-σt}(y0 cos + (y'0 + σ y0)/ω sin), y' likewise from (y'0, y''0).
-        value += decay * (ring_y * c + (ring_slope - pole_re * ring_y) / pole_im * s)
-        slope += decay * (
-            ring_slope * c + (pole_re * ring_slope - head[HEAD_A0] * ring_y) / pole_im * s
-        )
-    v = 0.0
-    for k in range(n - 1, -1, -1):
-        v = v * tau + rate[k]
-    curvature = head[HEAD_B1] * v / duration - head[HEAD_A1] * slope - head[HEAD_A0] * value
+        a0, damping = head[HEAD_A0], 0.5 * head[HEAD_A1]
+        free_slope = ring_slope * c - (damping * ring_slope + a0 * ring_y) * s
+        free = ring_y * c + (ring_slope + damping * ring_y) * s
+        value += free
+        slope += free_slope
+        curvature -= 2.0 * damping * free_slope + a0 * free
     return value, slope, curvature
 
 
@@ -133,7 +138,7 @@ def _curvature_bound(head, x_start, x_change, low, high):
 
 @_jit
 def _edge_extrema(
-    head, pole_re, pole_im, start_s, duration, x_start, x_change, scale_V, rate, n, series, terms,
+    head, pole_re, pole_im, start_s, duration, x_start, x_change, scale_V, series, terms,
     ring_y, ring_slope, y, slope, curvature, stack, times, peaks, count,
 ):  # fmt: skip
     """Append the extrema inside an edge to ``times`` and ``peaks``.
@@ -146,31 +151,40 @@ def _edge_extrema(
     cells = int(omega * duration / NODE_SPACING) + 1
     low = 0.0
     y0, g0, d0 = y, slope, curvature
+    long = terms < 0
+    c_step, s_step = _rotation(pole_re, pole_im, duration / cells) if long else (1.0, 0.0)
+    c_node, s_node = 1.0, 0.0
+    w2 = pole_im * pole_im
     for cell in range(cells):
         # The intervals still to be looked at: the node interval, then its halves where it proves nothing.
         depth = 1
         stack[0, 0] = (cell + 1.0) / cells
+        if long and cell == cells - 1:  # the end is passed on, so it is not left to the recurrence
+            c_node, s_node = _rotation(pole_re, pole_im, duration)
+        elif long:
+            c_node, s_node = c_node * c_step - w2 * s_node * s_step, c_node * s_step + s_node * c_step
         stack[0, 1], stack[0, 2], stack[0, 3] = _evaluate(
-            head, pole_re, pole_im, duration, series, terms, ring_y, ring_slope, rate, n, stack[0, 0]
+            head, duration, series, terms, ring_y, ring_slope, stack[0, 0], c_node, s_node
         )
         while depth > 0:
             high, y1, g1, d1 = stack[depth - 1, 0], stack[depth - 1, 1], stack[depth - 1, 2], stack[depth - 1, 3]
             h = (high - low) * duration
             third = forcing * _curvature_bound(head, x_start, x_change, low, high)
-            third += a1 * abs(d0) + a0 * (abs(g0) + h * abs(d0))
-            third /= 1.0 - a1 * h - a0 * h * h
+            third = h * (third + a1 * abs(d0) + a0 * (abs(g0) + h * abs(d0)))
+            share = 1.0 - a1 * h - a0 * h * h  # |third derivative| h <= third over share
             positive0 = g0 > 0.0 or (g0 == 0.0 and d0 > 0.0)
             positive1 = positive0 if g1 == 0.0 else g1 > 0.0
             settled = (
-                (d0 * d1 > 0.0 and abs(d0) + abs(d1) > third * h)
-                or (positive0 == positive1 and min(abs(g0), abs(g1)) > third * h * h / 8.0)
+                (d0 * d1 > 0.0 and (abs(d0) + abs(d1)) * share > third)
+                or (positive0 == positive1 and min(abs(g0), abs(g1)) * share > third * h * 0.125)
                 or high - low < 1e-13
             )
             if not settled and depth < stack.shape[0]:
                 middle = 0.5 * (low + high)
                 stack[depth, 0] = middle
+                c, s = _rotation(pole_re, pole_im, middle * duration) if long else (1.0, 0.0)
                 stack[depth, 1], stack[depth, 2], stack[depth, 3] = _evaluate(
-                    head, pole_re, pole_im, duration, series, terms, ring_y, ring_slope, rate, n, middle
+                    head, duration, series, terms, ring_y, ring_slope, middle, c, s
                 )
                 depth += 1
                 continue
@@ -197,9 +211,8 @@ def _edge_extrema(
                 for _ in range(60):
                     if not a < tau < b:
                         tau = 0.5 * (a + b)
-                    value, g, d = _evaluate(
-                        head, pole_re, pole_im, duration, series, terms, ring_y, ring_slope, rate, n, tau
-                    )
+                    c, s = _rotation(pole_re, pole_im, tau * duration) if long else (1.0, 0.0)
+                    value, g, d = _evaluate(head, duration, series, terms, ring_y, ring_slope, tau, c, s)
                     if g == 0.0:
                         break
                     if (g > 0.0) == positive0:
@@ -317,7 +330,7 @@ def response_extrema(
             duration = pieces[index, 2] * whole
             n = piece_rate(head, pieces[index, 3], pieces[index, 4], pieces[index, 5], rate)
         if start > window_s:
-            return count, 0.0
+            break
         change = 0.0
         for k in range(n):
             change += rate[k] / (k + 1.0)
@@ -343,7 +356,7 @@ def response_extrema(
                     ring_slope = slope - (series[1] / duration if n > 1 else 0.0)
                 count, y, slope, curvature = _edge_extrema(
                     head, pole_re, pole_im, start, duration, pieces[index, 3], pieces[index, 4], pieces[index, 5],
-                    rate, n, series, terms, ring_y, ring_slope, y, slope, curvature, stack, times, peaks, count,
+                    series, terms, ring_y, ring_slope, y, slope, curvature, stack, times, peaks, count,
                 )  # fmt: skip
                 if count == OVERFLOW:
                     return OVERFLOW, 0.0
@@ -353,8 +366,7 @@ def response_extrema(
                 )
                 if count == OVERFLOW:
                     return OVERFLOW, 0.0
-                decay = math.exp(pole_re * duration)
-                c, s = decay * math.cos(pole_im * duration), decay * math.sin(pole_im * duration) / pole_im
+                c, s = _rotation(pole_re, pole_im, duration)
                 y, slope = y * c + (slope - pole_re * y) * s, slope * c + (pole_re * slope - a0 * y) * s
                 curvature = -a1 * slope - a0 * y
             heading = slope if slope != 0.0 else -curvature
