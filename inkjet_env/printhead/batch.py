@@ -1,7 +1,7 @@
 """The printhead for arrays of waveforms, compiled: the same numbers as `Printhead.respond`, thousands of times faster.
 
 Importing this module imports numba. Compiled code is cached on disk; the first use on a machine compiles for some
-seconds.
+seconds (`warm_up` does it at a time of one's choosing).
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
@@ -220,3 +221,17 @@ def peaks(
         if count != compiled.OVERFLOW:
             return times[:count].copy(), values[:count].copy()
         capacity *= 2
+
+
+def is_compiled() -> bool:
+    """Whether this machine's cache holds the compiled simulator."""
+    cache = Path(compiled.__file__).parent / "__pycache__"
+    return any(cache.glob("compiled.batch_costs-*.nbi")) and any(cache.glob("compiled_gradient.*.nbi"))
+
+
+def warm_up() -> None:
+    """Compile everything this module uses, or load it from the cache."""
+    head, waveform = Printhead.published(), Waveform(50.0, -50.0, 5e-6, 5e-6, 5e-6, 5e-6, 5e-6)
+    costs_and_gradients(waveform.to_array(), head)
+    costs(waveform.to_array(), head)
+    peaks(waveform, head)
