@@ -11,7 +11,6 @@ sign with 80 digits.
 from __future__ import annotations
 
 import argparse
-import math
 from dataclasses import dataclass
 
 import mpmath
@@ -136,10 +135,18 @@ def reference_extrema(head: Printhead, waveform: Waveform, initial_state: str, w
         stretch = _Stretch(time, duration, poly, c, s, sigma, omega)
         if forced:
             t, slopes = stretch.scan_slope(SCAN_POINTS + int(200 * duration * omega))
+            t = [mp(0), *(mp(str(x)) for x in t), duration]
+            slopes = [yd, *slopes, stretch.value_and_slope(duration)[1]]
             signs = np.array([int(x > 0) - int(x < 0) for x in slopes])
             for i in np.flatnonzero(signs[1:] * signs[:-1] < 0):
-                low, high = (mp(str(x)) for x in t[i : i + 2])
-                root = mpmath.findroot(lambda x: stretch.value_and_slope(x)[1], (low, high), "ridder", maxsteps=80, tol=1e-60, verify=False)
+                root = mpmath.findroot(
+                    lambda x: stretch.value_and_slope(x)[1],
+                    tuple(t[i : i + 2]),
+                    "ridder",
+                    maxsteps=80,
+                    tol=1e-60,
+                    verify=False,
+                )
                 times.append(time + root)
                 values.append(stretch.value_and_slope(root)[0])
         elif c or s:
@@ -171,7 +178,10 @@ def reference_extrema(head: Printhead, waveform: Waveform, initial_state: str, w
             before = before or yd
             xs = [min(x, mp(1)) for x in (x0, x1)]
             end_slope = sum(slope_law)
-            q = [mpmath.polyval(Q[::-1], inside) + end_slope * (x - inside) for x, inside in zip((x0, x1), xs, strict=True)]
+            q = [
+                mpmath.polyval(Q[::-1], inside) + end_slope * (x - inside)
+                for x, inside in zip((x0, x1), xs, strict=True)
+            ]
             yd += sign * jump * (q[1] - q[0])
             continue
         dx = x1 - x0
@@ -179,7 +189,8 @@ def reference_extrema(head: Printhead, waveform: Waveform, initial_state: str, w
             rate = [sum(slope_law) * dx]
         else:
             rate = [
-                sum(slope_law[k] * mpmath.binomial(k, j) * x0 ** (k - j) for k in range(j, len(slope_law))) * dx ** (j + 1)
+                sum(slope_law[k] * mpmath.binomial(k, j) * x0 ** (k - j) for k in range(j, len(slope_law)))
+                * dx ** (j + 1)
                 for j in range(len(slope_law))
             ]
         if before * yd < 0:

@@ -204,9 +204,7 @@ def _edge_extrema(
                 if d0 * d1 > 0.0:
                     w = 1.0 - u
                     span = (b - a) * duration
-                    tau += (b - a) * u * w * (
-                        w * ((g1 - g0) / (d0 * span) - 1.0) - u * ((g1 - g0) / (d1 * span) - 1.0)
-                    )
+                    tau += (b - a) * u * w * (w * ((g1 - g0) / (d0 * span) - 1.0) - u * ((g1 - g0) / (d1 * span) - 1.0))
                 value = y0
                 for _ in range(60):
                     if not a < tau < b:
@@ -277,9 +275,7 @@ def _ring_down_extrema(pole_re, pole_im, a0, y, slope, start_s, duration, times,
 
 
 @_jit
-def response_extrema(
-    head, knots_s, pieces, piece_count, window_s, state, rate, series, stack, times, peaks, knots_y
-):
+def response_extrema(head, knots_s, pieces, piece_count, window_s, state, rate, series, stack, times, peaks, knots_y):
     """Every extremum of the response to branch pieces, in time order.
 
     Parameters
@@ -361,9 +357,7 @@ def response_extrema(
                 if count == OVERFLOW:
                     return OVERFLOW, 0.0
             else:
-                count, tail = _ring_down_extrema(
-                    pole_re, pole_im, a0, y, slope, start, duration, times, peaks, count
-                )
+                count, tail = _ring_down_extrema(pole_re, pole_im, a0, y, slope, start, duration, times, peaks, count)
                 if count == OVERFLOW:
                     return OVERFLOW, 0.0
                 c, s = _rotation(pole_re, pole_im, duration)

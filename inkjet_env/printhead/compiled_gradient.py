@@ -33,6 +33,7 @@ from inkjet_env.printhead.compiled import (
     waveform_knots,
 )
 
+
 @_jit
 def moments(z, count, result):
     """Fill ``result`` with ``m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds`` for k = 0 … count - 1; see `resonator.moments`."""
@@ -151,7 +152,7 @@ def batch_costs_and_gradients(
                     piece = pieces[index]
                     start += piece[1] * whole
                     duration = piece[2] * whole
-                    if segment == 0 and laps_before == 0 or abs(piece[5]) < head[HEAD_FULL_SCALE]:
+                    if (segment == 0 and laps_before == 0) or abs(piece[5]) < head[HEAD_FULL_SCALE]:
                         origin_by = fixed_origin  # 0 V: the first sample, or the virgin curve
                     elif piece[5] > 0.0:
                         origin_by = knot_by[3]

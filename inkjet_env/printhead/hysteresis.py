@@ -11,6 +11,7 @@ state the virgin curve is ``Q(2|u|/F) / 2``.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -282,14 +283,14 @@ class PlayOperators:
         for _ in range(laps_before_recording(initial_state) + 1):
             rows.clear()
             states = np.maximum(drive[0] - r, np.minimum(drive[0] + r, states))
-            for segment, (u, target) in enumerate(zip(drive[:-1], drive[1:], strict=True)):
+            for segment, (u, target) in enumerate(itertools.pairwise(drive)):
                 if u == target:
                     continue
                 heading = np.sign(target - u)
                 # A play moves once the drive is its threshold away from it.
                 engaged_at = np.clip((states + heading * r - u) / (target - u), 0.0, 1.0)
                 breaks = np.unique(np.concatenate([[0.0], engaged_at, [1.0]]))
-                for a, b in zip(breaks[:-1], breaks[1:], strict=True):
+                for a, b in itertools.pairwise(breaks):
                     slope = self.weights[engaged_at <= a].sum()
                     rows.append((segment, a, b - a, slope * (b - a) * (target - u)))
                 states = np.maximum(target - r, np.minimum(target + r, states))

@@ -182,7 +182,7 @@ class Printhead:
         >>> head = Printhead.published()
         >>> response = head.respond(Waveform(100, -100, 1e-6, 10.481e-6, 13.769e-6, 9.613e-6, 20e-6))
         >>> response.peaks_V[:5].round(2)
-        array([ 6.19, -6.95,  0.66, -0.52,  1.9 ])
+        array([ 6.19, -6.94,  0.65, -0.52,  1.9 ])
         """
         time_s, drive_V = waveform.knots()
         return Response(self, time_s, drive_V, initial_state, check_window(window_s), hysteresis)

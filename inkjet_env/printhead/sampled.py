@@ -111,9 +111,7 @@ def respond_sampled(
     def run(knots_s: Real, knots_V: Real, state: Real) -> tuple[Real, Real, Real]:
         pieces = np.empty((4 * drive.size + 32, 6))
         memory = np.empty((laps + 1) * knots_V.size + 2)
-        found = compiled.branch_pieces(
-            knots_V, printhead.full_scale_V, laps, hysteresis == "one_point", memory, pieces
-        )
+        found = compiled.branch_pieces(knots_V, printhead.full_scale_V, laps, hysteresis == "one_point", memory, pieces)
         sensor, capacity, start = np.empty(knots_s.size), 2 * drive.size + 64, state.copy()
         while True:
             state[:] = start

@@ -13,28 +13,24 @@ PARAMETER_NAMES = ("U1", "U2", "t1", "t2", "t3", "t4", "t5")
 PARAMETER_UNITS = ("V", "V", "s", "s", "s", "s", "s")
 
 
-def _check_rules(values: NDArray[np.float64], where: str) -> None:
+_RULES = (
+    ("must be at least 0 V", "The first pulse is the positive one; a negative pulse goes into U2"),
+    ("must be at most 0 V", "The second pulse is the negative one; a positive pulse goes into U1"),
+    *[("must be a duration of at least 0 s", "Check the sign and the order U1 U2 t1 t2 t3 t4 t5")] * 5,
+)
+
+
+def _check_rules(values: NDArray[np.float64]) -> None:
     """Raise ``ValueError`` at the first broken rule of an ``(n, 7)`` array."""
-    rules = (
-        (~np.isfinite(values), "must be finite", "Replace the NaN or infinity"),
-        (
-            np.column_stack([values[:, 0] < 0, values[:, 1] > 0, values[:, 2:] < 0]),
-            "",
-            "",
-        ),
-    )
-    for broken, rule, fix in rules:
-        if not broken.any():
-            continue
-        row, column = (int(i) for i in np.argwhere(broken)[0])
-        name, unit, got = PARAMETER_NAMES[column], PARAMETER_UNITS[column], values[row, column]
-        if not rule:
-            rule, fix = {
-                0: ("must be at least 0 V", "The first pulse is the positive one; a negative pulse goes into U2"),
-                1: ("must be at most 0 V", "The second pulse is the negative one; a positive pulse goes into U1"),
-            }.get(column, ("must be a duration of at least 0 s", "Check the sign and the order U1 U2 t1 t2 t3 t4 t5"))
-        place = f" in row {row} of {where}" if len(values) > 1 else ""
-        raise ValueError(f"{name} {rule}; got {got:g} {unit}{place}. {fix}.")
+    not_finite = ~np.isfinite(values)
+    wrong_sign = np.column_stack([values[:, 0] < 0, values[:, 1] > 0, values[:, 2:] < 0])
+    for broken in (not_finite, wrong_sign):
+        if broken.any():
+            row, column = (int(i) for i in np.argwhere(broken)[0])
+            rule, fix = ("must be finite", "Replace the NaN or infinity") if broken is not_finite else _RULES[column]
+            place = f" in row {row} of the waveforms" if len(values) > 1 else ""
+            got = f"{values[row, column]:g} {PARAMETER_UNITS[column]}"
+            raise ValueError(f"{PARAMETER_NAMES[column]} {rule}; got {got}{place}. {fix}.")
 
 
 def as_waveform_array(waveforms: ArrayLike) -> NDArray[np.float64]:
@@ -64,7 +60,7 @@ def as_waveform_array(waveforms: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(
             f"waveforms must have shape (7,) or (n, 7): U1 U2 t1 t2 t3 t4 t5; got shape {np.shape(waveforms)}."
         )
-    _check_rules(values, "the waveforms")
+    _check_rules(values)
     return values
 
 
@@ -86,7 +82,7 @@ class Waveform:
     --------
     >>> waveform = Waveform(100.0, -50.0, 2e-6, 10e-6, 4e-6, 8e-6, 2e-6)
     >>> waveform.knots()[1]
-    array([   0.,  100.,  100.,  -50.,  -50.,    0.])
+    array([  0., 100., 100., -50., -50.,   0.])
     """
 
     U1: float

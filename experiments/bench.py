@@ -1,0 +1,307 @@
+"""The comparison: problems × optimisers × repeats at equal budgets; resumes where it was stopped.
+
+A results folder holds ``bench.json`` (the settings), ``runs/`` (one file a finished run), ``timings/`` and, in the
+end, the report. Finished runs are never written again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from experiments.problems import problem, suite
+from experiments.progress import shown_progress
+from experiments.runs import RunKey, RunResult, read_run, run_path, write_run
+from experiments.storage import json_text, remove_unfinished, write_atomically
+
+BENCH_FORMAT = "bench/1"
+DEFAULT_BUDGET = 2000  # 40 particles × 50 generations
+DEFAULT_REPEATS = 15
+DECISIVE_PACKAGES = (
+    "inkjet-env",
+    "numpy",
+    "scipy",
+    "numba",
+    "cma",
+    "nevergrad",
+    "torch",
+    "stable-baselines3",
+)
+SLOWEST_FIRST = ("sb3-", "nevergrad-", "cma-es", "lbfgsb", "scipy-dual")
+
+
+@dataclass(frozen=True)
+class BenchSettings:
+    """What a bench compares.
+
+    Parameters
+    ----------
+    problems, optimizers : tuple of str
+        Names.
+    repeats, budget : int
+        Runs of each pair, and evaluations of each run.
+    seed : int
+        All other seeds derive from it.
+    """
+
+    problems: tuple[str, ...]
+    optimizers: tuple[str, ...]
+    repeats: int = DEFAULT_REPEATS
+    budget: int = DEFAULT_BUDGET
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in self.problems:
+            problem(name)
+        import optimizers
+
+        known = optimizers.availability()
+        for name in self.optimizers:
+            if name not in known:
+                optimizers.make(name)  # raises the error that suggests the nearest name
+        for label, names in (("problems", self.problems), ("optimizers", self.optimizers)):
+            if not names:
+                raise ValueError(f"{label} must name at least one; got none.")
+            if len(set(names)) < len(names):
+                raise ValueError(f"{label} must not name one twice; got {', '.join(names)}.")
+        for label, count in (("repeats", self.repeats), ("budget", self.budget)):
+            if count < 1:
+                raise ValueError(f"{label} must be at least 1; got {count}.")
+
+    @classmethod
+    def default(cls, **changes: Any) -> BenchSettings:
+        """All problems, all optimisers; ``changes`` by name."""
+        import optimizers
+
+        return cls(**{"problems": tuple(suite()), "optimizers": tuple(optimizers.names()), **changes})
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything that decides the results, as plain JSON values."""
+        return {
+            "format": BENCH_FORMAT,
+            "budget": self.budget,
+            "repeats": self.repeats,
+            "seed": self.seed,
+            "optimizers": list(self.optimizers),
+            "problems": {name: problem(name).settings() for name in self.problems},
+            "versions": versions(),
+        }
+
+
+@dataclass(frozen=True)
+class BenchOutcome:
+    """A finished bench.
+
+    Parameters
+    ----------
+    settings : BenchSettings
+    folder : Path
+    results : list of RunResult
+        In the order of problems, optimisers and repeats.
+    unavailable : dict of str to str
+        Optimisers that could not be run or broke down, and why; none of their runs is scored.
+    """
+
+    settings: BenchSettings
+    folder: Path
+    results: list[RunResult]
+    unavailable: dict[str, str]
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that decide the numbers."""
+    found = {"python": ".".join(str(part) for part in sys.version_info[:3])}
+    for package in DECISIVE_PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def open_folder(folder: Path, settings: BenchSettings) -> None:
+    """Make ``folder`` this bench's own, or check that it is.
+
+    Raises
+    ------
+    ValueError
+        It belongs to a bench of other settings, or to something else. Nothing in it is changed.
+    """
+    file = folder / "bench.json"
+    asked = settings.to_json()
+    if file.exists():
+        try:
+            stored = json.loads(file.read_text(encoding="utf-8"))
+            if not isinstance(stored, dict):
+                raise ValueError("it is not a JSON object")
+        except ValueError as error:
+            raise ValueError(
+                f"{file} is damaged ({error}). Delete the folder {folder} to begin again, or give another folder."
+            ) from None
+        if difference := first_difference(stored, asked):
+            raise ValueError(
+                f"{folder} holds a bench of other settings: {difference}. "
+                "Give another folder, or the same settings to go on, or delete that folder."
+            )
+    elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ValueError(f"{folder} is neither empty nor a bench's results folder. Give another folder.")
+    for part in ("runs", "timings"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+        remove_unfinished(folder / part)
+    remove_unfinished(folder)
+    if not file.exists():
+        write_atomically(file, json_text(asked))
+
+
+def first_difference(stored: Any, asked: Any, place: str = "") -> str:
+    """Say where two JSON values first differ; empty where they agree."""
+    if isinstance(stored, dict) and isinstance(asked, dict):
+        for name in [*asked, *(name for name in stored if name not in asked)]:
+            inner = f"{place} {name}".strip()
+            if name not in stored or name not in asked:
+                return f"{inner} is {'new' if name in asked else 'missing'} here"
+            if difference := first_difference(stored[name], asked[name], inner):
+                return difference
+        return ""
+    return "" if stored == asked else f"{place} is {_brief(stored)} there and {_brief(asked)} here"
+
+
+def _brief(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+def run_bench(settings: BenchSettings, folder: Path, workers: int | None = None) -> BenchOutcome:
+    """Do every run of the bench that ``folder`` does not hold yet, and return all results.
+
+    Parameters
+    ----------
+    settings : BenchSettings
+    folder : Path
+        Made if missing.
+    workers : int, optional
+        Processes; as many as there are cores unless given.
+
+    Raises
+    ------
+    ValueError
+        The folder is another bench's, or holds a damaged file.
+    KeyboardInterrupt
+        On Ctrl-C; runs that were finished are kept.
+    """
+    import optimizers
+
+    open_folder(folder, settings)
+    reasons = optimizers.availability()
+    unavailable = {name: str(reasons[name]) for name in settings.optimizers if reasons[name] is not None}
+    keys = [
+        RunKey(optimizer, name, repeat)
+        for name in settings.problems
+        for optimizer in settings.optimizers
+        if optimizer not in unavailable
+        for repeat in range(settings.repeats)
+    ]
+    results = {
+        key: read_run(folder, key, settings.seed, settings.budget) for key in keys if run_path(folder, key).exists()
+    }
+    missing = [key for key in keys if key not in results]
+    if results and missing:
+        print(f"{len(results)} of {len(keys)} runs are there already; going on.", file=sys.stderr, flush=True)
+    if missing:
+        failures = _perform_all(missing, settings, folder, results, len(keys), workers or os.cpu_count() or 1)
+        unavailable |= failures
+    scored = [results[key] for key in keys if key.optimizer not in unavailable]
+    return BenchOutcome(settings, folder, scored, unavailable)
+
+
+def _perform_all(
+    missing: Sequence[RunKey],
+    settings: BenchSettings,
+    folder: Path,
+    results: dict[RunKey, RunResult],
+    total: int,
+    workers: int,
+) -> dict[str, str]:
+    """Do the missing runs side by side, storing each as it ends; return the optimisers that broke down."""
+    from concurrent.futures import as_completed
+
+    from joblib.externals.loky import ProcessPoolExecutor
+
+    # Compile once, here: the workers find the compiled code on disk.
+    problem(missing[0].problem).evaluate_with_gradient([[0.0] * 7])
+    failures: dict[str, str] = {}
+    one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    pool = ProcessPoolExecutor(
+        max_workers=min(workers, len(missing)),
+        initializer=_start_worker,
+        initargs=(os.getpid(),),
+        env=one_thread,
+    )
+    try:
+        with shown_progress("bench", total, len(results)) as progress:
+            futures = [pool.submit(perform, key, settings) for key in sorted(missing, key=_slowness)]
+            done = len(results)
+            for future in as_completed(futures):
+                key, result, seconds, failure = future.result()
+                done += 1
+                if failure:
+                    failures.setdefault(key.optimizer, f"broke down on {key.problem}, repeat {key.repeat}: {failure}")
+                else:
+                    write_run(folder, result, seconds)
+                    results[key] = result
+                progress(done, f"{key.optimizer} on {key.problem}")
+    finally:
+        pool.shutdown(wait=True, kill_workers=True)
+    return failures
+
+
+def _slowness(key: RunKey) -> int:
+    for rank, prefix in enumerate(SLOWEST_FIRST):
+        if key.optimizer.startswith(prefix):
+            return rank
+    return len(SLOWEST_FIRST)
+
+
+def _start_worker(parent: int) -> None:
+    """Prepare a worker: Ctrl-C is the parent's business, and so is life."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def end_with_parent() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
+
+
+def perform(key: RunKey, settings: BenchSettings) -> tuple[RunKey, RunResult | None, dict[str, float], str]:
+    """Do one run: its result and seconds, or else how it failed, in words."""
+    from optimizers.loop import minimise
+
+    import optimizers
+
+    objective = problem(key.problem)
+    objective.evaluate_with_gradient([[0.0] * 7])  # nobody's run is charged with loading the compiled code
+    seed = key.seed(settings.seed)
+    begin_s = time.perf_counter()
+    try:
+        optimizer = optimizers.make(key.optimizer, budget=settings.budget, seed=seed)
+        if torch := sys.modules.get("torch"):
+            torch.set_num_threads(1)
+        run = minimise(objective, optimizer, settings.budget)
+    except Exception as error:  # whatever a third party's optimiser throws is reported, not scored
+        return key, None, {}, f"{type(error).__name__}: {error}"
+    seconds = {
+        "optimizer": run.optimizer_seconds,
+        "objective": run.objective_seconds,
+        "total": time.perf_counter() - begin_s,
+    }
+    return key, RunResult(key, seed, run.points, run.costs), seconds, ""

@@ -1,0 +1,163 @@
+"""The best waveform known of each problem, by a long multi-start search on the exact gradient.
+
+``python -m experiments.best_known`` writes `best_known.json`, against which the comparison's regrets are measured.
+The cost has many local optima and breaks where a peak appears, so gradient descent alone stops on the breaks: the
+best of its ends are polished by random steps and by the simplex method, neither of which needs a gradient.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.problems import BEST_KNOWN_FILE, Problem, problem, suite
+from experiments.storage import write_json
+
+SCREENED_PER_START = 64
+POLISHED = 256
+
+
+def screened_starts(problem: Problem, starts: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Starting points in ``[-1, 1]⁷``, shape (starts, 7): half the best of many Sobol points, half any of them."""
+    from scipy.stats import qmc
+
+    count = 1 << int(np.ceil(np.log2(starts * SCREENED_PER_START)))
+    points = qmc.scale(qmc.Sobol(7, rng=rng).random(count), -np.ones(7), np.ones(7))
+    order = np.argsort(problem.evaluate(points), kind="stable")
+    best = order[: starts // 2]
+    others = rng.choice(order[starts // 2 :], starts - best.size, replace=False)
+    return points[np.concatenate([best, others])]
+
+
+def descend(problem: Problem, start: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """L-BFGS-B from one start on the exact gradient within the box: the end point and its cost in volts."""
+    from scipy.optimize import minimize
+
+    def value_and_slope(point: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        costs, gradients = problem.evaluate_with_gradient(point)
+        return float(costs[0]), gradients[0]
+
+    end = minimize(value_and_slope, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * start.size)
+    return end.x, float(end.fun)
+
+
+def polished(
+    problem: Problem, points: NDArray[np.float64], rounds: int, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Improve many points side by side by random steps; each adapts its step to one success in five.
+
+    Returns
+    -------
+    points : ndarray, shape (n, 7)
+    costs : ndarray, shape (n,)
+        In volts; none is worse than it was.
+    """
+    points = points.copy()
+    costs = problem.evaluate(points)
+    steps = np.full(len(points), 0.05)
+    for _ in range(rounds):
+        # Half the coordinates move at a time, so that one at its bound does not hold the others back.
+        moves = rng.standard_normal(points.shape) * (rng.random(points.shape) < 0.5)
+        trials = np.clip(points + steps[:, None] * moves, -1.0, 1.0)
+        trial_costs = problem.evaluate(trials)
+        better = trial_costs < costs
+        points[better], costs[better] = trials[better], trial_costs[better]
+        steps = np.clip(steps * np.where(better, 1.5, 1.5**-0.25), 1e-10, 0.5)
+    return points, costs
+
+
+def simplex_polished(problem: Problem, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Restarted Nelder–Mead from one point, within the box."""
+    from scipy.optimize import minimize
+
+    for size in (1e-2, 1e-3, 1e-4):
+        inwards = np.where(point > 0, -size, size)
+        simplex = np.vstack([point, point + np.diag(inwards)])
+        point = minimize(
+            lambda x: float(problem.evaluate(x)[0]),
+            point,
+            method="Nelder-Mead",
+            bounds=[(-1.0, 1.0)] * point.size,
+            options={
+                "initial_simplex": simplex,
+                "xatol": 1e-12,
+                "fatol": 1e-13,
+                "maxfev": 4000,
+                "adaptive": True,
+            },
+        ).x
+    return point
+
+
+def search(problem: Problem, starts: int, seed: int) -> dict[str, Any]:
+    """Search one problem and return its entry of `best_known.json`."""
+    rng = np.random.default_rng(seed)
+    descents = [descend(problem, start) for start in screened_starts(problem, starts, rng)]
+    ends = np.array([point for point, _ in descents])
+    costs = problem.evaluate(ends)
+    by_gradient = float(costs.min())
+    best = ends[np.argsort(costs, kind="stable")[:POLISHED]]
+    candidates, costs = polished(problem, best, 4000, rng)
+    order = np.argsort(costs, kind="stable")[:8]
+    finalists = np.array([simplex_polished(problem, point) for point in candidates[order]])
+    finalists, costs = polished(problem, np.vstack([finalists, candidates[order]]), 2000, rng)
+    winner = int(np.argmin(costs))
+    waveform = problem.bounds.from_unit(finalists[winner])
+    response = problem.printhead.respond(_waveform(waveform), problem.initial_state, problem.window_s)
+    found_by = (
+        f"L-BFGS-B on the exact gradient from {starts} starts (half the best of "
+        f"{SCREENED_PER_START * starts} or more Sobol points, half any of them; it reached {by_gradient:.6f} V), the best "
+        f"{min(POLISHED, starts)} ends polished by random steps and Nelder–Mead"
+    )
+    return {
+        "problem": problem.settings(),
+        "cost_V": float(response.cost(problem.cost)),
+        "waveform": [float(v) for v in waveform],
+        "peaks_V": [float(v) for v in response.peaks_V[:6]],
+        "found_by": found_by,
+        "starts": starts,
+        "seed": seed,
+    }
+
+
+def _waveform(values: NDArray[np.float64]) -> Any:
+    from inkjet_env.printhead import Waveform
+
+    return Waveform.from_array(values)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Search the chosen problems; keep an entry that is better already, unless its problem has changed since."""
+    from importlib.metadata import version
+
+    parser = argparse.ArgumentParser(prog="python -m experiments.best_known", description=__doc__)
+    parser.add_argument("--problem", action="append", help="name of a problem; all of the suite unless given")
+    parser.add_argument("--starts", type=int, default=2000, help="descents per problem")
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args(arguments)
+    if chosen.starts < 2:
+        parser.error(f"--starts must be at least 2; got {chosen.starts}.")
+    file = Path(__file__).with_name(BEST_KNOWN_FILE)
+    entries = json.loads(file.read_text(encoding="utf-8"))["problems"] if file.is_file() else {}
+    for name in chosen.problem or suite():
+        entry = search(problem(name), chosen.starts, chosen.seed)
+        known = entries.get(name)
+        same = known is not None and known["problem"] == problem(name).settings()
+        kept = same and known["cost_V"] <= entry["cost_V"]
+        print(
+            f"{name}: {entry['cost_V']:.9f} V" + (f"; kept {known['cost_V']:.9f} V" if kept else ""),
+            flush=True,
+        )
+        if not kept:
+            entries[name] = entry
+        written = {"format": "best_known/1", "version": version("inkjet-env"), "problems": entries}
+        write_json(file, written)
+
+
+if __name__ == "__main__":
+    main()

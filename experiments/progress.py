@@ -1,0 +1,50 @@
+"""Progress on standard error: a bar on a terminal, a plain line now and then elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+PLAIN_LINE_EVERY_S = 10.0
+
+
+class Progress(Protocol):
+    """Told how much is done; shows it."""
+
+    def __call__(self, done: int, note: str = "") -> None:
+        """Show that ``done`` of the total are finished."""
+
+
+@contextmanager
+def shown_progress(label: str, total: int, done: int = 0) -> Iterator[Progress]:
+    """Show progress from ``done`` to ``total`` while the block runs."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bar
+
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[note]}"),
+        )
+        with Bar(*columns, console=Console(stderr=True)) as bar:
+            task = bar.add_task(label, total=total, completed=done, note="")
+            yield lambda done, note="": bar.update(task, completed=done, note=note)
+        return
+
+    last_s = -float("inf")
+
+    def plain(done: int, note: str = "") -> None:
+        nonlocal last_s
+        now_s = time.monotonic()
+        if done >= total or now_s - last_s >= PLAIN_LINE_EVERY_S:
+            last_s = now_s
+            print(f"{label}: {done} of {total}" + (f"; {note}" if note else ""), file=sys.stderr, flush=True)
+
+    yield plain

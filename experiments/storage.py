@@ -1,0 +1,76 @@
+"""Files that are there whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+UNFINISHED = ".unfinished"
+"""Ending of a file that is still being written; a killed process may leave one behind."""
+
+
+def write_atomically(path: str | Path, content: str | bytes) -> None:
+    """Write a file so that a reader, or a crash, finds the old content or the new one and nothing between.
+
+    Parameters
+    ----------
+    path : str or Path
+        Its folder must exist. An existing file is replaced.
+    content : str or bytes
+        Text is written as UTF-8.
+
+    Raises
+    ------
+    OSError
+        The folder is missing or not writable; nothing is left behind.
+    """
+    path = Path(path)
+    unfinished = path.with_name(f"{path.name}.{os.getpid()}{UNFINISHED}")
+    try:
+        with open(unfinished, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(unfinished, path)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Delete what a killed process left half-written in ``folder``."""
+    for leftover in folder.glob(f"*{UNFINISHED}"):
+        leftover.unlink(missing_ok=True)
+
+
+def json_text(value: Any) -> str:
+    """JSON of ``value`` with a final newline; NaN and infinity are an error, since JSON has neither."""
+    return json.dumps(value, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def write_json(destination: str | Path, value: Any) -> None:
+    """Write ``value`` as JSON to a file, atomically; ``-`` means standard output."""
+    if str(destination) == "-":
+        sys.stdout.write(json_text(value))
+    else:
+        write_atomically(destination, json_text(value))
+
+
+def archive_bytes(arrays: Mapping[str, NDArray]) -> bytes:
+    """The ``.npz`` archive of some arrays, the same bytes for the same arrays (`numpy.savez` stamps the time)."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for name, array in arrays.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), member.getvalue())
+    return buffer.getvalue()
