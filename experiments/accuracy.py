@@ -98,9 +98,9 @@ class _Stretch:
         """Slope at ``count`` times inside, in 80-bit floats; at 200 with all digits where the terms cancel."""
         wide = np.longdouble
         if self.omega * self.duration < 1:
-            t = [self.duration * i / 201 for i in range(1, 201)]
-            return np.array(t, dtype=object), np.array([self.value_and_slope(x)[1] for x in t], dtype=object)
-        t = wide(str(self.duration)) * np.linspace(wide(0), wide(1), count + 2)[1:-1]
+            exact = [self.duration * i / 201 for i in range(1, 201)]
+            return np.array(exact, dtype=object), np.array([self.value_and_slope(x)[1] for x in exact], dtype=object)
+        t: NDArray = wide(str(self.duration)) * np.linspace(wide(0), wide(1), count + 2)[1:-1]
         tau = t / wide(str(self.duration))
         slope = np.zeros_like(t)
         for k in range(len(self.poly) - 1, 0, -1):
@@ -134,9 +134,9 @@ def reference_extrema(head: Printhead, waveform: Waveform, initial_state: str, w
         s = (yd - first + sigma * c) / omega
         stretch = _Stretch(time, duration, poly, c, s, sigma, omega)
         if forced:
-            t, slopes = stretch.scan_slope(SCAN_POINTS + int(200 * duration * omega))
-            t = [mp(0), *(mp(str(x)) for x in t), duration]
-            slopes = [yd, *slopes, stretch.value_and_slope(duration)[1]]
+            scanned, scanned_slopes = stretch.scan_slope(SCAN_POINTS + int(200 * duration * omega))
+            t = [mp(0), *(mp(str(x)) for x in scanned), duration]
+            slopes = [yd, *scanned_slopes, stretch.value_and_slope(duration)[1]]
             signs = np.array([int(x > 0) - int(x < 0) for x in slopes])
             for i in np.flatnonzero(signs[1:] * signs[:-1] < 0):
                 root = mpmath.findroot(
@@ -267,9 +267,9 @@ def main() -> None:
         for compiled in (True, False):
             found = compare(arguments.count, arguments.seed, state, compiled)
             print(
-                f"{state:12s} {'compiled' if compiled else 'plain':8s}: {found.waveforms} waveforms, {found.peaks} peaks, "
-                f"{found.different_count} with another number of peaks; "
-                f"largest relative difference: peak {found.worst_peak:.1e}, time {found.worst_time:.1e}"
+                f"{state:12s} {'compiled' if compiled else 'plain':8s}: "
+                f"{found.waveforms} waveforms, {found.peaks} peaks, "
+                f"{found.different_count} with another number of peaks; largest relative difference: peak {found.worst_peak:.1e}, time {found.worst_time:.1e}"
             )
 
 

@@ -2,6 +2,7 @@
 
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
+from inkjet_env.printhead.lumped import LumpedElements
 from inkjet_env.printhead.naming import check_name, nearest_name
 from inkjet_env.printhead.printhead import Printhead, Response
 from inkjet_env.printhead.sampled import SampledResponse, respond_sampled
@@ -10,6 +11,7 @@ from inkjet_env.printhead.waveform import Bounds, Waveform, as_waveform_array
 __all__ = [
     "Bounds",
     "BranchLaw",
+    "LumpedElements",
     "PeakCost",
     "PlayOperators",
     "Printhead",

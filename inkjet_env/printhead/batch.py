@@ -65,8 +65,10 @@ def head_table(printheads: Printhead | Sequence[Printhead]) -> Real:
     for row, head in zip(slope, heads, strict=True):
         derivative = poly.polyder(head.branch_law.ascending)
         row[: derivative.size] = derivative
-    columns = np.array([(h.a0, h.a1, h.b1, h.full_scale_V, len(h.coefficients) - 1) for h in heads]).T
-    return _table(*columns, slope)
+    a0, a1, b1, full_scale_V, degree = np.array(
+        [(h.a0, h.a1, h.b1, h.full_scale_V, len(h.coefficients) - 1) for h in heads]
+    ).T
+    return _table(a0, a1, b1, full_scale_V, degree, slope)
 
 
 def varied_head_table(

@@ -9,6 +9,7 @@ cancel) or particular polynomial plus ring-down (long edges). Extrema are isolat
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -35,7 +36,7 @@ INFINITE_TAIL_FLOOR = 1e-12
 EFFECTIVE_LARGEST, EFFECTIVE_FIRST, EFFECTIVE_THRESHOLD = 0, 1, 2
 OVERFLOW = -1
 
-_jit = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True)
+_jit: Any = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True)
 
 branch_pieces = _jit(hysteresis.branch_pieces)
 play_operators = _jit(hysteresis.play_operators)

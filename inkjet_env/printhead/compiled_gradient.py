@@ -6,9 +6,9 @@ Eq. 2) ``c ∫ e^{λ(t - s - Tσ)} q(σ) dσ``, whose derivative is again a sum 
 
     c ∫ e^{λ(t - s - Tσ)} (∂q - λ (∂s + σ ∂T) q) dσ.                                                (3)
 
-With the fraction of an edge held fixed, ``q = scale · Δx · Q'(x₀ + Δx σ)`` depends on U1 and U2 through the drive and the
-branch's origin; where two pieces meet inside an edge Q' is continuous, so nothing comes from the border. The peaks of a
-ring-down share one amplitude.
+With the fraction of an edge held fixed, ``q = scale · Δx · Q'(x₀ + Δx σ)`` depends on U1 and U2 through the drive and
+the branch's origin; where two pieces meet inside an edge Q' is continuous, so nothing comes from the border. The
+peaks of a ring-down share one amplitude.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ def laps_before_recording(initial_state: str) -> int:
     return 1 if initial_state == "periodic" else 0
 
 
-def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, pieces):  # type: ignore[no-untyped-def]
+def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, pieces):
     """Cut a piecewise-linear drive into pieces on which the branch law is one polynomial.
 
     Plain Python that also compiles as it stands. On a piece that covers the fractions ``start … start + length`` of
@@ -157,7 +157,8 @@ class BranchLaw:
             raise ValueError(f"hysteresis coefficients must be finite; got {values}.")
         if values[-1] != 0.0:
             raise ValueError(
-                f"the last hysteresis coefficient must be 0, since no change of drive moves nothing; got {values[-1]:g}."
+                "the last hysteresis coefficient must be 0, since no change of drive moves nothing; "
+                f"got {values[-1]:g}."
             )
         if not (np.isfinite(self.full_scale_V) and self.full_scale_V > 0):
             raise ValueError(f"full_scale_V must be a positive voltage; got {self.full_scale_V!r}.")
@@ -220,7 +221,7 @@ class BranchLaw:
         return first + np.concatenate([[0.0], np.cumsum(change)])
 
 
-def play_operators(drive_V, thresholds_V, weights, states_V, output_V):  # type: ignore[no-untyped-def]
+def play_operators(drive_V, thresholds_V, weights, states_V, output_V):
     """Classic PI: weighted play operators, one after another, O(n) a sample. Compiles as it stands.
 
     ``F_r[u](t) = max(u - r, min(u + r, w))``, ``v = Σ weight · F_r`` (Zhu et al. 2024, section 2.2.1). ``states_V``
@@ -279,7 +280,7 @@ class PlayOperators:
         """Pieces on which the hysteretic drive is linear: columns segment, start, length, change in volts."""
         drive = np.asarray(drive_V, dtype=np.float64)
         r, states = self.thresholds_V, np.zeros_like(self.thresholds_V)
-        rows = []
+        rows: list[tuple[float, ...]] = []
         for _ in range(laps_before_recording(initial_state) + 1):
             rows.clear()
             states = np.maximum(drive[0] - r, np.minimum(drive[0] + r, states))

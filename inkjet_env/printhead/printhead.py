@@ -242,7 +242,8 @@ class Response:
             rows = law.pieces(self.knot_drive_V, self.initial_state, self.hysteresis == "one_point")
             rates = branch_rates(law, rows)
         segment_s = np.diff(self.knot_times_s)
-        durations, polynomials = [], []
+        durations: list[float] = []
+        polynomials: list[NDArray[np.float64]] = []
         for segment, duration in enumerate(segment_s):
             mine = rows[:, 0] == segment
             durations.extend(rows[mine, 2] * duration if mine.any() else [duration])
@@ -251,7 +252,13 @@ class Response:
 
     def drive_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Drive in volts at any times, same shape."""
-        return np.interp(time_s, self.knot_times_s, self.knot_drive_V, left=0.0, right=float(self.knot_drive_V[-1]))
+        return np.interp(
+            np.asarray(time_s, dtype=np.float64),
+            self.knot_times_s,
+            self.knot_drive_V,
+            left=0.0,
+            right=float(self.knot_drive_V[-1]),
+        )
 
     def hysteretic_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Hysteretic drive in volts at any times, same shape; zero at the start."""
@@ -270,6 +277,18 @@ class Response:
     def sensor_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Self-sensed signal in volts at any times, same shape."""
         return self._ringing.sensor_V(time_s)
+
+    def deflection_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Deflection at any times, same shape, as the quasi-static hysteretic drive that would hold it, in volts.
+
+        ``a0 / (s² + a1 s + a0)`` on the hysteretic drive, zero at the start; from the resonator's state:
+        ``v - (a1 y + y') / b1`` with ``y`` the self-sensed signal. Times the static gain it is a displacement.
+        """
+        ringing = self._ringing
+        amplitude = ringing.amplitude_at(time_s)
+        # y' = Im λA and y = Im A (Eq. (1) of `resonator`); b1 cancels.
+        moved = ((ringing.pole + self.printhead.a1) * amplitude).imag
+        return self.hysteretic_V(time_s) - moved / self.printhead.b1
 
     def cost(self, peak_cost: PeakCost | None = None) -> float:
         """Peak cost in volts; the default is `PeakCost()`."""

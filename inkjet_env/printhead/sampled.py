@@ -43,7 +43,7 @@ class SampledResponse:
 
 
 def check_samples(time_s: ArrayLike, drive_V: ArrayLike) -> tuple[Real, Real]:
-    """Return both as arrays of shape (n,); ``ValueError`` unless finite, as long as each other and increasing in time."""
+    """Return both as arrays of shape (n,); ``ValueError`` unless finite, of one length and increasing in time."""
     time = np.ascontiguousarray(time_s, dtype=np.float64)
     drive = np.ascontiguousarray(drive_V, dtype=np.float64)
     if time.ndim != 1 or time.shape != drive.shape or time.size < 2:
@@ -61,8 +61,8 @@ def check_samples(time_s: ArrayLike, drive_V: ArrayLike) -> tuple[Real, Real]:
     if not (steps > 0).all():
         at = int(np.argmax(steps <= 0)) + 1
         raise ValueError(
-            f"time_s must increase from sample to sample; sample {at + 1} is at {time[at]:g} s after {time[at - 1]:g} s. "
-            "Sort the rows or remove the repeated one."
+            "time_s must increase from sample to sample; "
+            f"sample {at + 1} is at {time[at]:g} s after {time[at - 1]:g} s. Sort the rows or remove the repeated one."
         )
     return time, drive
 
