@@ -1,0 +1,63 @@
+"""Ask and tell for libraries that would rather call a function themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from greenlet import GreenletExit, getcurrent, greenlet
+
+from optimizers.base import Optimizer, Real
+
+
+class InvertedOptimizer(Optimizer):
+    """An optimiser around a library that calls its objective.
+
+    The library runs on a stack of its own (a greenlet), which stands still inside `evaluate` until the costs are told.
+    A subclass writes `search`; whenever a search ends before the budget does, the next one begins, on the same
+    random stream.
+    """
+
+    def __init__(self, dimension: int, budget: int, seed: int) -> None:
+        super().__init__(dimension, budget, seed)
+        self._library: greenlet | None = None
+        self._answer: Any = None
+        self._closed = False
+        self._evaluated = False
+
+    def search(self) -> None:
+        """One run of the library, from its start to its own end, on `evaluate`."""
+        raise NotImplementedError
+
+    def evaluate(self, points: Real) -> Any:
+        """For the library: costs, shape (n,), of points, shape (n, d); with gradients (n, d) where they are used."""
+        if self._closed:
+            raise GreenletExit
+        self._evaluated = True
+        return getcurrent().parent.switch(np.array(points, dtype=np.float64))
+
+    def propose(self) -> Real:
+        """Let the library go on to its next call of `evaluate`."""
+        if self._library is None:
+            self._library = greenlet(self._search_for_ever)
+        self._library.parent = getcurrent()
+        return self._library.switch(*(() if self._answer is None else (self._answer,)))
+
+    def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
+        """Keep the answer until the library goes on."""
+        self._answer = (costs, gradients) if self.uses_gradient else costs
+
+    def close(self) -> None:
+        """End the library where it stands."""
+        self._closed = True
+        if self._library is not None:
+            self._library.parent = getcurrent()
+            self._library.throw()
+            self._library = None
+
+    def _search_for_ever(self) -> None:
+        while True:
+            self._evaluated = False
+            self.search()
+            if not self._evaluated:
+                raise RuntimeError(f"{self.name} ended a search without one evaluation.")

@@ -1,0 +1,54 @@
+"""The optimisers of nevergrad."""
+
+from __future__ import annotations
+
+import warnings
+
+import nevergrad
+import numpy as np
+
+from optimizers.base import Optimizer, Real, checked_count
+from optimizers.process_randomness import OwnRandomness
+
+
+class Nevergrad(Optimizer):
+    """Any optimiser of the registry of nevergrad (Rapin & Teytaud, github.com/facebookresearch/nevergrad).
+
+    It searches an `Array` bounded to the box (nevergrad's default "bouncing"), started at the centre. Mind that some
+    of these differ from their namesakes: `PSO` moves in coordinates stretched by an arctangent. `NGOpt` chooses among
+    the others by dimension and budget.
+
+    Parameters
+    ----------
+    method : str
+        Name in `nevergrad.optimizers.registry`.
+    workers : int
+        Points that are asked for side by side. One, nevergrad's default, lets it learn from every single evaluation.
+    """
+
+    def __init__(self, dimension: int, budget: int, seed: int, *, method: str, workers: int = 1) -> None:
+        super().__init__(dimension, budget, seed)
+        self.name = f"nevergrad-{method}"
+        self._workers = checked_count("workers", workers)
+        self._randomness = OwnRandomness(self.seed)
+        box = nevergrad.p.Array(init=np.zeros(self.dimension), lower=-1.0, upper=1.0)
+        box.random_state = np.random.RandomState(np.random.MT19937(self.seed))
+        with self._randomness, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self._search = nevergrad.optimizers.registry[method](box, self.budget, self._workers)
+        self._candidates: list[nevergrad.p.Parameter] = []
+
+    def propose(self) -> Real:
+        """One point for each worker."""
+        with self._randomness, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # advice on settings, of no use to who did not choose them
+            self._candidates = [self._search.ask() for _ in range(min(self._workers, self.remaining))]
+        # The bounce back into the box may miss its wall by one rounding.
+        return np.clip([candidate.value for candidate in self._candidates], -1.0, 1.0)
+
+    def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
+        """Tell every candidate's cost."""
+        with self._randomness, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for candidate, cost in zip(self._candidates, costs.tolist(), strict=True):
+                self._search.tell(candidate, cost)

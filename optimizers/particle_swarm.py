@@ -1,0 +1,109 @@
+"""Particle swarms: the usual one, and the one that the paper prints."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from optimizers.base import Optimizer, Real, checked_count
+
+
+class ParticleSwarm(Optimizer):
+    """Particle swarm with random factors and a global best, in constriction form.
+
+    ::
+
+        v ← c1 v + c2 r2 (pbest − x) + c3 r3 (gbest − x),   x ← clip(x + v, −1, 1)
+
+    r2, r3 uniform on [0, 1], drawn anew for every particle, coordinate and generation; all particles move before any
+    best is renewed. Positions start uniform in the box, velocities at half the way to another uniform point.
+    Kennedy & Eberhart, Proc. ICNN 1995; the constriction coefficients c1 = 0.7298, c2 = c3 = 1.49618 are those of
+    Clerc & Kennedy, IEEE Trans. Evol. Comput. 6 (2002) 58. A particle that would leave the box stops at its wall.
+
+    Parameters
+    ----------
+    particles : int
+        40 by default, so that a budget of 2,000 makes 50 generations.
+    c1, c2, c3 : float
+        Inertia, and pull of the particle's own best and of the swarm's.
+
+    Raises
+    ------
+    ValueError
+        No particle, or a coefficient that is not a finite number.
+    """
+
+    name = "pso"
+
+    def __init__(
+        self,
+        dimension: int,
+        budget: int,
+        seed: int,
+        *,
+        particles: int = 40,
+        c1: float = 0.7298,
+        c2: float = 1.49618,
+        c3: float = 1.49618,
+    ) -> None:
+        super().__init__(dimension, budget, seed)
+        for label, value in (("c1", c1), ("c2", c2), ("c3", c3)):
+            if not (isinstance(value, (int, float)) and math.isfinite(value)):
+                raise ValueError(f"{label} must be a finite number; got {value!r}.")
+        self._coefficients = c1, c2, c3
+        shape = (checked_count("particles", particles), self.dimension)
+        self._x = self.rng.uniform(-1.0, 1.0, shape)
+        self._v = (self.rng.uniform(-1.0, 1.0, shape) - self._x) / 2
+        self._best_x = self._x.copy()
+        self._best_cost = np.full(shape[0], math.inf)
+
+    def propose(self) -> Real:
+        """The whole swarm."""
+        return self._x
+
+    def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
+        """Renew the bests, then move every particle."""
+        better = costs < self._best_cost
+        self._best_x[better], self._best_cost[better] = points[better], costs[better]
+        swarm_best = self._best_x[np.argmin(self._best_cost)]
+        c1, c2, c3 = self._coefficients
+        r2, r3 = self._factors()
+        self._v = c1 * self._v + c2 * r2 * (self._best_x - self._x) + c3 * r3 * (swarm_best - self._x)
+        self._x = np.clip(self._x + self._v, -1.0, 1.0)
+
+    def _factors(self) -> Any:
+        return self.rng.random((2, *self._x.shape))
+
+
+class PrintedParticleSwarm(ParticleSwarm):
+    """The particle swarm as Zhu et al. (Micromachines 15, 2024, 1192) print it, without random factors.
+
+    ::
+
+        v ← c1 v + c2 (pbest − x) + c3 (gbest − x),   x ← clip(x + v, −1, 1)
+
+    Only the first positions and velocities are drawn, as in `ParticleSwarm`; every move after that is determined.
+    The paper prints neither c1, c2, c3 nor the population. Here c1 = 0.7298 and c2 = c3 = 0.74809: the usual
+    coefficients with the random factors at their mean of one half, so that the two swarms differ in nothing but the
+    randomness. (With c2 = c3 = 1.49618 and no factors, a particle would overshoot a settled best threefold.)
+    """
+
+    name = "pso-printed"
+
+    def __init__(
+        self,
+        dimension: int,
+        budget: int,
+        seed: int,
+        *,
+        particles: int = 40,
+        c1: float = 0.7298,
+        c2: float = 1.49618 / 2,
+        c3: float = 1.49618 / 2,
+    ) -> None:
+        super().__init__(dimension, budget, seed, particles=particles, c1=c1, c2=c2, c3=c3)
+
+    def _factors(self) -> Any:
+        return 1.0, 1.0

@@ -1,0 +1,45 @@
+"""Process-wide random generators, one set for each optimiser that insists on them."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+
+class OwnRandomness:
+    """While it is entered, `numpy.random` and (if imported before) torch draw from streams of its own.
+
+    Some libraries draw from the process-wide generators. So that their runs depend on their seed alone, and nobody
+    else's draws on them, each keeps its own generators and puts the others' back. (One trace is left: NumPy drops the
+    second normal number that `numpy.random.randn` may hold in store.)
+
+    Parameters
+    ----------
+    seed : int
+        At least 0.
+    """
+
+    def __init__(self, seed: int) -> None:
+        words = np.random.SeedSequence(seed).generate_state(2)
+        self._numpy: Any = np.random.MT19937(int(words[0]))
+        self._torch: Any = None
+        if torch := sys.modules.get("torch"):
+            self._torch = torch.Generator().manual_seed(int(words[1])).get_state()
+
+    def __enter__(self) -> None:
+        self._swap()
+
+    def __exit__(self, *_: object) -> None:
+        self._swap()
+
+    def _swap(self) -> None:
+        others = np.random.get_bit_generator()
+        np.random.set_bit_generator(self._numpy)
+        self._numpy = others
+        if self._torch is not None:
+            torch = sys.modules["torch"]
+            state = torch.get_rng_state()
+            torch.set_rng_state(self._torch)
+            self._torch = state

@@ -1,0 +1,39 @@
+"""Search without learning: the floor that any optimiser should stand above."""
+
+from __future__ import annotations
+
+from optimizers.base import Optimizer, Real
+
+BATCH = 64
+
+
+class Random(Optimizer):
+    """Points drawn uniformly and independently: Bergstra & Bengio, J. Mach. Learn. Res. 13 (2012) 281."""
+
+    name = "random"
+
+    def propose(self) -> Real:
+        """The next points of the stream."""
+        return self.rng.uniform(-1.0, 1.0, (BATCH, self.dimension))
+
+    def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
+        """Nothing."""
+
+
+class Sobol(Optimizer):
+    """A scrambled Sobol sequence, by `scipy.stats.qmc.Sobol` (Joe & Kuo 2008; scrambling after Matoušek 1998)."""
+
+    name = "sobol"
+
+    def __init__(self, dimension: int, budget: int, seed: int) -> None:
+        from scipy.stats import qmc
+
+        super().__init__(dimension, budget, seed)
+        self._sequence = qmc.Sobol(self.dimension, rng=self.rng)
+
+    def propose(self) -> Real:
+        """The next points of the sequence; batches are a power of two, which keeps it balanced."""
+        return 2.0 * self._sequence.random(BATCH) - 1.0
+
+    def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
+        """Nothing."""

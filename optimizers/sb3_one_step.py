@@ -1,0 +1,162 @@
+"""Reinforcement learning as an optimiser: Stable-Baselines3 on episodes of a single step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+from optimizers.base import Real, checked_count
+from optimizers.inverted import InvertedOptimizer
+from optimizers.process_randomness import OwnRandomness
+
+
+class OneStepEnvs(VecEnv):
+    """Side by side, tasks of one step: the action is a point, the reward minus its cost, the observation constant."""
+
+    def __init__(self, optimizer: InvertedOptimizer, tasks: int) -> None:
+        box = spaces.Box(-1.0, 1.0, (optimizer.dimension,), np.float32)
+        super().__init__(tasks, spaces.Box(0.0, 1.0, (1,), np.float32), box)
+        self._optimizer = optimizer
+        self._points: Real = np.empty((tasks, optimizer.dimension))
+
+    def reset(self) -> Any:
+        """The constant observations, shape (tasks, 1)."""
+        return np.ones((self.num_envs, 1), np.float32)
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions, shape (tasks, d), cut to the box."""
+        self._points = np.clip(actions.astype(np.float64), -1.0, 1.0)
+
+    def step_wait(self) -> Any:
+        """Evaluate them; every episode ends."""
+        costs = self._optimizer.evaluate(self._points)
+        ended = np.ones(self.num_envs, dtype=bool)
+        return self.reset(), -costs.astype(np.float32), ended, [{} for _ in range(self.num_envs)]
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The same attribute for each task."""
+        return [getattr(self, attr_name, None)] * self.num_envs
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Not offered."""
+        raise NotImplementedError("these tasks have no attributes to set")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Not offered."""
+        raise NotImplementedError("these tasks have no methods of their own")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """None is wrapped."""
+        return [False] * self.num_envs
+
+
+class _OneStepLearner(InvertedOptimizer):
+    """Training is the search: every training episode is an evaluation of the budget, and there are no others."""
+
+    def __init__(self, dimension: int, budget: int, seed: int, *, tasks: int) -> None:
+        super().__init__(dimension, budget, seed)
+        self._tasks = checked_count("tasks", tasks)
+        self._randomness = OwnRandomness(self.seed)
+        torch.set_num_threads(1)  # networks this small only lose by more
+
+    def algorithm(self, envs: VecEnv) -> BaseAlgorithm:
+        """The untrained learner."""
+        raise NotImplementedError
+
+    def search(self) -> None:
+        """Train until the budget is spent."""
+        # gamma = 0: an episode's return is its one reward. Costs have no scale known beforehand.
+        envs = VecNormalize(OneStepEnvs(self, self._tasks), norm_obs=False, norm_reward=True, gamma=0.0)
+        self.algorithm(envs).learn(total_timesteps=self.budget)
+
+    def propose(self) -> Real:
+        """Train on, to the next episodes, on random streams of its own."""
+        with self._randomness:
+            return super().propose()
+
+    def close(self) -> None:
+        """End the training where it stands."""
+        with self._randomness:
+            super().close()
+
+
+class OneStepPPO(_OneStepLearner):
+    """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), by Stable-Baselines3.
+
+    The policy is a Gaussian over the box, cut at its walls. With episodes of one step neither gamma nor lambda has an
+    effect: the advantage is the reward less its learnt mean. A rollout is one step of 40 tasks, as many as the swarm
+    has particles, so a budget of 2,000 gives 50 updates. Other than SB3's defaults, all because a budget of 2,000 is
+    tiny for reinforcement learning: learning rate 3e-3 instead of 3e-4, first standard deviation exp(-0.7), half the
+    box, instead of 1, networks of one layer of 32, and batches of the whole rollout.
+
+    Parameters
+    ----------
+    tasks : int
+        Episodes side by side, at least 2.
+    """
+
+    name = "sb3-ppo"
+
+    def __init__(self, dimension: int, budget: int, seed: int, *, tasks: int = 40) -> None:
+        super().__init__(dimension, budget, seed, tasks=tasks)
+        checked_count("tasks", tasks, least=2)
+
+    def algorithm(self, envs: VecEnv) -> BaseAlgorithm:
+        """PPO with the settings above."""
+        return PPO(
+            "MlpPolicy",
+            envs,
+            learning_rate=3e-3,
+            n_steps=1,
+            batch_size=self._tasks,
+            n_epochs=10,
+            policy_kwargs={"net_arch": [32], "log_std_init": -0.7},
+            seed=self.seed % 2**32,
+            device="cpu",
+        )
+
+
+class OneStepSAC(_OneStepLearner):
+    """Soft actor-critic (Haarnoja et al., arXiv:1801.01290, arXiv:1812.05905), by Stable-Baselines3.
+
+    The policy is a Gaussian squeezed into the box by tanh. With episodes of one step the critics learn the reward
+    itself; gamma and the target networks have no effect. The first 100 evaluations are uniform; then 2 gradient steps
+    follow every 8 evaluations, about 480 in a budget of 2,000. SB3's default, one step for each evaluation, would
+    take four times as long for little: learning rate 3e-3 instead of 3e-4 makes up for the fewer steps. Networks have
+    two layers of 64 and batches 128; the entropy's weight is tuned automatically, as SB3 does.
+
+    Parameters
+    ----------
+    tasks : int
+        Episodes side by side.
+    """
+
+    name = "sb3-sac"
+
+    def __init__(self, dimension: int, budget: int, seed: int, *, tasks: int = 8) -> None:
+        super().__init__(dimension, budget, seed, tasks=tasks)
+
+    def algorithm(self, envs: VecEnv) -> BaseAlgorithm:
+        """SAC with the settings above."""
+        return SAC(
+            "MlpPolicy",
+            envs,
+            learning_rate=3e-3,
+            buffer_size=max(self.budget, self._tasks),
+            learning_starts=100,
+            batch_size=128,
+            train_freq=1,
+            gradient_steps=2,
+            policy_kwargs={"net_arch": [64, 64]},
+            seed=self.seed % 2**32,
+            device="cpu",
+        )

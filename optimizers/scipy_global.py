@@ -1,0 +1,90 @@
+"""SciPy's global optimisers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from scipy import optimize
+
+from optimizers.base import Real, checked_count
+from optimizers.inverted import InvertedOptimizer
+
+ENDLESS = 10**9
+
+
+class _ScipyOptimizer(InvertedOptimizer):
+    def _cost(self, point: Real) -> float:
+        return float(self.evaluate(point[None, :])[0])
+
+    def _box(self) -> list[tuple[float, float]]:
+        return [(-1.0, 1.0)] * self.dimension
+
+
+class DifferentialEvolution(_ScipyOptimizer):
+    """Differential evolution, by `scipy.optimize.differential_evolution`, a generation at a time.
+
+    Storn & Price, J. Global Optim. 11 (1997) 341. SciPy's defaults (best1bin, 15 individuals a dimension, Latin
+    hypercube start), except that a whole generation is evaluated side by side (``updating="deferred"``) and that no
+    gradient descent by differences follows (``polish=False``). It stops where SciPy's tolerance says so and begins
+    anew.
+
+    Parameters
+    ----------
+    individuals_per_dimension : int
+        SciPy's ``popsize``.
+    """
+
+    name = "scipy-differential-evolution"
+
+    def __init__(self, dimension: int, budget: int, seed: int, *, individuals_per_dimension: int = 15) -> None:
+        super().__init__(dimension, budget, seed)
+        self._individuals = checked_count("individuals_per_dimension", individuals_per_dimension)
+
+    def search(self) -> None:
+        """Run until SciPy finds that the population has converged."""
+        optimize.differential_evolution(
+            lambda columns: self.evaluate(columns.T),
+            self._box(),
+            popsize=self._individuals,
+            maxiter=ENDLESS,
+            rng=self.rng,
+            polish=False,
+            vectorized=True,
+            updating="deferred",
+        )
+
+
+class DualAnnealing(_ScipyOptimizer):
+    """Generalised simulated annealing with local searches, by `scipy.optimize.dual_annealing`, at its defaults.
+
+    Xiang et al., Phys. Lett. A 233 (1997) 216. Its local searches are L-BFGS-B on finite differences, each difference
+    an evaluation. It ends after SciPy's 1,000 iterations and begins anew.
+    """
+
+    name = "scipy-dual-annealing"
+
+    def search(self) -> None:
+        """Run SciPy's 1,000 iterations."""
+        optimize.dual_annealing(self._cost, self._box(), maxfun=ENDLESS, rng=self.rng)
+
+
+class Direct(_ScipyOptimizer):
+    """Dividing rectangles, by `scipy.optimize.direct`; it draws no random numbers, so every seed gives the same run.
+
+    Jones, Perttunen & Stuckman, J. Optim. Theory Appl. 79 (1993) 157; by default the locally biased variant of
+    Gablonsky & Kelley, J. Global Optim. 21 (2001) 27, as in SciPy. SciPy's volume and length tolerances are set to
+    zero, so that it goes on for the whole budget. Where it still ends (its rectangles cannot be divided further) it
+    begins again by the other of the two rules.
+    """
+
+    name = "scipy-direct"
+
+    def __init__(self, dimension: int, budget: int, seed: int, *, locally_biased: bool = True) -> None:
+        super().__init__(dimension, budget, seed)
+        self._locally_biased = bool(locally_biased)
+
+    def search(self) -> None:
+        """Divide until SciPy cannot."""
+        limits: dict[str, Any] = {"maxfun": self.budget, "maxiter": self.budget, "vol_tol": 0.0, "len_tol": 0.0}
+        optimize.direct(self._cost, self._box(), locally_biased=self._locally_biased, **limits)
+        self._locally_biased = not self._locally_biased
