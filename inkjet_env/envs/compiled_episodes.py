@@ -1,0 +1,57 @@
+"""Compiled kernels of the environment: actions to waveforms, waveforms to peaks, readings of peaks to costs.
+
+Nothing here is called by users; `task` is the face.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from inkjet_env.printhead import compiled
+
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+
+
+@_jit
+def waveforms_of_actions(points, lower, upper, waveforms):
+    """Fill waveforms (n, 7) from points (n, 7), as `Bounds.from_unit`; False where one is NaN or outside [-1, 1]."""
+    for i in range(points.shape[0]):
+        for k in range(points.shape[1]):
+            point = points[i, k]
+            if not abs(point) <= 1.0:
+                return False
+            value = ((1.0 - point) * lower[k] + (1.0 + point) * upper[k]) / 2.0
+            waveforms[i, k] = min(max(value, lower[k]), upper[k])
+    return True
+
+
+@_jit
+def batch_peaks(waveforms, heads, laps_before, one_point, window_s, peaks, counts, tails):
+    """Fill the signed peaks (n, capacity) of each waveform (n, 7), their number and the magnitude beyond them (V).
+
+    ``heads`` has 1 or n rows. Returns False when ``peaks`` was too narrow.
+    """
+    knots_s, knots_V = np.empty(6), np.empty(6)
+    memory, pieces = np.empty(32), np.empty((40, 6))
+    rate, series = np.empty(compiled.MAX_DEGREE), np.empty(compiled.SERIES_TERMS + 2)
+    stack, times = np.empty((64, 4)), np.empty(peaks.shape[1])
+    state, no_knots = np.empty(2), np.empty(0)
+    for i in range(waveforms.shape[0]):
+        state[:] = 0.0
+        head = heads[i if heads.shape[0] > 1 else 0]
+        compiled.waveform_knots(waveforms[i], knots_s, knots_V)
+        found = compiled.branch_pieces(knots_V, head[compiled.HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
+        counts[i], tails[i] = compiled.response_extrema(
+            head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks[i], no_knots
+        )
+        if counts[i] == compiled.OVERFLOW:
+            return False
+    return True
+
+
+@_jit
+def costs_of_readings(readings, counts, tails, A, B, effective, threshold, costs):
+    """Fill the peak cost of each row of readings (n, capacity), of which the first ``counts`` are peaks."""
+    for i in range(readings.shape[0]):
+        costs[i], _ = compiled.peak_cost(readings[i], counts[i], tails[i], A, B, effective, threshold)

@@ -1,0 +1,119 @@
+"""Drawing a response: drive, hysteresis loop, ringing and peaks, on matplotlib axes that are handed in.
+
+`picture` makes the environment's frame of them. Nothing touches pyplot's global state; matplotlib is imported on use.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.printhead import PeakCost, Response
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PICTURE_SIZE = (960, 640)
+"""Width and height in pixels."""
+
+# Colours of Okabe and Ito, told apart by colour-blind eyes too.
+DRIVE_COLOUR, HYSTERETIC_COLOUR, SENSOR_COLOUR = "#555555", "#D55E00", "#0072B2"
+EFFECTIVE_COLOUR, NEXT_COLOUR = "#009E73", "#CC79A7"
+
+POINTS = 2000
+
+
+def _ended_s(response: Response) -> float:
+    """When the drive ends, in seconds."""
+    return float(response.knot_times_s[-1])
+
+
+def _times_s(response: Response, end_s: float) -> NDArray[np.float64]:
+    """Times to draw lines through: even ones, the drive's corners and the peaks."""
+    own = np.concatenate([response.knot_times_s, response.peak_times_s])
+    return np.union1d(np.linspace(0.0, end_s, POINTS), own[own <= end_s])
+
+
+def draw_drive(axes: Axes, response: Response | None) -> None:
+    """Draw the drive and what the hysteresis makes of it, against time in µs."""
+    if response is not None:
+        time_s = _times_s(response, _ended_s(response) * 1.08)
+        axes.plot(
+            [t * 1e6 for t in (*response.knot_times_s, time_s[-1])],
+            [*response.knot_drive_V, response.knot_drive_V[-1]],
+            color=DRIVE_COLOUR,
+            label="asked for",
+        )
+        axes.plot(time_s * 1e6, response.hysteretic_V(time_s), color=HYSTERETIC_COLOUR, label="after hysteresis")
+        axes.margins(x=0.0, y=0.08)
+        axes.legend(loc="best", frameon=False, fontsize="small")
+    axes.set(title="Drive", xlabel="Time (µs)", ylabel="Drive (V)")
+
+
+def draw_loop(axes: Axes, response: Response | None) -> None:
+    """Draw the hysteretic drive against the drive, with its departure from a straight line made visible by one."""
+    if response is not None:
+        time_s = _times_s(response, _ended_s(response))
+        drive_V, hysteretic_V = response.drive_V(time_s), response.hysteretic_V(time_s)
+        axes.axline((0.0, 0.0), slope=1.0, color="0.8", linewidth=1.0, zorder=0)
+        axes.plot(drive_V, hysteretic_V, color=HYSTERETIC_COLOUR)
+    axes.set(title="Hysteresis", xlabel="Drive (V)", ylabel="Hysteretic drive (V)")
+
+
+def draw_response(axes: Axes, response: Response | None, cost: PeakCost) -> None:
+    """Draw the self-sensed signal and its peaks against time in µs; the effective peak and the next one stand out."""
+    axes.set(title="Self-sensed response", xlabel="Time (µs)", ylabel="Signal (V)")
+    if response is None:
+        return
+    times_us, peaks_V = response.peak_times_s * 1e6, response.peaks_V
+    last_s = float(response.peak_times_s[-1]) if peaks_V.size else 0.0
+    end_s = response.window_s if np.isfinite(response.window_s) else max(last_s, _ended_s(response))
+    time_s = _times_s(response, end_s)
+    axes.axvspan(0.0, min(_ended_s(response), end_s) * 1e6, color="0.95", zorder=0, label="driven")
+    axes.axhline(0.0, color="0.8", linewidth=1.0, zorder=0)
+    axes.plot(time_s * 1e6, response.sensor_V(time_s), color=SENSOR_COLOUR)
+    effective = cost.effective_index(peaks_V)
+    others = np.ones(peaks_V.size, dtype=bool)
+    if effective is not None:
+        for index, colour, label in (
+            (effective, EFFECTIVE_COLOUR, f"effective peak, weight {cost.A:g}"),
+            (effective + 1, NEXT_COLOUR, f"next peak, weight {cost.B:g}"),
+        ):
+            if index < peaks_V.size:
+                others[index] = False
+                label = f"{label}: {peaks_V[index]:.2f} V"
+                axes.plot(times_us[index], peaks_V[index], "o", color=colour, markersize=9, label=label)
+    axes.plot(times_us[others], peaks_V[others], "o", color=SENSOR_COLOUR, markersize=4, label="other peaks, weight 1")
+    axes.margins(x=0.01, y=0.12)
+    axes.legend(loc="upper right", frameon=False, fontsize="small")
+
+
+def picture(response: Response | None, cost: PeakCost) -> NDArray[np.uint8]:
+    """Picture of a response, shape (640, 960, 3); of empty axes where there is none yet."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    style = {
+        "font.size": 11.0,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.titlelocation": "left",
+        "axes.titleweight": "bold",
+        "axes.titlesize": 11.5,
+        "lines.linewidth": 1.8,
+    }
+    with rc_context(style):
+        dpi = 100
+        figure = Figure(figsize=(PICTURE_SIZE[0] / dpi, PICTURE_SIZE[1] / dpi), dpi=dpi, layout="constrained")
+        canvas = FigureCanvasAgg(figure)
+        axes = figure.subplot_mosaic([["drive", "loop"], ["response", "response"]], width_ratios=[3, 2])
+        draw_drive(axes["drive"], response)
+        draw_loop(axes["loop"], response)
+        draw_response(axes["response"], response, cost)
+        heading = "No waveform fired yet" if response is None else f"Peak cost {response.cost(cost):.2f} V"
+        figure.suptitle(heading, fontsize=15)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()

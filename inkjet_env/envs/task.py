@@ -1,0 +1,273 @@
+"""What one episode asks: which head is on the bench, which waveform an action means, what that waveform costs.
+
+The single environment, the vector environment and the Stable-Baselines3 one are faces of this file: all of them call
+these functions on rows, and a row's numbers do not depend on how many rows there are.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from inkjet_env.envs.parallel import simulated_costs
+from inkjet_env.printhead import Bounds, PeakCost, Printhead, Response, Waveform, check_name
+from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S
+
+Real = NDArray[np.float64]
+
+CONTEXTS = ("fixed", "random")
+CONTEXT_NAMES = ("frequency_Hz", "damping_ratio", "gain", "hysteresis_strength")
+CONTEXT_LOWER = np.array([35e3, 0.03, 0.7, 0.6])
+CONTEXT_UPPER = np.array([70e3, 0.08, 1.3, 1.4])
+_CENTRE, _HALF = (CONTEXT_LOWER + CONTEXT_UPPER) / 2, (CONTEXT_UPPER - CONTEXT_LOWER) / 2
+
+Value = TypeVar("Value", PeakCost, Bounds)
+
+
+def make_task(
+    printhead: Printhead | str | os.PathLike[str] | None = None,
+    cost: PeakCost | Mapping[str, Any] | None = None,
+    bounds: Bounds | Mapping[str, Any] | None = None,
+    context: str = "fixed",
+    noise: float = 0.0,
+    clip_actions: bool = False,
+    initial_state: str = "periodic",
+    window_s: float = DEFAULT_WINDOW_S,
+    hysteresis: str = "full_memory",
+) -> WaveformTask:
+    """Task of the environment's keyword options.
+
+    Parameters
+    ----------
+    printhead : Printhead or path, optional
+        The head, or its ``printhead.json``; the published one unless given.
+    cost : PeakCost or dict, optional
+        A dict holds the arguments of `PeakCost`, for example ``{"A": -10, "effective": "first"}``.
+    bounds : Bounds or dict, optional
+        The search box that ``[-1, 1]⁷`` maps to; a dict holds ``lower`` and ``upper``, 7 values each (V, V, s …).
+    context : {"fixed", "random"}
+        ``random``: every reset draws a head, uniformly: resonance 35…70 kHz, damping ratio 0.03…0.08, gain ±30 % and
+        strength of the hysteresis ×0.6…1.4 (both relative to ``printhead``).
+    noise : float
+        Standard deviation in volts of an independent Gaussian error on the reading of every peak. The reward is minus
+        the cost *of the readings*, the effective peak being chosen among them: what a measurement would give. A peak
+        well above the noise is read without bias; one within it adds about 0.8 ``noise`` to the cost, since the cost
+        takes magnitudes. ``info["cost"]`` is free of noise.
+    clip_actions : bool
+        Take an action outside the box for the nearest one inside, instead of refusing it.
+    initial_state, window_s, hysteresis
+        As `Printhead.respond` (not ``play_operators``).
+
+    Raises
+    ------
+    ValueError
+        An option has a value that is not offered; the message suggests the nearest name.
+    """
+    if printhead is None:
+        head = Printhead.published()
+    elif isinstance(printhead, Printhead):
+        head = printhead
+    elif isinstance(printhead, (str, os.PathLike)):
+        head = Printhead.from_json(printhead)
+    else:
+        raise ValueError(
+            f"printhead must be a Printhead, the path of a printhead.json, or None; got {type(printhead).__name__}."
+        )
+    check_name("context", context, CONTEXTS)
+    if isinstance(noise, bool) or not (isinstance(noise, (int, float, np.number)) and 0 <= noise < math.inf):
+        raise ValueError(f"noise must be a standard deviation of at least 0 V; got {noise!r}.")
+    if not isinstance(clip_actions, (bool, np.bool_)):
+        raise ValueError(f"clip_actions must be True or False; got {clip_actions!r}.")
+    return WaveformTask(
+        head,
+        _value_of("cost", PeakCost, ("A", "B", "effective"), cost),
+        _value_of("bounds", Bounds, ("lower", "upper"), bounds),
+        context,
+        float(noise),
+        bool(clip_actions),
+        initial_state,
+        window_s,
+        hysteresis,
+    )
+
+
+def _value_of(option: str, kind: type[Value], keys: tuple[str, ...], given: object) -> Value:
+    """A `PeakCost` or `Bounds` from one, from a dict of its arguments, or from None."""
+    if isinstance(given, kind):
+        return given
+    if given is None:
+        return kind()
+    if isinstance(given, Mapping):
+        for key in given:
+            check_name(f"a key of {option}", key, keys)
+        return kind(**given)
+    raise ValueError(f"{option} must be a {kind.__name__}, a dict or None; got {given!r}.")
+
+
+@dataclass(frozen=True)
+class WaveformTask:
+    """One printhead, cost, search box and way of measuring; made by `make_task`, which tells what each field is."""
+
+    printhead: Printhead
+    cost: PeakCost
+    bounds: Bounds
+    context: str
+    noise: float
+    clip_actions: bool
+    initial_state: str
+    window_s: float
+    hysteresis: str
+
+    def __post_init__(self) -> None:
+        self._prepared  # noqa: B018  checks the options that only the simulator knows
+
+    @cached_property
+    def _prepared(self) -> tuple[tuple, int]:
+        """Checked settings of the compiled simulator, and room for the most extrema that an episode can have."""
+        from inkjet_env.printhead import batch
+
+        heads = self._fixed_head if self.context == "fixed" else self.heads(np.array([[1.0, -1.0, 0.0, 0.0]]))
+        (_, _, *settings), capacity, _ = batch._prepare(
+            self.bounds.upper, heads, self.cost, self.initial_state, self.window_s, self.hysteresis
+        )
+        return tuple(settings), capacity
+
+    @cached_property
+    def _box(self) -> tuple[Real, Real]:
+        return np.array(self.bounds.lower), np.array(self.bounds.upper)
+
+    @cached_property
+    def _fixed_head(self) -> Real:
+        from inkjet_env.printhead import batch
+
+        return batch.head_table(self.printhead)
+
+    @property
+    def is_random(self) -> bool:
+        """Whether anything is drawn: heads or noise."""
+        return self.context == "random" or self.noise > 0
+
+    def action_space(self) -> spaces.Box:
+        """The seven parameters, scaled."""
+        return spaces.Box(-1.0, 1.0, (7,), np.float32)
+
+    def observation_space(self) -> spaces.Box:
+        """The head's four numbers, scaled; wider than [-1, 1] where a fixed head lies outside the drawn ranges."""
+        if self.context == "random":
+            return spaces.Box(-1.0, 1.0, (4,), np.float32)
+        own = self.fixed_context
+        return spaces.Box(np.minimum(own, np.float32(-1.0)), np.maximum(own, np.float32(1.0)), dtype=np.float32)
+
+    @cached_property
+    def fixed_context(self) -> NDArray[np.float32]:
+        """Observation of the task's own head, shape (4,): its numbers on the scale of the drawn ones, not clipped."""
+        values = np.array([self.printhead.frequency_Hz, self.printhead.damping_ratio, 1.0, 1.0])
+        return ((values - _CENTRE) / _HALF).astype(np.float32)
+
+    def contexts(self, generators: Sequence[np.random.Generator]) -> NDArray[np.float32]:
+        """One observation a generator, shape (n, 4): `CONTEXT_NAMES` on a scale where ±1 are the ends of the ranges."""
+        drawn = np.empty((len(generators), 4))
+        for row, generator in zip(drawn, generators, strict=True):
+            generator.random(out=row)
+        return (2.0 * drawn - 1.0).astype(np.float32)
+
+    def head_values(self, contexts: ArrayLike) -> Real:
+        """Physical values of observations of drawn heads, same shape; exact, since the observation is what is used."""
+        return _CENTRE + _HALF * np.asarray(contexts, dtype=np.float64)
+
+    def heads(self, contexts: ArrayLike) -> Real:
+        """Heads of observations (n, 4) for the compiled simulator; a single row where the context is fixed."""
+        if self.context == "fixed":
+            return self._fixed_head
+        from inkjet_env.printhead import batch
+
+        return batch.varied_head_table(self.printhead, *self.head_values(contexts).T)
+
+    def head(self, context: ArrayLike) -> Printhead:
+        """The printhead of one observation, shape (4,)."""
+        if self.context == "fixed":
+            return self.printhead
+        values = self.head_values(context)
+        return self.printhead.varied(**{name: float(v) for name, v in zip(CONTEXT_NAMES, values, strict=True)})
+
+    def respond(self, waveform: Real | None, context: ArrayLike) -> Response | None:
+        """Response of one observation's head to physical parameters, shape (7,); None to None."""
+        if waveform is None:
+            return None
+        return self.head(context).respond(
+            Waveform.from_array(waveform), self.initial_state, self.window_s, self.hysteresis
+        )
+
+    def waveforms(self, actions: ArrayLike, shape: tuple[int, ...]) -> Real:
+        """Physical parameters (V, V, s …), shape (n, 7), of actions in [-1, 1].
+
+        Parameters
+        ----------
+        actions : array_like
+        shape : tuple
+            What the actions' shape must be: (7,) or (n, 7).
+
+        Raises
+        ------
+        ValueError
+            Wrong shape, NaN, or a value outside [-1, 1] without ``clip_actions``.
+        """
+        from inkjet_env.envs.compiled_episodes import waveforms_of_actions
+
+        try:
+            points = np.ascontiguousarray(actions, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise ValueError(f"action must be numbers of shape {shape}: U1 U2 t1 t2 t3 t4 t5 in [-1, 1].") from None
+        if points.shape != shape:
+            raise ValueError(f"action must have shape {shape}: U1 U2 t1 t2 t3 t4 t5; got shape {points.shape}.")
+        rows = points.reshape(-1, 7)
+        waveforms = np.empty_like(rows)
+        if not waveforms_of_actions(rows, *self._box, waveforms):
+            waveforms_of_actions(self._clipped(points).reshape(-1, 7), *self._box, waveforms)
+        return waveforms
+
+    def _clipped(self, points: Real) -> Real:
+        for broken, rule, fix in (
+            (np.isnan(points), "must be a number", "Look for the policy or optimiser that produced it."),
+            (np.abs(points) > 1, "must be within [-1, 1]", "Scale it, or pass clip_actions=True."),
+        ):
+            if broken.any() and not (self.clip_actions and rule.endswith("]")):
+                at = tuple(int(i) for i in np.argwhere(broken)[0])
+                place = f" in row {at[0]}" if len(at) > 1 else ""
+                name = self.bounds.names[at[-1]]
+                raise ValueError(f"action {name} {rule}; got {points[at]:.9g}{place}. {fix}")
+        return np.clip(points, -1.0, 1.0)
+
+    def measure(self, waveforms: Real, heads: Real, generators: Sequence[np.random.Generator]) -> tuple[Real, Real]:
+        """Fire waveforms (n, 7) on heads (1 or n rows): the costs that are read, and those free of noise; in volts.
+
+        Without noise the two are one array, and no generator is used.
+        """
+        settings, capacity = self._prepared
+        if self.noise == 0:
+            costs = simulated_costs(waveforms, heads, settings, capacity)
+            return costs, costs
+        from inkjet_env.envs.compiled_episodes import batch_peaks, costs_of_readings
+
+        laps_before, one_point, window_s, A, B, effective, threshold = settings
+        counts, tails = np.empty(len(waveforms), dtype=np.int64), np.empty(len(waveforms))
+        while True:
+            peaks = np.empty((len(waveforms), capacity))
+            if batch_peaks(waveforms, heads, laps_before, one_point, window_s, peaks, counts, tails):
+                break
+            capacity *= 2
+        costs, read = np.empty(len(waveforms)), np.empty(len(waveforms))
+        costs_of_readings(peaks, counts, tails, A, B, effective, threshold, costs)
+        errors = np.zeros_like(peaks)
+        for row, count, generator in zip(errors, counts.tolist(), generators, strict=True):
+            generator.standard_normal(out=row[:count])
+        costs_of_readings(peaks + self.noise * errors, counts, tails, A, B, effective, threshold, read)
+        return read, costs
