@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,49 @@ DRIVE_COLOUR, HYSTERETIC_COLOUR, SENSOR_COLOUR = "#555555", "#D55E00", "#0072B2"
 EFFECTIVE_COLOUR, NEXT_COLOUR = "#009E73", "#CC79A7"
 
 POINTS = 2000
+FAINTEST_SHOWN = 1e-3
+"""Of the largest peak: where the whole tail counts, it is drawn as far as its peaks are larger than this."""
 
 
 def _ended_s(response: Response) -> float:
     """When the drive ends, in seconds."""
     return float(response.knot_times_s[-1])
+
+
+def _text(value: float, decimals: int) -> str:
+    """A number with a minus sign instead of a hyphen, and never −0."""
+    return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−")
+
+
+def _legend_above(axes: Axes) -> None:
+    """A legend in one line beside the title, where no curve can run into it."""
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=4,
+        frameon=False,
+        fontsize="small",
+        borderaxespad=0.2,
+        columnspacing=1.2,
+        handletextpad=0.4,
+    )
+
+
+def _leave_room(axes: Axes, which: str) -> None:
+    """Keep a curve that stands still from being blown up: at least ±1 V to see."""
+    for axis in which:
+        low, high = getattr(axes, f"get_{axis}lim")()
+        if high - low < 2.0:
+            getattr(axes, f"set_{axis}lim")(min(low, -1.0), max(high, 1.0))
+
+
+def _shown_s(response: Response) -> float:
+    """Until when the response is drawn, in seconds: the window, or as long as there is something to see."""
+    if np.isfinite(response.window_s):
+        return response.window_s
+    magnitude = np.abs(response.peaks_V)
+    seen = response.peak_times_s[magnitude > FAINTEST_SHOWN * magnitude.max(initial=0.0)]
+    return max(float(seen.max(initial=0.0)), 1.25 * _ended_s(response))
 
 
 def _times_s(response: Response, end_s: float) -> NDArray[np.float64]:
@@ -48,7 +86,8 @@ def draw_drive(axes: Axes, response: Response | None) -> None:
         )
         axes.plot(time_s * 1e6, response.hysteretic_V(time_s), color=HYSTERETIC_COLOUR, label="after hysteresis")
         axes.margins(x=0.0, y=0.08)
-        axes.legend(loc="best", frameon=False, fontsize="small")
+        _leave_room(axes, "y")
+        _legend_above(axes)
     axes.set(title="Drive", xlabel="Time (µs)", ylabel="Drive (V)")
 
 
@@ -59,6 +98,7 @@ def draw_loop(axes: Axes, response: Response | None) -> None:
         drive_V, hysteretic_V = response.drive_V(time_s), response.hysteretic_V(time_s)
         axes.axline((0.0, 0.0), slope=1.0, color="0.8", linewidth=1.0, zorder=0)
         axes.plot(drive_V, hysteretic_V, color=HYSTERETIC_COLOUR)
+        _leave_room(axes, "xy")
     axes.set(title="Hysteresis", xlabel="Drive (V)", ylabel="Hysteretic drive (V)")
 
 
@@ -68,26 +108,34 @@ def draw_response(axes: Axes, response: Response | None, cost: PeakCost) -> None
     if response is None:
         return
     times_us, peaks_V = response.peak_times_s * 1e6, response.peaks_V
-    last_s = float(response.peak_times_s[-1]) if peaks_V.size else 0.0
-    end_s = response.window_s if np.isfinite(response.window_s) else max(last_s, _ended_s(response))
+    end_s = _shown_s(response)
     time_s = _times_s(response, end_s)
     axes.axvspan(0.0, min(_ended_s(response), end_s) * 1e6, color="0.95", zorder=0, label="driven")
     axes.axhline(0.0, color="0.8", linewidth=1.0, zorder=0)
     axes.plot(time_s * 1e6, response.sensor_V(time_s), color=SENSOR_COLOUR)
     effective = cost.effective_index(peaks_V)
-    others = np.ones(peaks_V.size, dtype=bool)
+    others = response.peak_times_s <= end_s
     if effective is not None:
-        for index, colour, label in (
-            (effective, EFFECTIVE_COLOUR, f"effective peak, weight {cost.A:g}"),
-            (effective + 1, NEXT_COLOUR, f"next peak, weight {cost.B:g}"),
+        for index, colour, label, weight in (
+            (effective, EFFECTIVE_COLOUR, "effective peak", cost.A),
+            (effective + 1, NEXT_COLOUR, "next peak", cost.B),
         ):
             if index < peaks_V.size:
                 others[index] = False
-                label = f"{label}: {peaks_V[index]:.2f} V"
+                label = f"{label} {_text(peaks_V[index], 2)} V, weight {weight:g}".replace("-", "−")
                 axes.plot(times_us[index], peaks_V[index], "o", color=colour, markersize=9, label=label)
-    axes.plot(times_us[others], peaks_V[others], "o", color=SENSOR_COLOUR, markersize=4, label="other peaks, weight 1")
+    if others.any():
+        axes.plot(times_us[others], peaks_V[others], "o", color=SENSOR_COLOUR, markersize=4, label="others, weight 1")
     axes.margins(x=0.01, y=0.12)
-    axes.legend(loc="upper right", frameon=False, fontsize="small")
+    _leave_room(axes, "y")
+    _legend_above(axes)
+
+
+def _heading(response: Response, cost: PeakCost) -> str:
+    """The cost, and the waveform's seven parameters."""
+    volts = " and ".join(_text(float(u), 1) for u in (response.knot_drive_V[1], response.knot_drive_V[3]))
+    durations = ", ".join(_text(float(t), 2) for t in np.diff(response.knot_times_s) * 1e6)
+    return f"Peak cost {_text(response.cost(cost), 2)} V\nU {volts} V,  t {durations} µs"
 
 
 def picture(response: Response | None, cost: PeakCost) -> NDArray[np.uint8]:
@@ -96,7 +144,7 @@ def picture(response: Response | None, cost: PeakCost) -> NDArray[np.uint8]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    style = {
+    style: dict[Any, Any] = {
         "font.size": 11.0,
         "axes.spines.top": False,
         "axes.spines.right": False,
@@ -107,13 +155,18 @@ def picture(response: Response | None, cost: PeakCost) -> NDArray[np.uint8]:
     }
     with rc_context(style):
         dpi = 100
-        figure = Figure(figsize=(PICTURE_SIZE[0] / dpi, PICTURE_SIZE[1] / dpi), dpi=dpi, layout="constrained")
+        figure = Figure(figsize=(PICTURE_SIZE[0] / dpi, PICTURE_SIZE[1] / dpi), dpi=dpi)
         canvas = FigureCanvasAgg(figure)
+        figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.10)
         axes = figure.subplot_mosaic([["drive", "loop"], ["response", "response"]], width_ratios=[3, 2])
         draw_drive(axes["drive"], response)
         draw_loop(axes["loop"], response)
         draw_response(axes["response"], response, cost)
-        heading = "No waveform fired yet" if response is None else f"Peak cost {response.cost(cost):.2f} V"
-        figure.suptitle(heading, fontsize=15)
+        if response is None:
+            figure.suptitle("No waveform fired yet", fontsize=15)
+            for each in axes.values():
+                each.set(xticks=[], yticks=[])
+        else:
+            figure.suptitle(_heading(response, cost), fontsize=13)
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()
