@@ -104,13 +104,13 @@ def draw_loop(axes: Axes, response: Response | None) -> None:
 
 def draw_response(axes: Axes, response: Response | None, cost: PeakCost) -> None:
     """Draw the self-sensed signal and its peaks against time in µs; the effective peak and the next one stand out."""
-    axes.set(title="Self-sensed response", xlabel="Time (µs)", ylabel="Signal (V)")
+    axes.set(title="Self-sensed response", xlabel="Time (µs); grey: driven", ylabel="Signal (V)")
     if response is None:
         return
     times_us, peaks_V = response.peak_times_s * 1e6, response.peaks_V
     end_s = _shown_s(response)
     time_s = _times_s(response, end_s)
-    axes.axvspan(0.0, min(_ended_s(response), end_s) * 1e6, color="0.95", zorder=0, label="driven")
+    axes.axvspan(0.0, min(_ended_s(response), end_s) * 1e6, color="0.95", zorder=0)
     axes.axhline(0.0, color="0.8", linewidth=1.0, zorder=0)
     axes.plot(time_s * 1e6, response.sensor_V(time_s), color=SENSOR_COLOUR)
     effective = cost.effective_index(peaks_V)
