@@ -128,7 +128,8 @@ def draw_response(axes: Axes, response: Response | None, cost: PeakCost) -> None
         axes.plot(times_us[others], peaks_V[others], "o", color=SENSOR_COLOUR, markersize=4, label="others, weight 1")
     axes.margins(x=0.01, y=0.12)
     _leave_room(axes, "y")
-    _legend_above(axes)
+    if peaks_V.size:
+        _legend_above(axes)
 
 
 def _heading(response: Response, cost: PeakCost) -> str:

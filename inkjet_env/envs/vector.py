@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
@@ -79,20 +80,19 @@ class BipolarWaveformVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generator of each head; one that was never seeded is seeded by chance."""
-        return tuple(self._generator(i) for i in range(self.num_envs))
+        for i, generator in enumerate(self._generators):
+            if generator is None:
+                self._seed(i, None)
+        return tuple(self._generators)  # type: ignore[arg-type]
 
     @property
-    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each head's generator."""
-        return tuple(self._seeds[i] for i in range(self.num_envs) if self._generator(i))
+        _ = self.np_random
+        return tuple(self._seeds)  # type: ignore[arg-type]
 
-    def _generator(self, i: int) -> np.random.Generator:
-        # Made on first use: a fixed head without noise needs none, and making 1,000 takes 15 ms.
-        generator = self._generators[i]
-        if generator is None:
-            generator, self._seeds[i] = seeding.np_random(self._seeds[i])
-            self._generators[i] = generator
-        return generator
+    def _seed(self, i: int, seed: int | None) -> None:
+        self._generators[i], self._seeds[i] = seeding.np_random(None if seed is None else operator.index(seed))
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -105,7 +105,7 @@ class BipolarWaveformVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any
                 raise ValueError(f"seed must be a number, or {self.num_envs} of them; got {len(seeds)}.")
             for i, one in enumerate(seeds):
                 if one is not None:
-                    self._seeds[i], self._generators[i] = int(one), None
+                    self._seed(i, one)
         self._begin()
         self._is_reset = True
         self._fired = None
