@@ -111,8 +111,8 @@ def search(problem: Problem, starts: int, seed: int) -> dict[str, Any]:
     response = problem.printhead.respond(_waveform(waveform), problem.initial_state, problem.window_s)
     found_by = (
         f"L-BFGS-B on the exact gradient from {starts} starts (half the best of "
-        f"{SCREENED_PER_START * starts} or more Sobol points, half any of them; it reached {by_gradient:.6f} V), the best "
-        f"{min(POLISHED, starts)} ends polished by random steps and Nelder–Mead"
+        f"{SCREENED_PER_START * starts} or more Sobol points, half any of them; it reached {by_gradient:.6f} V), "
+        f"the best {min(POLISHED, starts)} ends polished by random steps and Nelder–Mead"
     )
     return {
         "problem": problem.settings(),
@@ -143,16 +143,14 @@ def main(arguments: list[str] | None = None) -> None:
     if chosen.starts < 2:
         parser.error(f"--starts must be at least 2; got {chosen.starts}.")
     file = Path(__file__).with_name(BEST_KNOWN_FILE)
-    entries = json.loads(file.read_text(encoding="utf-8"))["problems"] if file.is_file() else {}
+    entries: dict[str, Any] = {}
+    if file.is_file():
+        entries = json.loads(file.read_text(encoding="utf-8"))["problems"]
     for name in chosen.problem or suite():
         entry = search(problem(name), chosen.starts, chosen.seed)
-        known = entries.get(name)
-        same = known is not None and known["problem"] == problem(name).settings()
-        kept = same and known["cost_V"] <= entry["cost_V"]
-        print(
-            f"{name}: {entry['cost_V']:.9f} V" + (f"; kept {known['cost_V']:.9f} V" if kept else ""),
-            flush=True,
-        )
+        known = entries.get(name, {})
+        kept = known.get("problem") == entry["problem"] and known["cost_V"] <= entry["cost_V"]
+        print(f"{name}: {entry['cost_V']:.9f} V" + (f"; kept {known['cost_V']:.9f} V" if kept else ""), flush=True)
         if not kept:
             entries[name] = entry
         written = {"format": "best_known/1", "version": version("inkjet-env"), "problems": entries}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inkjet_env.printhead import Bounds, PeakCost, Printhead
+from inkjet_env.printhead import Bounds, PeakCost, Printhead, Response, Waveform
 from inkjet_env.printhead.naming import check_name
 
 BEST_KNOWN_FILE = "best_known.json"
@@ -55,8 +55,8 @@ class Problem:
 
     name: str
     printhead: Printhead = field(default_factory=Printhead.published)
-    cost: PeakCost = PeakCost()
-    bounds: Bounds = Bounds()
+    cost: PeakCost = field(default_factory=PeakCost)
+    bounds: Bounds = field(default_factory=Bounds)
     initial_state: str = "periodic"
     window_s: float = 350e-6
 
@@ -82,6 +82,11 @@ class Problem:
             waveforms, self._head, self.cost, self.initial_state, self.window_s
         )
         return costs, gradients * self.bounds.half_width
+
+    def respond(self, point: ArrayLike) -> Response:
+        """Response of the printhead to the waveform of one point in ``[-1, 1]``, shape (7,)."""
+        waveform = Waveform.from_array(self.bounds.from_unit(point))
+        return self.printhead.respond(waveform, self.initial_state, self.window_s)
 
     @property
     def best_known(self) -> BestKnown | None:

@@ -125,12 +125,13 @@ def read_run(folder: Path, key: RunKey, bench_seed: int, budget: int) -> RunResu
             points, costs = archive["points"], archive["costs"]
     except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile, NotImplementedError) as error:
         raise _damaged(path, f"it cannot be read ({error or type(error).__name__})") from None
+    seed = key.seed(bench_seed)
     expected = {
         "format": RUN_FORMAT,
         "optimizer": key.optimizer,
         "problem": key.problem,
         "repeat": key.repeat,
-        "seed": key.seed(bench_seed),
+        "seed": seed,
     }
     if label != expected:
         raise _damaged(path, f"it is labelled {label} instead of {expected}")
@@ -138,7 +139,7 @@ def read_run(folder: Path, key: RunKey, bench_seed: int, budget: int) -> RunResu
         raise _damaged(path, f"it holds points {points.shape} and costs {costs.shape} for a budget of {budget}")
     if not (np.isfinite(costs).all() and (np.abs(points) <= 1).all()):
         raise _damaged(path, "it holds a cost that is not finite or a point outside the box")
-    result = RunResult(key, expected["seed"], points, costs)
+    result = RunResult(key, seed, points, costs)
     again = float(problem(key.problem).evaluate(result.best_point())[0])
     if not np.isclose(again, costs.min(), rtol=1e-9, atol=1e-9):
         raise _damaged(path, f"its best point costs {again:.9g} V here, not the {costs.min():.9g} V it records")

@@ -1,0 +1,155 @@
+"""Pictures of waveforms, responses and convergence; each function draws into a new figure and returns it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.storage import write_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from inkjet_env.printhead import PeakCost, Response
+
+BEFORE, AFTER, GREY = "#b3541e", "#1b5e8c", "#888888"
+DRAWN_S = 250e-6
+STYLE: dict[str, Any] = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "svg.hashsalt": "inkjet",
+    "svg.fonttype": "path",
+}
+# Okabe and Ito's colours, which colour-blind readers can tell apart; repeated with another dash.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+DASHES = ("-", "--", ":")
+
+
+def new_figure(width: float, height: float, **subplots: Any) -> tuple[Figure, Any]:
+    """A figure of that size in inches, belonging to no window, and its axes."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(STYLE):
+        figure = Figure((width, height), layout="constrained")
+        return figure, figure.subplots(**subplots)
+
+
+def svg_text(figure: Figure) -> str:
+    """The figure as an ``<svg>`` element, the same text for the same figure."""
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]
+
+
+def check_picture_name(path: str | Path) -> None:
+    """Raise ``ValueError`` unless the file name ends in a picture format that can be written."""
+    ending = Path(path).suffix.lower()
+    if ending not in (".png", ".svg", ".pdf"):
+        raise ValueError(f"{path}: a picture's name must end in .png, .svg or .pdf; got {ending or 'no ending'!r}.")
+
+
+def write_picture(path: str | Path, figure: Figure) -> None:
+    """Write a figure as PNG, SVG or PDF, by the name's ending; whole or not at all."""
+    check_picture_name(path)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=Path(path).suffix.lower()[1:], dpi=160)
+    write_atomically(path, buffer.getvalue())
+
+
+def draw_response(response: Response, cost: PeakCost) -> Figure:
+    """Drive above, self-sensed response with its peaks below."""
+    figure, axes = new_figure(7.2, 4.6, nrows=2, sharex=True, height_ratios=[2, 3])
+    _drive(axes[0], response, AFTER, "drive")
+    _sensed(axes[1], response, cost, AFTER)
+    axes[0].set_ylabel("drive (V)")
+    axes[1].set_ylabel("response (V)")
+    axes[1].set_xlabel("time (µs)")
+    axes[1].set_title(f"peak cost {response.cost(cost):.3f} V; dots: peaks, ring: the effective one", fontsize=9)
+    return figure
+
+
+def draw_before_after(before: Response, after: Response, cost: PeakCost, titles: Sequence[str]) -> Figure:
+    """Drive and response of two waveforms side by side on the same scales."""
+    figure, axes = new_figure(8.6, 4.6, nrows=2, ncols=2, sharex=True, sharey="row", height_ratios=[2, 3])
+    for column, (response, title, colour) in enumerate(zip((before, after), titles, (BEFORE, AFTER), strict=True)):
+        _drive(axes[0, column], response, colour)
+        _sensed(axes[1, column], response, cost, colour)
+        axes[0, column].set_title(f"{title}\npeak cost {response.cost(cost):.2f} V", fontsize=9)
+        axes[1, column].set_xlabel("time (µs)")
+    axes[0, 0].set_ylabel("drive (V)")
+    axes[1, 0].set_ylabel("response (V)")
+    return figure
+
+
+def _drive(axes: Axes, response: Response, colour: str, label: str | None = None) -> None:
+    time_s = np.concatenate([[-10e-6], response.knot_times_s, [DRAWN_S]])
+    axes.plot(time_s * 1e6, response.drive_V(time_s), color=colour, lw=1.4, label=label)
+
+
+def _sensed(axes: Axes, response: Response, cost: PeakCost, colour: str) -> None:
+    time_s = np.linspace(-10e-6, DRAWN_S, 2601)
+    axes.plot(time_s * 1e6, np.where(time_s < 0, 0.0, response.sensor_V(time_s)), color=colour, lw=1.2)
+    shown = response.peak_times_s <= DRAWN_S
+    axes.plot(response.peak_times_s[shown] * 1e6, response.peaks_V[shown], ".", color=colour, ms=5)
+    e = cost.effective_index(response.peaks_V)
+    if e is not None:
+        axes.plot(
+            response.peak_times_s[e] * 1e6,
+            response.peaks_V[e],
+            "o",
+            ms=9,
+            mfc="none",
+            mec="black",
+            mew=1.0,
+            clip_on=False,
+        )
+
+
+def draw_convergence(
+    evaluations: NDArray[np.integer], curves: Mapping[str, Mapping[str, NDArray[np.float64]]], floor_V: float
+) -> Figure:
+    """Median regret and quartile band against evaluations, a panel a problem, both axes logarithmic.
+
+    Parameters
+    ----------
+    evaluations : ndarray of int, shape (n,)
+    curves : mapping
+        Problem → optimiser, the best first → quartiles of the regret in volts, shape (3, n).
+    floor_V : float
+        Lesser regrets are drawn at this one.
+    """
+    columns = min(2, len(curves))
+    rows = -(-len(curves) // columns)
+    figure, axes = new_figure(1.9 + 4.1 * columns, 0.4 + 3.0 * rows, nrows=rows, ncols=columns, squeeze=False)
+    handles = {}
+    for panel, (name, by_optimizer) in zip(axes.flat, curves.items(), strict=False):
+        for number, (optimizer, quartiles) in enumerate(by_optimizer.items()):
+            colour = COLOURS[number % len(COLOURS)]
+            dash = DASHES[number // len(COLOURS) % len(DASHES)]
+            low, median, high = np.maximum(quartiles, floor_V)
+            panel.fill_between(evaluations, low, high, color=colour, alpha=0.10, lw=0)
+            (handles[optimizer],) = panel.plot(evaluations, median, dash, color=colour, lw=1.4)
+        panel.set(xscale="log", yscale="log", title=name, xlim=(evaluations[0], evaluations[-1]))
+        panel.set_xlabel("evaluations")
+        panel.set_ylabel("regret (V)")
+    for panel in axes.flat[len(curves) :]:
+        panel.set_axis_off()
+    figure.legend(
+        handles.values(), handles.keys(), loc="outside right upper", frameon=False, title="best mean rank first"
+    )
+    return figure

@@ -1,0 +1,179 @@
+"""The page and the tables that a finished comparison is read from.
+
+`write_report` puts beside the runs ``report.html``, which needs nothing but itself, and ``ranking.csv`` and
+``ranking.json`` for machines. Tables depend on the runs alone: the same runs give the same bytes.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments import pictures
+from experiments.bench import BenchOutcome, versions
+from experiments.problems import problem
+from experiments.runs import RunKey, RunResult, read_seconds
+from experiments.statistics import Summary, regret_quartiles
+from experiments.storage import json_text, write_atomically
+
+RANKING_FORMAT = "ranking/1"
+GENERATION = 40
+"""Evaluations of the paper's first generation."""
+FLOOR_V = 1e-6
+CSV_COLUMNS = (
+    *("optimizer", "mean_rank", "mean_rank_low", "mean_rank_high", "problem", "runs"),
+    *("median_regret_V", "regret_low_V", "regret_high_V", "within_1_percent", "within_5_percent"),
+)
+
+
+def write_report(outcome: BenchOutcome, summary: Summary) -> Path:
+    """Write report.html, ranking.csv and ranking.json into the results folder; return the page's path."""
+    write_atomically(outcome.folder / "ranking.csv", ranking_csv(summary))
+    write_atomically(outcome.folder / "ranking.json", json_text(ranking_json(outcome, summary)))
+    page = outcome.folder / "report.html"
+    write_atomically(page, report_html(outcome, summary))
+    return page
+
+
+def ranking_json(outcome: BenchOutcome, summary: Summary) -> dict[str, Any]:
+    """The ranking as plain JSON values; numbers that do not exist are null."""
+    return {
+        "format": RANKING_FORMAT,
+        "settings": outcome.settings.to_json(),
+        "sentences": list(summary.sentences),
+        "friedman_p": _number(summary.friedman_p),
+        "critical_difference": _number(summary.critical_difference),
+        "ranking": [
+            {
+                "optimizer": standing.optimizer,
+                "mean_rank": standing.mean_rank,
+                "low": standing.low,
+                "high": standing.high,
+                "tied_with_winner": standing.tied_with_winner,
+                "problems": {
+                    name: {
+                        "runs": score.runs,
+                        "median_regret_V": score.regret.value,
+                        "low": _number(score.regret.low),
+                        "high": _number(score.regret.high),
+                        "within_1_percent": score.within_1_percent,
+                        "within_5_percent": score.within_5_percent,
+                    }
+                    for name in outcome.settings.problems
+                    for score in [summary.score(standing.optimizer, name)]
+                },
+            }
+            for standing in summary.standings
+        ],
+        "unavailable": outcome.unavailable,
+    }
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def ranking_csv(summary: Summary) -> str:
+    """The ranking as CSV, one line for each optimiser and problem, the best optimiser first."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    for standing in summary.standings:
+        rank = (standing.mean_rank, standing.low, standing.high)
+        for score in summary.scores:
+            if score.optimizer == standing.optimizer:
+                regret = (score.regret.value, score.regret.low, score.regret.high)
+                near = (score.within_1_percent, score.within_5_percent)
+                writer.writerow([standing.optimizer, *rank, score.problem, score.runs, *regret, *near])
+    return text.getvalue()
+
+
+def report_html(outcome: BenchOutcome, summary: Summary) -> str:
+    """The page: conclusions, ranking, convergence, the winner's waveform, settings; pictures inside it."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
+    environment.filters["volts"] = volts
+    settings = outcome.settings
+    shown = "nominal" if "nominal" in settings.problems else settings.problems[0]
+    run = median_run([r for r in outcome.results if (r.key.optimizer, r.key.problem) == (summary.winner, shown)])
+    return environment.get_template("report.html").render(
+        settings=settings,
+        summary=summary,
+        unavailable=outcome.unavailable,
+        problems=[(name, problem(name).settings()["cost"], problem(name).best_known) for name in settings.problems],
+        tallies=[(standing, *_tally(outcome, summary, standing.optimizer)) for standing in summary.standings],
+        versions=versions(),
+        convergence=pictures.svg_text(convergence_figure(outcome, summary)),
+        waveforms=pictures.svg_text(before_after_figure(run)),
+        shown_problem=shown,
+        shown_repeat=run.key.repeat,
+    )
+
+
+def _tally(outcome: BenchOutcome, summary: Summary, optimizer: str) -> tuple[float, float, float]:
+    """Shares of all runs within 1 % and 5 %, and mean seconds a run."""
+    scores = [score for score in summary.scores if score.optimizer == optimizer]
+    seconds = [
+        read_seconds(outcome.folder, RunKey(optimizer, name, repeat)).get("total", math.nan)
+        for name in outcome.settings.problems
+        for repeat in range(outcome.settings.repeats)
+    ]
+    known = [value for value in seconds if math.isfinite(value)]
+    return (
+        float(np.mean([score.within_1_percent for score in scores])),
+        float(np.mean([score.within_5_percent for score in scores])),
+        float(np.mean(known)) if known else math.nan,
+    )
+
+
+def volts(value: float) -> str:
+    """A regret for people.
+
+    Examples
+    --------
+    >>> [volts(v) for v in (12.3456, 0.01234, 3e-9, float("nan"))]
+    ['12.35', '0.0123', '< 1e-6', '–']
+    """
+    if not math.isfinite(value):
+        return "–"
+    if abs(value) < FLOOR_V:
+        return "< 1e-6"
+    return f"{value:.2f}" if abs(value) >= 1 else f"{value:.3g}"
+
+
+def median_run(results: Sequence[RunResult]) -> RunResult:
+    """The run whose final cost is the median (the better of the middle two)."""
+    return sorted(results, key=lambda result: float(result.costs.min()))[(len(results) - 1) // 2]
+
+
+def convergence_figure(outcome: BenchOutcome, summary: Summary) -> Any:
+    """Regret against evaluations, a panel a problem, optimisers in the order of the ranking."""
+    budget = outcome.settings.budget
+    evaluations = np.unique(np.round(np.geomspace(1, budget, 120)).astype(int))
+    curves = {
+        name: {
+            standing.optimizer: regret_quartiles(
+                [r for r in outcome.results if (r.key.optimizer, r.key.problem) == (standing.optimizer, name)],
+                evaluations,
+            )
+            for standing in summary.standings
+        }
+        for name in outcome.settings.problems
+    }
+    return pictures.draw_convergence(evaluations, curves, FLOOR_V)
+
+
+def before_after_figure(run: RunResult) -> Any:
+    """Best waveform of a run's first 40 evaluations beside the best of all."""
+    solved = problem(run.key.problem)
+    responses = [solved.respond(run.best_point(evaluations)) for evaluations in (GENERATION, None)]
+    last = len(run.costs)
+    titles = (f"best of the first {min(GENERATION, last)} evaluations", f"best of all {last} evaluations")
+    return pictures.draw_before_after(*responses, solved.cost, titles)

@@ -1,0 +1,311 @@
+"""What the runs of a comparison allow one to say: regrets, ranks, their uncertainty, and that in a sentence.
+
+Two questions are kept apart. *On these problems*, is one optimiser better than another? The runs are resampled and the
+ranking made anew each time. *On problems like these in general?* There the problems are the sample, and few of them
+prove little: the Friedman test and Nemenyi's critical difference say how little (Demšar, JMLR 7 (2006) 1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from experiments.bench import BenchOutcome
+from experiments.problems import problem
+from experiments.runs import RunResult
+
+Real = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+RESAMPLES = 10_000
+RESOLUTION_V = 1e-6
+"""Regrets that differ by less are ties: nobody measures a microvolt of peak cost."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A median and its bootstrap interval; ``low`` and ``high`` are NaN where one run tells nothing of the spread."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Score:
+    """One optimiser on one problem.
+
+    Parameters
+    ----------
+    optimizer, problem : str
+    runs : int
+    regret : Interval
+        Median over the runs of final best cost − best known cost, in volts.
+    within_1_percent, within_5_percent : float
+        Share of the runs whose regret is at most 1 % (5 %) of the best known cost's magnitude.
+    """
+
+    optimizer: str
+    problem: str
+    runs: int
+    regret: Interval
+    within_1_percent: float
+    within_5_percent: float
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One optimiser over all problems.
+
+    Parameters
+    ----------
+    optimizer : str
+    mean_rank : float
+        Over the problems, of the rank of its median regret; 1 is best, ties share.
+    low, high : float
+        Bootstrap interval of the mean rank.
+    tied_with_winner : bool
+        Whether resampling the runs leaves open which of the two has the better mean rank.
+    """
+
+    optimizer: str
+    mean_rank: float
+    low: float
+    high: float
+    tied_with_winner: bool
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Everything the report tells: scores, standings from best to worst, Friedman's and Nemenyi's numbers, sentences.
+
+    ``friedman_p`` and ``critical_difference`` are NaN with fewer than three optimisers or two problems.
+    """
+
+    scores: tuple[Score, ...]
+    standings: tuple[Standing, ...]
+    friedman_p: float
+    critical_difference: float
+    sentences: tuple[str, ...]
+
+    @property
+    def winner(self) -> str:
+        """The optimiser of the best mean rank."""
+        return self.standings[0].optimizer
+
+    def score(self, optimizer: str, problem: str) -> Score:
+        """The score of one optimiser on one problem."""
+        return next(s for s in self.scores if (s.optimizer, s.problem) == (optimizer, problem))
+
+
+def best_known_cost(name: str) -> float:
+    """Best known cost of a problem of the suite, in volts; ``ValueError`` where none is on record."""
+    known = problem(name).best_known
+    if known is None:
+        raise ValueError(
+            f"problem {name!r} has no best known cost on record. Run: python -m experiments.best_known --problem {name}"
+        )
+    return known.cost
+
+
+def final_regrets(results: Sequence[RunResult]) -> dict[str, dict[str, Real]]:
+    """Final best cost − best known cost in volts: by optimiser and problem, one value a run, in the runs' order."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for result in results:
+        regret = float(result.costs.min()) - best_known_cost(result.key.problem)
+        found.setdefault(result.key.optimizer, {}).setdefault(result.key.problem, []).append(regret)
+    return {
+        optimizer: {name: np.array(values) for name, values in by_problem.items()}
+        for optimizer, by_problem in found.items()
+    }
+
+
+def regret_quartiles(results: Sequence[RunResult], evaluations: ArrayLike) -> Real:
+    """Quartiles over runs of the best-so-far regret, shape (3, n), in volts, after each number of ``evaluations``."""
+    at = np.asarray(evaluations) - 1
+    curves = [result.best_so_far()[at] - best_known_cost(result.key.problem) for result in results]
+    return np.percentile(curves, [25, 50, 75], axis=0)
+
+
+def median_interval(values: ArrayLike, rng: np.random.Generator) -> Interval:
+    """Median of ``values``, shape (n,), and its 95 % percentile-bootstrap interval."""
+    from scipy.stats import bootstrap
+
+    values = np.asarray(values, dtype=np.float64)
+    if values.size < 2:
+        return Interval(float(np.median(values)), math.nan, math.nan)
+    found = bootstrap(
+        (values,),
+        np.median,
+        confidence_level=CONFIDENCE,
+        method="percentile",  # BCa breaks down for a median among ties
+        n_resamples=2000,
+        rng=rng,
+    ).confidence_interval
+    return Interval(float(np.median(values)), float(found.low), float(found.high))
+
+
+def mean_ranks(medians: ArrayLike) -> Real:
+    """Mean over problems of each optimiser's rank; regrets within a microvolt share a rank.
+
+    Parameters
+    ----------
+    medians : array_like, shape (..., optimisers, problems)
+        Median regrets in volts.
+
+    Returns
+    -------
+    ndarray, shape (..., optimisers)
+
+    Examples
+    --------
+    >>> mean_ranks([[0.0, 1.0], [1.0, 1.0], [2.0, 0.0]])
+    array([1.75, 2.25, 2.  ])
+    """
+    from scipy.stats import rankdata
+
+    return rankdata(np.round(np.asarray(medians) / RESOLUTION_V), axis=-2).mean(axis=-1)
+
+
+def resampled_mean_ranks(regrets: Real, rng: np.random.Generator, resamples: int = RESAMPLES) -> Real:
+    """Mean ranks of rankings made from resampled runs, shape (resamples, optimisers).
+
+    Parameters
+    ----------
+    regrets : ndarray, shape (optimisers, problems, runs)
+    """
+    optimizers, problems, runs = regrets.shape
+    medians = np.empty((resamples, optimizers, problems))
+    for i in range(optimizers):
+        for j in range(problems):
+            medians[:, i, j] = np.median(rng.choice(regrets[i, j], (resamples, runs)), axis=1)
+    return mean_ranks(medians)
+
+
+def standings(regrets: Mapping[str, ArrayLike], rng: np.random.Generator) -> tuple[Standing, ...]:
+    """Optimisers from the best mean rank to the worst.
+
+    Parameters
+    ----------
+    regrets : mapping of str to array_like, shape (problems, runs)
+        Final regrets in volts of each optimiser.
+
+    Notes
+    -----
+    Another optimiser is told from the winner where it ranks behind in all but ``0.05 / (optimisers − 1)`` of the
+    resampled rankings (Bonferroni: the chance of one false distinction among all is at most 5 %).
+    """
+    names = list(regrets)
+    values = np.array([regrets[name] for name in names], dtype=np.float64)
+    means = mean_ranks(np.median(values, axis=2))
+    resampled = resampled_mean_ranks(values, rng)
+    low, high = np.percentile(resampled, [50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)], axis=0)
+    order = np.argsort(means, kind="stable")
+    level = (1 - CONFIDENCE) / max(1, len(names) - 1)
+    not_behind = np.mean(resampled <= resampled[:, order[:1]], axis=0)
+    return tuple(
+        Standing(names[i], float(means[i]), float(low[i]), float(high[i]), bool(not_behind[i] > level)) for i in order
+    )
+
+
+def friedman_and_nemenyi(medians: Real) -> tuple[float, float]:
+    """Friedman's p value and Nemenyi's critical difference of mean ranks at 5 %, for medians (optimisers, problems)."""
+    from scipy.stats import friedmanchisquare, studentized_range
+
+    optimizers, problems = medians.shape
+    if optimizers < 3 or problems < 2:
+        return math.nan, math.nan
+    rounded = np.round(medians / RESOLUTION_V)
+    if (rounded == rounded[0]).all():
+        return 1.0, math.nan
+    critical = studentized_range.ppf(CONFIDENCE, optimizers, np.inf) / math.sqrt(2)
+    difference = critical * math.sqrt(optimizers * (optimizers + 1) / (6 * problems))
+    return float(friedmanchisquare(*rounded).pvalue), float(difference)
+
+
+def summarise(outcome: BenchOutcome) -> Summary:
+    """Summary of a finished comparison; the same numbers for the same runs."""
+    if not outcome.results:
+        raise ValueError(f"no optimiser of {outcome.folder} could be run, so there is nothing to compare.")
+    rng = np.random.default_rng(outcome.settings.seed)
+    regrets = final_regrets(outcome.results)
+    problems = outcome.settings.problems
+    scores = []
+    for name in problems:
+        scale = abs(best_known_cost(name))
+        for optimizer, by_problem in regrets.items():
+            values = by_problem[name]
+            near = [float(np.mean(values <= share * scale)) for share in (0.01, 0.05)]
+            scores.append(Score(optimizer, name, values.size, median_interval(values, rng), *near))
+    stacked = {optimizer: np.array([by[name] for name in problems]) for optimizer, by in regrets.items()}
+    order = standings(stacked, rng)
+    p, difference = friedman_and_nemenyi(np.array([np.median(values, axis=1) for values in stacked.values()]))
+    return Summary(
+        tuple(scores), order, p, difference, conclusions(outcome, tuple(scores), order, stacked, p, difference)
+    )
+
+
+def conclusions(
+    outcome: BenchOutcome,
+    scores: Sequence[Score],
+    order: Sequence[Standing],
+    regrets: Mapping[str, Real],
+    friedman_p: float,
+    critical_difference: float,
+) -> tuple[str, ...]:
+    """What a reader may conclude, in sentences made from the numbers."""
+    settings, winner = outcome.settings, order[0]
+    near = np.mean([s.within_1_percent for s in scores if s.optimizer == winner.optimizer])
+    said = [
+        f"With {settings.budget:,} evaluations a run, {winner.optimizer} has the best mean rank "
+        f"({winner.mean_rank:.2f} of {len(order)}) over {_count(len(settings.problems), 'problem')}, "
+        f"{_count(settings.repeats, 'run')} each; {near:.0%} of its runs end within 1 % of the best known cost."
+    ]
+    tied = [s.optimizer for s in order[1:] if s.tied_with_winner]
+    if settings.repeats < 5:
+        said.append("So few runs tell no optimiser from another with any confidence; repeat more often.")
+    elif tied:
+        said.append(f"On these problems {_listed(tied)} cannot be told from it; the others rank behind it (95 %).")
+    elif len(order) > 1:
+        said.append("On these problems every other optimiser ranks behind it (95 %).")
+    if {"pso", "pso-printed"} <= set(regrets):
+        said.append(_swarms(order, regrets))
+    if math.isfinite(critical_difference):
+        alike = [s.optimizer for s in order[1:] if s.mean_rank - winner.mean_rank < critical_difference]
+        said.append(
+            f"As a sample of other problems, {len(settings.problems)} are few: the optimisers "
+            f"{'differ' if friedman_p < 0.05 else 'do not differ significantly'} (Friedman, p = {friedman_p:.2g}), but "
+            f"mean ranks less than {critical_difference:.1f} apart (Nemenyi) are not different, "
+            f"which leaves {len(alike)} of the other {len(order) - 1} level with {winner.optimizer}."
+        )
+    return tuple(said)
+
+
+def _swarms(order: Sequence[Standing], regrets: Mapping[str, Real]) -> str:
+    """Where the usual particle swarm stands to the one printed in the paper."""
+    from scipy.stats import false_discovery_control, mannwhitneyu
+
+    rank = {s.optimizer: s.mean_rank for s in order}
+    usual, printed = regrets["pso"], regrets["pso-printed"]
+    difference = np.round((np.median(printed, axis=1) - np.median(usual, axis=1)) / RESOLUTION_V)
+    p = false_discovery_control([mannwhitneyu(a, b).pvalue for a, b in zip(usual, printed, strict=True)], method="by")
+    sure = p < 1 - CONFIDENCE
+    better, worse = difference > 0, difference < 0
+    return (
+        f"The particle swarm with random factors (pso, mean rank {rank['pso']:.2f}) has a lower median regret than the "
+        f"one printed in the paper without them (pso-printed, {rank['pso-printed']:.2f}) on {better.sum()} of "
+        f"{_count(len(difference), 'problem')}, surely so on {(sure & better).sum()}; a higher one on {worse.sum()}, "
+        f"surely so on {(sure & worse).sum()} (Mann–Whitney, 5 % false discoveries)."
+    )
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
