@@ -284,9 +284,8 @@ def _start_worker(parent: int) -> None:
 
 def perform(key: RunKey, settings: BenchSettings) -> tuple[RunKey, RunResult | None, dict[str, float], str]:
     """Do one run: its result and seconds, or else how it failed, in words."""
-    from optimizers.loop import minimise
-
     import optimizers
+    from optimizers.loop import minimise
 
     objective = problem(key.problem)
     objective.evaluate_with_gradient([[0.0] * 7])  # nobody's run is charged with loading the compiled code

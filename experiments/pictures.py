@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.storage import write_atomically
+from inkjet_env.printhead import PeakCost, Response, SampledResponse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from inkjet_env.printhead import PeakCost, Response
 
 BEFORE, AFTER, GREY = "#b3541e", "#1b5e8c", "#888888"
-DRAWN_S = 250e-6
+FIRST_S, LAST_S = -10e-6, 250e-6
 STYLE: dict[str, Any] = {
     "font.size": 9,
     "axes.spines.top": False,
@@ -71,15 +71,15 @@ def write_picture(path: str | Path, figure: Figure) -> None:
     write_atomically(path, buffer.getvalue())
 
 
-def draw_response(response: Response, cost: PeakCost) -> Figure:
+def draw_response(response: Response | SampledResponse, cost: PeakCost) -> Figure:
     """Drive above, self-sensed response with its peaks below."""
     figure, axes = new_figure(7.2, 4.6, nrows=2, sharex=True, height_ratios=[2, 3])
-    _drive(axes[0], response, AFTER, "drive")
+    _drive(axes[0], response, AFTER)
     _sensed(axes[1], response, cost, AFTER)
+    axes[0].set_title(f"peak cost {response.cost(cost):.3f} V (dots: peaks; ring: the effective one)", fontsize=9)
     axes[0].set_ylabel("drive (V)")
     axes[1].set_ylabel("response (V)")
     axes[1].set_xlabel("time (µs)")
-    axes[1].set_title(f"peak cost {response.cost(cost):.3f} V; dots: peaks, ring: the effective one", fontsize=9)
     return figure
 
 
@@ -96,15 +96,22 @@ def draw_before_after(before: Response, after: Response, cost: PeakCost, titles:
     return figure
 
 
-def _drive(axes: Axes, response: Response, colour: str, label: str | None = None) -> None:
-    time_s = np.concatenate([[-10e-6], response.knot_times_s, [DRAWN_S]])
-    axes.plot(time_s * 1e6, response.drive_V(time_s), color=colour, lw=1.4, label=label)
+def _drive(axes: Axes, response: Response | SampledResponse, colour: str) -> None:
+    if isinstance(response, SampledResponse):
+        axes.plot(response.time_s * 1e6, response.drive_V, color=colour, lw=1.4)
+        return
+    time_s = np.concatenate([[FIRST_S], response.knot_times_s, [LAST_S]])
+    axes.plot(time_s * 1e6, response.drive_V(time_s), color=colour, lw=1.4)
 
 
-def _sensed(axes: Axes, response: Response, cost: PeakCost, colour: str) -> None:
-    time_s = np.linspace(-10e-6, DRAWN_S, 2601)
-    axes.plot(time_s * 1e6, np.where(time_s < 0, 0.0, response.sensor_V(time_s)), color=colour, lw=1.2)
-    shown = response.peak_times_s <= DRAWN_S
+def _sensed(axes: Axes, response: Response | SampledResponse, cost: PeakCost, colour: str) -> None:
+    if isinstance(response, SampledResponse):
+        time_s, sensor_V, last_s = response.time_s, response.sensor_V, response.time_s[-1]
+    else:
+        time_s, last_s = np.linspace(FIRST_S, LAST_S, 2601), LAST_S
+        sensor_V = np.where(time_s < 0, 0.0, response.sensor_V(time_s))
+    axes.plot(time_s * 1e6, sensor_V, color=colour, lw=1.2)
+    shown = response.peak_times_s <= last_s
     axes.plot(response.peak_times_s[shown] * 1e6, response.peaks_V[shown], ".", color=colour, ms=5)
     e = cost.effective_index(response.peaks_V)
     if e is not None:

@@ -96,6 +96,19 @@ class Problem:
             return None
         return BestKnown(entry["cost_V"], tuple(entry["waveform"]), entry["found_by"])
 
+    @classmethod
+    def from_settings(cls, name: str, settings: dict[str, Any]) -> Problem:
+        """The problem that `settings` describes."""
+        head = settings["printhead"] | {"coefficients": tuple(settings["printhead"]["coefficients"])}
+        return cls(
+            name,
+            Printhead(**head),
+            PeakCost(**settings["cost"]),
+            Bounds(**settings["bounds"]),
+            settings["initial_state"],
+            float(settings["window_s"]),
+        )
+
     def settings(self) -> dict[str, Any]:
         """Everything that decides the numbers, as plain JSON values."""
         head = self.printhead

@@ -1,0 +1,440 @@
+"""The command ``inkjet``: simulate, optimize, bench.
+
+Exit status: 0 done, 2 bad input (one sentence on standard error), 130 interrupted by Ctrl-C with what was done kept.
+Whatever costs time to import is imported by the command that needs it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from experiments.problems import Problem
+    from experiments.statistics import Summary
+    from inkjet_env.printhead import PeakCost, Printhead, Response, SampledResponse
+    from optimizers.loop import Run
+
+INTERRUPTED = 130
+OPTIMIZERS_TOLD = "pso, pso-printed, cma-es, lbfgsb-multistart, random …; a wrong name lists them all"
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["--help", "-h"]},
+)
+
+PrintheadFile = Annotated[
+    Path | None, typer.Option("--printhead", help="printhead.json; the published head unless given")
+]
+CostA = Annotated[float | None, typer.Option("--cost-a", help="weight of the effective peak (-5)")]
+CostB = Annotated[float | None, typer.Option("--cost-b", help="weight of the peak after it (5)")]
+Effective = Annotated[
+    str | None, typer.Option(help='which peak ejects: "largest", "first" or a threshold in volts (largest)')
+]
+Window = Annotated[float | None, typer.Option(help="peaks count up to this many seconds, or inf (350e-6)")]
+InitialState = Annotated[
+    str | None, typer.Option(help="of the hysteresis: periodic (repeated waveform) or demagnetised (periodic)")
+]
+JsonFile = Annotated[Path | None, typer.Option("--json", help='write the result as JSON; "-" is standard output')]
+PlotFile = Annotated[Path | None, typer.Option("--plot", help="draw drive and response: .png, .svg or .pdf")]
+
+
+@app.callback()
+def _inkjet() -> None:
+    """An inkjet printhead: simulate it, optimise its waveform, compare optimisers.
+
+    Units are SI (volts, seconds). Each command has its own --help with an example.
+    """
+
+
+@app.command()
+def simulate(
+    waveform: Annotated[
+        tuple[float, float, float, float, float, float, float] | None,
+        typer.Option(help="U1 U2 t1 t2 t3 t4 t5: two voltages and five durations", metavar="U1 U2 t1 t2 t3 t4 t5"),
+    ] = None,
+    drive: Annotated[Path | None, typer.Option(help="CSV with time_s and drive_V, in place of --waveform")] = None,
+    out: Annotated[Path | None, typer.Option(help="with --drive: write time_s, drive_V, sensor_V as CSV")] = None,
+    plot: PlotFile = None,
+    json: JsonFile = None,
+    printhead: PrintheadFile = None,
+    cost_a: CostA = None,
+    cost_b: CostB = None,
+    effective: Effective = None,
+    window: Window = None,
+    initial_state: InitialState = None,
+    hysteresis: Annotated[
+        str, typer.Option(help="full_memory, one_point (the paper's formula) or, with --waveform, play_operators")
+    ] = "full_memory",
+) -> None:
+    """One waveform, or any sampled drive, through the printhead: response, peaks, cost.
+
+    inkjet simulate --waveform 100 -100 1e-6 10.481e-6 13.769e-6 9.613e-6 20e-6 --plot response.png
+
+    inkjet simulate --drive drive.csv --out response.csv
+    """
+    from experiments.drive_csv import read_drive, write_columns
+    from experiments.storage import write_json
+    from inkjet_env.printhead import Waveform
+
+    _check_outputs(out=out, plot=plot, json=json)
+    if (waveform is None) == (drive is None):
+        raise ValueError("give either --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
+    head, cost = _printhead(printhead), _cost(cost_a, cost_b, effective)
+    state = initial_state or "periodic"
+    response: Response | SampledResponse
+    if waveform is not None:
+        if out is not None:
+            raise ValueError("--out belongs to --drive. To sample a waveform's response, give the waveform as a CSV.")
+        response = head.respond(Waveform.from_array(waveform), state, 350e-6 if window is None else window, hysteresis)
+    else:
+        if window is not None:
+            raise ValueError("--window belongs to --waveform: a sampled drive is followed to its last sample.")
+        samples = read_drive(drive)
+        _announce_compiling()
+        response = head.respond_sampled(*samples, state, hysteresis)
+    found = {
+        "format": "simulation/1",
+        "peaks_V": [float(v) for v in response.peaks_V],
+        "peak_times_s": [float(t) for t in response.peak_times_s],
+        "effective_peak": cost.effective_index(response.peaks_V),
+        "cost": response.cost(cost),
+    }
+    if plot is not None:
+        from experiments.pictures import draw_response, write_picture
+
+        write_picture(plot, draw_response(response, cost))
+    if out is not None:
+        write_columns(out, {name: getattr(response, name) for name in ("time_s", "drive_V", "sensor_V")})
+    if json is not None:
+        write_json(json, found)
+    if str(json) != "-":
+        _print_peaks(found)
+
+
+@app.command()
+def optimize(
+    optimizer: Annotated[str | None, typer.Option(help=f"{OPTIMIZERS_TOLD} (pso)")] = None,
+    problem: Annotated[str | None, typer.Option(help="a problem of the comparison's suite (nominal)")] = None,
+    particles: Annotated[int | None, typer.Option(help="of pso and pso-printed (40)")] = None,
+    generations: Annotated[int | None, typer.Option(help="of pso and pso-printed (50)")] = None,
+    budget: Annotated[int | None, typer.Option(help="evaluations of any optimiser (2000)")] = None,
+    seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,
+    printhead: PrintheadFile = None,
+    cost_a: CostA = None,
+    cost_b: CostB = None,
+    effective: Effective = None,
+    window: Window = None,
+    initial_state: InitialState = None,
+    out: Annotated[
+        Path, typer.Option(help="best waveform as CSV: time_s, drive_V, uniformly sampled, first and last 0 V")
+    ] = Path("optimum.csv"),
+    sample_rate: Annotated[float, typer.Option(help="of that CSV, in Hz")] = 100e6,
+    plot: PlotFile = None,
+    json: JsonFile = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="go on exactly from the .npz that an interrupted run left beside its CSV")
+    ] = None,
+) -> None:
+    """Search for the waveform of the least cost with one optimiser.
+
+    inkjet optimize --optimizer pso --particles 40 --generations 50 --seed 1 --out waveform.csv
+
+    Ctrl-C keeps the best so far and the record to --resume from.
+    """
+    from experiments.optimisation import Optimisation, read_record
+
+    _check_outputs(out=out, plot=plot, json=json)
+    _check_rate(sample_rate)
+    settings = {
+        "--optimizer": optimizer,
+        "--problem": problem,
+        "--particles": particles,
+        "--generations": generations,
+        "--budget": budget,
+        "--seed": seed,
+        "--printhead": printhead,
+        "--cost-a": cost_a,
+        "--cost-b": cost_b,
+        "--effective": effective,
+        "--window": window,
+        "--initial-state": initial_state,
+    }
+    recorded: Any = None
+    if resume is not None:
+        if given := [name for name, value in settings.items() if value is not None]:
+            raise ValueError(f"--resume takes all settings from {resume}; leave out {', '.join(given)}.")
+        plan, recorded = read_record(resume)
+    else:
+        name = "pso" if optimizer is None else optimizer
+        options, evaluations = _swarm(name, particles, generations, budget)
+        chosen = _problem(problem, printhead, (cost_a, cost_b, effective), window, initial_state)
+        plan = Optimisation(chosen, name, evaluations, _seed(seed), options)
+    _announce_compiling()
+    run = plan.carry_out(recorded)
+    _finish_optimize(plan, run, out, sample_rate, plot, json)
+
+
+@app.command()
+def bench(
+    results: Annotated[Path, typer.Option(help="results folder; runs found there are not done again")] = Path(
+        "results/bench"
+    ),
+    problems: Annotated[str | None, typer.Option(help="names, with commas between; all unless given")] = None,
+    optimizers: Annotated[str | None, typer.Option(help="names, with commas between; all unless given")] = None,
+    repeats: Annotated[int, typer.Option(help="runs of each optimiser on each problem")] = 15,
+    budget: Annotated[int, typer.Option(help="evaluations of each run")] = 2000,
+    seed: Annotated[int, typer.Option(help="all other seeds derive from it")] = 0,
+    workers: Annotated[int | None, typer.Option(help="processes; one a core unless given")] = None,
+    json: JsonFile = None,
+) -> None:
+    """Compare the optimisers on the problem suite; resumes where it was stopped.
+
+    inkjet bench --optimizers pso,pso-printed,cma-es --problems nominal --repeats 5 --results results/quick
+    """
+    from experiments.bench import BenchSettings, run_bench
+
+    _check_outputs(json=json)
+    if workers is not None and workers < 1:
+        raise ValueError(f"--workers must be at least 1; got {workers}.")
+    chosen = {
+        label: tuple(name.strip() for name in names.split(",") if name.strip())
+        for label, names in (("problems", problems), ("optimizers", optimizers))
+        if names is not None
+    }
+    settings = BenchSettings.default(repeats=repeats, budget=budget, seed=_seed(seed), **chosen)
+    _announce_compiling()
+    try:
+        outcome = run_bench(settings, results, workers)
+    except KeyboardInterrupt:
+        print(f"Interrupted; finished runs are kept in {results}. The same command goes on.", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    from experiments.report import ranking_json, write_report
+    from experiments.statistics import summarise
+    from experiments.storage import write_json
+
+    summary = summarise(outcome)
+    page = write_report(outcome, summary)
+    if json is not None:
+        write_json(json, ranking_json(outcome, summary))
+    if str(json) != "-":
+        _print_ranking(summary, settings.problems, outcome.unavailable)
+        print(f"Report: {page}")
+
+
+def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None) -> None:
+    """Write what an optimisation found, whole or stopped, and say it."""
+    from experiments.drive_csv import sampled_waveform, write_columns
+    from experiments.optimisation import write_record
+    from experiments.storage import write_json
+    from inkjet_env.printhead import Waveform
+
+    if run.best_point is None:
+        print("Interrupted before the first evaluation; nothing is written.", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED)
+    found = plan.optimum_json(run)
+    time_s, drive_V = sampled_waveform(Waveform.from_array(found["waveform"]), sample_rate)
+    record = out.with_suffix(".npz")
+    if not run.complete:
+        write_record(record, plan, run)
+    write_columns(out, {"time_s": time_s, "drive_V": drive_V})
+    if plot is not None:
+        from experiments.pictures import draw_response, write_picture
+
+        write_picture(plot, draw_response(plan.problem.respond(run.best_point), plan.problem.cost))
+    if json is not None:
+        write_json(json, found)
+    if str(json) != "-":
+        values = " ".join(f"{v:.6g}" for v in found["waveform"])
+        print(f"{plan.optimizer} on {plan.problem.name}, seed {plan.seed}: cost {run.best_cost:.6f} V")
+        print(f"after {run.evaluations} evaluations. Waveform (U1 U2 t1 t2 t3 t4 t5): {values}")
+        print(f"{out}: {time_s.size} samples at {sample_rate:g} Hz")
+    if not run.complete:
+        print(
+            f"Interrupted after {run.evaluations} of {plan.budget} evaluations; the best so far is kept. "
+            f"To go on: inkjet optimize --resume {record} --out {out}",
+            file=sys.stderr,
+        )
+        raise typer.Exit(INTERRUPTED)
+
+
+def _problem(
+    name: str | None, head_file: Path | None, cost: tuple, window_s: float | None, initial_state: str | None
+) -> Problem:
+    """The problem of that name with what was asked to be otherwise; then it is called "custom"."""
+    from dataclasses import replace
+
+    from experiments.problems import problem
+    from inkjet_env.printhead.hysteresis import laps_before_recording
+    from inkjet_env.printhead.printhead import check_window
+
+    base = problem("nominal" if name is None else name)
+    changes: dict[str, Any] = {}
+    if head_file is not None:
+        changes["printhead"] = _printhead(head_file)
+    if any(part is not None for part in cost):
+        changes["cost"] = _cost(*cost, base=base.cost)
+    if window_s is not None:
+        changes["window_s"] = check_window(window_s)
+    if initial_state is not None:
+        laps_before_recording(initial_state)  # raises where the name is unknown
+        changes["initial_state"] = initial_state
+    return replace(base, name="custom", **changes) if changes else base
+
+
+def _swarm(name: str, particles: int | None, generations: int | None, budget: int | None) -> tuple[dict[str, Any], int]:
+    """Options of the optimiser, and its budget, from what was given."""
+    for label, value in (("--particles", particles), ("--generations", generations), ("--budget", budget)):
+        if value is not None and value < 1:
+            raise ValueError(f"{label} must be at least 1; got {value}.")
+    if not name.startswith("pso"):
+        if particles is not None or generations is not None:
+            raise ValueError(f"--particles and --generations belong to pso and pso-printed; give {name} a --budget.")
+        return {}, budget or 2000
+    if generations is not None and budget is not None:
+        raise ValueError("give --generations or --budget, not both: the budget is particles × generations.")
+    return {"particles": particles or 40}, budget or (particles or 40) * (generations or 50)
+
+
+def _printhead(path: Path | None) -> Printhead:
+    from inkjet_env.printhead import Printhead
+
+    return Printhead.published() if path is None else Printhead.from_json(path)
+
+
+def _cost(A: float | None, B: float | None, effective: str | None, base: PeakCost | None = None) -> PeakCost:
+    from inkjet_env.printhead import PeakCost
+
+    base = base or PeakCost()
+    rule: str | float = base.effective if effective is None else effective
+    if effective is not None:
+        try:
+            rule = float(effective)
+        except ValueError:
+            rule = effective
+    return PeakCost(base.A if A is None else A, base.B if B is None else B, rule)
+
+
+def _seed(seed: int | None) -> int:
+    if seed is not None and seed < 0:
+        raise ValueError(f"--seed must be at least 0; got {seed}.")
+    return seed or 0
+
+
+def _check_rate(sample_rate_Hz: float) -> None:
+    if not (math.isfinite(sample_rate_Hz) and 1e7 <= sample_rate_Hz <= 1e11):
+        raise ValueError(
+            f"--sample-rate must be 1e7 to 1e11 Hz, so that every edge has samples; got {sample_rate_Hz:g}."
+        )
+
+
+def _check_outputs(**files: Path | None) -> None:
+    """Raise ``ValueError`` before any work where a result could not be written."""
+    given = {name: path for name, path in files.items() if path is not None and str(path) != "-"}
+    for name, path in given.items():
+        if path.is_dir() or not os.access(path.parent, os.W_OK):
+            raise ValueError(
+                f"--{name} {path}: {path.parent} must be a folder that can be written to, and {path} a file."
+            )
+    if len(set(given.values())) < len(given):
+        raise ValueError(f"--{' and --'.join(given)} must be different files.")
+    for name in ("out", "plot"):
+        if str(files.get(name)) == "-":
+            raise ValueError(f'--{name} must be a file; only --json takes "-".')
+    if files.get("plot") is not None:
+        from experiments.pictures import check_picture_name
+
+        check_picture_name(given["plot"])
+
+
+def _announce_compiling() -> None:
+    from inkjet_env.printhead import batch
+
+    if not batch.is_compiled():
+        print("compiling the simulator once …", file=sys.stderr, flush=True)
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for place, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if place else "left", no_wrap=place == 0)
+    for row in rows:
+        table.add_row(*row)
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
+
+
+def _print_peaks(found: dict[str, Any]) -> None:
+    peaks = zip(found["peak_times_s"], found["peaks_V"], strict=True)
+    _table(
+        ("peak", "time (µs)", "response (V)", ""),
+        [
+            (str(i + 1), f"{t * 1e6:.3f}", f"{v:.4f}", "effective" if i == found["effective_peak"] else "")
+            for i, (t, v) in enumerate(peaks)
+        ],
+    )
+    print(f"cost {found['cost']:.6f} V")
+
+
+def _print_ranking(summary: Summary, problems: Sequence[str], unavailable: dict[str, str]) -> None:
+    from experiments.report import volts
+
+    rows = [
+        (
+            standing.optimizer,
+            f"{standing.mean_rank:.2f}",
+            *(volts(summary.score(standing.optimizer, name).regret.value) for name in problems),
+        )
+        for standing in summary.standings
+    ]
+    _table(("optimiser", "mean rank", *problems), rows)
+    print("Median regret in volts above the best known cost.")
+    for sentence in summary.sentences:
+        print(f"- {sentence}")
+    for name, reason in unavailable.items():
+        print(f"- Not compared: {name}: {reason}")
+
+
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Run the command; turn whatever the user can mend into one sentence and exit status 2."""
+    try:
+        status = app(arguments, standalone_mode=False)
+    except (ValueError, OSError) as error:
+        _refuse(_os_sentence(error) if isinstance(error, OSError) else str(error))
+    except KeyboardInterrupt:
+        print("Interrupted.", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # only Typer's own usage errors have one
+            raise
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(error.format_message())
+            sys.exit(2)
+        _refuse(error.format_message())
+    sys.exit(status or 0)
+
+
+def _refuse(message: str) -> NoReturn:
+    print(f"inkjet: {message}", file=sys.stderr)
+    sys.exit(2)
+
+
+def _os_sentence(error: OSError) -> str:
+    return f"{error.filename}: {error.strerror}." if error.filename else str(error)
+
+
+if __name__ == "__main__":
+    main()
