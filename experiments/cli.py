@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from inkjet_env.printhead import PeakCost, Printhead, Response, SampledResponse
     from optimizers.loop import Run
 
+    CostGiven = tuple[float | None, float | None, str | None]
+
 INTERRUPTED = 130
 OPTIMIZERS_TOLD = "pso, pso-printed, cma-es, lbfgsb-multistart, random …; a wrong name lists them all"
 
@@ -88,21 +90,23 @@ def simulate(
     from inkjet_env.printhead import Waveform
 
     _check_outputs(out=out, plot=plot, json=json)
-    if (waveform is None) == (drive is None):
-        raise ValueError("give either --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
-    head, cost = _printhead(printhead), _cost(cost_a, cost_b, effective)
+    if waveform is not None and drive is not None:
+        raise ValueError("give --waveform or --drive, not both.")
+    head, cost = _printhead(printhead), _cost((cost_a, cost_b, effective))
     state = initial_state or "periodic"
     response: Response | SampledResponse
     if waveform is not None:
         if out is not None:
             raise ValueError("--out belongs to --drive. To sample a waveform's response, give the waveform as a CSV.")
         response = head.respond(Waveform.from_array(waveform), state, 350e-6 if window is None else window, hysteresis)
-    else:
+    elif drive is not None:
         if window is not None:
             raise ValueError("--window belongs to --waveform: a sampled drive is followed to its last sample.")
         samples = read_drive(drive)
         _announce_compiling()
         response = head.respond_sampled(*samples, state, hysteresis)
+    else:
+        raise ValueError("give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
     found = {
         "format": "simulation/1",
         "peaks_V": [float(v) for v in response.peaks_V],
@@ -269,7 +273,7 @@ def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: P
 
 
 def _problem(
-    name: str | None, head_file: Path | None, cost: tuple, window_s: float | None, initial_state: str | None
+    name: str | None, head_file: Path | None, cost: CostGiven, window_s: float | None, initial_state: str | None
 ) -> Problem:
     """The problem of that name with what was asked to be otherwise; then it is called "custom"."""
     from dataclasses import replace
@@ -283,7 +287,7 @@ def _problem(
     if head_file is not None:
         changes["printhead"] = _printhead(head_file)
     if any(part is not None for part in cost):
-        changes["cost"] = _cost(*cost, base=base.cost)
+        changes["cost"] = _cost(cost, base.cost)
     if window_s is not None:
         changes["window_s"] = check_window(window_s)
     if initial_state is not None:
@@ -312,9 +316,10 @@ def _printhead(path: Path | None) -> Printhead:
     return Printhead.published() if path is None else Printhead.from_json(path)
 
 
-def _cost(A: float | None, B: float | None, effective: str | None, base: PeakCost | None = None) -> PeakCost:
+def _cost(given: CostGiven, base: PeakCost | None = None) -> PeakCost:
     from inkjet_env.printhead import PeakCost
 
+    A, B, effective = given
     base = base or PeakCost()
     rule: str | float = base.effective if effective is None else effective
     if effective is not None:

@@ -79,7 +79,9 @@ class Optimisation:
             return interruption.run
 
     def optimum_json(self, run: Run) -> dict[str, Any]:
-        """The JSON that `inkjet optimize` promises; the run must hold an evaluation."""
+        """The JSON that `inkjet optimize` promises; `ValueError` for a run without any evaluation."""
+        if run.best_point is None:
+            raise ValueError("a run without any evaluation has no best waveform.")
         return {
             "format": OPTIMUM_FORMAT,
             "waveform": [float(v) for v in self.problem.bounds.from_unit(run.best_point)],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 BEFORE, AFTER, GREY = "#b3541e", "#1b5e8c", "#888888"
 FIRST_S, LAST_S = -10e-6, 250e-6
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -53,7 +54,8 @@ def svg_text(figure: Figure) -> str:
     with mpl.rc_context(STYLE):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    return text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
+    return re.sub(r' xmlns(:xlink)?="[^"]*"', "", text)  # needless within HTML
 
 
 def check_picture_name(path: str | Path) -> None:
@@ -128,7 +130,10 @@ def _sensed(axes: Axes, response: Response | SampledResponse, cost: PeakCost, co
 
 
 def draw_convergence(
-    evaluations: NDArray[np.integer], curves: Mapping[str, Mapping[str, NDArray[np.float64]]], floor_V: float
+    evaluations: NDArray[np.integer],
+    curves: Mapping[str, Mapping[str, NDArray[np.float64]]],
+    floor_V: float,
+    order: str,
 ) -> Figure:
     """Median regret and quartile band against evaluations, a panel a problem, both axes logarithmic.
 
@@ -139,6 +144,8 @@ def draw_convergence(
         Problem → optimiser, the best first → quartiles of the regret in volts, shape (3, n).
     floor_V : float
         Lesser regrets are drawn at this one.
+    order : str
+        Title of the legend: what the optimisers are ordered by.
     """
     columns = min(2, len(curves))
     rows = -(-len(curves) // columns)
@@ -156,7 +163,5 @@ def draw_convergence(
         panel.set_ylabel("regret (V)")
     for panel in axes.flat[len(curves) :]:
         panel.set_axis_off()
-    figure.legend(
-        handles.values(), handles.keys(), loc="outside right upper", frameon=False, title="best mean rank first"
-    )
+    figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False, title=order)
     return figure

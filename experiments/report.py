@@ -167,13 +167,13 @@ def convergence_figure(outcome: BenchOutcome, summary: Summary) -> Any:
         }
         for name in outcome.settings.problems
     }
-    return pictures.draw_convergence(evaluations, curves, FLOOR_V)
+    return pictures.draw_convergence(evaluations, curves, FLOOR_V, "best mean rank first")
 
 
 def before_after_figure(run: RunResult) -> Any:
     """Best waveform of a run's first 40 evaluations beside the best of all."""
     solved = problem(run.key.problem)
-    responses = [solved.respond(run.best_point(evaluations)) for evaluations in (GENERATION, None)]
+    first, final = solved.respond(run.best_point(GENERATION)), solved.respond(run.best_point())
     last = len(run.costs)
     titles = (f"best of the first {min(GENERATION, last)} evaluations", f"best of all {last} evaluations")
-    return pictures.draw_before_after(*responses, solved.cost, titles)
+    return pictures.draw_before_after(first, final, solved.cost, titles)

@@ -263,7 +263,7 @@ def conclusions(
     said = [
         f"With {settings.budget:,} evaluations a run, {winner.optimizer} has the best mean rank "
         f"({winner.mean_rank:.2f} of {len(order)}) over {_count(len(settings.problems), 'problem')}, "
-        f"{_count(settings.repeats, 'run')} each; {near:.0%} of its runs end within 1 % of the best known cost."
+        f"{_count(settings.repeats, 'run')} each; {100 * near:.0f} % of its runs end within 1 % of the best known cost."
     ]
     tied = [s.optimizer for s in order[1:] if s.tied_with_winner]
     if settings.repeats < 5:
