@@ -47,9 +47,9 @@ def descend(problem: Problem, start: NDArray[np.float64]) -> tuple[NDArray[np.fl
 
 
 def polished(
-    problem: Problem, points: NDArray[np.float64], rounds: int, rng: np.random.Generator
+    problem: Problem, points: NDArray[np.float64], rounds: int, rng: np.random.Generator, step: float = 0.05
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Improve many points side by side by random steps; each adapts its step to one success in five.
+    """Improve many points side by side by random steps; each adapts its step, at first ``step``, to one success in five.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def polished(
     """
     points = points.copy()
     costs = problem.evaluate(points)
-    steps = np.full(len(points), 0.05)
+    steps = np.full(len(points), step)
     for _ in range(rounds):
         # Half the coordinates move at a time, so that one at its bound does not hold the others back.
         moves = rng.standard_normal(points.shape) * (rng.random(points.shape) < 0.5)
@@ -105,7 +105,9 @@ def search(problem: Problem, starts: int, seed: int) -> dict[str, Any]:
     candidates, costs = polished(problem, best, 4000, rng)
     order = np.argsort(costs, kind="stable")[:8]
     finalists = np.array([simplex_polished(problem, point) for point in candidates[order]])
-    finalists, costs = polished(problem, np.vstack([finalists, candidates[order]]), 2000, rng)
+    finalists = np.vstack([finalists, candidates[order]])
+    for step in (0.05, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):  # steps die out along a break; begin again, smaller each time
+        finalists, costs = polished(problem, finalists, 4000, rng, step)
     winner = int(np.argmin(costs))
     waveform = problem.bounds.from_unit(finalists[winner])
     response = problem.printhead.respond(_waveform(waveform), problem.initial_state, problem.window_s)

@@ -57,12 +57,9 @@ def hysteresis_loop() -> Figure:
     drive_V = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
     hysteretic_V = law.hysteretic_V(drive_V, "demagnetised")
     figure, axes = pictures.new_figure(5.4, 4.4)
-    for start, stop, label, colour, width in (
-        (0, 200, "virgin curve", pictures.GREY, 1.4),
-        (199, 598, "loop of ±90 V", pictures.AFTER, 1.8),
-        (597, drive_V.size, "minor loops", pictures.BEFORE, 1.2),
-    ):
-        axes.plot(drive_V[start:stop], hysteretic_V[start:stop], color=colour, lw=width, label=label)
+    axes.plot(drive_V[:200], hysteretic_V[:200], color=pictures.GREY, lw=1.4, label="virgin curve")
+    axes.plot(drive_V[199:598], hysteretic_V[199:598], color=pictures.AFTER, lw=1.8, label="loop of ±90 V", zorder=3)
+    axes.plot(drive_V[597:], hysteretic_V[597:], color=pictures.BEFORE, lw=1.2, label="minor loops")
     axes.set(xlabel="drive (V)", ylabel="hysteretic drive (V)")
     axes.legend(frameon=False, loc="upper left")
     return figure

@@ -73,12 +73,25 @@ def write_picture(path: str | Path, figure: Figure) -> None:
     write_atomically(path, buffer.getvalue())
 
 
+def signed(value: float, digits: int) -> str:
+    """The number with a minus sign that is one.
+
+    Examples
+    --------
+    >>> signed(-1.25, 2)
+    '−1.25'
+    """
+    return f"{value:.{digits}f}".replace("-", "−")
+
+
 def draw_response(response: Response | SampledResponse, cost: PeakCost) -> Figure:
     """Drive above, self-sensed response with its peaks below."""
     figure, axes = new_figure(7.2, 4.6, nrows=2, sharex=True, height_ratios=[2, 3])
     _drive(axes[0], response, AFTER)
     _sensed(axes[1], response, cost, AFTER)
-    axes[0].set_title(f"peak cost {response.cost(cost):.3f} V (dots: peaks; ring: the effective one)", fontsize=9)
+    axes[0].set_title(
+        f"peak cost {signed(response.cost(cost), 3)} V (dots: peaks; ring: the effective one)", fontsize=9
+    )
     axes[0].set_ylabel("drive (V)")
     axes[1].set_ylabel("response (V)")
     axes[1].set_xlabel("time (µs)")
@@ -91,7 +104,7 @@ def draw_before_after(before: Response, after: Response, cost: PeakCost, titles:
     for column, (response, title, colour) in enumerate(zip((before, after), titles, (BEFORE, AFTER), strict=True)):
         _drive(axes[0, column], response, colour)
         _sensed(axes[1, column], response, cost, colour)
-        axes[0, column].set_title(f"{title}\npeak cost {response.cost(cost):.2f} V", fontsize=9)
+        axes[0, column].set_title(f"{title}\npeak cost {signed(response.cost(cost), 2)} V", fontsize=9)
         axes[1, column].set_xlabel("time (µs)")
     axes[0, 0].set_ylabel("drive (V)")
     axes[1, 0].set_ylabel("response (V)")
@@ -149,7 +162,7 @@ def draw_convergence(
     """
     columns = min(2, len(curves))
     rows = -(-len(curves) // columns)
-    figure, axes = new_figure(1.9 + 4.1 * columns, 0.4 + 3.0 * rows, nrows=rows, ncols=columns, squeeze=False)
+    figure, axes = new_figure(2.2 + 4.3 * columns, 0.4 + 3.0 * rows, nrows=rows, ncols=columns, squeeze=False)
     handles = {}
     for panel, (name, by_optimizer) in zip(axes.flat, curves.items(), strict=False):
         for number, (optimizer, quartiles) in enumerate(by_optimizer.items()):
@@ -158,7 +171,8 @@ def draw_convergence(
             low, median, high = np.maximum(quartiles, floor_V)
             panel.fill_between(evaluations, low, high, color=colour, alpha=0.10, lw=0)
             (handles[optimizer],) = panel.plot(evaluations, median, dash, color=colour, lw=1.4)
-        panel.set(xscale="log", yscale="log", title=name, xlim=(evaluations[0], evaluations[-1]))
+        panel.set(xscale="log", yscale="log", xlim=(max(evaluations[0], evaluations[-1] // 200), evaluations[-1]))
+        panel.set_title(name, fontsize=10)
         panel.set_xlabel("evaluations")
         panel.set_ylabel("regret (V)")
     for panel in axes.flat[len(curves) :]:

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+
+from experiments.best_known import polished, simplex_polished
+from experiments.problems import Problem, problem, suite
+from inkjet_env.printhead import Waveform
+
+
+@pytest.mark.parametrize("name", suite())
+def test_recorded_cost_is_the_cost_of_the_recorded_waveform(name):
+    solved, known = problem(name), problem(name).best_known
+    assert known is not None
+    plain = solved.printhead.respond(Waveform.from_array(known.waveform), solved.initial_state, solved.window_s)
+    assert plain.cost(solved.cost) == pytest.approx(known.cost, abs=1e-9)
+    assert solved.evaluate(solved.bounds.to_unit(known.waveform))[0] == pytest.approx(known.cost, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", suite())
+@pytest.mark.parametrize("size", [1e-1, 1e-3, 1e-5])
+def test_no_small_step_improves_the_recorded_waveform(name, size):
+    solved, rng = problem(name), np.random.default_rng(7)
+    best = solved.bounds.to_unit(solved.best_known.waveform)
+    moves = size * rng.standard_normal((4000, 7)) * (rng.random((4000, 7)) < 0.5)
+    costs = solved.evaluate(np.clip(best + moves, -1, 1))
+    assert costs.min() >= solved.best_known.cost - 1e-6
+
+
+def test_default_problem_reaches_the_optimum_that_is_known():
+    known = problem("nominal").best_known
+    assert known.cost <= -22.830
+    expected = [100, -100, 1.000e-6, 10.481e-6, 13.769e-6, 9.613e-6, 20.000e-6]
+    np.testing.assert_allclose(known.waveform, expected, rtol=0.03)
+
+
+def test_literal_problems_have_an_answer_other_than_doing_nothing():
+    assert problem("literal-5-1").best_known.cost <= -22.1
+    assert problem("literal-10-5").best_known.cost <= -31.6
+
+
+def test_an_entry_of_another_problem_is_not_used():
+    assert Problem("nominal", window_s=300e-6).best_known is None
+
+
+def test_settings_rebuild_the_problem():
+    for solved in suite().values():
+        assert Problem.from_settings(solved.name, solved.settings()) == solved
+
+
+def test_unknown_problem_suggests_the_nearest():
+    with pytest.raises(ValueError, match=r"problem must be one of .* got 'nominl'. Did you mean 'nominal'\?"):
+        problem("nominl")
+
+
+def test_polish_finds_the_minimum_of_a_bowl_at_the_wall():
+    class Bowl:
+        def evaluate(self, points):
+            return ((np.atleast_2d(points) - np.array([2, 0.5, 0, 0, -0.25, 0, -2])) ** 2).sum(axis=1)
+
+    bottom = [1, 0.5, 0, 0, -0.25, 0, -1]
+    points, costs = polished(Bowl(), np.zeros((3, 7)), 2000, np.random.default_rng(0))
+    np.testing.assert_allclose(points[np.argmin(costs)], bottom, atol=1e-4)
+    np.testing.assert_allclose(simplex_polished(Bowl(), np.full(7, 0.1)), bottom, atol=1e-4)
