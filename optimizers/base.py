@@ -79,14 +79,15 @@ class Optimizer:
         """
         if self._asked is None or not np.array_equal(points, self._asked):
             raise ValueError("tell wants the very points that ask returned last, in the same order.")
-        if np.shape(costs) != (len(self._asked),):
-            raise ValueError(f"costs must have shape ({len(self._asked)},); got {np.shape(costs)}.")
-        if self.uses_gradient and np.shape(gradients) != self._asked.shape:
-            raise ValueError(f"{self.name} needs gradients of shape {self._asked.shape}; got {np.shape(gradients)}.")
+        if costs.shape != (len(self._asked),):
+            raise ValueError(f"costs must have shape ({len(self._asked)},); got {costs.shape}.")
+        if self.uses_gradient and (gradients is None or gradients.shape != self._asked.shape):
+            came = "none" if gradients is None else gradients.shape
+            raise ValueError(f"{self.name} needs gradients of shape {self._asked.shape}; got {came}.")
         asked, self._asked = self._asked, None
         self.remaining -= len(asked)
         if self.remaining > 0:
-            self.learn(asked, np.asarray(costs, dtype=np.float64), gradients)
+            self.learn(asked, costs, gradients)
 
     def propose(self) -> Real:
         """The next batch, shape (n, d), n at least 1, however much budget is left."""

@@ -35,8 +35,9 @@ class OwnRandomness:
         self._swap()
 
     def _swap(self) -> None:
-        others = np.random.get_bit_generator()
-        np.random.set_bit_generator(self._numpy)
+        numpy_random: Any = np.random  # its type stubs do not know these two
+        others = numpy_random.get_bit_generator()
+        numpy_random.set_bit_generator(self._numpy)
         self._numpy = others
         if self._torch is not None:
             torch = sys.modules["torch"]

@@ -1,0 +1,89 @@
+"""Nevergrad's threads, replaced: some of its optimisers run a library's own loop in a thread.
+
+Such a thread draws from NumPy's process-wide generator whenever it happens to be scheduled, so that no seed makes its
+run repeatable, and one that is left waiting keeps the process from ending. A greenlet does the same work in turn.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest import mock
+
+import sklearn.linear_model
+import sklearn.preprocessing
+from cma.options_parameters import cma_default_options
+from greenlet import getcurrent, greenlet
+from nevergrad.optimization import recaster
+
+from optimizers.nevergrad_metamodel import UncheckedLinearRegression, UncheckedPolynomialFeatures
+
+
+class Conversation:
+    """In place of `nevergrad.optimization.recaster.MessagingThread`: runs ``caller(fake_objective)`` by turns."""
+
+    def __init__(self, caller: Callable[..., Any]) -> None:
+        self._library = greenlet(lambda: caller(self._ask_outside))
+        self._asked: deque[Any] = deque()
+        self._told: deque[Any] = deque()
+        self.output: Any = None
+        self.error: Exception | None = None
+        self.messages_tell = _Door(put=self._told.append)
+        self.messages_ask = _Door(get=self._next_asked)
+
+    def is_alive(self) -> bool:
+        """Whether the library has not ended yet."""
+        return not self._library.dead
+
+    def stop(self) -> None:
+        """Nothing: a greenlet ends with the last reference to it."""
+
+    def _ask_outside(self, *arguments: Any) -> Any:
+        self._asked.append(arguments[0])
+        return getcurrent().parent.switch()
+
+    def _next_asked(self) -> Any:
+        """What the library asks next, once it has heard all that it was told; None, or its error, where it ended."""
+        if not self._library and not self._library.dead:
+            self._resume()
+        while self._told and not self._library.dead:
+            self._resume(self._told.popleft())
+        if not self._asked:
+            raise RuntimeError("nevergrad asks for a second point before the first one's cost is told.")
+        return self._asked.popleft()
+
+    def _resume(self, *answer: Any) -> None:
+        self._library.parent = getcurrent()
+        try:
+            output = self._library.switch(*answer)
+        except Exception as error:
+            self.error = error
+            self._asked.append(error)
+        else:
+            if self._library.dead:
+                self.output = output
+                self._asked.append(None)
+
+
+class _Door:
+    """One end of a queue."""
+
+    def __init__(self, **ways: Callable[..., Any]) -> None:
+        vars(self).update(ways)
+
+
+@contextmanager
+def repeatable_nevergrad() -> Iterator[None]:
+    """While it is entered, nevergrad starts no threads, and a pycma within draws from NumPy's generator as it stands.
+
+    (By default pycma reseeds that from the clock.) Its quadratic models are the faster ones of `nevergrad_metamodel`.
+    """
+    with (
+        mock.patch.object(recaster, "MessagingThread", Conversation),
+        mock.patch.dict(cma_default_options, {"seed": float("nan")}),
+        mock.patch.object(sklearn.linear_model, "LinearRegression", UncheckedLinearRegression),
+        mock.patch.object(sklearn.preprocessing, "PolynomialFeatures", UncheckedPolynomialFeatures),
+    ):
+        yield
