@@ -135,7 +135,7 @@ class WaveformTask:
         from inkjet_env.printhead import batch
 
         heads = self._fixed_head if self.context == "fixed" else self.heads(np.array([[1.0, -1.0, 0.0, 0.0]]))
-        (_, _, *settings), capacity, _ = batch._prepare(
+        (_, _, *settings), capacity, _ = batch.prepare(
             self.bounds.upper, heads, self.cost, self.initial_state, self.window_s, self.hysteresis
         )
         return tuple(settings), capacity

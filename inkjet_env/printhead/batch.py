@@ -71,6 +71,11 @@ def head_table(printheads: Printhead | Sequence[Printhead]) -> Real:
     return _table(a0, a1, b1, full_scale_V, degree, slope)
 
 
+@lru_cache(maxsize=8)
+def _base_row(printhead: Printhead) -> Real:
+    return head_table(printhead)[0]
+
+
 def varied_head_table(
     printhead: Printhead,
     frequency_Hz: ArrayLike,
@@ -79,16 +84,20 @@ def varied_head_table(
     hysteresis_strength: ArrayLike,
 ) -> Real:
     """Rows of ``printhead.varied(…)`` for arrays of shape (n,), without making n printheads."""
-    frequency, damping, factor, strength = np.broadcast_arrays(
-        *(np.asarray(v, dtype=np.float64) for v in (frequency_Hz, damping_ratio, gain, hysteresis_strength))
+    frequency, damping, factor, strength = np.atleast_1d(
+        *np.broadcast_arrays(
+            *(np.asarray(v, dtype=np.float64) for v in (frequency_Hz, damping_ratio, gain, hysteresis_strength))
+        )
     )
-    base = poly.polyder(printhead.branch_law.ascending)
-    slope = np.zeros((frequency.size, compiled.MAX_DEGREE))
-    slope[:, 0] = base[0]
-    slope[:, 1 : base.size] = base[1:] * strength[:, None]
     omega = 2 * math.pi * frequency
-    same = np.full_like(omega, printhead.full_scale_V), np.full_like(omega, base.size)
-    return _table(omega * omega, 2 * damping * omega, printhead.b1 * factor, *same, slope)
+    rows = np.tile(_base_row(printhead), (omega.size, 1))
+    rows[:, compiled.HEAD_A0] = omega * omega
+    rows[:, compiled.HEAD_A1] = 2 * damping * omega
+    rows[:, compiled.HEAD_B1] = printhead.b1 * factor
+    rows[:, compiled.HEAD_SLOPE + 1 : compiled.HEAD_CURVATURE] *= strength[:, None]
+    rows[:, compiled.HEAD_END_SLOPE] = rows[:, compiled.HEAD_SLOPE : compiled.HEAD_CURVATURE].sum(axis=1)
+    rows[:, compiled.HEAD_CURVATURE :] *= np.abs(strength[:, None])
+    return rows
 
 
 def _capacity(heads: Real, longest_s: float, window_s: float) -> int:
@@ -119,7 +128,7 @@ def _rows(heads: Printhead | Real, count: int) -> Real:
     return rows
 
 
-def _prepare(
+def prepare(
     waveforms: ArrayLike,
     heads: Printhead | Real,
     cost: PeakCost | None,
@@ -127,7 +136,17 @@ def _prepare(
     window_s: float,
     hysteresis: str,
 ) -> tuple[tuple, int, Real]:
-    """Checked arguments of the compiled functions, the room they need for extrema, and an array for the costs."""
+    """What `costs` hands to `compiled.batch_costs`: for callers that check once and evaluate often.
+
+    Returns
+    -------
+    arguments : tuple
+        Checked: waveforms, head rows, and the settings, all but the last two arguments of ``batch_costs``.
+    capacity : int
+        Room for the extrema of the longest of these waveforms; to be doubled when ``batch_costs`` returns False.
+    costs : ndarray, shape (n,)
+        To be filled.
+    """
     values = as_waveform_array(waveforms)
     rows = _rows(heads, len(values))
     cost = cost or PeakCost()
@@ -167,7 +186,7 @@ def costs(
     ValueError
         Wrong shape, a value that is not finite, or a waveform outside the rules of `Waveform`.
     """
-    arguments, capacity, result = _prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
+    arguments, capacity, result = prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
     while not compiled.batch_costs(*arguments, capacity, result):
         capacity *= 2
     return result
@@ -193,7 +212,7 @@ def costs_and_gradients(
     """
     from inkjet_env.printhead.compiled_gradient import batch_costs_and_gradients
 
-    arguments, capacity, result = _prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
+    arguments, capacity, result = prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
     gradients = np.empty((len(result), 7))
     while not batch_costs_and_gradients(*arguments, capacity, result, gradients):
         capacity *= 2

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from inkjet_env.printhead import hysteresis
-from inkjet_env.printhead.resonator import ROUNDING
+from inkjet_env.printhead.resonator import JUMP_S, ROUNDING
 
 MAX_DEGREE = 16
 CURVATURE_CELLS = 32
@@ -178,6 +178,7 @@ def _edge_extrema(
             settled = (
                 (d0 * d1 > 0.0 and (abs(d0) + abs(d1)) * share > third)
                 or (positive0 == positive1 and min(abs(g0), abs(g1)) * share > third * h * 0.125)
+                or (third == 0.0 and g0 == 0.0 and g1 == 0.0)
                 or high - low < 1e-13
             )
             if not settled and depth < stack.shape[0]:
@@ -332,7 +333,7 @@ def response_extrema(head, knots_s, pieces, piece_count, window_s, state, rate, 
         for k in range(n):
             change += rate[k] / (k + 1.0)
         at_rest = y == 0.0 and slope == 0.0
-        if duration == 0.0:
+        if duration < JUMP_S:
             slope += head[HEAD_B1] * change
         elif forced or not at_rest:
             curvature = -a1 * slope - a0 * y

@@ -37,7 +37,14 @@ from inkjet_env.printhead.compiled import (
 @_jit
 def moments(z, count, result):
     """Fill ``result`` with ``m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds`` for k = 0 … count - 1; see `resonator.moments`."""
-    if abs(z) <= count + 1.0:
+    forward = 0 if abs(z) < 1.0 else min(int(abs(z)) + 1, count)
+    if forward > 0:
+        total = (np.exp(z) - 1.0) / z
+        result[0] = total
+        for k in range(1, forward):
+            total = (k * total - 1.0) / z
+            result[k] = total
+    if forward < count:
         term = 1.0 / count + 0j
         total = term
         j = 0
@@ -46,15 +53,9 @@ def moments(z, count, result):
             term = term * z / (count + j)
             total += term
         result[count - 1] = total
-        for k in range(count - 1, 0, -1):
+        for k in range(count - 1, forward, -1):
             total = (z * total + 1.0) / k
             result[k - 1] = total
-    else:
-        total = (np.exp(z) - 1.0) / z
-        result[0] = total
-        for k in range(1, count):
-            total = (k * total - 1.0) / z
-            result[k] = total
 
 
 @_jit

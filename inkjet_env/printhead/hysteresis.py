@@ -27,6 +27,9 @@ HYSTERESIS_MODELS = ("full_memory", "one_point", "play_operators")
 """``full_memory``: branch law with all turning points. ``one_point``: the paper's formula, the last turning point only.
 ``play_operators``: the classic PI sum."""
 
+SMALLEST_CHANGE_V = 1e-30
+"""A drive that changes by less stands still; products of smaller numbers would underflow."""
+
 PIECE_FIELDS = ("segment", "start", "length", "x_start", "x_change", "scale_V")
 
 
@@ -100,7 +103,7 @@ def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, piece
                             end = limit
                             depth = depth - 2 if depth >= 2 else 0
                     x_start, x_end, scale = abs(u - origin), abs(end - origin), full_scale_V
-                if recording and segment >= 0 and end != u:
+                if recording and segment >= 0 and abs(end - u) > SMALLEST_CHANGE_V:
                     x_start /= full_scale_V
                     x_end /= full_scale_V
                     at = (u - start) / whole

@@ -63,8 +63,8 @@ class Printhead:
 
     def __post_init__(self) -> None:
         check_resonator(self.a0, self.a1)
-        if not math.isfinite(self.b1):
-            raise ValueError(f"b1 must be finite; got {self.b1!r}.")
+        if not (math.isfinite(self.b1) and self.b1 != 0):
+            raise ValueError(f"b1 must be finite and not 0: the head must answer; got {self.b1!r}.")
         object.__setattr__(self, "coefficients", self.branch_law.coefficients)
 
     @classmethod

@@ -9,8 +9,8 @@ On a piece of duration T, ``v`` is a polynomial of ``τ = t/T`` with ``dv/dτ = 
 
     A(τ) = A(0) e^{zτ} + c Σ q_k τ^{k+1} m_k(zτ),   m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds.                  (2)
 
-The moments are ``k! φ_{k+1}``, the φ functions of exponential integrators. ``m_k = (k m_{k-1} - 1)/z`` is stable where
-``|z| > k``; elsewhere it is run backwards from the power series of the last moment, which does not cancel there.
+The moments are ``k! φ_{k+1}``, the φ functions of exponential integrators. ``m_k = (k m_{k-1} - 1)/z`` is stable while
+``k ≤ |z|``; beyond, it is run backwards from the power series of the last moment, which does not cancel there.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ Real = NDArray[np.float64]
 
 ROUNDING = 1e-14
 """Ringing that cancels to less than this share of what cancelled is rounding, and is taken as rest."""
+
+JUMP_S = 1e-20
+"""An edge shorter than this is a jump: the ringing it drives differs by less than rounding."""
 
 
 def check_resonator(a0: float, a1: float) -> None:
@@ -62,27 +65,30 @@ def moments(z: ArrayLike, count: int) -> Complex:
     z = np.atleast_1d(np.asarray(z, dtype=np.complex128))
     last = count - 1
     result = np.empty((z.size, count), dtype=np.complex128)
-    small = np.abs(z) <= count + 1
-    zs = z[small]
-    if zs.size:
-        term = np.full(zs.shape, 1.0 / (last + 1), dtype=np.complex128)
+    forward = np.where(np.abs(z) < 1.0, 0, np.floor(np.abs(z)) + 1)  # so many moments from m_0 upwards
+    large = forward > 0
+    if large.any():
+        total = np.expm1(z[large]) / z[large]
+        result[large, 0] = total
+        for k in range(1, count):
+            total = (k * total - 1.0) / z[large]
+            result[large, k] = total
+    small = forward <= last
+    if small.any():
+        zs = z[small]
+        term = np.full(zs.shape, 1.0 / count, dtype=np.complex128)
         total = term.copy()
         j = 0
-        while np.abs(term).max() > 1e-18 / (last + 1):
+        while np.abs(term).max() > 1e-18 / count:
             j += 1
-            term = term * zs / (last + 1 + j)
+            term = term * zs / (count + j)
             total += term
-        result[small, last] = total
+        backward = np.empty((zs.size, count), dtype=np.complex128)
+        backward[:, last] = total
         for k in range(last, 0, -1):
             total = (zs * total + 1.0) / k
-            result[small, k - 1] = total
-    zl = z[~small]
-    if zl.size:
-        total = np.expm1(zl) / zl
-        result[~small, 0] = total
-        for k in range(1, count):
-            total = (k * total - 1.0) / zl
-            result[~small, k] = total
+            backward[:, k - 1] = total
+        result[small] = np.where(np.arange(count) < forward[small, None], result[small], backward)
     return result
 
 
@@ -95,7 +101,7 @@ class PiecewiseResponse:
     a0, a1, b1 : float
         ``G_s(s) = b1 s / (s² + a1 s + a0)``, in 1/s², 1/s, 1/s.
     duration_s : ndarray, shape (p,)
-        Durations of the pieces, which follow each other from time 0. Zero is a jump of the input.
+        Durations of the pieces, which follow each other from time 0. Zero, or less than `JUMP_S`, is a jump.
     rate_V : ndarray, shape (p, d)
         ``dv/dτ`` on each piece as polynomial of ``τ`` in 0…1, lowest power first, in volts.
     start_state : complex, optional
@@ -111,6 +117,7 @@ class PiecewiseResponse:
 
     def __post_init__(self) -> None:
         check_resonator(self.a0, self.a1)
+        object.__setattr__(self, "duration_s", np.where(self.duration_s < JUMP_S, 0.0, self.duration_s))
         pole_ = pole(self.a0, self.a1)
         gain = self.b1 / pole_.imag
         z = pole_ * self.duration_s

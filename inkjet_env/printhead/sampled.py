@@ -16,6 +16,8 @@ from inkjet_env.printhead.resonator import pole
 RINGING = ("rest", "steady")
 """``rest``: the resonator rests at the first sample. ``steady``: it rings as it does under the repeated drive."""
 
+LONGEST_STEP_S = 1.0
+
 Real = NDArray[np.float64]
 
 
@@ -63,6 +65,12 @@ def check_samples(time_s: ArrayLike, drive_V: ArrayLike) -> tuple[Real, Real]:
         raise ValueError(
             "time_s must increase from sample to sample; "
             f"sample {at + 1} is at {time[at]:g} s after {time[at - 1]:g} s. Sort the rows or remove the repeated one."
+        )
+    if steps.max() > LONGEST_STEP_S:
+        at = int(np.argmax(steps > LONGEST_STEP_S)) + 1
+        raise ValueError(
+            f"time_s must not step by more than {LONGEST_STEP_S:g} s; "
+            f"it does by {steps[at - 1]:g} s before sample {at + 1}. Times are in seconds."
         )
     return time, drive
 

@@ -13,6 +13,9 @@ PARAMETER_NAMES = ("U1", "U2", "t1", "t2", "t3", "t4", "t5")
 PARAMETER_UNITS = ("V", "V", "s", "s", "s", "s", "s")
 
 
+LARGEST_DRIVE_V = 1e5
+LONGEST_DURATION_S = 0.1
+
 _RULES = (
     ("must be at least 0 V", "The first pulse is the positive one; a negative pulse goes into U2"),
     ("must be at most 0 V", "The second pulse is the negative one; a positive pulse goes into U1"),
@@ -24,10 +27,18 @@ def _check_rules(values: NDArray[np.float64]) -> None:
     """Raise ``ValueError`` at the first broken rule of an ``(n, 7)`` array."""
     not_finite = ~np.isfinite(values)
     wrong_sign = np.column_stack([values[:, 0] < 0, values[:, 1] > 0, values[:, 2:] < 0])
-    for broken in (not_finite, wrong_sign):
+    too_large = np.abs(values) > np.array([LARGEST_DRIVE_V] * 2 + [LONGEST_DURATION_S] * 5)
+    for broken in (not_finite, wrong_sign, too_large):
         if broken.any():
             row, column = (int(i) for i in np.argwhere(broken)[0])
-            rule, fix = ("must be finite", "Replace the NaN or infinity") if broken is not_finite else _RULES[column]
+            if broken is not_finite:
+                rule, fix = "must be finite", "Replace the NaN or infinity"
+            elif broken is wrong_sign:
+                rule, fix = _RULES[column]
+            elif column < 2:
+                rule, fix = f"must be within ±{LARGEST_DRIVE_V:g} V", "Check the unit, volts"
+            else:
+                rule, fix = f"must be at most {LONGEST_DURATION_S:g} s", "Durations are in seconds: 10 µs is 10e-6"
             place = f" in row {row} of the waveforms" if len(values) > 1 else ""
             got = f"{values[row, column]:g} {PARAMETER_UNITS[column]}"
             raise ValueError(f"{PARAMETER_NAMES[column]} {rule}; got {got}{place}. {fix}.")
@@ -48,7 +59,8 @@ def as_waveform_array(waveforms: ArrayLike) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        Wrong shape, a value that is not finite, ``U1 < 0``, ``U2 > 0`` or a duration below zero.
+        Wrong shape, a value that is not finite, ``U1 < 0``, ``U2 > 0``, a duration below zero, or a value so large
+        that its unit must be wrong.
     """
     try:
         values = np.ascontiguousarray(waveforms, dtype=np.float64)
@@ -143,8 +155,8 @@ class Bounds:
     lower: tuple[float, ...] = (0.0, -100.0, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6)
     upper: tuple[float, ...] = (100.0, 0.0, 20e-6, 20e-6, 20e-6, 20e-6, 20e-6)
     names: ClassVar[tuple[str, ...]] = PARAMETER_NAMES
-    _centre: NDArray[np.float64] = field(init=False, repr=False, compare=False)
-    _half: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+    _low: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+    _high: NDArray[np.float64] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for label in ("lower", "upper"):
@@ -156,20 +168,21 @@ class Bounds:
         if (low > high).any():
             name = PARAMETER_NAMES[int(np.argmax(low > high))]
             raise ValueError(f"bounds.lower must not exceed bounds.upper; they are the wrong way round for {name}.")
-        object.__setattr__(self, "_centre", (low + high) / 2)
-        object.__setattr__(self, "_half", (high - low) / 2)
+        object.__setattr__(self, "_low", low)
+        object.__setattr__(self, "_high", high)
 
     @property
     def half_width(self) -> NDArray[np.float64]:
         """Half the box's widths, shape (7,): d(physical)/d(unit)."""
-        return self._half.copy()
+        return (self._high - self._low) / 2
 
     def from_unit(self, points: ArrayLike) -> NDArray[np.float64]:
         """Physical parameters (V, s) of points in [-1, 1], shape (7,) or (n, 7); ±1 hit the bounds exactly."""
         points = np.asarray(points, dtype=np.float64)
-        return np.clip(self._centre + self._half * points, self.lower, self.upper)
+        return np.clip(((1 - points) * self._low + (1 + points) * self._high) / 2, self._low, self._high)
 
     def to_unit(self, waveforms: ArrayLike) -> NDArray[np.float64]:
         """Points in [-1, 1] of physical parameters, shape (7,) or (n, 7); a box of no width maps to 0."""
-        offset = np.asarray(waveforms, dtype=np.float64) - self._centre
-        return np.divide(offset, self._half, out=np.zeros_like(offset), where=self._half > 0)
+        offset = np.asarray(waveforms, dtype=np.float64) - (self._low + self._high) / 2
+        half_width = self.half_width
+        return np.divide(offset, half_width, out=np.zeros_like(offset), where=half_width > 0)
