@@ -34,9 +34,9 @@ class Nevergrad(Optimizer):
         self.name = f"nevergrad-{method}"
         self._workers = checked_count("workers", workers)
         self._randomness = OwnRandomness(self.seed)
-        box = nevergrad.p.Array(init=np.zeros(self.dimension), lower=-1.0, upper=1.0)
-        box.random_state = np.random.RandomState(np.random.MT19937(self.seed))
         with self._surroundings():
+            box = nevergrad.p.Array(init=np.zeros(self.dimension), lower=-1.0, upper=1.0)
+            box.random_state = np.random.RandomState(np.random.MT19937(self.seed))
             self._search = nevergrad.optimizers.registry[method](box, self.budget, self._workers)
         self._candidates: list[nevergrad.p.Parameter] = []
         self._costs: list[float] = []

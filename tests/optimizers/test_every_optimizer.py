@@ -9,7 +9,8 @@ import optimizers
 from optimizers.loop import Interrupted, NonFiniteCostError, ReplayMismatchError, minimise
 
 NAMES = [name for name, reason in optimizers.availability().items() if reason is None]
-DETERMINISTIC = {"scipy-direct"}
+# At this budget NGOpt chooses a method that draws nothing; test_nevergrad.py looks at it at the usual budget.
+DETERMINISTIC = {"scipy-direct", "nevergrad-NGOpt"}
 CENTRE = np.array([0.3, -0.2, 0.1, 0.5, -0.4, 0.0, 0.25])
 
 
@@ -132,10 +133,8 @@ def test_replay_under_another_seed_is_refused(name):
         run(name, 150, seed=6, recorded=whole(name))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", sorted(set(NAMES) - DETERMINISTIC))
 def test_two_optimizers_side_by_side_do_not_disturb_each_other(name):
-    if name in DETERMINISTIC:
-        pytest.skip("it draws nothing")
     bowl = Bowl()
     pair = [optimizers.make(name, budget=150, seed=seed) for seed in (5, 6)]
     seen = []

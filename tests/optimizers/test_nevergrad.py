@@ -1,0 +1,103 @@
+"""What nevergrad does behind our interface: repeatably, without threads, unless it is refused."""
+
+import threading
+
+import numpy as np
+import pytest
+import sklearn.linear_model
+import sklearn.preprocessing
+
+import optimizers
+from optimizers import nevergrad_threads
+
+
+def bumpy(points):
+    return 10 * ((points - 0.3) ** 2).sum(axis=1) + np.cos(9 * points).sum(axis=1)
+
+
+def first_points(name, count, seed, budget=2000, disturb=False):
+    """The first points of a run, and how many threads and bits of others' randomness it left changed."""
+    optimizer = optimizers.make(name, budget=budget, seed=seed)
+    seen = []
+    while budget - optimizer.remaining < count:
+        if disturb:
+            np.random.random()  # noqa: NPY002
+        points = optimizer.ask()
+        seen.append(points)
+        optimizer.tell(points, bumpy(points))
+    optimizer.close()
+    return np.concatenate(seen)
+
+
+@pytest.fixture(scope="module")
+def ngopt_points():
+    return first_points("nevergrad-NGOpt", 170, 5)
+
+
+def test_ngopt_repeats_itself_under_its_seed_whatever_else_draws_random_numbers(ngopt_points):
+    """At this budget it runs pycma, which by itself reseeds NumPy from the clock, in a thread."""
+    assert np.array_equal(first_points("nevergrad-NGOpt", 170, 5, disturb=True), ngopt_points)
+    assert not np.array_equal(first_points("nevergrad-NGOpt", 170, 6), ngopt_points)
+
+
+def test_no_thread_is_left_and_nothing_stays_exchanged(ngopt_points):
+    assert threading.active_count() == 1
+    assert sklearn.linear_model.LinearRegression is not nevergrad_threads.UncheckedLinearRegression
+    assert nevergrad_threads.recaster.MessagingThread is not nevergrad_threads.Conversation
+    assert str(nevergrad_threads.cma_default_options["seed"]).startswith("time")
+
+
+def test_the_faster_quadratic_model_changes_no_bit(ngopt_points, monkeypatch):
+    calls = []
+
+    class Watched(sklearn.preprocessing.PolynomialFeatures):
+        def fit_transform(self, *arguments, **options):
+            calls.append(1)
+            return super().fit_transform(*arguments, **options)
+
+    monkeypatch.setattr(nevergrad_threads, "UncheckedPolynomialFeatures", Watched)
+    monkeypatch.setattr(nevergrad_threads, "UncheckedLinearRegression", sklearn.linear_model.LinearRegression)
+    assert np.array_equal(first_points("nevergrad-NGOpt", 170, 5), ngopt_points)
+    assert calls, "the model was never fitted, so nothing was compared"
+
+
+def test_others_random_numbers_go_on_undisturbed():
+    np.random.seed(3)  # noqa: NPY002
+    expected = np.random.random(4)  # noqa: NPY002
+    np.random.seed(3)  # noqa: NPY002
+    first = np.random.random(2)  # noqa: NPY002
+    first_points("nevergrad-NGOpt", 60, 5)
+    assert np.array_equal([*first, *np.random.random(2)], expected)  # noqa: NPY002
+
+
+def test_any_other_name_of_its_registry_works():
+    optimizer = optimizers.make("nevergrad-RandomSearch", budget=9)
+    assert optimizer.name == "nevergrad-RandomSearch"
+    assert (np.abs(optimizer.ask()) <= 1).all()
+
+
+def test_workers_are_asked_side_by_side_and_never_beyond_the_budget():
+    optimizer = optimizers.make("nevergrad-TwoPointsDE", budget=10, workers=4)
+    sizes = []
+    while optimizer.remaining:
+        points = optimizer.ask()
+        sizes.append(len(points))
+        optimizer.tell(points, bumpy(points))
+    assert sizes == [4, 4, 2]
+
+
+@pytest.mark.parametrize("name", ["nevergrad-BO", "nevergrad-PCABO", "nevergrad-BayesOptimBO"])
+def test_its_bayesian_optimizers_are_refused_with_a_reason(name):
+    with pytest.raises(optimizers.UnavailableOptimizerError, match="outdated libraries and hang"):
+        optimizers.make(name)
+
+
+def test_bobyqa_is_not_taken_for_a_bayesian_one():
+    assert optimizers.availability(["nevergrad-BOBYQA"])["nevergrad-BOBYQA"] is None or "Bayesian" not in str(
+        optimizers.availability(["nevergrad-BOBYQA"])["nevergrad-BOBYQA"]
+    )
+
+
+def test_a_mistyped_name_of_its_registry_is_met_with_the_nearest():
+    with pytest.raises(optimizers.UnknownOptimizerError, match="Did you mean 'nevergrad-TwoPointsDE'"):
+        optimizers.make("nevergrad-TwoPointDE")

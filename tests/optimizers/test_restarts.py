@@ -1,0 +1,73 @@
+"""Searches that end before the budget does begin again elsewhere."""
+
+import numpy as np
+
+import optimizers
+from optimizers.inverted import InvertedOptimizer
+from optimizers.loop import minimise
+
+
+class Sphere:
+    def evaluate(self, points):
+        return (points**2).sum(axis=1)
+
+    def evaluate_with_gradient(self, points):
+        return self.evaluate(points), 2 * points
+
+
+class Flat(Sphere):
+    def evaluate(self, points):
+        return np.zeros(len(points))
+
+    def evaluate_with_gradient(self, points):
+        return np.zeros(len(points)), np.zeros_like(points)
+
+
+def test_a_descent_with_nowhere_to_go_gives_way_to_the_next_start():
+    run = minimise(Flat(), optimizers.make("lbfgsb-multistart", budget=30), 30)
+    assert len(np.unique(run.points, axis=0)) == 30
+
+
+def test_cma_es_doubles_its_population_when_it_begins_again():
+    optimizer = optimizers.make("cma-es", dimension=2, budget=3000, seed=1)
+    sizes = []
+    while optimizer.remaining:
+        points = optimizer.ask()
+        sizes.append(len(points))
+        optimizer.tell(points, Sphere().evaluate(points))
+    assert {6, 12, 24} <= set(sizes)
+    assert sum(sizes) == 3000
+
+
+def test_differential_evolution_begins_anew_where_it_has_converged():
+    run = minimise(Sphere(), optimizers.make("scipy-differential-evolution", dimension=2, budget=6000, seed=1), 6000)
+    spread = np.array([batch.std() for batch in run.points[:6000].reshape(-1, 30, 2)])
+    converged = int(np.argmax(spread < 0.05))
+    assert 0 < converged < len(spread)
+    assert spread[converged:].max() > 0.4
+
+
+def test_direct_goes_on_where_its_rectangles_cannot_be_divided_further():
+    optimizer = optimizers.make("scipy-direct", dimension=2, budget=18000, locally_biased=False)
+    assert minimise(Sphere(), optimizer, 18000).evaluations == 18000
+    assert optimizer._locally_biased
+
+
+def test_closing_ends_the_library_even_if_it_clings_to_its_objective():
+    ended = []
+
+    class Clinging(InvertedOptimizer):
+        name = "clinging"
+
+        def search(self):
+            try:
+                self.evaluate(np.zeros((1, self.dimension)))
+            finally:
+                ended.append(True)
+                self.evaluate(np.ones((1, self.dimension)))
+
+    optimizer = Clinging(2, 10, 0)
+    optimizer.ask()
+    optimizer.close()
+    assert ended == [True]
+    optimizer.close()
