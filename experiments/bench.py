@@ -64,10 +64,9 @@ class BenchSettings:
             problem(name)
         import optimizers
 
-        known = optimizers.availability()
         for name in self.optimizers:
-            if name not in known:
-                optimizers.make(name)  # raises the error that suggests the nearest name
+            if name not in optimizers.names():
+                optimizers.make(name).close()  # raises the error that suggests the nearest name
         for label, names in (("problems", self.problems), ("optimizers", self.optimizers)):
             if not names:
                 raise ValueError(f"{label} must name at least one; got none.")
@@ -200,7 +199,7 @@ def run_bench(settings: BenchSettings, folder: Path, workers: int | None = None)
     import optimizers
 
     open_folder(folder, settings)
-    reasons = optimizers.availability()
+    reasons = optimizers.availability(settings.optimizers)
     unavailable = {name: str(reasons[name]) for name in settings.optimizers if reasons[name] is not None}
     keys = [
         RunKey(optimizer, name, repeat)

@@ -49,7 +49,7 @@ def descend(problem: Problem, start: NDArray[np.float64]) -> tuple[NDArray[np.fl
 def polished(
     problem: Problem, points: NDArray[np.float64], rounds: int, rng: np.random.Generator, step: float = 0.05
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Improve many points side by side by random steps; each adapts its step, at first ``step``, to one success in five.
+    """Improve many points side by side by random steps; each adapts its step to one success in five.
 
     Returns
     -------

@@ -1,0 +1,179 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from experiments.bench import BenchSettings, first_difference, perform, run_bench
+from experiments.report import ranking_csv, ranking_json, write_report
+from experiments.runs import DamagedResultError, RunKey, read_run, run_path
+from experiments.statistics import summarise
+
+COMMAND = [sys.executable, "-m", "experiments.cli", "bench", "--workers", "1"]
+SMALL = ["--problems", "nominal,stiff-head", "--optimizers", "cma-es,pso,random", "--repeats", "4", "--budget", "1500"]
+
+
+def small_settings(**changes):
+    return BenchSettings(
+        **{"problems": ("nominal",), "optimizers": ("pso", "random"), "repeats": 2, "budget": 90} | changes
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A small bench, done."""
+    folder = tmp_path_factory.mktemp("bench") / "results"
+    outcome = run_bench(small_settings(), folder, workers=1)
+    write_report(outcome, summarise(outcome))
+    return outcome
+
+
+def contents(folder):
+    return {file.name: file.read_bytes() for file in (folder / "runs").iterdir()}
+
+
+def test_a_killed_bench_goes_on_and_ends_as_if_it_had_not_been_killed(tmp_path):
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    process = subprocess.Popen([*COMMAND, *SMALL, "--results", killed], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 60
+    while len(list(killed.glob("runs/*.npz"))) < 4 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    before = contents(killed)
+    assert 4 <= len(before) < 24
+    for folder in (killed, whole):
+        done = subprocess.run([*COMMAND, *SMALL, "--results", folder], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert ("runs are there already; going on" in done.stderr) == (folder == killed)
+    after = contents(killed)
+    assert after == contents(whole)
+    assert len(after) == 24
+    for name in ("ranking.csv", "ranking.json"):
+        assert (killed / name).read_bytes() == (whole / name).read_bytes()
+
+
+def test_a_run_depends_on_nothing_but_its_names_budget_and_seed():
+    key = RunKey("pso", "nominal", 1)
+    alone = perform(key, small_settings())[1].to_bytes()
+    assert perform(key, small_settings(optimizers=("random", "pso"), repeats=7))[1].to_bytes() == alone
+    assert perform(key, small_settings(seed=1))[1].to_bytes() != alone
+
+
+def test_a_finished_bench_is_not_run_again(finished, monkeypatch):
+    monkeypatch.setattr("experiments.bench._perform_all", lambda *_: pytest.fail("ran again"))
+    again = run_bench(small_settings(), finished.folder)
+    assert [r.to_bytes() for r in again.results] == [r.to_bytes() for r in finished.results]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"budget": 91}, "budget is 90 there and 91 here"),
+        ({"seed": 3}, "seed is 0 there and 3 here"),
+        ({"optimizers": ("pso",)}, "optimizers is pso, random there and pso here"),
+    ],
+)
+def test_other_settings_are_refused_and_change_nothing(finished, change, said):
+    before = contents(finished.folder)
+    with pytest.raises(ValueError, match=f"holds a bench of other settings: {said}"):
+        run_bench(small_settings(**change), finished.folder)
+    assert contents(finished.folder) == before
+
+
+def test_a_foreign_folder_is_left_alone(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(ValueError, match="neither empty nor a bench's results folder"):
+        run_bench(small_settings(), tmp_path)
+    assert [f.name for f in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def damage_by_truncation(path, _):
+    path.write_bytes(path.read_bytes()[:200])
+
+
+def damage_by_another_run(path, folder):
+    path.write_bytes(run_path(folder, RunKey("random", "nominal", 0)).read_bytes())
+
+
+def damage_by_pickle(path, _):
+    with open(path, "wb") as file:
+        np.savez(file, label=np.array({"a": 1}, dtype=object))
+
+
+def damage_by_better_costs(path, folder):
+    result = read_run(folder, RunKey("pso", "nominal", 0), 0, 90)
+    result.costs[7] -= 100
+    path.write_bytes(result.to_bytes())
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (damage_by_truncation, "cannot be read"),
+        (damage_by_another_run, "it is labelled"),
+        (damage_by_pickle, "cannot be read"),
+        (damage_by_better_costs, "its best point costs"),
+    ],
+)
+def test_a_damaged_result_is_named_and_what_to_do(finished, damage, said):
+    path = run_path(finished.folder, RunKey("pso", "nominal", 0))
+    whole = path.read_bytes()
+    try:
+        damage(path, finished.folder)
+        with pytest.raises(DamagedResultError, match=f"{path.name} is damaged: .*{said}.*Delete that file"):
+            run_bench(small_settings(), finished.folder)
+    finally:
+        path.write_bytes(whole)
+
+
+def test_an_optimiser_that_breaks_down_is_reported_and_not_scored(tmp_path, monkeypatch):
+    import optimizers
+
+    monkeypatch.setattr(
+        optimizers, "availability", lambda names: {name: "too old" if name == "pso" else None for name in names}
+    )
+    outcome = run_bench(small_settings(), tmp_path / "r", workers=1)
+    assert outcome.unavailable == {"pso": "too old"}
+    assert {r.key.optimizer for r in outcome.results} == {"random"}
+    page = write_report(outcome, summarise(outcome)).read_text()
+    assert "too old" in page
+
+
+def test_report_stands_alone_and_tells_settings_and_winner(finished):
+    summary = summarise(finished)
+    page = (finished.folder / "report.html").read_text()
+    for load in ("http:", "https:", "src=", "@import", "<script", "<link", "url(http"):
+        assert load not in page
+    assert page.count("<svg") == page.count("</svg>") == 2
+    for text in (*(s.optimizer for s in summary.standings), "nominal", "best of the first 40 evaluations"):
+        assert text in page or text in finished_titles(page)
+    assert f"{summary.winner} on nominal" in page
+
+
+def finished_titles(page):
+    """Text of the pictures, which is drawn as paths with the text in a comment."""
+    return "\n".join(line for line in page.splitlines() if line.strip().startswith("<!--"))
+
+
+def test_tables_for_machines_agree_with_each_other(finished):
+    summary = summarise(finished)
+    lines = ranking_csv(summary).splitlines()
+    found = ranking_json(finished, summary)
+    assert found["format"] == "ranking/1"
+    assert len(lines) == 1 + 2 * 1
+    best = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
+    first = found["ranking"][0]
+    assert best["optimizer"] == first["optimizer"] == summary.winner
+    assert float(best["median_regret_V"]) == first["problems"]["nominal"]["median_regret_V"]
+    json.dumps(found, allow_nan=False)
+
+
+def test_first_difference_names_the_place():
+    assert first_difference({"a": {"b": [1, 2]}}, {"a": {"b": [1, 3]}}) == "a b is 1, 2 there and 1, 3 here"
+    assert first_difference({"a": 1}, {"a": 1, "c": 2}) == "c is new here"
+    assert first_difference({"a": 1}, {"a": 1}) == ""

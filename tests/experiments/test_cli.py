@@ -1,0 +1,304 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from experiments import cli
+
+OPTIMUM = ["100", "-100", "1e-6", "10.481e-6", "13.769e-6", "9.613e-6", "20e-6"]
+COMMAND = [sys.executable, "-m", "experiments.cli"]
+
+
+@pytest.fixture
+def inkjet(capsys, tmp_path, monkeypatch):
+    """Run the command in an empty folder: exit status, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as exit_:
+            cli.main([str(a) for a in arguments])
+        out, err = capsys.readouterr()
+        return exit_.value.code, out, err
+
+    return run
+
+
+def a_drive(path, rows=("0,0", "1e-6,100", "2e-6,-50", "4e-6,0"), header="time_s,drive_V"):
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+def test_simulate_prints_and_writes_peaks_and_cost(inkjet, tmp_path):
+    status, out, _ = inkjet("simulate", "--waveform", *OPTIMUM, "--json", "s.json", "--plot", "s.png")
+    assert status == 0
+    assert "effective" in out
+    assert "cost -22.83" in out
+    found = json.loads((tmp_path / "s.json").read_text())
+    assert list(found) == ["format", "peaks_V", "peak_times_s", "effective_peak", "cost"]
+    assert found["format"] == "simulation/1"
+    assert found["effective_peak"] == 1
+    assert found["cost"] == pytest.approx(-22.830, abs=1e-3)
+    np.testing.assert_allclose(found["peaks_V"][:4], [6.19, -6.94, 0.65, -0.52], atol=0.01)
+    assert found["peak_times_s"] == sorted(found["peak_times_s"])
+    assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_json_on_standard_output_is_nothing_but_json(inkjet):
+    status, out, _ = inkjet("simulate", "--waveform", *OPTIMUM, "--json", "-", "--effective", "20")
+    assert status == 0
+    assert json.loads(out)["effective_peak"] is None
+
+
+def test_cost_and_window_options_change_the_cost_as_they_should(inkjet):
+    def cost(*options):
+        return json.loads(inkjet("simulate", "--waveform", *OPTIMUM, "--json", "-", *options)[1])
+
+    usual, first = cost(), cost("--effective", "first", "--cost-a", "-10", "--cost-b", "1")
+    magnitudes = np.abs(usual["peaks_V"])
+    assert first["cost"] == pytest.approx(-10 * magnitudes[0] + magnitudes[1:].sum())
+    short = cost("--window", "30e-6")
+    assert max(short["peak_times_s"]) <= 30e-6 < max(usual["peak_times_s"])
+    assert cost("--window", "inf")["cost"] == pytest.approx(usual["cost"], abs=1e-2)
+
+
+def test_a_sampled_drive_gives_the_response_of_the_same_waveform(inkjet, tmp_path):
+    drive = a_drive(tmp_path / "d.csv", [f"{t!r},{u!r}" for t, u in knots()])
+    status, _, _ = inkjet("simulate", "--drive", drive, "--out", "r.csv", "--json", "r.json")
+    assert status == 0
+    assert (tmp_path / "r.csv").read_text().splitlines()[0] == "time_s,drive_V,sensor_V"
+    assert np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1).shape == (6, 3)
+    whole = json.loads(inkjet("simulate", "--waveform", *OPTIMUM, "--json", "-")[1])
+    sampled = json.loads((tmp_path / "r.json").read_text())
+    np.testing.assert_allclose(sampled["peaks_V"][:5], whole["peaks_V"][:5], atol=1e-9)
+
+
+def knots():
+    durations = [float(v) for v in OPTIMUM[2:]]
+    return zip([0.0, *np.cumsum(durations).tolist()], [0.0, 100.0, 100.0, -100.0, -100.0, 0.0], strict=True)
+
+
+BAD_WAVEFORM = [
+    (["--waveform", "1", "2"], "Option '--waveform' requires 7 arguments"),
+    (["--waveform", *OPTIMUM[:6], "x"], "Invalid value for '--waveform'"),
+    (["--waveform", "-1", *OPTIMUM[1:]], "U1 must be at least 0 V; got -1 V"),
+    (["--waveform", "nan", *OPTIMUM[1:]], "U1 must be finite; got nan V"),
+    ([], "give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv"),
+    (["--waveform", *OPTIMUM, "--drive", "d.csv"], "not both"),
+    (["--waveform", *OPTIMUM, "--effective", "larges"], "effective must be 'largest'.*Did you mean 'largest'"),
+    (["--waveform", *OPTIMUM, "--initial-state", "virgin"], "initial_state must be one of periodic, demagnetised"),
+    (["--waveform", *OPTIMUM, "--hysteresis", "fullmemory"], "hysteresis must be one of.*Did you mean 'full_memory'"),
+    (["--waveform", *OPTIMUM, "--window", "0"], "window_s must be a positive time"),
+    (["--waveform", *OPTIMUM, "--printhead", "none.json"], "none.json: cannot be read as a printhead"),
+    (["--waveform", *OPTIMUM, "--plot", "a.gif"], "must end in .png, .svg or .pdf; got '.gif'"),
+    (["--waveform", *OPTIMUM, "--json", "nowhere/a.json"], "nowhere must be a folder that can be written to"),
+    (["--waveform", *OPTIMUM, "--wave"], "No such option: --wave"),
+    (["--drive", "none.csv"], "none.csv: cannot be read: No such file"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "said"), BAD_WAVEFORM)
+def test_bad_input_is_one_sentence_and_status_2(inkjet, tmp_path, arguments, said):
+    status, out, err = inkjet("simulate", *arguments)
+    assert (status, out) == (2, "")
+    assert err.startswith("inkjet: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
+    import re
+
+    assert re.search(said, err)
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "said"),
+    [
+        ("time,volt", ("0,0", "1,1"), "row 1: the header must name time_s once"),
+        ("time_s,drive_V", ("0,0", "1e-6,abc"), "row 3: drive_V must be a number; got 'abc'"),
+        ("time_s,drive_V", ("0,0", "1e-6,nan"), "row 3: drive_V must be finite; got 'nan'"),
+        ("time_s,drive_V", ("0,0", "1e-6"), "row 3: drive_V is missing"),
+        ("time_s,drive_V", ("0,0", "2e-6,1", "1e-6,0"), "row 4: time_s must increase.*Sort the rows"),
+        ("time_s,drive_V", ("0,0",), "must have at least 2 samples; got 1"),
+    ],
+)
+def test_a_damaged_drive_is_told_by_file_and_row(inkjet, tmp_path, header, rows, said):
+    drive = a_drive(tmp_path / "drive.csv", rows, header)
+    status, _, err = inkjet("simulate", "--drive", drive, "--out", "r.csv")
+    assert status == 2
+    import re
+
+    assert re.search(f"drive.csv[,:].*{said}", err)
+    assert not (tmp_path / "r.csv").exists()
+
+
+def test_a_binary_drive_is_refused(inkjet, tmp_path):
+    (tmp_path / "d.csv").write_bytes(b"\xff\xfe\x00\x81")
+    assert "it is not UTF-8 text" in inkjet("simulate", "--drive", "d.csv")[2]
+
+
+def test_optimize_writes_a_waveform_for_a_generator_and_the_promised_json(inkjet, tmp_path):
+    status, _out, _ = inkjet(
+        *("optimize", "--optimizer", "pso", "--particles", "20", "--generations", "10", "--seed", "3"),
+        *("--out", "w.csv", "--json", "o.json", "--plot", "w.svg", "--sample-rate", "1e8"),
+    )
+    assert status == 0
+    found = json.loads((tmp_path / "o.json").read_text())
+    assert found["format"] == "optimum/1"
+    assert (found["evaluations"], found["seed"], len(found["waveform"])) == (200, 3, 7)
+    assert found["history"][-1] == [200, found["cost"]]
+    assert [h[1] for h in found["history"]] == sorted((h[1] for h in found["history"]), reverse=True)
+    time_s, drive_V = np.loadtxt(tmp_path / "w.csv", delimiter=",", skiprows=1).T
+    assert drive_V[0] == drive_V[-1] == 0.0
+    np.testing.assert_allclose(np.diff(time_s), 1e-8, rtol=1e-6)
+    assert sum(found["waveform"][2:]) <= time_s[-1] <= sum(found["waveform"][2:]) + 1e-8
+    again = json.loads(inkjet("simulate", "--waveform", *found["waveform"], "--json", "-")[1])
+    assert again["cost"] == pytest.approx(found["cost"], abs=1e-7)
+    sampled = json.loads(inkjet("simulate", "--drive", "w.csv", "--json", "-")[1])
+    assert sampled["peaks_V"][0] == pytest.approx(again["peaks_V"][0], rel=0.02)
+
+
+def test_same_seed_same_bytes_other_seed_other_bytes(inkjet, tmp_path):
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        inkjet(
+            "optimize", "--optimizer", "random", "--budget", 50, "--seed", seed, "--json", name, "--out", f"{name}.csv"
+        )
+    a, b, c = ((tmp_path / name).read_bytes() for name in "abc")
+    assert a == b != c
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--optimizer", "psoo"], "no optimiser 'psoo'. Did you mean 'pso'?"),
+        (["--problem", "nominl"], "Did you mean 'nominal'?"),
+        (["--budget", "0"], "--budget must be at least 1; got 0"),
+        (["--seed", "-1"], "--seed must be at least 0; got -1"),
+        (["--budget", "100", "--generations", "2"], "--generations or --budget, not both"),
+        (["--optimizer", "random", "--particles", "3"], "--particles and --generations belong to pso"),
+        (["--sample-rate", "1"], "--sample-rate must be 1e7 to 1e11 Hz"),
+        (["--resume", "none.npz"], "none.npz: there is no such file"),
+        (["--resume", "none.npz", "--seed", "1"], "leave out --seed"),
+        (["--out", "-"], 'only --json takes "-"'),
+        (["--out", "a.csv", "--json", "a.csv"], "must be different files"),
+    ],
+)
+def test_bad_optimize_is_one_sentence_and_status_2(inkjet, tmp_path, arguments, said):
+    status, out, err = inkjet("optimize", *arguments)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, tmp_path, monkeypatch):
+    arguments = ["optimize", "--optimizer", "cma-es", "--budget", "300", "--seed", "5"]
+    assert inkjet(*arguments, "--out", "whole.csv", "--json", "whole.json")[0] == 0
+
+    from experiments.problems import Problem
+
+    evaluate, batches = Problem.evaluate, []
+
+    def interrupted(self, points):
+        batches.append(len(points))
+        if len(batches) == 9:
+            raise KeyboardInterrupt
+        return evaluate(self, points)
+
+    monkeypatch.setattr(Problem, "evaluate", interrupted)
+    status, _out, err = inkjet(*arguments, "--out", "part.csv", "--json", "part.json")
+    assert status == cli.INTERRUPTED
+    assert "the best so far is kept" in err
+    assert "--resume part.npz" in err
+    part = json.loads((tmp_path / "part.json").read_text())
+    assert 0 < part["evaluations"] == sum(batches[:-1]) < 300
+    assert part["complete"] is False
+    assert (tmp_path / "part.csv").exists()
+
+    batches.extend([0] * 9)  # no more interruptions
+    assert inkjet("optimize", "--resume", "part.npz", "--out", "rest.csv", "--json", "rest.json")[0] == 0
+    assert (tmp_path / "rest.json").read_bytes() == (tmp_path / "whole.json").read_bytes()
+    assert (tmp_path / "rest.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+
+
+def test_a_damaged_record_is_named(inkjet, tmp_path):
+    (tmp_path / "part.npz").write_bytes(b"PK\x03\x04 not an archive")
+    status, _, err = inkjet("optimize", "--resume", "part.npz")
+    assert status == 2
+    assert "part.npz: is not a whole record of an optimisation" in err
+
+
+def test_ctrl_c_ends_a_running_process_with_its_best_written(tmp_path):
+    arguments = ["optimize", "--optimizer", "cma-es", "--budget", "1000000", "--out", "w.csv"]
+    process = subprocess.Popen(
+        [*COMMAND, *arguments], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert "cma-es" in process.stderr.readline()
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    _out, err = process.communicate(timeout=30)
+    assert process.returncode == cli.INTERRUPTED, err
+    assert "the best so far is kept" in err
+    assert "Traceback" not in err
+    assert {f.name for f in tmp_path.iterdir()} == {"w.csv", "w.npz"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--optimizers", "pso,cmaes"], "no optimiser 'cmaes'. Did you mean 'cma-es'?"),
+        (["--problems", ""], "problems must name at least one"),
+        (["--problems", "nominal,nominal"], "problems must not name one twice"),
+        (["--repeats", "0"], "repeats must be at least 1; got 0"),
+        (["--workers", "0"], "--workers must be at least 1"),
+        (["--budget", "many"], "Invalid value for '--budget'"),
+    ],
+)
+def test_bad_bench_is_one_sentence_and_status_2(inkjet, tmp_path, arguments, said):
+    status, out, err = inkjet("bench", *arguments)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bench_prints_ranking_sentences_and_report(inkjet, tmp_path):
+    status, out, _ = inkjet(
+        *("bench", "--problems", "nominal", "--optimizers", "pso,random", "--repeats", 2, "--budget", 80),
+        *("--workers", 1, "--results", "r", "--json", "r.json"),
+    )
+    assert status == 0
+    assert "mean rank" in out
+    assert "has the best mean rank" in out
+    assert "r/report.html" in out
+    assert json.loads((tmp_path / "r.json").read_text()) == json.loads((tmp_path / "r" / "ranking.json").read_text())
+
+
+@pytest.mark.parametrize("command", ["simulate", "optimize", "bench"])
+def test_every_command_explains_itself_with_an_example(inkjet, command):
+    status, out, _ = inkjet(command, "--help")
+    assert status == 0
+    assert f"\n  inkjet {command} --" in out
+
+
+def test_help_is_there_within_half_a_second():
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    seconds = []
+    for _ in range(5):
+        begin_s = time.perf_counter()
+        subprocess.run([*COMMAND, "--help"], capture_output=True, check=True, env=environment)
+        seconds.append(time.perf_counter() - begin_s)
+    assert min(seconds) < 0.5
+
+
+def test_help_imports_nothing_that_costs():
+    code = (
+        "import sys, experiments.cli\n"
+        "try: experiments.cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print([m for m in ('numpy', 'numba', 'scipy', 'torch', 'nevergrad', 'matplotlib') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
