@@ -6,23 +6,25 @@ Whatever costs time to import is imported by the command that needs it.
 
 from __future__ import annotations
 
-import math
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from experiments.arguments import (
+    check_outputs,
+    check_rate,
+    chosen_cost,
+    chosen_printhead,
+    chosen_problem,
+    chosen_seed,
+    swarm_options,
+)
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from experiments.problems import Problem
-    from experiments.statistics import Summary
-    from inkjet_env.printhead import PeakCost, Printhead, Response, SampledResponse
+    from inkjet_env.printhead import Response, SampledResponse
     from optimizers.loop import Run
-
-    CostGiven = tuple[float | None, float | None, str | None]
 
 INTERRUPTED = 130
 OPTIMIZERS_TOLD = "pso, pso-printed, cma-es, lbfgsb-multistart, random …; a wrong name lists them all"
@@ -89,10 +91,10 @@ def simulate(
     from experiments.storage import write_json
     from inkjet_env.printhead import Waveform
 
-    _check_outputs(out=out, plot=plot, json=json)
+    check_outputs(out=out, plot=plot, json=json)
     if waveform is not None and drive is not None:
         raise ValueError("give --waveform or --drive, not both.")
-    head, cost = _printhead(printhead), _cost((cost_a, cost_b, effective))
+    head, cost = chosen_printhead(printhead), chosen_cost((cost_a, cost_b, effective))
     state = initial_state or "periodic"
     response: Response | SampledResponse
     if waveform is not None:
@@ -123,7 +125,9 @@ def simulate(
     if json is not None:
         write_json(json, found)
     if str(json) != "-":
-        _print_peaks(found)
+        from experiments.tables import print_peaks
+
+        print_peaks(found)
 
 
 @app.command()
@@ -158,8 +162,8 @@ def optimize(
     """
     from experiments.optimisation import Optimisation, read_record
 
-    _check_outputs(out=out, plot=plot, json=json)
-    _check_rate(sample_rate)
+    check_outputs(out=out, plot=plot, json=json)
+    check_rate(sample_rate)
     settings = {
         "--optimizer": optimizer,
         "--problem": problem,
@@ -181,9 +185,9 @@ def optimize(
         plan, recorded = read_record(resume)
     else:
         name = "pso" if optimizer is None else optimizer
-        options, evaluations = _swarm(name, particles, generations, budget)
-        chosen = _problem(problem, printhead, (cost_a, cost_b, effective), window, initial_state)
-        plan = Optimisation(chosen, name, evaluations, _seed(seed), options)
+        options, evaluations = swarm_options(name, particles, generations, budget)
+        chosen = chosen_problem(problem, printhead, (cost_a, cost_b, effective), window, initial_state)
+        plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
     _announce_compiling()
     run = plan.carry_out(recorded)
     _finish_optimize(plan, run, out, sample_rate, plot, json)
@@ -208,7 +212,7 @@ def bench(
     """
     from experiments.bench import BenchSettings, run_bench
 
-    _check_outputs(json=json)
+    check_outputs(json=json)
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}.")
     chosen = {
@@ -216,7 +220,7 @@ def bench(
         for label, names in (("problems", problems), ("optimizers", optimizers))
         if names is not None
     }
-    settings = BenchSettings.default(repeats=repeats, budget=budget, seed=_seed(seed), **chosen)
+    settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
     _announce_compiling()
     try:
         outcome = run_bench(settings, results, workers)
@@ -232,7 +236,9 @@ def bench(
     if json is not None:
         write_json(json, ranking_json(outcome, summary))
     if str(json) != "-":
-        _print_ranking(summary, settings.problems, outcome.unavailable)
+        from experiments.tables import print_ranking
+
+        print_ranking(summary, settings.problems, outcome.unavailable)
         print(f"Report: {page}")
 
 
@@ -272,145 +278,11 @@ def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: P
         raise typer.Exit(INTERRUPTED)
 
 
-def _problem(
-    name: str | None, head_file: Path | None, cost: CostGiven, window_s: float | None, initial_state: str | None
-) -> Problem:
-    """The problem of that name with what was asked to be otherwise; then it is called "custom"."""
-    from dataclasses import replace
-
-    from experiments.problems import problem
-    from inkjet_env.printhead.hysteresis import laps_before_recording
-    from inkjet_env.printhead.printhead import check_window
-
-    base = problem("nominal" if name is None else name)
-    changes: dict[str, Any] = {}
-    if head_file is not None:
-        changes["printhead"] = _printhead(head_file)
-    if any(part is not None for part in cost):
-        changes["cost"] = _cost(cost, base.cost)
-    if window_s is not None:
-        changes["window_s"] = check_window(window_s)
-    if initial_state is not None:
-        laps_before_recording(initial_state)  # raises where the name is unknown
-        changes["initial_state"] = initial_state
-    return replace(base, name="custom", **changes) if changes else base
-
-
-def _swarm(name: str, particles: int | None, generations: int | None, budget: int | None) -> tuple[dict[str, Any], int]:
-    """Options of the optimiser, and its budget, from what was given."""
-    for label, value in (("--particles", particles), ("--generations", generations), ("--budget", budget)):
-        if value is not None and value < 1:
-            raise ValueError(f"{label} must be at least 1; got {value}.")
-    if not name.startswith("pso"):
-        if particles is not None or generations is not None:
-            raise ValueError(f"--particles and --generations belong to pso and pso-printed; give {name} a --budget.")
-        return {}, budget or 2000
-    if generations is not None and budget is not None:
-        raise ValueError("give --generations or --budget, not both: the budget is particles × generations.")
-    return {"particles": particles or 40}, budget or (particles or 40) * (generations or 50)
-
-
-def _printhead(path: Path | None) -> Printhead:
-    from inkjet_env.printhead import Printhead
-
-    return Printhead.published() if path is None else Printhead.from_json(path)
-
-
-def _cost(given: CostGiven, base: PeakCost | None = None) -> PeakCost:
-    from inkjet_env.printhead import PeakCost
-
-    A, B, effective = given
-    base = base or PeakCost()
-    rule: str | float = base.effective if effective is None else effective
-    if effective is not None:
-        try:
-            rule = float(effective)
-        except ValueError:
-            rule = effective
-    return PeakCost(base.A if A is None else A, base.B if B is None else B, rule)
-
-
-def _seed(seed: int | None) -> int:
-    if seed is not None and seed < 0:
-        raise ValueError(f"--seed must be at least 0; got {seed}.")
-    return seed or 0
-
-
-def _check_rate(sample_rate_Hz: float) -> None:
-    if not (math.isfinite(sample_rate_Hz) and 1e7 <= sample_rate_Hz <= 1e11):
-        raise ValueError(
-            f"--sample-rate must be 1e7 to 1e11 Hz, so that every edge has samples; got {sample_rate_Hz:g}."
-        )
-
-
-def _check_outputs(**files: Path | None) -> None:
-    """Raise ``ValueError`` before any work where a result could not be written."""
-    given = {name: path for name, path in files.items() if path is not None and str(path) != "-"}
-    for name, path in given.items():
-        if path.is_dir() or not os.access(path.parent, os.W_OK):
-            raise ValueError(
-                f"--{name} {path}: {path.parent} must be a folder that can be written to, and {path} a file."
-            )
-    if len(set(given.values())) < len(given):
-        raise ValueError(f"--{' and --'.join(given)} must be different files.")
-    for name in ("out", "plot"):
-        if str(files.get(name)) == "-":
-            raise ValueError(f'--{name} must be a file; only --json takes "-".')
-    if files.get("plot") is not None:
-        from experiments.pictures import check_picture_name
-
-        check_picture_name(given["plot"])
-
-
 def _announce_compiling() -> None:
     from inkjet_env.printhead import batch
 
     if not batch.is_compiled():
         print("compiling the simulator once …", file=sys.stderr, flush=True)
-
-
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    for place, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if place else "left", no_wrap=place == 0)
-    for row in rows:
-        table.add_row(*row)
-    Console(width=None if sys.stdout.isatty() else 160).print(table)
-
-
-def _print_peaks(found: dict[str, Any]) -> None:
-    peaks = zip(found["peak_times_s"], found["peaks_V"], strict=True)
-    _table(
-        ("peak", "time (µs)", "response (V)", ""),
-        [
-            (str(i + 1), f"{t * 1e6:.3f}", f"{v:.4f}", "effective" if i == found["effective_peak"] else "")
-            for i, (t, v) in enumerate(peaks)
-        ],
-    )
-    print(f"cost {found['cost']:.6f} V")
-
-
-def _print_ranking(summary: Summary, problems: Sequence[str], unavailable: dict[str, str]) -> None:
-    from experiments.report import volts
-
-    rows = [
-        (
-            standing.optimizer,
-            f"{standing.mean_rank:.2f}",
-            *(volts(summary.score(standing.optimizer, name).regret.value) for name in problems),
-        )
-        for standing in summary.standings
-    ]
-    _table(("optimiser", "mean rank", *problems), rows)
-    print("Median regret in volts above the best known cost.")
-    for sentence in summary.sentences:
-        print(f"- {sentence}")
-    for name, reason in unavailable.items():
-        print(f"- Not compared: {name}: {reason}")
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:

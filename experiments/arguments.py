@@ -1,0 +1,113 @@
+"""What the command line gives, turned into problems, costs and settings; what it gives wrongly, into one sentence.
+
+Every function raises ``ValueError`` before any work is done.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from experiments.problems import Problem
+    from inkjet_env.printhead import PeakCost, Printhead
+
+CostGiven = tuple[float | None, float | None, str | None]
+
+
+def chosen_problem(
+    name: str | None, head_file: Path | None, cost: CostGiven, window_s: float | None, initial_state: str | None
+) -> Problem:
+    """The problem of that name with what was asked to be otherwise; then it is called "custom"."""
+    from dataclasses import replace
+
+    from experiments.problems import problem
+    from inkjet_env.printhead.hysteresis import laps_before_recording
+    from inkjet_env.printhead.printhead import check_window
+
+    base = problem("nominal" if name is None else name)
+    changes: dict[str, Any] = {}
+    if head_file is not None:
+        changes["printhead"] = chosen_printhead(head_file)
+    if any(part is not None for part in cost):
+        changes["cost"] = chosen_cost(cost, base.cost)
+    if window_s is not None:
+        changes["window_s"] = check_window(window_s)
+    if initial_state is not None:
+        laps_before_recording(initial_state)  # raises where the name is unknown
+        changes["initial_state"] = initial_state
+    return replace(base, name="custom", **changes) if changes else base
+
+
+def swarm_options(
+    name: str, particles: int | None, generations: int | None, budget: int | None
+) -> tuple[dict[str, Any], int]:
+    """Options of the optimiser, and its budget, from what was given."""
+    for label, value in (("--particles", particles), ("--generations", generations), ("--budget", budget)):
+        if value is not None and value < 1:
+            raise ValueError(f"{label} must be at least 1; got {value}.")
+    if not name.startswith("pso"):
+        if particles is not None or generations is not None:
+            raise ValueError(f"--particles and --generations belong to pso and pso-printed; give {name} a --budget.")
+        return {}, budget or 2000
+    if generations is not None and budget is not None:
+        raise ValueError("give --generations or --budget, not both: the budget is particles × generations.")
+    return {"particles": particles or 40}, budget or (particles or 40) * (generations or 50)
+
+
+def chosen_printhead(path: Path | None) -> Printhead:
+    """The head of a printhead.json, or the published one."""
+    from inkjet_env.printhead import Printhead
+
+    return Printhead.published() if path is None else Printhead.from_json(path)
+
+
+def chosen_cost(given: CostGiven, base: PeakCost | None = None) -> PeakCost:
+    """``base`` with A, B and effective rule replaced where they are given; a number as the rule is a threshold."""
+    from inkjet_env.printhead import PeakCost
+
+    A, B, effective = given
+    base = base or PeakCost()
+    rule: str | float = base.effective if effective is None else effective
+    if effective is not None:
+        try:
+            rule = float(effective)
+        except ValueError:
+            rule = effective
+    return PeakCost(base.A if A is None else A, base.B if B is None else B, rule)
+
+
+def chosen_seed(seed: int | None) -> int:
+    """The seed, 0 unless given."""
+    if seed is not None and seed < 0:
+        raise ValueError(f"--seed must be at least 0; got {seed}.")
+    return seed or 0
+
+
+def check_rate(sample_rate_Hz: float) -> None:
+    """Raise ``ValueError`` at a sample rate that is useless for edges of a microsecond."""
+    if not (math.isfinite(sample_rate_Hz) and 1e7 <= sample_rate_Hz <= 1e11):
+        raise ValueError(
+            f"--sample-rate must be 1e7 to 1e11 Hz, so that every edge has samples; got {sample_rate_Hz:g}."
+        )
+
+
+def check_outputs(**files: Path | None) -> None:
+    """Raise ``ValueError`` before any work where a result could not be written."""
+    given = {name: path for name, path in files.items() if path is not None and str(path) != "-"}
+    for name, path in given.items():
+        if path.is_dir() or not os.access(path.parent, os.W_OK):
+            raise ValueError(
+                f"--{name} {path}: {path.parent} must be a folder that can be written to, and {path} a file."
+            )
+    if len(set(given.values())) < len(given):
+        raise ValueError(f"--{' and --'.join(given)} must be different files.")
+    for name in ("out", "plot"):
+        if str(files.get(name)) == "-":
+            raise ValueError(f'--{name} must be a file; only --json takes "-".')
+    if files.get("plot") is not None:
+        from experiments.pictures import check_picture_name
+
+        check_picture_name(given["plot"])

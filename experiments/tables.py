@@ -1,0 +1,56 @@
+"""Tables for people, on standard output."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from experiments.statistics import Summary
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for place, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if place else "left", no_wrap=place == 0)
+    for row in rows:
+        table.add_row(*row)
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
+
+
+def print_peaks(found: dict[str, Any]) -> None:
+    """Print the peaks and cost of a ``simulation/1``."""
+    peaks = zip(found["peak_times_s"], found["peaks_V"], strict=True)
+    _table(
+        ("peak", "time (µs)", "response (V)", ""),
+        [
+            (str(i + 1), f"{t * 1e6:.3f}", f"{v:.4f}", "effective" if i == found["effective_peak"] else "")
+            for i, (t, v) in enumerate(peaks)
+        ],
+    )
+    print(f"cost {found['cost']:.6f} V")
+
+
+def print_ranking(summary: Summary, problems: Sequence[str], unavailable: dict[str, str]) -> None:
+    """Print the ranking, what may be concluded from it, and what was not compared."""
+    from experiments.report import volts
+
+    rows = [
+        (
+            standing.optimizer,
+            f"{standing.mean_rank:.2f}",
+            *(volts(summary.score(standing.optimizer, name).regret.value) for name in problems),
+        )
+        for standing in summary.standings
+    ]
+    _table(("optimiser", "mean rank", *problems), rows)
+    print("Median regret in volts above the best known cost.")
+    for sentence in summary.sentences:
+        print(f"- {sentence}")
+    for name, reason in unavailable.items():
+        print(f"- Not compared: {name}: {reason}")
