@@ -1,0 +1,255 @@
+"""Speed as ratios, each measured in one run on one core against what a user would pick instead.
+
+``python -m experiments.speed`` prints three tables: hysteresis by branch law against play operators, evaluations of the
+cost against two SciPy pipelines, and steps of the environments. Every figure is the best of several repetitions, the
+rivals taken in turns, so that another load on the machine does not fall on one of them alone.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.printhead import Bounds, PlayOperators, Printhead
+from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S
+
+SAMPLES = 4000
+REPETITIONS = 7
+
+Real = NDArray[np.float64]
+
+
+def best_seconds(rivals: Mapping[str, Callable[[], Any]], repetitions: int = REPETITIONS) -> dict[str, float]:
+    """Least seconds of each call, the rivals taking turns."""
+    best = dict.fromkeys(rivals, float("inf"))
+    for call in rivals.values():
+        call()
+    for _ in range(repetitions):
+        for name, call in rivals.items():
+            begin_s = time.perf_counter()
+            call()
+            best[name] = min(best[name], time.perf_counter() - begin_s)
+    return best
+
+
+def sampled_hysteresis(waveforms: Real, head: Printhead, time_s: Real) -> Real:
+    """Hysteretic drive of periodic firing on a time grid, vectorised over waveforms: shape (n, samples), in volts."""
+    law = head.branch_law
+    U1, U2 = waveforms[:, :1], waveforms[:, 1:2]
+    ends_s = np.cumsum(waveforms[:, 2:], axis=1)
+    drive_V = np.empty((len(waveforms), time_s.size))
+    for row, ends, (u1, u2) in zip(drive_V, ends_s, waveforms[:, :2], strict=True):
+        row[:] = np.interp(time_s, [0.0, *ends], [0.0, u1, u1, u2, u2, 0.0])
+    rising = (time_s < ends_s[:, :1]) | (time_s > ends_s[:, 3:4])
+    change = law.full_scale_V * law.Q(np.where(rising, drive_V - U2, U1 - drive_V) / law.full_scale_V)
+    swing = law.full_scale_V * law.Q((U1 - U2) / law.full_scale_V)
+    return np.where(rising, change, swing - change)
+
+
+@functools.lru_cache
+def first_order_hold(head: Printhead, step_s: float) -> tuple[Real, Real]:
+    """Filter coefficients of the resonator, exact for an input that is linear between samples."""
+    from scipy.signal import cont2discrete
+
+    numerator, denominator, _ = cont2discrete(([head.b1, 0.0], [1.0, head.a1, head.a0]), step_s, "foh")
+    return np.ravel(numerator), denominator
+
+
+def sampled_costs(waveforms: Real, head: Printhead, method: str) -> Real:
+    """Default peak cost by simulation on a grid of `SAMPLES`, in volts, shape (n,).
+
+    A few waveforms at a time are faster than many: their samples stay in the cache.
+
+    ``method``: "lsim", or "lfilter" with the coefficients of the first-order hold, which is exact for the same input
+    linear between samples. Peaks come from `scipy.signal.find_peaks`.
+    """
+    from scipy.signal import find_peaks, lfilter, lsim
+
+    time_s = np.linspace(0.0, DEFAULT_WINDOW_S, SAMPLES)
+    v = sampled_hysteresis(waveforms, head, time_s)
+    v -= v[:, :1]
+    if method == "lsim":
+        system = ([head.b1, 0.0], [1.0, head.a1, head.a0])
+        y = np.array([lsim(system, row, time_s)[1] for row in v])
+    else:
+        y = lfilter(*first_order_hold(head, time_s[1]), v, axis=1)
+    costs = np.empty(len(waveforms))
+    for i, row in enumerate(y):
+        where = np.sort(np.concatenate([find_peaks(row)[0], find_peaks(-row)[0]]))
+        peaks = np.abs(row[where])
+        if not peaks.size:
+            costs[i] = 0.0
+            continue
+        e = int(np.argmax(peaks))
+        costs[i] = peaks.sum() - 6.0 * peaks[e] + (4.0 * peaks[e + 1] if e + 1 < peaks.size else 0.0)
+    return costs
+
+
+def evaluations_table() -> list[tuple[str, float, float]]:
+    """Rows (what, µs an evaluation, ratio to ours)."""
+    from inkjet_env.printhead import batch
+
+    head = Printhead.published()
+    waveforms = Bounds().from_unit(np.random.default_rng(0).uniform(-1, 1, (4096, 7)))
+    few, some = waveforms[:4], waveforms[:64]
+    exact = batch.costs(some, head)
+    for method in ("lfilter", "lsim"):
+        difference = np.abs(sampled_costs(some, head, method) - exact)
+        print(f"  {method} on {SAMPLES} samples: median difference from the closed form {np.median(difference):.1e} V")
+    seconds = best_seconds(
+        {
+            "closed form, compiled batch": lambda: batch.costs(waveforms, head),
+            "with its gradient": lambda: batch.costs_and_gradients(waveforms, head),
+            "lfilter (first-order hold) + find_peaks": lambda: [
+                sampled_costs(some[i : i + 4], head, "lfilter") for i in range(0, len(some), 4)
+            ],
+            "lsim + find_peaks": lambda: sampled_costs(few, head, "lsim"),
+        }
+    )
+    counts = (len(waveforms), len(waveforms), len(some), len(few))
+    each = {name: 1e6 * total / n for (name, total), n in zip(seconds.items(), counts, strict=True)}
+    ours = each["closed form, compiled batch"]
+    return [(name, us, us / ours) for name, us in each.items()]
+
+
+def hysteresis_table() -> list[tuple[str, float, float]]:
+    """Rows (what, ns a sample, ratio to the branch law); all compiled, on one random drive."""
+    from inkjet_env.printhead import compiled
+
+    law = Printhead.published().branch_law
+    drive_V = np.random.default_rng(0).uniform(-90, 90, 5000)
+    table, memory, output = np.empty((4 * drive_V.size + 16, 6)), np.empty(drive_V.size + 2), np.empty(drive_V.size)
+
+    def branch_law() -> None:
+        found = compiled.branch_pieces(drive_V, law.full_scale_V, 0, False, memory, table)
+        x, change = table[:found, 3], table[:found, 4]
+        np.cumsum(table[:found, 5] * (law.Q(x + change) - law.Q(x)))
+
+    rivals: dict[str, Callable[[], Any]] = {"branch law, all turning points": branch_law}
+    for n in (10, 30, 100, 300, 1000):
+        plays = PlayOperators.of_branch_law(law, n)
+
+        def classic(plays: PlayOperators = plays) -> None:
+            states = np.zeros_like(plays.thresholds_V)
+            compiled.play_operators(drive_V, plays.thresholds_V, plays.weights, states, output)
+
+        rivals[f"{n} play operators"] = classic
+    each = {name: 1e9 * total / drive_V.size for name, total in best_seconds(rivals).items()}
+    ours = each["branch law, all turning points"]
+    return [(name, ns, ns / ours) for name, ns in each.items()]
+
+
+def environments_table() -> list[tuple[str, float, float]]:
+    """Rows (what, µs a step, ratio to the vector environment)."""
+    import gymnasium
+
+    from inkjet_env import ENV_ID
+    from inkjet_env.printhead import batch
+
+    head, many = Printhead.published(), 1024
+    vector = gymnasium.make_vec(ENV_ID, num_envs=many, vectorization_mode="vector_entry_point")
+    same_step = {"autoreset_mode": gymnasium.vector.AutoresetMode.SAME_STEP}
+    sync = gymnasium.make_vec(ENV_ID, num_envs=many, vectorization_mode="sync", vector_kwargs=same_step)
+    env = gymnasium.make(ENV_ID)
+    idle = gymnasium.make("inkjet_env/Idle-v0")
+    actions = np.random.default_rng(0).uniform(-1, 1, (many, 7)).astype(np.float32)
+    waveforms = Bounds().from_unit(actions)
+    arguments, capacity, cost = batch.prepare(waveforms[:1], head, None, "periodic", DEFAULT_WINDOW_S, "full_memory")
+    for each in (vector, sync):
+        each.reset(seed=0)
+
+    def steps(environment: gymnasium.Env) -> Callable[[], None]:
+        def run() -> None:
+            for action in actions:
+                environment.reset()
+                environment.step(action)
+
+        return run
+
+    def resets(environment: gymnasium.Env) -> Callable[[], None]:
+        def run() -> None:
+            for _ in actions:
+                environment.reset()
+
+        return run
+
+    from inkjet_env.printhead.compiled import batch_costs
+
+    def bare() -> None:
+        for row in waveforms:
+            batch_costs(row[None], *arguments[1:], capacity, cost)
+
+    def checked() -> None:
+        for row in waveforms:
+            batch.costs(row, head)
+
+    seconds = best_seconds(
+        {
+            "vector environment, N = 1024": lambda: vector.step(actions),
+            "SyncVectorEnv, N = 1024": lambda: sync.step(actions),
+            "step through gymnasium.make, with reset": steps(env),
+            "reset alone": resets(env),
+            "Gymnasium's wrappers on an idle environment, with reset": steps(idle),
+            "idle reset alone": resets(idle),
+            "bare compiled evaluation, one at a time": bare,
+            "batch.costs, one at a time": checked,
+        }
+    )
+    each_us = {name: 1e6 * total / many for name, total in seconds.items()}
+    ours = each_us["vector environment, N = 1024"]
+    step = each_us["step through gymnasium.make, with reset"] - each_us.pop("reset alone")
+    wrappers = each_us["Gymnasium's wrappers on an idle environment, with reset"] - each_us.pop("idle reset alone")
+    floor = each_us["bare compiled evaluation, one at a time"] + wrappers
+    print(
+        f"  a scalar step costs {step:.2f} µs: {step / floor:.2f} × (bare evaluation "
+        f"{floor - wrappers:.2f} µs + Gymnasium's wrappers {wrappers:.2f} µs)"
+    )
+    return [(name, us, us / ours) for name, us in each_us.items()]
+
+
+def _register_idle() -> None:
+    """An environment that does nothing: what Gymnasium's own wrappers cost."""
+    import gymnasium
+
+    space = gymnasium.spaces.Box(-1.0, 1.0, (7,), np.float32)
+
+    class Idle(gymnasium.Env):
+        action_space = space
+        observation_space = space
+
+        def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[Any, dict]:
+            super().reset(seed=seed)
+            return np.zeros(7, np.float32), {}
+
+        def step(self, action: Any) -> tuple[Any, float, bool, bool, dict]:
+            return np.zeros(7, np.float32), 0.0, True, False, {}
+
+    gymnasium.register("inkjet_env/Idle-v0", entry_point=Idle)
+
+
+def main() -> None:
+    """Print the tables."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    _register_idle()
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+        print("On one core.")
+    for title, unit, table in (
+        ("Hysteresis", "ns/sample", hysteresis_table),
+        ("Cost of a waveform", "µs/evaluation", evaluations_table),
+        ("Environments", "µs/step", environments_table),
+    ):
+        print(f"\n{title}")
+        for name, value, ratio in table():
+            print(f"  {name:58s} {value:12.2f} {unit:14s} {ratio:9.1f} ×")
+
+
+if __name__ == "__main__":
+    main()
