@@ -230,7 +230,7 @@ def _register_idle() -> None:
         def step(self, action: Any) -> tuple[Any, float, bool, bool, dict]:
             return np.zeros(7, np.float32), 0.0, True, False, {}
 
-    gymnasium.register("inkjet_env/Idle-v0", entry_point=Idle)
+    gymnasium.register("inkjet_env/Idle-v0", entry_point=lambda **_: Idle())
 
 
 def main() -> None:

@@ -6,11 +6,11 @@ Nothing here is called by users; `task` is the face.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from inkjet_env.printhead import compiled
+from inkjet_env.printhead.kernel_cache import kernel_jit
 
-_jit = njit(cache=True, error_model="numpy", nogil=True)
+_jit = kernel_jit(__file__)
 
 
 @_jit

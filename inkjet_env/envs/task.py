@@ -99,6 +99,15 @@ def make_task(
     )
 
 
+def warm_up() -> None:
+    """Compile all that the simulator and the environments use, or load it from the cache."""
+    from inkjet_env.printhead import batch
+
+    batch.warm_up()
+    task = make_task(noise=1.0)
+    task.measure(task.waveforms(np.zeros(7), (7,)), task.heads([]), [np.random.default_rng(0)])
+
+
 def _value_of(option: str, kind: type[Value], keys: tuple[str, ...], given: object) -> Value:
     """A `PeakCost` or `Bounds` from one, from a dict of its arguments, or from None."""
     if isinstance(given, kind):

@@ -9,12 +9,11 @@ cancel) or particular polynomial plus ring-down (long edges). Extrema are isolat
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
 
 from inkjet_env.printhead import hysteresis
+from inkjet_env.printhead.kernel_cache import kernel_jit
 from inkjet_env.printhead.resonator import JUMP_S, ROUNDING
 
 MAX_DEGREE = 16
@@ -36,10 +35,12 @@ INFINITE_TAIL_FLOOR = 1e-12
 EFFECTIVE_LARGEST, EFFECTIVE_FIRST, EFFECTIVE_THRESHOLD = 0, 1, 2
 OVERFLOW = -1
 
-_jit: Any = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True)
+_FAST = {"contract", "nsz"}
+_jit = kernel_jit(__file__, fastmath=_FAST)
+_jit_hysteresis = kernel_jit(hysteresis.__file__, fastmath=_FAST)
 
-branch_pieces = _jit(hysteresis.branch_pieces)
-play_operators = _jit(hysteresis.play_operators)
+branch_pieces = _jit_hysteresis(hysteresis.branch_pieces)
+play_operators = _jit_hysteresis(hysteresis.play_operators)
 
 
 @_jit

@@ -25,13 +25,15 @@ from inkjet_env.printhead.compiled import (
     MAX_DEGREE,
     OVERFLOW,
     SERIES_TERMS,
-    _jit,
     branch_pieces,
     peak_cost,
     piece_rate,
     response_extrema,
     waveform_knots,
 )
+from inkjet_env.printhead.kernel_cache import kernel_jit
+
+_jit = kernel_jit(__file__, fastmath={"contract", "nsz"})
 
 
 @_jit

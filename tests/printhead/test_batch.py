@@ -122,6 +122,13 @@ def test_no_combination_of_tiny_durations_or_voltages_breaks_either_path():
     np.testing.assert_allclose(costs, plain, rtol=1e-8, atol=1e-9)
 
 
+def test_a_voltage_that_vanishes_beside_the_other_is_no_edge():
+    """100 V + 1.7e-14 V is 100 V in floating point: the edge has a length in time and none in drive."""
+    row = np.array([1.6653345369377348e-14, -100, 1e-6, 6.8e-6, 2e-5, 2e-5, 1.9e-5])
+    without = row * (np.arange(7) > 0)
+    np.testing.assert_allclose(batch.costs(row, HEAD), batch.costs(without, HEAD), atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

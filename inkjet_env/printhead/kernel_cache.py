@@ -1,0 +1,27 @@
+"""Compiled code on disk, kept only while it is what the sources say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+
+
+def discard_stale_code(file: str) -> None:
+    """Delete the compiled code of a module where a source of the simulator is newer.
+
+    numba sees when the file of a function changes, but not when one changes that the function calls.
+    """
+    module = Path(file)
+    sources = [module, *Path(__file__).parent.glob("*.py")]
+    newest = max(source.stat().st_mtime for source in sources)
+    for index in (module.parent / "__pycache__").glob(f"{module.stem}.*.nbi"):
+        if index.stat().st_mtime < newest:
+            index.unlink(missing_ok=True)
+
+
+def kernel_jit(file: str, **options: Any) -> Any:
+    """Decorator that compiles functions of the module ``file`` (its ``__file__``), releasing the interpreter's lock."""
+    discard_stale_code(file)
+    return njit(cache=True, error_model="numpy", nogil=True, **options)
