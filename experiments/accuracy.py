@@ -269,7 +269,8 @@ def main() -> None:
             print(
                 f"{state:12s} {'compiled' if compiled else 'plain':8s}: "
                 f"{found.waveforms} waveforms, {found.peaks} peaks, "
-                f"{found.different_count} with another number of peaks; largest relative difference: peak {found.worst_peak:.1e}, time {found.worst_time:.1e}"
+                f"{found.different_count} waveforms with another number of peaks; "
+                f"largest relative difference: peak {found.worst_peak:.1e}, time {found.worst_time:.1e}"
             )
 
 

@@ -36,6 +36,9 @@ DECISIVE_PACKAGES = (
     "torch",
     "stable-baselines3",
 )
+LEFT_OUT = {
+    "nevergrad-NGOpt": "Left out unless asked for (--optimizers all): its own time is half of the whole comparison's.",
+}
 SLOWEST_FIRST = ("sb3-", "nevergrad-", "cma-es", "lbfgsb", "scipy-dual")
 
 
@@ -78,10 +81,11 @@ class BenchSettings:
 
     @classmethod
     def default(cls, **changes: Any) -> BenchSettings:
-        """All problems, all optimisers; ``changes`` by name."""
+        """All problems, all optimisers but those `LEFT_OUT`; ``changes`` by name."""
         import optimizers
 
-        return cls(**{"problems": tuple(suite()), "optimizers": tuple(optimizers.names()), **changes})
+        compared = tuple(name for name in optimizers.names() if name not in LEFT_OUT)
+        return cls(**{"problems": tuple(suite()), "optimizers": compared, **changes})
 
     def to_json(self) -> dict[str, Any]:
         """Everything that decides the results, as plain JSON values."""
@@ -107,7 +111,7 @@ class BenchOutcome:
     results : list of RunResult
         In the order of problems, optimisers and repeats.
     unavailable : dict of str to str
-        Optimisers that could not be run or broke down, and why; none of their runs is scored.
+        Optimisers that were left out, could not be run or broke down, and why; none of their runs is scored.
     """
 
     settings: BenchSettings
@@ -218,6 +222,8 @@ def run_bench(settings: BenchSettings, folder: Path, workers: int | None = None)
         failures = _perform_all(missing, settings, folder, results, len(keys), workers or os.cpu_count() or 1)
         unavailable |= failures
     scored = [results[key] for key in keys if key.optimizer not in unavailable]
+    if settings.optimizers == BenchSettings.default().optimizers:
+        unavailable |= LEFT_OUT
     return BenchOutcome(settings, folder, scored, unavailable)
 
 

@@ -199,7 +199,9 @@ def bench(
         "results/bench"
     ),
     problems: Annotated[str | None, typer.Option(help="names, with commas between; all unless given")] = None,
-    optimizers: Annotated[str | None, typer.Option(help="names, with commas between; all unless given")] = None,
+    optimizers: Annotated[
+        str | None, typer.Option(help='names, with commas between, or "all"; all but the slowest unless given')
+    ] = None,
     repeats: Annotated[int, typer.Option(help="runs of each optimiser on each problem")] = 15,
     budget: Annotated[int, typer.Option(help="evaluations of each run")] = 2000,
     seed: Annotated[int, typer.Option(help="all other seeds derive from it")] = 0,
@@ -220,6 +222,10 @@ def bench(
         for label, names in (("problems", problems), ("optimizers", optimizers))
         if names is not None
     }
+    if chosen.get("optimizers") == ("all",):
+        from optimizers import names
+
+        chosen["optimizers"] = names()
     settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
     _announce_compiling()
     try:

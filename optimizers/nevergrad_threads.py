@@ -12,13 +12,9 @@ from contextlib import contextmanager
 from typing import Any
 from unittest import mock
 
-import sklearn.linear_model
-import sklearn.preprocessing
 from cma.options_parameters import cma_default_options
 from greenlet import getcurrent, greenlet
 from nevergrad.optimization import recaster
-
-from optimizers.nevergrad_metamodel import UncheckedLinearRegression, UncheckedPolynomialFeatures
 
 
 class Conversation:
@@ -78,12 +74,10 @@ class _Door:
 def repeatable_nevergrad() -> Iterator[None]:
     """While it is entered, nevergrad starts no threads, and a pycma within draws from NumPy's generator as it stands.
 
-    (By default pycma reseeds that from the clock.) Its quadratic models are the faster ones of `nevergrad_metamodel`.
+    (By default pycma reseeds that from the clock.)
     """
     with (
         mock.patch.object(recaster, "MessagingThread", Conversation),
         mock.patch.dict(cma_default_options, {"seed": float("nan")}),
-        mock.patch.object(sklearn.linear_model, "LinearRegression", UncheckedLinearRegression),
-        mock.patch.object(sklearn.preprocessing, "PolynomialFeatures", UncheckedPolynomialFeatures),
     ):
         yield

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.best_known import polished, simplex_polished
+from experiments.best_known import polished, valley_polished
 from experiments.problems import Problem, problem, suite
 from inkjet_env.printhead import Waveform
 
@@ -59,4 +59,4 @@ def test_polish_finds_the_minimum_of_a_bowl_at_the_wall():
     bottom = [1, 0.5, 0, 0, -0.25, 0, -1]
     points, costs = polished(Bowl(), np.zeros((3, 7)), 2000, np.random.default_rng(0))
     np.testing.assert_allclose(points[np.argmin(costs)], bottom, atol=1e-4)
-    np.testing.assert_allclose(simplex_polished(Bowl(), np.full(7, 0.1)), bottom, atol=1e-4)
+    np.testing.assert_allclose(valley_polished(Bowl(), np.full(7, 0.1), 1), bottom, atol=1e-4)

@@ -4,8 +4,6 @@ import threading
 
 import numpy as np
 import pytest
-import sklearn.linear_model
-import sklearn.preprocessing
 
 import optimizers
 from optimizers import nevergrad_threads
@@ -42,23 +40,8 @@ def test_ngopt_repeats_itself_under_its_seed_whatever_else_draws_random_numbers(
 
 def test_no_thread_is_left_and_nothing_stays_exchanged(ngopt_points):
     assert threading.active_count() == 1
-    assert sklearn.linear_model.LinearRegression is not nevergrad_threads.UncheckedLinearRegression
     assert nevergrad_threads.recaster.MessagingThread is not nevergrad_threads.Conversation
     assert str(nevergrad_threads.cma_default_options["seed"]).startswith("time")
-
-
-def test_the_faster_quadratic_model_changes_no_bit(ngopt_points, monkeypatch):
-    calls = []
-
-    class Watched(sklearn.preprocessing.PolynomialFeatures):
-        def fit_transform(self, *arguments, **options):
-            calls.append(1)
-            return super().fit_transform(*arguments, **options)
-
-    monkeypatch.setattr(nevergrad_threads, "UncheckedPolynomialFeatures", Watched)
-    monkeypatch.setattr(nevergrad_threads, "UncheckedLinearRegression", sklearn.linear_model.LinearRegression)
-    assert np.array_equal(first_points("nevergrad-NGOpt", 170, 5), ngopt_points)
-    assert calls, "the model was never fitted, so nothing was compared"
 
 
 def test_others_random_numbers_go_on_undisturbed():
