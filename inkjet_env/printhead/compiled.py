@@ -29,7 +29,7 @@ HEAD_COLUMNS = HEAD_CURVATURE + CURVATURE_CELLS
 SERIES_PER_DEGREE = 0.25
 SERIES_TERMS = 64
 _RECIPROCALS = 1.0 / ((np.arange(SERIES_TERMS) + 1.0) * (np.arange(SERIES_TERMS) + 2.0))
-NODE_SPACING = 0.6  # of |λ| t, between the nodes that isolate extrema
+NODE_SPACING = 1.0  # of |λ| t, between the nodes that isolate extrema
 INFINITE_TAIL_FLOOR = 1e-12
 
 EFFECTIVE_LARGEST, EFFECTIVE_FIRST, EFFECTIVE_THRESHOLD = 0, 1, 2
@@ -37,6 +37,7 @@ OVERFLOW = -1
 
 _FAST = {"contract", "nsz"}
 _jit = kernel_jit(__file__, fastmath=_FAST)
+_inlined = kernel_jit(__file__, fastmath=_FAST, inline="always")  # calls cost a fifth of the whole
 _jit_hysteresis = kernel_jit(hysteresis.__file__, fastmath=_FAST)
 
 branch_pieces = _jit_hysteresis(hysteresis.branch_pieces)
@@ -63,7 +64,7 @@ def piece_rate(head, x_start, x_change, scale_V, rate):
     return n
 
 
-@_jit
+@_inlined
 def _solve_piece(head, y, slope, duration, rate, n, series):
     """Coefficients of the response on an edge, in τ; their number, or minus that where a ring-down is added.
 
@@ -97,14 +98,14 @@ def _solve_piece(head, y, slope, duration, rate, n, series):
     return -n
 
 
-@_jit
+@_inlined
 def _rotation(pole_re, pole_im, t):
     """``e^{-σt} cos ωt`` and ``e^{-σt} sin ωt / ω``: a free ring-down after the time t."""
     decay = math.exp(pole_re * t)
     return decay * math.cos(pole_im * t), decay * math.sin(pole_im * t) / pole_im
 
 
-@_jit
+@_inlined
 def _evaluate(head, duration, series, terms, ring_y, ring_slope, tau, c, s):
     """Response, slope and curvature (V, V/s, V/s²) at fraction ``tau`` of an edge; ``c, s``: `_rotation` to there."""
     value, slope, curvature = 0.0, 0.0, 0.0
@@ -125,7 +126,7 @@ def _evaluate(head, duration, series, terms, ring_y, ring_slope, tau, c, s):
     return value, slope, curvature
 
 
-@_jit
+@_inlined
 def _curvature_bound(head, x_start, x_change, low, high):
     """Largest |Q''| on a part of a branch piece."""
     if x_start >= 1.0:
@@ -138,7 +139,7 @@ def _curvature_bound(head, x_start, x_change, low, high):
     return bound
 
 
-@_jit
+@_inlined
 def _edge_extrema(
     head, pole_re, pole_im, start_s, duration, x_start, x_change, scale_V, series, terms,
     ring_y, ring_slope, y, slope, curvature, stack, times, peaks, count,
@@ -150,6 +151,7 @@ def _edge_extrema(
     a0, a1 = head[HEAD_A0], head[HEAD_A1]
     forcing = abs(head[HEAD_B1] * scale_V) * (x_change / duration) ** 2
     omega = math.sqrt(a0)
+    stiffness = math.sqrt(a0 + a1 * a1)
     cells = int(omega * duration / NODE_SPACING) + 1
     low = 0.0
     y0, g0, d0 = y, slope, curvature
@@ -172,13 +174,13 @@ def _edge_extrema(
             high, y1, g1, d1 = stack[depth - 1, 0], stack[depth - 1, 1], stack[depth - 1, 2], stack[depth - 1, 3]
             h = (high - low) * duration
             third = forcing * _curvature_bound(head, x_start, x_change, low, high)
-            third = h * (third + a1 * abs(d0) + a0 * (abs(g0) + h * abs(d0)))
-            share = 1.0 - a1 * h - a0 * h * h  # |third derivative| h <= third over share
+            energy = math.sqrt(a0 * g0 * g0 + d0 * d0) + h * third  # see `resonator`: bounds √(a0 y'² + y''²)
+            third = h * (third + stiffness * energy)  # bounds |y'''| h
             positive0 = g0 > 0.0 or (g0 == 0.0 and d0 > 0.0)
             positive1 = positive0 if g1 == 0.0 else g1 > 0.0
             settled = (
-                (d0 * d1 > 0.0 and (abs(d0) + abs(d1)) * share > third)
-                or (positive0 == positive1 and min(abs(g0), abs(g1)) * share > third * h * 0.125)
+                (d0 * d1 > 0.0 and abs(d0) + abs(d1) > third)
+                or (positive0 == positive1 and min(abs(g0), abs(g1)) > third * h * 0.125)
                 or (third == 0.0 and g0 == 0.0 and g1 == 0.0)
                 or high - low < 1e-13
             )

@@ -251,12 +251,13 @@ class PiecewiseResponse:
 
         On an interval of length h, ``|y'''| ≤ M`` proves that ``y'`` has no zero (both ends further from zero than
         ``M h²/8``) or is monotone (``|y''|`` at the ends adds to more than ``M h``, same sign). What neither proves is
-        halved. M follows from the equation of motion, ``y''' = b1 v'' - a1 y'' - a0 y'``.
+        halved. M follows from the equation of motion ``y''' = b1 v'' - a1 y'' - a0 y'``: with ``|b1 v''| ≤ F`` the energy
+        norm ``E = √(a0 y'² + y''²)`` grows by at most F a second, and ``|a1 y'' + a0 y'| ≤ √(a0 + a1²) E``.
         """
         from scipy.optimize import brentq
 
         duration, rate = float(self.duration_s[piece]), self.rate_V[piece]
-        cells = max(1, math.ceil(abs(self.pole) * duration / 0.4))
+        cells = max(1, math.ceil(abs(self.pole) * duration))
         nodes = np.linspace(0.0, 1.0, cells + 1)
         low, high = nodes[:-1], nodes[1:]
         brackets: list[tuple[float, float]] = []
@@ -270,8 +271,8 @@ class PiecewiseResponse:
                 bound += np.abs(poly.polyval(middle, derivative)) * half**k / math.factorial(k)
                 derivative = poly.polyder(derivative)
             forcing = abs(self.b1) * bound / duration**2
-            third = forcing + self.a1 * np.abs(d0) + self.a0 * (np.abs(g0) + h * np.abs(d0))
-            third /= 1.0 - self.a1 * h - self.a0 * h * h
+            energy = np.sqrt(self.a0 * g0**2 + d0**2) + h * forcing
+            third = forcing + math.sqrt(self.a0 + self.a1**2) * energy
             sign0, sign1 = np.where(g0 == 0, np.sign(d0), np.sign(g0)), np.where(g1 == 0, 0.0, np.sign(g1))
             sign1 = np.where(sign1 == 0, sign0, sign1)
             monotone = (d0 * d1 > 0) & (np.abs(d0) + np.abs(d1) > third * h)
