@@ -269,7 +269,7 @@ class WaveformTask:
         laps_before, one_point, window_s, A, B, effective, threshold = settings
         counts, tails = np.empty(len(waveforms), dtype=np.int64), np.empty(len(waveforms))
         while True:
-            peaks = np.empty((len(waveforms), capacity))
+            peaks = np.zeros((len(waveforms), capacity))
             if batch_peaks(waveforms, heads, laps_before, one_point, window_s, peaks, counts, tails):
                 break
             capacity *= 2
