@@ -89,7 +89,7 @@ def simulate(
     """
     from experiments.drive_csv import read_drive, write_columns
     from experiments.storage import write_json
-    from inkjet_env.printhead import Waveform
+    from inkjet_env.printhead import Waveform, respond_sampled
 
     check_outputs(out=out, plot=plot, json=json)
     if waveform is not None and drive is not None:
@@ -106,7 +106,7 @@ def simulate(
             raise ValueError("--window belongs to --waveform: a sampled drive is followed to its last sample.")
         samples = read_drive(drive)
         _announce_compiling()
-        response = head.respond_sampled(*samples, state, hysteresis)
+        response = respond_sampled(head, *samples, state, hysteresis)
     else:
         raise ValueError("give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
     found = {

@@ -8,7 +8,7 @@ import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
@@ -19,9 +19,6 @@ from inkjet_env.printhead.hysteresis import HYSTERESIS_MODELS, BranchLaw, PlayOp
 from inkjet_env.printhead.naming import check_name
 from inkjet_env.printhead.resonator import PiecewiseResponse, check_resonator
 from inkjet_env.printhead.waveform import Waveform
-
-if TYPE_CHECKING:
-    from inkjet_env.printhead.sampled import SampledResponse
 
 DEFAULT_WINDOW_S = 350e-6
 PLAY_OPERATORS = 200
@@ -186,19 +183,6 @@ class Printhead:
         """
         time_s, drive_V = waveform.knots()
         return Response(self, time_s, drive_V, initial_state, check_window(window_s), hysteresis)
-
-    def respond_sampled(
-        self,
-        time_s: ArrayLike,
-        drive_V: ArrayLike,
-        initial_state: str = "periodic",
-        hysteresis: str = "full_memory",
-        ringing: str = "rest",
-    ) -> SampledResponse:
-        """Response to a sampled drive; see `inkjet_env.printhead.sampled.respond_sampled`."""
-        from inkjet_env.printhead.sampled import respond_sampled
-
-        return respond_sampled(self, time_s, drive_V, initial_state, hysteresis, ringing)
 
 
 @dataclass(frozen=True)
