@@ -251,8 +251,8 @@ class PiecewiseResponse:
 
         On an interval of length h, ``|y'''| ≤ M`` proves that ``y'`` has no zero (both ends further from zero than
         ``M h²/8``) or is monotone (``|y''|`` at the ends adds to more than ``M h``, same sign). What neither proves is
-        halved. M follows from the equation of motion ``y''' = b1 v'' - a1 y'' - a0 y'``: with ``|b1 v''| ≤ F`` the energy
-        norm ``E = √(a0 y'² + y''²)`` grows by at most F a second, and ``|a1 y'' + a0 y'| ≤ √(a0 + a1²) E``.
+        halved. M follows from the equation of motion ``y''' = b1 v'' - a1 y'' - a0 y'``: with ``|b1 v''| ≤ F`` the
+        energy norm ``E = √(a0 y'² + y''²)`` grows by at most F a second, and ``|a1 y'' + a0 y'| ≤ √(a0 + a1²) E``.
         """
         from scipy.optimize import brentq
 
