@@ -163,8 +163,10 @@ class BranchLaw:
                 "the last hysteresis coefficient must be 0, since no change of drive moves nothing; "
                 f"got {values[-1]:g}."
             )
-        if not (np.isfinite(self.full_scale_V) and self.full_scale_V > 0):
-            raise ValueError(f"full_scale_V must be a positive voltage; got {self.full_scale_V!r}.")
+        if max(map(abs, values)) > 1e9:
+            raise ValueError(f"hysteresis coefficients must be within ±1e9, since x is at most about 1; got {values}.")
+        if not 1e-3 <= self.full_scale_V <= 1e6:
+            raise ValueError(f"full_scale_V must be a voltage of 1e-3 to 1e6 V; got {self.full_scale_V!r}.")
 
     @property
     def ascending(self) -> NDArray[np.float64]:

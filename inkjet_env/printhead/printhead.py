@@ -62,6 +62,14 @@ class Printhead:
         check_resonator(self.a0, self.a1)
         if not (math.isfinite(self.b1) and self.b1 != 0):
             raise ValueError(f"b1 must be finite and not 0: the head must answer; got {self.b1!r}.")
+        if not 1.0 <= self.frequency_Hz <= 1e9:
+            raise ValueError(
+                f"a0 must give a resonance of 1 Hz to 1 GHz; {self.a0:g} 1/s² gives {self.frequency_Hz:g} Hz."
+            )
+        if not 1e-9 <= abs(self.b1 / self.a1) <= 1e9:
+            raise ValueError(
+                f"b1 / a1, the gain at resonance, must be 1e-9 to 1e9; got {self.b1 / self.a1:g}. Check the units."
+            )
         object.__setattr__(self, "coefficients", self.branch_law.coefficients)
 
     @classmethod

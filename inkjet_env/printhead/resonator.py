@@ -36,10 +36,10 @@ def check_resonator(a0: float, a1: float) -> None:
     """Raise ``ValueError`` unless ``s² + a1 s + a0`` is a damped oscillation."""
     if not (math.isfinite(a0) and a0 > 0):
         raise ValueError(f"a0 must be a positive number (the square of the angular frequency, 1/s²); got {a0!r}.")
-    if not (math.isfinite(a1) and 0 < a1 < 2 * math.sqrt(a0)):
+    if not 2e-6 * math.sqrt(a0) <= a1 < 2 * math.sqrt(a0):
         raise ValueError(
-            f"a1 must lie between 0 and 2√a0 = {2 * math.sqrt(a0):g} 1/s, so that the head rings and decays; "
-            f"got {a1!r}."
+            f"a1 must be below 2√a0 = {2 * math.sqrt(a0):g} 1/s and at least a millionth of it, so that the head rings "
+            f"and decays; got {a1!r}."
         )
 
 

@@ -12,6 +12,7 @@ from inkjet_env.printhead.hysteresis import laps_before_recording
 from inkjet_env.printhead.naming import check_name
 from inkjet_env.printhead.printhead import Printhead
 from inkjet_env.printhead.resonator import pole
+from inkjet_env.printhead.waveform import LARGEST_DRIVE_V
 
 RINGING = ("rest", "steady")
 """``rest``: the resonator rests at the first sample. ``steady``: it rings as it does under the repeated drive."""
@@ -59,6 +60,12 @@ def check_samples(time_s: ArrayLike, drive_V: ArrayLike) -> tuple[Real, Real]:
             raise ValueError(
                 f"{name} must be finite; got {values[at]} at sample {at + 1} of {values.size}. Trim the recording."
             )
+    if np.abs(drive).max() > LARGEST_DRIVE_V:
+        at = int(np.argmax(np.abs(drive)))
+        raise ValueError(
+            f"drive_V must be within ±{LARGEST_DRIVE_V:g} V; got {drive[at]:g} V at sample {at + 1} of {drive.size}. "
+            "Check the unit, volts."
+        )
     steps = np.diff(time)
     if not (steps > 0).all():
         at = int(np.argmax(steps <= 0)) + 1

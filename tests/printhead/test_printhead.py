@@ -39,7 +39,7 @@ def broken(change):
         (broken(lambda d: d["dynamics"]["b1"].update(value="big")), "b1 must be a number; got 'big'"),
         (broken(lambda d: d["dynamics"]["a0"].update(value=-1.0)), "a0 must be a positive number"),
         (broken(lambda d: d["hysteresis"].update(coefficients=[1.0, 0.5])), "last hysteresis coefficient must be 0"),
-        (broken(lambda d: d["hysteresis"].update(full_scale_V=0)), "full_scale_V must be a positive voltage"),
+        (broken(lambda d: d["hysteresis"].update(full_scale_V=0)), "full_scale_V must be a voltage"),
     ],
 )
 def test_a_broken_printhead_file_is_named_with_its_rule(tmp_path, text, message):
@@ -97,3 +97,19 @@ def test_the_hysteretic_drive_ends_where_the_branch_law_says():
 def test_a_head_that_answers_nothing_is_refused():
     with pytest.raises(ValueError, match="b1 must be finite and not 0"):
         Printhead(HEAD.a0, HEAD.a1, 0.0, (1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"a0": 1e300, "a1": 1e149}, "resonance of 1 Hz to 1 GHz"),
+        ({"b1": 1e300}, "gain at resonance"),
+        ({"a1": 1e-9}, "at least a millionth"),
+        ({"coefficients": (1e300, 0.0)}, "within ±1e9"),
+        ({"full_scale_V": np.inf}, "full_scale_V must be a voltage"),
+    ],
+)
+def test_numbers_that_no_head_has_are_refused(changes, message):
+    values = {name: getattr(HEAD, name) for name in ("a0", "a1", "b1", "coefficients", "full_scale_V")}
+    with pytest.raises(ValueError, match=message):
+        Printhead(**{**values, **changes})

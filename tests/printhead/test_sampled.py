@@ -55,6 +55,7 @@ def test_time_may_start_anywhere():
     [
         ([0, 1e-6], [0, np.nan], "drive_V must be finite; got nan at sample 2 of 2"),
         ([0, 2e-6, 1e-6], [0, 1, 2], "sample 3 is at 1e-06 s after 2e-06 s. Sort"),
+        ([0, 1e-6], [0, -1e308], "drive_V must be within ±100000 V; got -1e\\+308 V at sample 2 of 2"),
         ([0], [1], "two columns of at least 2 samples"),
         ([0, 1e-6], [1, 2, 3], "two columns of at least 2 samples"),
         ([0, 10], [0, 1], "time_s must not step by more than 1 s; .* seconds"),
