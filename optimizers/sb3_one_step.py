@@ -9,6 +9,7 @@ import torch
 from gymnasium import spaces
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from optimizers.base import Real, checked_count
@@ -76,7 +77,9 @@ class _OneStepLearner(InvertedOptimizer):
         """Train until the budget is spent."""
         # gamma = 0: an episode's return is its one reward. Costs have no scale known beforehand.
         envs = VecNormalize(OneStepEnvs(self, self._tasks), norm_obs=False, norm_reward=True, gamma=0.0)
-        self.algorithm(envs).learn(total_timesteps=self.budget)
+        algorithm = self.algorithm(envs)
+        algorithm.set_logger(Logger(None, []))  # SB3's own would leave a folder behind for every run
+        algorithm.learn(total_timesteps=self.budget)
 
     def propose(self) -> Real:
         """Train on, to the next episodes, on random streams of its own."""

@@ -1,6 +1,7 @@
 """What holds for every optimiser, by one suite."""
 
 import functools
+import tempfile
 
 import numpy as np
 import pytest
@@ -185,3 +186,11 @@ def test_asking_twice_repeats_the_answer_and_a_spent_budget_is_said(name):
 def test_the_minimum_of_a_bowl_is_found_as_well_as_it_should_be(name, budget, within):
     """Random points reach about 5 in 600; the mean cost over the box is about 29."""
     assert run(name, budget).best_cost < within
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_run_leaves_no_files_behind(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    run(name, 60)
+    assert not list(tmp_path.iterdir())
