@@ -263,6 +263,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=1000, help="waveforms (default 1000)")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
+    if arguments.count < 1:
+        parser.error(f"--count must be at least 1; got {arguments.count}.")
     for state in ("periodic", "demagnetised"):
         for compiled in (True, False):
             found = compare(arguments.count, arguments.seed, state, compiled)

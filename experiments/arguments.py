@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from experiments.problems import Problem
     from inkjet_env.printhead import PeakCost, Printhead
 
+MAX_BUDGET = 10_000_000
 CostGiven = tuple[float | None, float | None, str | None]
 
 
@@ -48,6 +50,10 @@ def swarm_options(
     for label, value in (("--particles", particles), ("--generations", generations), ("--budget", budget)):
         if value is not None and value < 1:
             raise ValueError(f"{label} must be at least 1; got {value}.")
+        if value is not None and value > MAX_BUDGET:
+            raise ValueError(f"{label} must be at most {MAX_BUDGET:,}; got {value}.")
+    if (particles or 40) * (generations or 50) > MAX_BUDGET:
+        raise ValueError(f"--particles × --generations must be at most {MAX_BUDGET:,}.")
     if not name.startswith("pso"):
         if particles is not None or generations is not None:
             raise ValueError(f"--particles and --generations belong to pso and pso-printed; give {name} a --budget.")
@@ -94,15 +100,18 @@ def check_rate(sample_rate_Hz: float) -> None:
         )
 
 
-def check_outputs(**files: Path | None) -> None:
-    """Raise ``ValueError`` before any work where a result could not be written."""
+def check_outputs(inputs: Sequence[Path | None] = (), **files: Path | None) -> None:
+    """Raise ``ValueError`` before any work where a result could not be written, or would replace an input."""
     given = {name: path for name, path in files.items() if path is not None and str(path) != "-"}
+    read = {os.path.realpath(path) for path in inputs if path is not None}
     for name, path in given.items():
-        if path.is_dir() or not os.access(path.parent, os.W_OK):
+        if os.path.realpath(path) in read:
+            raise ValueError(f"--{name} {path} would replace what is read. Give another name.")
+        if (path.exists() and not path.is_file()) or not os.access(path.parent, os.W_OK):
             raise ValueError(
                 f"--{name} {path}: {path.parent} must be a folder that can be written to, and {path} a file."
             )
-    if len(set(given.values())) < len(given):
+    if len({os.path.realpath(path) for path in given.values()}) < len(given):
         raise ValueError(f"--{' and --'.join(given)} must be different files.")
     for name in ("out", "plot"):
         if str(files.get(name)) == "-":

@@ -78,6 +78,8 @@ class BenchSettings:
         for label, count in (("repeats", self.repeats), ("budget", self.budget)):
             if count < 1:
                 raise ValueError(f"{label} must be at least 1; got {count}.")
+            if count > 10_000_000:
+                raise ValueError(f"{label} must be at most 10,000,000; got {count}.")
 
     @classmethod
     def default(cls, **changes: Any) -> BenchSettings:
@@ -146,7 +148,7 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
             stored = json.loads(file.read_text(encoding="utf-8"))
             if not isinstance(stored, dict):
                 raise ValueError("it is not a JSON object")
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ValueError(
                 f"{file} is damaged ({error}). Delete the folder {folder} to begin again, or give another folder."
             ) from None

@@ -143,7 +143,9 @@ def main(arguments: list[str] | None = None) -> None:
     from importlib.metadata import version
 
     parser = argparse.ArgumentParser(prog="python -m experiments.best_known", description=__doc__)
-    parser.add_argument("--problem", action="append", help="name of a problem; all of the suite unless given")
+    parser.add_argument(
+        "--problem", action="append", choices=list(suite()), help="name of a problem; all of the suite unless given"
+    )
     parser.add_argument("--starts", type=int, default=2000, help="descents per problem")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)

@@ -45,7 +45,9 @@ CostB = Annotated[float | None, typer.Option("--cost-b", help="weight of the pea
 Effective = Annotated[
     str | None, typer.Option(help='which peak ejects: "largest", "first" or a threshold in volts (largest)')
 ]
-Window = Annotated[float | None, typer.Option(help="peaks count up to this many seconds, or inf (350e-6)")]
+Window = Annotated[
+    float | None, typer.Option(help="peaks count up to this many seconds after the start, or inf (350e-6)")
+]
 InitialState = Annotated[
     str | None, typer.Option(help="of the hysteresis: periodic (repeated waveform) or demagnetised (periodic)")
 ]
@@ -53,8 +55,20 @@ JsonFile = Annotated[Path | None, typer.Option("--json", help='write the result 
 PlotFile = Annotated[Path | None, typer.Option("--plot", help="draw drive and response: .png, .svg or .pdf")]
 
 
+def _print_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(version("inkjet-env"))
+        raise typer.Exit
+
+
 @app.callback()
-def _inkjet() -> None:
+def _inkjet(
+    version: Annotated[
+        bool, typer.Option("--version", help="the version, and nothing else", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
     """An inkjet printhead: simulate it, optimise its waveform, compare optimisers.
 
     Units are SI (volts, seconds). Each command has its own --help with an example.
@@ -83,7 +97,7 @@ def simulate(
 ) -> None:
     """One waveform, or any sampled drive, through the printhead: response, peaks, cost.
 
-    inkjet simulate --waveform 100 -100 1e-6 10.481e-6 13.769e-6 9.613e-6 20e-6 --plot response.png
+    inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --plot response.png
 
     inkjet simulate --drive drive.csv --out response.csv
     """
@@ -91,7 +105,7 @@ def simulate(
     from experiments.storage import write_json
     from inkjet_env.printhead import Waveform, respond_sampled
 
-    check_outputs(out=out, plot=plot, json=json)
+    check_outputs((drive, printhead), out=out, plot=plot, json=json)
     if waveform is not None and drive is not None:
         raise ValueError("give --waveform or --drive, not both.")
     head, cost = chosen_printhead(printhead), chosen_cost((cost_a, cost_b, effective))
@@ -102,11 +116,12 @@ def simulate(
             raise ValueError("--out belongs to --drive. To sample a waveform's response, give the waveform as a CSV.")
         response = head.respond(Waveform.from_array(waveform), state, 350e-6 if window is None else window, hysteresis)
     elif drive is not None:
-        if window is not None:
-            raise ValueError("--window belongs to --waveform: a sampled drive is followed to its last sample.")
         samples = read_drive(drive)
         _announce_compiling()
-        response = respond_sampled(head, *samples, state, hysteresis)
+        try:
+            response = respond_sampled(head, *samples, state, hysteresis, window_s=350e-6 if window is None else window)
+        except ValueError as error:
+            raise ValueError(f"{drive}: {error}") from None
     else:
         raise ValueError("give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
     found = {
@@ -162,7 +177,7 @@ def optimize(
     """
     from experiments.optimisation import Optimisation, read_record
 
-    check_outputs(out=out, plot=plot, json=json)
+    check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
     check_rate(sample_rate)
     settings = {
         "--optimizer": optimizer,
@@ -226,6 +241,8 @@ def bench(
         from optimizers import names
 
         chosen["optimizers"] = names()
+    if chosen.get("problems") == ("all",):
+        del chosen["problems"]
     settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
     _announce_compiling()
     try:
@@ -260,7 +277,7 @@ def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: P
         raise typer.Exit(INTERRUPTED)
     found = plan.optimum_json(run)
     time_s, drive_V = sampled_waveform(Waveform.from_array(found["waveform"]), sample_rate)
-    record = out.with_suffix(".npz")
+    record = _record_file(out)
     if not run.complete:
         write_record(record, plan, run)
     write_columns(out, {"time_s": time_s, "drive_V": drive_V})
@@ -284,6 +301,11 @@ def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: P
         raise typer.Exit(INTERRUPTED)
 
 
+def _record_file(out: Path) -> Path:
+    """Where an interrupted run leaves its evaluations."""
+    return out.with_name(f"{out.name}.evaluations.npz")
+
+
 def _announce_compiling() -> None:
     from inkjet_env.printhead import batch
 
@@ -293,6 +315,9 @@ def _announce_compiling() -> None:
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command; turn whatever the user can mend into one sentence and exit status 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a terminal without µ is no reason to stop half-way
+            stream.reconfigure(errors="replace")
     try:
         status = app(arguments, standalone_mode=False)
     except (ValueError, OSError) as error:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ def read_drive(path: str | Path) -> tuple[Real, Real]:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise ValueError(f"{path}: cannot be read: {reason}. Check the file's name.") from None
     rows = csv.reader(text.splitlines())
-    header = [name.strip() for name in next(rows, [])]
+    header = [name.strip() for name in next(_parsed(path, rows), [])]
     for column in DRIVE_COLUMNS:
         if header.count(column) != 1:
             raise ValueError(
@@ -53,7 +54,7 @@ def read_drive(path: str | Path) -> tuple[Real, Real]:
             )
     places = [header.index(column) for column in DRIVE_COLUMNS]
     samples: list[tuple[float, float]] = []
-    for row in rows:
+    for row in _parsed(path, rows):
         if not row:
             continue
         sample = _sample(f"{path}, row {rows.line_num}", row, places)
@@ -67,6 +68,13 @@ def read_drive(path: str | Path) -> tuple[Real, Real]:
         raise ValueError(f"{path}: a drive must have at least 2 samples; got {len(samples)}. Add rows.")
     time_s, drive_V = np.array(samples).T
     return np.ascontiguousarray(time_s), np.ascontiguousarray(drive_V)
+
+
+def _parsed(path: str | Path, rows: Any) -> Iterator[list[str]]:
+    try:
+        yield from rows
+    except csv.Error as error:
+        raise ValueError(f"{path}, row {rows.line_num}: is not CSV: {error}. Is this a text file of columns?") from None
 
 
 def _sample(place: str, row: list[str], places: list[int]) -> tuple[float, float]:

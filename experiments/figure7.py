@@ -109,7 +109,10 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m experiments.figure7", description=__doc__)
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many, from 0 (default 20)")
-    print(table(reproduce(seed) for seed in range(parser.parse_args().seeds)))
+    seeds = parser.parse_args().seeds
+    if seeds < 1:
+        parser.error(f"--seeds must be at least 1; got {seeds}.")
+    print(table(reproduce(seed) for seed in range(seeds)))
 
 
 if __name__ == "__main__":

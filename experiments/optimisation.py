@@ -9,13 +9,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from experiments.arguments import MAX_BUDGET
 from experiments.problems import Problem
 from experiments.progress import shown_progress
+from experiments.runs import first_other_cost
 from experiments.storage import archive_bytes, write_atomically
 
 if TYPE_CHECKING:
     from optimizers.loop import Run
+
+Real = NDArray[np.float64]
 
 RECORD_FORMAT = "evaluations/1"
 OPTIMUM_FORMAT = "optimum/1"
@@ -115,15 +120,37 @@ def read_record(path: Path) -> tuple[Optimisation, tuple]:
         with np.load(path, allow_pickle=False) as archive:
             label = json.loads(str(archive["label"]))
             recorded = tuple(archive[name] for name in ("points", "costs", "gradients") if name in archive)
-        if label["format"] != RECORD_FORMAT:
-            raise ValueError(f"its format is {label['format']!r}")
+        if not isinstance(label, dict) or label.get("format") != RECORD_FORMAT:
+            raise ValueError(f"its label is not of {RECORD_FORMAT}")
+        for name, kind in (("problem", str), ("optimizer", str), ("budget", int), ("seed", int), ("options", dict)):
+            if type(label[name]) is not kind:
+                raise ValueError(f"its {name} is {label[name]!r}")
         problem = Problem.from_settings(label["problem"], label["settings"])
         optimisation = Optimisation(problem, label["optimizer"], label["budget"], label["seed"], label["options"])
+        _check_evaluations(optimisation, *recorded)
     except FileNotFoundError:
         raise ValueError(f"{path}: there is no such file. Give the .npz that the interrupted run left.") from None
-    except (ValueError, KeyError, TypeError, EOFError, OSError, zipfile.BadZipFile, NotImplementedError) as error:
+    except (
+        ValueError, KeyError, TypeError, EOFError, OSError, RecursionError, zipfile.BadZipFile, NotImplementedError
+    ) as error:  # fmt: skip
+        reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
         raise ValueError(
-            f"{path}: is not a whole record of an optimisation ({error or type(error).__name__}). "
+            f"{path}: is not a whole record of an optimisation ({str(reason).rstrip('.') or type(error).__name__}). "
             "Give the .npz that the interrupted run left, or begin again without it."
         ) from None
     return optimisation, recorded
+
+
+def _check_evaluations(optimisation: Optimisation, points: Real, costs: Real, *gradients: Real) -> None:
+    """Raise ``ValueError`` unless these are evaluations that `carry_out` may be told again."""
+    for name, array, shape in (
+        ("points", points, (len(costs), 7)),
+        ("costs", costs, (len(costs),)),
+        *(("gradients", gradient, (len(costs), 7)) for gradient in gradients),
+    ):
+        if array.dtype != np.float64 or array.shape != shape or not np.isfinite(array).all():
+            raise ValueError(f"its {name} are not {shape} finite numbers")
+    if not 0 < len(costs) <= optimisation.budget <= MAX_BUDGET or np.abs(points).max() > 1:
+        raise ValueError(f"its {len(costs)} evaluations do not fit a budget of {optimisation.budget} in the box")
+    if difference := first_other_cost(optimisation.problem, points, costs):
+        raise ValueError(difference)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 BEFORE, AFTER, GREY = "#b3541e", "#1b5e8c", "#888888"
-FIRST_S, LAST_S = -10e-6, 250e-6
+FIRST_S, LAST_S = -10e-6, 350e-6
 STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,
@@ -115,15 +115,22 @@ def _drive(axes: Axes, response: Response | SampledResponse, colour: str) -> Non
     if isinstance(response, SampledResponse):
         axes.plot(response.time_s * 1e6, response.drive_V, color=colour, lw=1.4)
         return
-    time_s = np.concatenate([[FIRST_S], response.knot_times_s, [LAST_S]])
+    time_s = np.concatenate([[FIRST_S], response.knot_times_s, [_end_s(response)]])
     axes.plot(time_s * 1e6, response.drive_V(time_s), color=colour, lw=1.4)
+
+
+def _end_s(response: Response) -> float:
+    """Where a picture ends: with the window, but never before the waveform has ended."""
+    window_s = response.window_s if np.isfinite(response.window_s) else LAST_S
+    return max(window_s, 1.1 * float(response.knot_times_s[-1]))
 
 
 def _sensed(axes: Axes, response: Response | SampledResponse, cost: PeakCost, colour: str) -> None:
     if isinstance(response, SampledResponse):
         time_s, sensor_V, last_s = response.time_s, response.sensor_V, response.time_s[-1]
     else:
-        time_s, last_s = np.linspace(FIRST_S, LAST_S, 2601), LAST_S
+        last_s = _end_s(response)
+        time_s = np.linspace(FIRST_S, last_s, 4001)
         sensor_V = np.where(time_s < 0, 0.0, response.sensor_V(time_s))
     axes.plot(time_s * 1e6, sensor_V, color=colour, lw=1.2)
     shown = response.peak_times_s <= last_s

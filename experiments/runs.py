@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.problems import problem
+from experiments.problems import Problem, problem
 from experiments.storage import archive_bytes, json_text, write_atomically
 
 RUN_FORMAT = "run/1"
@@ -124,7 +124,7 @@ def read_run(folder: Path, key: RunKey, bench_seed: int, budget: int) -> RunResu
             label = json.loads(str(archive["label"]))
             points, costs = archive["points"], archive["costs"]
     except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile, NotImplementedError) as error:
-        raise _damaged(path, f"it cannot be read ({error or type(error).__name__})") from None
+        raise _damaged(path, f"it cannot be read ({type(error).__name__})") from None
     seed = key.seed(bench_seed)
     expected = {
         "format": RUN_FORMAT,
@@ -135,15 +135,26 @@ def read_run(folder: Path, key: RunKey, bench_seed: int, budget: int) -> RunResu
     }
     if label != expected:
         raise _damaged(path, f"it is labelled {label} instead of {expected}")
+    if points.dtype != np.float64 or costs.dtype != np.float64:
+        raise _damaged(path, f"it holds points of {points.dtype} and costs of {costs.dtype} instead of float64")
     if points.shape != (budget, 7) or costs.shape != (budget,):
         raise _damaged(path, f"it holds points {points.shape} and costs {costs.shape} for a budget of {budget}")
     if not (np.isfinite(costs).all() and (np.abs(points) <= 1).all()):
         raise _damaged(path, "it holds a cost that is not finite or a point outside the box")
     result = RunResult(key, seed, points, costs)
-    again = float(problem(key.problem).evaluate(result.best_point())[0])
-    if not np.isclose(again, costs.min(), rtol=1e-9, atol=1e-9):
-        raise _damaged(path, f"its best point costs {again:.9g} V here, not the {costs.min():.9g} V it records")
+    if difference := first_other_cost(problem(key.problem), points, costs):
+        raise _damaged(path, difference)
     return result
+
+
+def first_other_cost(problem: Problem, points: NDArray[np.float64], costs: NDArray[np.float64]) -> str:
+    """Say which recorded cost is not what its point costs here; empty where all are."""
+    again = problem.evaluate(points)
+    wrong = ~np.isclose(again, costs, rtol=1e-9, atol=1e-9)
+    if not wrong.any():
+        return ""
+    i = int(np.argmax(wrong))
+    return f"evaluation {i + 1} costs {again[i]:.9g} V here, not the {costs[i]:.9g} V it records"
 
 
 def _damaged(path: Path, reason: str) -> DamagedResultError:

@@ -7,6 +7,7 @@ rivals taken in turns, so that another load on the machine does not fall on one 
 
 from __future__ import annotations
 
+import argparse
 import functools
 import os
 import time
@@ -235,6 +236,7 @@ def _register_idle() -> None:
 
 def main() -> None:
     """Print the tables."""
+    argparse.ArgumentParser(prog="python -m experiments.speed", description=__doc__).parse_args()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     _register_idle()

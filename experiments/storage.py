@@ -24,7 +24,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
     Parameters
     ----------
     path : str or Path
-        Its folder must exist. An existing file is replaced.
+        Its folder must exist. An existing file is replaced; a link is followed to the file it stands for.
     content : str or bytes
         Text is written as UTF-8.
 
@@ -32,8 +32,12 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
     ------
     OSError
         The folder is missing or not writable; nothing is left behind.
+    ValueError
+        There is something at ``path`` that is no file: a folder, a device, a pipe.
     """
-    path = Path(path)
+    path = Path(os.path.realpath(path))
+    if path.exists() and not path.is_file():
+        raise ValueError(f"{path} is not a file, so it cannot be replaced by one. Give another name.")
     unfinished = path.with_name(f"{path.name}.{os.getpid()}{UNFINISHED}")
     try:
         with open(unfinished, "wb") as file:

@@ -1,4 +1,4 @@
-"""An inkjet printhead to identify, doubt, correct and optimise.
+"""An inkjet printhead to simulate and to optimise.
 
 Importing this package registers its Gymnasium environment; everything that costs (compiler, plots) is imported on use.
 """

@@ -6,7 +6,6 @@ these functions on rows, and a row's numbers do not depend on how many rows ther
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -82,8 +81,8 @@ def make_task(
             f"printhead must be a Printhead, the path of a printhead.json, or None; got {type(printhead).__name__}."
         )
     check_name("context", context, CONTEXTS)
-    if isinstance(noise, bool) or not (isinstance(noise, (int, float, np.number)) and 0 <= noise < math.inf):
-        raise ValueError(f"noise must be a standard deviation of at least 0 V; got {noise!r}.")
+    if isinstance(noise, bool) or not (isinstance(noise, (int, float, np.number)) and 0 <= noise <= 1e6):
+        raise ValueError(f"noise must be a standard deviation of 0 to 1e6 V; got {noise!r}.")
     if not isinstance(clip_actions, (bool, np.bool_)):
         raise ValueError(f"clip_actions must be True or False; got {clip_actions!r}.")
     return WaveformTask(

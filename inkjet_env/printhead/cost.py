@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from inkjet_env.printhead.naming import nearest_name
 
+LARGEST_WEIGHT = 1e6
 EFFECTIVE_RULES = ("largest", "first")
 
 
@@ -40,8 +41,8 @@ class PeakCost:
     def __post_init__(self) -> None:
         for name in ("A", "B"):
             value = getattr(self, name)
-            if not (isinstance(value, (int, float)) and math.isfinite(value)):
-                raise ValueError(f"{name} must be a finite number; got {value!r}.")
+            if not (isinstance(value, (int, float)) and abs(value) <= LARGEST_WEIGHT):
+                raise ValueError(f"{name} must be a number within ±{LARGEST_WEIGHT:g}; got {value!r}.")
         if isinstance(self.effective, str):
             if self.effective not in EFFECTIVE_RULES:
                 raise ValueError(

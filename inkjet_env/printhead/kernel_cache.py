@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ def discard_stale_code(file: str) -> None:
     sources = [module, *Path(__file__).parent.glob("*.py")]
     newest = max(source.stat().st_mtime for source in sources)
     for index in (module.parent / "__pycache__").glob(f"{module.stem}.*.nbi"):
-        if index.stat().st_mtime < newest:
-            index.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process was faster
+            if index.stat().st_mtime < newest:
+                index.unlink()
 
 
 def kernel_jit(file: str, **options: Any) -> Any:

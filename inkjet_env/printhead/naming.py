@@ -7,9 +7,9 @@ from collections.abc import Iterable
 
 def nearest_name(given: str, known: Iterable[str]) -> str:
     """Return " Did you mean 'x'?" for the known name nearest to the given one, or an empty string."""
-    from rapidfuzz import process
+    from rapidfuzz import fuzz, process
 
-    match = process.extractOne(given, list(known), score_cutoff=60)
+    match = process.extractOne(given, list(known), scorer=fuzz.ratio, processor=str.lower, score_cutoff=55)
     return f" Did you mean {match[0]!r}?" if match else ""
 
 

@@ -21,15 +21,19 @@ from inkjet_env.printhead.resonator import PiecewiseResponse, check_resonator
 from inkjet_env.printhead.waveform import Waveform
 
 DEFAULT_WINDOW_S = 350e-6
+LONGEST_WINDOW_S = 0.01
 PLAY_OPERATORS = 200
 """Plays of the classic PI model where it is asked for by name."""
 
 
 def check_window(window_s: float) -> float:
-    """Return the window; ``ValueError`` unless it is a positive time in seconds or infinite."""
-    if not window_s > 0:
-        raise ValueError(f"window_s must be a positive time in seconds, or infinite; got {window_s!r}.")
-    return float(window_s)
+    """Return the window; ``ValueError`` unless it is a positive time in seconds, not too long, or infinite."""
+    if isinstance(window_s, (int, float, np.number)) and (0 < window_s <= LONGEST_WINDOW_S or window_s == math.inf):
+        return float(window_s)
+    raise ValueError(
+        f"window_s must be a time above 0 s and at most {LONGEST_WINDOW_S:g} s, or infinite; got {window_s!r}. "
+        "It is in seconds: 350 µs is 350e-6."
+    )
 
 
 @dataclass(frozen=True)
@@ -91,25 +95,23 @@ class Printhead:
         try:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path}: cannot be read as a printhead: {error}.") from None
+            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+            raise ValueError(f"{path}: cannot be read: {reason}. Check the file's name.") from None
         try:
             data: Any = json.loads(text)
-        except (json.JSONDecodeError, RecursionError) as error:
-            raise ValueError(f"{path}: is not JSON ({error}). Write it again with `inkjet identify`.") from None
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"{path}: is not JSON ({error}). Is this a printhead file?") from None
         if not isinstance(data, dict) or data.get("format") != "printhead/1":
             got = data.get("format") if isinstance(data, dict) else type(data).__name__
             raise ValueError(f'{path}: "format" must be "printhead/1"; got {got!r}. Is this a printhead file?')
         try:
-            dynamics, hysteresis = data["dynamics"], data["hysteresis"]
-            values = {name: dynamics[name]["value"] for name in ("a0", "a1", "b1")}
-            values |= {"full_scale_V": hysteresis["full_scale_V"]}
-            coefficients = list(hysteresis["coefficients"])
-            for name, value in [*values.items(), *(("hysteresis.coefficients", c) for c in coefficients)]:
-                if isinstance(value, bool) or not isinstance(value, (int, float)):
-                    raise ValueError(f"{name} must be a number; got {value!r}.")
-            return cls(coefficients=tuple(coefficients), **values)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"{path}: has no {error} where a printhead/1 file keeps it.") from None
+            values = {name: _number(data, "dynamics", name, "value") for name in ("a0", "a1", "b1")}
+            values["full_scale_V"] = _number(data, "hysteresis", "full_scale_V")
+            coefficients = _entry(data, "hysteresis", "coefficients")
+            if not isinstance(coefficients, list):
+                raise ValueError(f"hysteresis.coefficients must be a list of numbers; got {coefficients!r}.")
+            numbers = (_number({"coefficients": c}, "coefficients") for c in coefficients)
+            return cls(coefficients=tuple(numbers), **values)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 
@@ -126,8 +128,12 @@ class Printhead:
         }
         data = {"format": "printhead/1", "dynamics": dynamics, "hysteresis": hysteresis, "fit": {}}
         beside = Path(f"{path}.tmp{os.getpid()}")
-        beside.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-        beside.replace(path)
+        try:
+            beside.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+            beside.replace(path)
+        except OSError as error:
+            beside.unlink(missing_ok=True)
+            raise OSError(error.errno, error.strerror, str(path)) from None
 
     @property
     def frequency_Hz(self) -> float:
@@ -191,6 +197,22 @@ class Printhead:
         """
         time_s, drive_V = waveform.knots()
         return Response(self, time_s, drive_V, initial_state, check_window(window_s), hysteresis)
+
+
+def _entry(data: Any, *keys: str) -> Any:
+    """What a printhead/1 file keeps under these keys."""
+    for depth, key in enumerate(keys):
+        if not isinstance(data, dict) or key not in data:
+            raise ValueError(f"has no {'.'.join(keys[: depth + 1])}, which a printhead/1 file needs.")
+        data = data[key]
+    return data
+
+
+def _number(data: Any, *keys: str) -> float:
+    value = _entry(data, *keys)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > 1e300:
+        raise ValueError(f"{'.'.join(keys)} must be a number; got {str(value)[:40]}.")
+    return float(value)
 
 
 @dataclass(frozen=True)

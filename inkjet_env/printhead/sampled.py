@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import laps_before_recording
 from inkjet_env.printhead.naming import check_name
-from inkjet_env.printhead.printhead import Printhead
+from inkjet_env.printhead.printhead import Printhead, check_window
 from inkjet_env.printhead.resonator import pole
 from inkjet_env.printhead.waveform import LARGEST_DRIVE_V
 
@@ -32,6 +32,8 @@ class SampledResponse:
         Sensor values are exact for the drive that is linear between its samples; none depends on the sampling rate.
     peak_times_s, peaks_V : ndarray, shape (k,)
         Every local extremum of the self-sensed signal, between samples too.
+    tail_V : float
+        Summed magnitude of the extrema beyond those listed (infinite window only).
     """
 
     time_s: Real
@@ -39,16 +41,20 @@ class SampledResponse:
     sensor_V: Real
     peak_times_s: Real
     peaks_V: Real
+    tail_V: float = 0.0
 
     def cost(self, peak_cost: PeakCost | None = None) -> float:
         """Peak cost in volts; the default is `PeakCost()`."""
-        return (peak_cost or PeakCost())(self.peaks_V)
+        return (peak_cost or PeakCost())(self.peaks_V, self.tail_V)
 
 
 def check_samples(time_s: ArrayLike, drive_V: ArrayLike) -> tuple[Real, Real]:
     """Return both as arrays of shape (n,); ``ValueError`` unless finite, of one length and increasing in time."""
-    time = np.ascontiguousarray(time_s, dtype=np.float64)
-    drive = np.ascontiguousarray(drive_V, dtype=np.float64)
+    try:
+        time = np.ascontiguousarray(time_s, dtype=np.float64)
+        drive = np.ascontiguousarray(drive_V, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError("time_s and drive_V must be numbers, two columns of the same length.") from None
     if time.ndim != 1 or time.shape != drive.shape or time.size < 2:
         raise ValueError(
             f"time_s and drive_V must be two columns of at least 2 samples; got shapes {time.shape} and {drive.shape}."
@@ -89,6 +95,7 @@ def respond_sampled(
     initial_state: str = "periodic",
     hysteresis: str = "full_memory",
     ringing: str = "rest",
+    window_s: float | None = None,
 ) -> SampledResponse:
     """Response of a head to a sampled drive.
 
@@ -102,6 +109,9 @@ def respond_sampled(
     hysteresis : {"full_memory", "one_point"}
     ringing : {"rest", "steady"}
         Of the resonator at the first sample; ``steady`` needs ``initial_state="periodic"``.
+    window_s : float, optional
+        Peaks are followed to this time after the first sample, the drive staying where its last sample is; at least,
+        and unless given, to the last sample. May be infinite.
 
     Raises
     ------
@@ -123,31 +133,32 @@ def respond_sampled(
         np.empty((64, 4)),
     )
 
-    def run(knots_s: Real, knots_V: Real, state: Real) -> tuple[Real, Real, Real]:
+    def run(knots_s: Real, knots_V: Real, state: Real, window: float) -> tuple[Real, Real, Real, float]:
         pieces = np.empty((4 * drive.size + 32, 6))
         memory = np.empty((laps + 1) * knots_V.size + 2)
         found = compiled.branch_pieces(knots_V, printhead.full_scale_V, laps, hysteresis == "one_point", memory, pieces)
-        sensor, capacity, start = np.empty(knots_s.size), 2 * drive.size + 64, state.copy()
+        sensor, capacity, start = np.empty(knots_s.size), 2 * drive.size + 1024, state.copy()
         while True:
             state[:] = start
             times, peaks = np.empty(capacity), np.empty(capacity)
-            count, _ = compiled.response_extrema(
-                head, knots_s, pieces, found, knots_s[-1], state, *scratch, times, peaks, sensor
+            count, tail = compiled.response_extrema(
+                head, knots_s, pieces, found, window, state, *scratch, times, peaks, sensor
             )
             if count != compiled.OVERFLOW:
-                return sensor, times[:count], peaks[:count]
+                return sensor, times[:count].copy(), peaks[:count].copy(), tail
             capacity *= 2
 
     since = time - time[0]
     state = np.zeros(2)
     if ringing == "steady":
         period = since[-1] + (since[-1] - since[-2])
-        run(np.append(since, period), np.append(drive, drive[0]), state)
+        run(np.append(since, period), np.append(drive, drive[0]), state, period)
         # The state that one period maps to itself: s = e^{FT} s + r, with r what one period adds from rest.
         free = np.exp(pole(printhead.a0, printhead.a1) * period)
         damping, frequency = -printhead.a1 / 2, pole(printhead.a0, printhead.a1).imag
         c, s = free.real, free.imag / frequency
         transition = np.array([[c - damping * s, s], [-printhead.a0 * s, c + damping * s]])
         state = np.linalg.solve(np.eye(2) - transition, state)
-    sensor, times, peaks = run(since, drive, state)
-    return SampledResponse(time, drive, sensor, times + time[0], peaks.copy())
+    end = float(since[-1]) if window_s is None else max(check_window(window_s), float(since[-1]))
+    sensor, times, peaks, tail = run(since, drive, state, end)
+    return SampledResponse(time, drive, sensor, times + time[0], peaks, tail)

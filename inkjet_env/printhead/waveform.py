@@ -14,7 +14,7 @@ PARAMETER_UNITS = ("V", "V", "s", "s", "s", "s", "s")
 
 
 LARGEST_DRIVE_V = 1e5
-LONGEST_DURATION_S = 0.1
+LONGEST_DURATION_S = 0.01
 
 _RULES = (
     ("must be at least 0 V", "The first pulse is the positive one; a negative pulse goes into U2"),
@@ -160,7 +160,12 @@ class Bounds:
 
     def __post_init__(self) -> None:
         for label in ("lower", "upper"):
-            values = tuple(float(v) for v in np.ravel(getattr(self, label)))
+            try:
+                values = tuple(float(v) for v in np.ravel(getattr(self, label)))
+            except (TypeError, ValueError):
+                raise ValueError(
+                    f"bounds.{label} must be numbers (U1 U2 t1 … t5); got {getattr(self, label)!r}."
+                ) from None
             if len(values) != 7:
                 raise ValueError(f"bounds.{label} must hold 7 values (U1 U2 t1 … t5); got {len(values)}.")
             object.__setattr__(self, label, values)
@@ -179,6 +184,8 @@ class Bounds:
     def from_unit(self, points: ArrayLike) -> NDArray[np.float64]:
         """Physical parameters (V, s) of points in [-1, 1], shape (7,) or (n, 7); ±1 hit the bounds exactly."""
         points = np.asarray(points, dtype=np.float64)
+        if points.shape[-1:] != (7,):
+            raise ValueError(f"points must have shape (7,) or (n, 7); got shape {points.shape}.")
         return np.clip(((1 - points) * self._low + (1 + points) * self._high) / 2, self._low, self._high)
 
     def to_unit(self, waveforms: ArrayLike) -> NDArray[np.float64]:

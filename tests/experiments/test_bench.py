@@ -116,7 +116,7 @@ def damage_by_better_costs(path, folder):
         (damage_by_truncation, "cannot be read"),
         (damage_by_another_run, "it is labelled"),
         (damage_by_pickle, "cannot be read"),
-        (damage_by_better_costs, "its best point costs"),
+        (damage_by_better_costs, "evaluation 8 costs"),
     ],
 )
 def test_a_damaged_result_is_named_and_what_to_do(finished, damage, said):

@@ -1,4 +1,5 @@
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -73,7 +74,43 @@ def test_a_sampled_drive_gives_the_response_of_the_same_waveform(inkjet, tmp_pat
     assert np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1).shape == (6, 3)
     whole = json.loads(inkjet("simulate", "--waveform", *OPTIMUM, "--json", "-")[1])
     sampled = json.loads((tmp_path / "r.json").read_text())
-    np.testing.assert_allclose(sampled["peaks_V"][:5], whole["peaks_V"][:5], atol=1e-9)
+    np.testing.assert_allclose(sampled["peaks_V"], whole["peaks_V"], atol=1e-9)
+    assert sampled["cost"] == pytest.approx(whole["cost"], abs=1e-9)
+
+
+def test_an_optimum_read_back_as_a_drive_costs_the_same(inkjet):
+    _, out, _ = inkjet(
+        "optimize", "--optimizer", "pso", "--seed", "5", "--out", "w.csv", "--json", "-", "--budget", "400"
+    )
+    _, again, _ = inkjet("simulate", "--drive", "w.csv", "--json", "-")
+    assert json.loads(again)["cost"] == pytest.approx(json.loads(out)["cost"], abs=0.02)  # corners are cut by 10 ns
+
+
+@pytest.mark.parametrize("name", ["pipe", "folder", "drive.csv", "link.csv"])
+def test_what_is_no_file_or_is_read_itself_is_not_replaced(inkjet, tmp_path, name):
+    drive = a_drive(tmp_path / "drive.csv")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link.csv").symlink_to(drive)
+    before = drive.read_bytes()
+    status, _, err = inkjet("simulate", "--drive", "drive.csv", "--out", name)
+    assert status == 2
+    assert "would replace what is read" in err or "must be a folder that can be written to" in err
+    assert drive.read_bytes() == before
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_link_is_followed_to_its_file(inkjet, tmp_path):
+    (tmp_path / "link.json").symlink_to(tmp_path / "target.json")
+    (tmp_path / "target.json").write_text("old")
+    assert inkjet("simulate", "--waveform", *OPTIMUM, "--json", "link.json")[0] == 0
+    assert (tmp_path / "link.json").is_symlink()
+    assert "simulation/1" in (tmp_path / "target.json").read_text()
+
+
+def test_version_is_told(inkjet):
+    status, out, _ = inkjet("--version")
+    assert (status, out.count(".")) == (0, 2)
 
 
 def knots():
@@ -91,12 +128,14 @@ BAD_WAVEFORM = [
     (["--waveform", *OPTIMUM, "--effective", "larges"], "effective must be 'largest'.*Did you mean 'largest'"),
     (["--waveform", *OPTIMUM, "--initial-state", "virgin"], "initial_state must be one of periodic, demagnetised"),
     (["--waveform", *OPTIMUM, "--hysteresis", "fullmemory"], "hysteresis must be one of.*Did you mean 'full_memory'"),
-    (["--waveform", *OPTIMUM, "--window", "0"], "window_s must be a positive time"),
-    (["--waveform", *OPTIMUM, "--printhead", "none.json"], "none.json: cannot be read as a printhead"),
+    (["--waveform", *OPTIMUM, "--window", "0"], "window_s must be a time above 0 s"),
+    (["--waveform", *OPTIMUM, "--printhead", "none.json"], "none.json: cannot be read"),
     (["--waveform", *OPTIMUM, "--plot", "a.gif"], "must end in .png, .svg or .pdf; got '.gif'"),
     (["--waveform", *OPTIMUM, "--json", "nowhere/a.json"], "nowhere must be a folder that can be written to"),
     (["--waveform", *OPTIMUM, "--wave"], "No such option: --wave"),
     (["--drive", "none.csv"], "none.csv: cannot be read: No such file"),
+    (["--waveform", *OPTIMUM, "--window", "350"], "at most 0.01 s, or infinite; got 350.*350 µs is 350e-6"),
+    (["--waveform", *OPTIMUM, "--cost-a", "1e308"], "A must be a number within"),
 ]
 
 
@@ -211,23 +250,25 @@ def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, 
     status, _out, err = inkjet(*arguments, "--out", "part.csv", "--json", "part.json")
     assert status == cli.INTERRUPTED
     assert "the best so far is kept" in err
-    assert "--resume part.npz" in err
+    assert "--resume part.csv.evaluations.npz" in err
     part = json.loads((tmp_path / "part.json").read_text())
     assert 0 < part["evaluations"] == sum(batches[:-1]) < 300
     assert part["complete"] is False
     assert (tmp_path / "part.csv").exists()
 
     batches.extend([0] * 9)  # no more interruptions
-    assert inkjet("optimize", "--resume", "part.npz", "--out", "rest.csv", "--json", "rest.json")[0] == 0
+    assert (
+        inkjet("optimize", "--resume", "part.csv.evaluations.npz", "--out", "rest.csv", "--json", "rest.json")[0] == 0
+    )
     assert (tmp_path / "rest.json").read_bytes() == (tmp_path / "whole.json").read_bytes()
     assert (tmp_path / "rest.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
 
 
 def test_a_damaged_record_is_named(inkjet, tmp_path):
-    (tmp_path / "part.npz").write_bytes(b"PK\x03\x04 not an archive")
-    status, _, err = inkjet("optimize", "--resume", "part.npz")
+    (tmp_path / "part.csv.evaluations.npz").write_bytes(b"PK\x03\x04 not an archive")
+    status, _, err = inkjet("optimize", "--resume", "part.csv.evaluations.npz")
     assert status == 2
-    assert "part.npz: is not a whole record of an optimisation" in err
+    assert "part.csv.evaluations.npz: is not a whole record of an optimisation" in err
 
 
 def test_ctrl_c_ends_a_running_process_with_its_best_written(tmp_path):
@@ -242,7 +283,7 @@ def test_ctrl_c_ends_a_running_process_with_its_best_written(tmp_path):
     assert process.returncode == cli.INTERRUPTED, err
     assert "the best so far is kept" in err
     assert "Traceback" not in err
-    assert {f.name for f in tmp_path.iterdir()} == {"w.csv", "w.npz"}
+    assert {f.name for f in tmp_path.iterdir()} == {"w.csv", "w.csv.evaluations.npz"}
 
 
 @pytest.mark.parametrize(

@@ -134,11 +134,11 @@ def test_a_voltage_that_vanishes_beside_the_other_is_no_edge():
     [
         ({"initial_state": "periodical"}, "initial_state must be one of .*'periodic'"),
         ({"hysteresis": "fullmemory"}, "hysteresis must be one of .*'full_memory'"),
-        ({"window_s": 0.0}, "window_s must be a positive time"),
-        ({"window_s": math.nan}, "window_s must be a positive time"),
+        ({"window_s": 0.0}, "window_s must be a time above 0 s"),
+        ({"window_s": math.nan}, "window_s must be a time above 0 s"),
         ({"heads": np.zeros((2, 3))}, "head table of 1 or 1 rows"),
         ({"waveforms": [1, 2, 3]}, r"shape \(7,\) or \(n, 7\)"),
-        ({"waveforms": (100, -100, 1, 1, 1, 1, 1)}, "t1 must be at most 0.1 s; got 1 s.*10 µs is 10e-6"),
+        ({"waveforms": (100, -100, 1, 1, 1, 1, 1)}, "t1 must be at most 0.01 s; got 1 s.*10 µs is 10e-6"),
     ],
 )
 def test_bad_input_is_named(arguments, message):

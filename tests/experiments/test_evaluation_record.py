@@ -1,0 +1,75 @@
+"""The record from which an interrupted optimisation goes on: believed only where it can be checked."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments.optimisation import Optimisation, read_record, write_record
+from experiments.problems import problem
+from experiments.storage import archive_bytes
+from optimizers.loop import Run
+
+PLAN = Optimisation(problem("nominal"), "pso", 80, 3)
+
+
+@pytest.fixture
+def evaluations():
+    points = np.random.default_rng(0).uniform(-1, 1, (40, 7))
+    return {"label": PLAN.label(), "points": points, "costs": PLAN.problem.evaluate(points)}
+
+
+def stored(path, arrays):
+    path.write_bytes(archive_bytes({**arrays, "label": np.array(json.dumps(arrays["label"]))}))
+    return path
+
+
+def test_a_record_is_read_as_it_was_written(tmp_path, evaluations):
+    run = Run(evaluations["points"], evaluations["costs"], None, False, 0.0, 0.0)
+    write_record(tmp_path / "r.npz", PLAN, run)
+    plan, (points, costs) = read_record(tmp_path / "r.npz")
+    assert plan == PLAN
+    np.testing.assert_array_equal(points, run.points)
+    np.testing.assert_array_equal(costs, run.costs)
+
+
+def changed(name, change):
+    def damage(arrays):
+        arrays[name] = change(arrays[name])
+
+    return damage
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (changed("costs", lambda c: np.where(np.arange(40) == 3, np.nan, c)), "its costs are not"),
+        (changed("costs", lambda c: c + 1), "evaluation 1 costs"),
+        (changed("costs", lambda c: c - (np.arange(40) == 17)), "evaluation 18 costs"),
+        (changed("costs", lambda c: c.astype(str)), "its costs are not"),
+        (changed("points", lambda p: p + 0j), "its points are not"),
+        (changed("points", lambda p: 2 * p), "do not fit"),
+        (changed("label", lambda d: {**d, "budget": "x"}), "its budget is 'x'"),
+        (changed("label", lambda d: {**d, "budget": 400.5}), r"its budget is 400\.5"),
+        (changed("label", lambda d: {**d, "budget": -5}), "do not fit a budget of -5"),
+        (changed("label", lambda d: {**d, "budget": 10**14}), "do not fit a budget"),
+        (changed("label", lambda d: {**d, "seed": "x"}), "its seed is 'x'"),
+        (changed("label", lambda d: {**d, "options": [1]}), r"its options is \[1\]"),
+        (changed("label", lambda d: {**d, "optimizer": ["pso"]}), "its optimizer is"),
+        (
+            changed("label", lambda d: {**d, "settings": {**d["settings"], "initial_state": "zz"}}),
+            "initial_state must be",
+        ),
+        (changed("label", lambda d: [d]), "its label is not of evaluations/1"),
+    ],
+)
+def test_a_record_that_cannot_be_is_refused_by_name(tmp_path, evaluations, damage, said):
+    damage(evaluations)
+    with pytest.raises(ValueError, match=rf"r\.npz: is not a whole record .*{said}"):
+        read_record(stored(tmp_path / "r.npz", evaluations))
+
+
+def test_a_pickle_is_never_loaded(tmp_path):
+    np.savez(tmp_path / "r.npz", label=np.array({"a": 1}, dtype=object))
+    with pytest.raises(ValueError, match="pickled objects, which are never loaded"):
+        read_record(tmp_path / "r.npz")
