@@ -18,6 +18,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from experiments.arguments import MAX_BUDGET
 from experiments.problems import problem, suite
 from experiments.progress import shown_progress
 from experiments.runs import RunKey, RunResult, read_run, run_path, write_run
@@ -78,8 +79,8 @@ class BenchSettings:
         for label, count in (("repeats", self.repeats), ("budget", self.budget)):
             if count < 1:
                 raise ValueError(f"{label} must be at least 1; got {count}.")
-            if count > 10_000_000:
-                raise ValueError(f"{label} must be at most 10,000,000; got {count}.")
+            if count > MAX_BUDGET:
+                raise ValueError(f"{label} must be at most {MAX_BUDGET:,}; got {count}.")
 
     @classmethod
     def default(cls, **changes: Any) -> BenchSettings:

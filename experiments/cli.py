@@ -46,7 +46,10 @@ Effective = Annotated[
     str | None, typer.Option(help='which peak ejects: "largest", "first" or a threshold in volts (largest)')
 ]
 Window = Annotated[
-    float | None, typer.Option(help="peaks count up to this many seconds after the start, or inf (350e-6)")
+    float | None,
+    typer.Option(
+        help="peaks count up to this many seconds after the start, or inf (350e-6); of a drive, at least to its end"
+    ),
 ]
 InitialState = Annotated[
     str | None, typer.Option(help="of the hysteresis: periodic (repeated waveform) or demagnetised (periodic)")

@@ -89,9 +89,10 @@ def draw_response(response: Response | SampledResponse, cost: PeakCost) -> Figur
     figure, axes = new_figure(7.2, 4.6, nrows=2, sharex=True, height_ratios=[2, 3])
     _drive(axes[0], response, AFTER)
     _sensed(axes[1], response, cost, AFTER)
-    axes[0].set_title(
-        f"peak cost {signed(response.cost(cost), 3)} V (dots: peaks; ring: the effective one)", fontsize=9
-    )
+    legend = "dots: peaks; ring: the effective one"
+    if isinstance(response, SampledResponse) and (later := int((response.peak_times_s > response.time_s[-1]).sum())):
+        legend += f"; {later} more count after the last sample"
+    axes[0].set_title(f"peak cost {signed(response.cost(cost), 3)} V ({legend})", fontsize=9)
     axes[0].set_ylabel("drive (V)")
     axes[1].set_ylabel("response (V)")
     axes[1].set_xlabel("time (µs)")
@@ -136,7 +137,7 @@ def _sensed(axes: Axes, response: Response | SampledResponse, cost: PeakCost, co
     shown = response.peak_times_s <= last_s
     axes.plot(response.peak_times_s[shown] * 1e6, response.peaks_V[shown], ".", color=colour, ms=5)
     e = cost.effective_index(response.peaks_V)
-    if e is not None:
+    if e is not None and shown[e]:
         axes.plot(
             response.peak_times_s[e] * 1e6,
             response.peaks_V[e],

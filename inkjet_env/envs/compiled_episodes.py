@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from inkjet_env.printhead import compiled
+from inkjet_env.printhead import compiled, compiled_edges
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
 _jit = kernel_jit(__file__)
@@ -34,18 +34,20 @@ def batch_peaks(waveforms, heads, laps_before, one_point, window_s, peaks, count
     """
     knots_s, knots_V = np.empty(6), np.empty(6)
     memory, pieces = np.empty(32), np.empty((40, 6))
-    rate, series = np.empty(compiled.MAX_DEGREE), np.empty(compiled.SERIES_TERMS + 2)
+    rate, series = np.empty(compiled_edges.MAX_DEGREE), np.empty(compiled_edges.SERIES_TERMS + 2)
     stack, times = np.empty((64, 4)), np.empty(peaks.shape[1])
     state, no_knots = np.empty(2), np.empty(0)
     for i in range(waveforms.shape[0]):
         state[:] = 0.0
         head = heads[i if heads.shape[0] > 1 else 0]
         compiled.waveform_knots(waveforms[i], knots_s, knots_V)
-        found = compiled.branch_pieces(knots_V, head[compiled.HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
+        found = compiled.branch_pieces(
+            knots_V, head[compiled_edges.HEAD_FULL_SCALE], laps_before, one_point, memory, pieces
+        )
         counts[i], tails[i] = compiled.response_extrema(
             head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks[i], no_knots
         )
-        if counts[i] == compiled.OVERFLOW:
+        if counts[i] == compiled_edges.OVERFLOW:
             return False
     return True
 

@@ -135,7 +135,7 @@ class WaveformTask:
     hysteresis: str
 
     def __post_init__(self) -> None:
-        self._prepared  # noqa: B018  checks the options that only the simulator knows
+        _ = self._prepared  # checks the options that only the simulator knows
 
     @cached_property
     def _prepared(self) -> tuple[tuple, int]:
@@ -157,11 +157,6 @@ class WaveformTask:
         from inkjet_env.printhead import batch
 
         return batch.head_table(self.printhead)
-
-    @property
-    def is_random(self) -> bool:
-        """Whether anything is drawn: heads or noise."""
-        return self.context == "random" or self.noise > 0
 
     def action_space(self) -> spaces.Box:
         """The seven parameters, scaled."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike, NDArray
 
-from inkjet_env.printhead import compiled
+from inkjet_env.printhead import compiled, compiled_edges
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import laps_before_recording
 from inkjet_env.printhead.naming import check_name
@@ -31,9 +31,9 @@ def _bernstein_of_curvature() -> Real:
 
     A polynomial lies within the range of its Bernstein coefficients, so their largest magnitude bounds ``|Q''|``.
     """
-    degree, cells = compiled.MAX_DEGREE - 2, compiled.CURVATURE_CELLS
-    matrix = np.zeros((compiled.MAX_DEGREE, cells * (degree + 1)))
-    for power in range(1, compiled.MAX_DEGREE):
+    degree, cells = compiled_edges.MAX_DEGREE - 2, compiled_edges.CURVATURE_CELLS
+    matrix = np.zeros((compiled_edges.MAX_DEGREE, cells * (degree + 1)))
+    for power in range(1, compiled_edges.MAX_DEGREE):
         for cell in range(cells):
             # d/dx x^power on x = (cell + t) / cells, expanded in t, then monomial → Bernstein.
             expanded = power * poly.polypow([cell / cells, 1 / cells], power - 1)
@@ -47,21 +47,23 @@ def _bernstein_of_curvature() -> Real:
 
 def _table(a0: Real, a1: Real, b1: Real, full_scale_V: Real, degree: Real, slope: Real) -> Real:
     """Head rows from columns (n,) and ``Q'`` (n, MAX_DEGREE), lowest power first."""
-    rows = np.empty((len(a0), compiled.HEAD_COLUMNS))
-    rows[:, compiled.HEAD_A0], rows[:, compiled.HEAD_A1], rows[:, compiled.HEAD_B1] = a0, a1, b1
-    rows[:, compiled.HEAD_FULL_SCALE], rows[:, compiled.HEAD_DEGREE] = full_scale_V, degree
-    rows[:, compiled.HEAD_END_SLOPE] = slope.sum(axis=1)
-    rows[:, compiled.HEAD_SLOPE : compiled.HEAD_CURVATURE] = slope
+    rows = np.empty((len(a0), compiled_edges.HEAD_COLUMNS))
+    rows[:, compiled_edges.HEAD_A0], rows[:, compiled_edges.HEAD_A1], rows[:, compiled_edges.HEAD_B1] = a0, a1, b1
+    rows[:, compiled_edges.HEAD_FULL_SCALE], rows[:, compiled_edges.HEAD_DEGREE] = full_scale_V, degree
+    rows[:, compiled_edges.HEAD_END_SLOPE] = slope.sum(axis=1)
+    rows[:, compiled_edges.HEAD_SLOPE : compiled_edges.HEAD_CURVATURE] = slope
     # einsum, not BLAS: each row's numbers must not depend on how many rows there are.
     bernstein = np.einsum("nk,kc->nc", slope, _bernstein_of_curvature())
-    rows[:, compiled.HEAD_CURVATURE :] = np.abs(bernstein).reshape(len(a0), compiled.CURVATURE_CELLS, -1).max(axis=2)
+    rows[:, compiled_edges.HEAD_CURVATURE :] = (
+        np.abs(bernstein).reshape(len(a0), compiled_edges.CURVATURE_CELLS, -1).max(axis=2)
+    )
     return rows
 
 
 def head_table(printheads: Printhead | Sequence[Printhead]) -> Real:
     """Heads as rows of numbers for the compiled functions, shape (n, columns)."""
     heads = [printheads] if isinstance(printheads, Printhead) else list(printheads)
-    slope = np.zeros((len(heads), compiled.MAX_DEGREE))
+    slope = np.zeros((len(heads), compiled_edges.MAX_DEGREE))
     for row, head in zip(slope, heads, strict=True):
         derivative = poly.polyder(head.branch_law.ascending)
         row[: derivative.size] = derivative
@@ -91,20 +93,22 @@ def varied_head_table(
     )
     omega = 2 * math.pi * frequency
     rows = np.tile(_base_row(printhead), (omega.size, 1))
-    rows[:, compiled.HEAD_A0] = omega * omega
-    rows[:, compiled.HEAD_A1] = 2 * damping * omega
-    rows[:, compiled.HEAD_B1] = printhead.b1 * factor
-    rows[:, compiled.HEAD_SLOPE + 1 : compiled.HEAD_CURVATURE] *= strength[:, None]
-    rows[:, compiled.HEAD_END_SLOPE] = rows[:, compiled.HEAD_SLOPE : compiled.HEAD_CURVATURE].sum(axis=1)
-    rows[:, compiled.HEAD_CURVATURE :] *= np.abs(strength[:, None])
+    rows[:, compiled_edges.HEAD_A0] = omega * omega
+    rows[:, compiled_edges.HEAD_A1] = 2 * damping * omega
+    rows[:, compiled_edges.HEAD_B1] = printhead.b1 * factor
+    rows[:, compiled_edges.HEAD_SLOPE + 1 : compiled_edges.HEAD_CURVATURE] *= strength[:, None]
+    rows[:, compiled_edges.HEAD_END_SLOPE] = rows[:, compiled_edges.HEAD_SLOPE : compiled_edges.HEAD_CURVATURE].sum(
+        axis=1
+    )
+    rows[:, compiled_edges.HEAD_CURVATURE :] *= np.abs(strength[:, None])
     return rows
 
 
 def _capacity(heads: Real, longest_s: float, window_s: float) -> int:
     """Room for all extrema: those of the ringing, those of its tail, and a few an edge."""
-    rate = math.sqrt(float(heads[:, compiled.HEAD_A0].max())) / math.pi
-    decay = math.pi * float((heads[:, compiled.HEAD_A1] / (2 * np.sqrt(heads[:, compiled.HEAD_A0]))).min())
-    tail = -math.log(compiled.INFINITE_TAIL_FLOOR) / decay if math.isinf(window_s) else 0.0
+    rate = math.sqrt(float(heads[:, compiled_edges.HEAD_A0].max())) / math.pi
+    decay = math.pi * float((heads[:, compiled_edges.HEAD_A1] / (2 * np.sqrt(heads[:, compiled_edges.HEAD_A0]))).min())
+    tail = -math.log(compiled_edges.INFINITE_TAIL_FLOOR) / decay if math.isinf(window_s) else 0.0
     return int(rate * (longest_s if math.isinf(window_s) else min(window_s, 1e-2)) + tail) + 64
 
 
@@ -123,7 +127,7 @@ def _memory(initial_state: str, hysteresis: str) -> tuple[int, bool]:
 
 def _rows(heads: Printhead | Real, count: int) -> Real:
     rows = head_table(heads) if isinstance(heads, Printhead) else heads
-    if rows.ndim != 2 or rows.shape[1] != compiled.HEAD_COLUMNS or len(rows) not in (1, count):
+    if rows.ndim != 2 or rows.shape[1] != compiled_edges.HEAD_COLUMNS or len(rows) not in (1, count):
         raise ValueError(f"heads must be a Printhead or a head table of 1 or {count} rows; got shape {rows.shape}.")
     return rows
 
@@ -232,14 +236,14 @@ def peaks(
     knots_s, knots_V = waveform.knots()
     pieces = np.empty((40, 6))
     found = compiled.branch_pieces(knots_V, head.full_scale_V, laps, one_point, np.empty(32), pieces)
-    scratch = np.empty(compiled.MAX_DEGREE), np.empty(compiled.SERIES_TERMS + 2), np.empty((64, 4))
+    scratch = np.empty(compiled_edges.MAX_DEGREE), np.empty(compiled_edges.SERIES_TERMS + 2), np.empty((64, 4))
     capacity = _capacity(row[None, :], waveform.duration_s, window)
     while True:
         times, values = np.empty(capacity), np.empty(capacity)
         count, _ = compiled.response_extrema(
             row, knots_s, pieces, found, window, np.zeros(2), *scratch, times, values, np.empty(0)
         )
-        if count != compiled.OVERFLOW:
+        if count != compiled_edges.OVERFLOW:
             return times[:count].copy(), values[:count].copy()
         capacity *= 2
 

@@ -17,7 +17,9 @@ import math
 
 import numpy as np
 
-from inkjet_env.printhead.compiled import (
+from inkjet_env.printhead.compiled import branch_pieces, peak_cost, response_extrema, waveform_knots
+from inkjet_env.printhead.compiled_edges import (
+    FAST,
     HEAD_A0,
     HEAD_A1,
     HEAD_B1,
@@ -25,15 +27,11 @@ from inkjet_env.printhead.compiled import (
     MAX_DEGREE,
     OVERFLOW,
     SERIES_TERMS,
-    branch_pieces,
-    peak_cost,
     piece_rate,
-    response_extrema,
-    waveform_knots,
 )
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
-_jit = kernel_jit(__file__, fastmath={"contract", "nsz"})
+_jit = kernel_jit(__file__, fastmath=FAST)
 
 
 @_jit

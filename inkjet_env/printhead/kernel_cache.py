@@ -18,7 +18,8 @@ def discard_stale_code(file: str) -> None:
     sources = [module, *Path(__file__).parent.glob("*.py")]
     newest = max(source.stat().st_mtime for source in sources)
     for index in (module.parent / "__pycache__").glob(f"{module.stem}.*.nbi"):
-        with suppress(FileNotFoundError):  # another process was faster
+        # Another process was faster; or the folder is not ours to write, and then numba does not use it either.
+        with suppress(FileNotFoundError, PermissionError):
             if index.stat().st_mtime < newest:
                 index.unlink()
 

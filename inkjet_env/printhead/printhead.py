@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -241,9 +241,9 @@ class Response:
         object.__setattr__(self, "peaks_V", values)
         object.__setattr__(self, "tail_V", tail)
 
-    peak_times_s: NDArray[np.float64] = None  # type: ignore[assignment]
-    peaks_V: NDArray[np.float64] = None  # type: ignore[assignment]
-    tail_V: float = 0.0
+    peak_times_s: NDArray[np.float64] = field(init=False)
+    peaks_V: NDArray[np.float64] = field(init=False)
+    tail_V: float = field(init=False)
 
     @cached_property
     def _ringing(self) -> PiecewiseResponse:

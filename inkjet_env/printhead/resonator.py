@@ -16,7 +16,7 @@ The moments are ``k! φ_{k+1}``, the φ functions of exponential integrators. ``
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
@@ -136,10 +136,10 @@ class PiecewiseResponse:
         object.__setattr__(self, "start_s", np.concatenate([[0.0], np.cumsum(self.duration_s)]))
         object.__setattr__(self, "amplitude", amplitude)
 
-    pole: complex = 0j
-    gain: float = 0.0
-    start_s: Real = None  # type: ignore[assignment]
-    amplitude: Complex = None  # type: ignore[assignment]
+    pole: complex = field(init=False)
+    gain: float = field(init=False)
+    start_s: Real = field(init=False)
+    amplitude: Complex = field(init=False)
 
     def amplitude_in(self, piece: int, tau: ArrayLike) -> Complex:
         """Complex amplitude A at fractions ``tau`` of one piece, Eq. (2)."""

@@ -118,7 +118,7 @@ def respond_sampled(
     ValueError
         Samples that are not finite, not increasing in time, or fewer than two; unknown names.
     """
-    from inkjet_env.printhead import batch, compiled
+    from inkjet_env.printhead import batch, compiled, compiled_edges
 
     time, drive = check_samples(time_s, drive_V)
     check_name("hysteresis", hysteresis, ("full_memory", "one_point"))
@@ -128,8 +128,8 @@ def respond_sampled(
         raise ValueError('ringing="steady" needs initial_state="periodic": only a repeated drive has a steady state.')
     head = batch.head_table(printhead)[0]
     scratch = (
-        np.empty(compiled.MAX_DEGREE),
-        np.empty(compiled.SERIES_TERMS + 2),
+        np.empty(compiled_edges.MAX_DEGREE),
+        np.empty(compiled_edges.SERIES_TERMS + 2),
         np.empty((64, 4)),
     )
 
@@ -144,7 +144,7 @@ def respond_sampled(
             count, tail = compiled.response_extrema(
                 head, knots_s, pieces, found, window, state, *scratch, times, peaks, sensor
             )
-            if count != compiled.OVERFLOW:
+            if count != compiled_edges.OVERFLOW:
                 return sensor, times[:count].copy(), peaks[:count].copy(), tail
             capacity *= 2
 

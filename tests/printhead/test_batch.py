@@ -75,7 +75,7 @@ def test_the_known_optimum_costs_what_was_computed_before():
 def test_gradient_equals_central_differences_where_the_cost_is_smooth(initial_state, cost):
     """Fourth-order differences; rows across whose stencil the peaks change number or part are not smooth there."""
     half_width = Bounds().half_width
-    rows = Bounds().from_unit(np.random.default_rng(5).uniform(-0.95, 0.95, (150, 7)))
+    rows = Bounds().from_unit(np.random.default_rng(5).uniform(-0.95, 0.95, (40, 7)))
     _, gradients = batch.costs_and_gradients(rows, HEAD, cost, initial_state)
 
     def shape_of(row):
@@ -84,7 +84,7 @@ def test_gradient_equals_central_differences_where_the_cost_is_smooth(initial_st
 
     h, weights = 1e-4, {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
     compared = 0
-    for row, gradient in zip(rows[:40], gradients, strict=False):
+    for row, gradient in zip(rows, gradients, strict=True):
         here = shape_of(row)
         for k in range(7):
             stencil = {j: row + j * h * half_width[k] * np.eye(7)[k] for j in weights}
