@@ -22,7 +22,7 @@ from experiments.arguments import MAX_BUDGET
 from experiments.problems import problem, suite
 from experiments.progress import shown_progress
 from experiments.runs import RunKey, RunResult, read_run, run_path, write_run
-from experiments.storage import json_text, remove_unfinished, write_atomically
+from inkjet_env.storage import json_text, remove_unfinished, write_atomically
 
 BENCH_FORMAT = "bench/1"
 DEFAULT_BUDGET = 2000  # 40 particles × 50 generations

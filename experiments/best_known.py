@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.problems import BEST_KNOWN_FILE, Problem, problem, suite
-from experiments.storage import write_json
+from inkjet_env.storage import write_json
 
 SCREENED_PER_START = 64
 POLISHED = 256

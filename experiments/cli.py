@@ -105,8 +105,8 @@ def simulate(
     inkjet simulate --drive drive.csv --out response.csv
     """
     from experiments.drive_csv import read_drive, write_columns
-    from experiments.storage import write_json
     from inkjet_env.printhead import Waveform, respond_sampled
+    from inkjet_env.storage import write_json
 
     check_outputs((drive, printhead), out=out, plot=plot, json=json)
     if waveform is not None and drive is not None:
@@ -255,7 +255,7 @@ def bench(
         raise typer.Exit(INTERRUPTED) from None
     from experiments.report import ranking_json, write_report
     from experiments.statistics import summarise
-    from experiments.storage import write_json
+    from inkjet_env.storage import write_json
 
     summary = summarise(outcome)
     page = write_report(outcome, summary)
@@ -272,8 +272,8 @@ def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: P
     """Write what an optimisation found, whole or stopped, and say it."""
     from experiments.drive_csv import sampled_waveform, write_columns
     from experiments.optimisation import write_record
-    from experiments.storage import write_json
     from inkjet_env.printhead import Waveform
+    from inkjet_env.storage import write_json
 
     if run.best_point is None:
         print("Interrupted before the first evaluation; nothing is written.", file=sys.stderr)

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.storage import write_atomically
 from inkjet_env.printhead import Waveform
+from inkjet_env.storage import write_atomically
 
 Real = NDArray[np.float64]
 

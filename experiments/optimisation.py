@@ -15,7 +15,7 @@ from experiments.arguments import MAX_BUDGET
 from experiments.problems import Problem
 from experiments.progress import shown_progress
 from experiments.runs import first_other_cost
-from experiments.storage import archive_bytes, write_atomically
+from inkjet_env.storage import archive_bytes, write_atomically
 
 if TYPE_CHECKING:
     from optimizers.loop import Run

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.storage import write_atomically
 from inkjet_env.printhead import PeakCost, Response, SampledResponse
+from inkjet_env.storage import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -20,7 +20,7 @@ from experiments.bench import BenchOutcome, versions
 from experiments.problems import problem
 from experiments.runs import RunKey, RunResult, read_seconds
 from experiments.statistics import Summary, regret_quartiles
-from experiments.storage import json_text, write_atomically
+from inkjet_env.storage import json_text, write_atomically
 
 RANKING_FORMAT = "ranking/1"
 GENERATION = 40

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.problems import Problem, problem
-from experiments.storage import archive_bytes, json_text, write_atomically
+from inkjet_env.storage import archive_bytes, json_text, write_atomically
 
 RUN_FORMAT = "run/1"
 

@@ -8,7 +8,10 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Each may import itself and what is named after it.
 ALLOWED = {
-    "inkjet_env.printhead": (),
+    "inkjet_env.printhead": ("inkjet_env.storage",),
+    "inkjet_env.recordings": ("inkjet_env.printhead", "inkjet_env.storage"),
+    "inkjet_env.rig": ("inkjet_env.printhead", "inkjet_env.recordings", "inkjet_env.storage"),
+    "inkjet_env.identification": ("inkjet_env.printhead", "inkjet_env.recordings"),
     "inkjet_env.envs": ("inkjet_env.printhead",),
     "optimizers": ("inkjet_env.printhead",),
     "experiments": ("inkjet_env", "optimizers"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,7 @@ from inkjet_env.printhead.hysteresis import HYSTERESIS_MODELS, BranchLaw, PlayOp
 from inkjet_env.printhead.naming import check_name
 from inkjet_env.printhead.resonator import PiecewiseResponse, check_resonator
 from inkjet_env.printhead.waveform import Waveform
+from inkjet_env.storage import write_json
 
 DEFAULT_WINDOW_S = 350e-6
 LONGEST_WINDOW_S = 0.01
@@ -115,25 +117,40 @@ class Printhead:
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 
-    def to_json(self, path: str | os.PathLike[str]) -> None:
-        """Write a ``printhead/1`` file; values given, not identified, so each interval is a point."""
-        dynamics = {
-            name: {"value": value, "low": value, "high": value}
-            for name, value in (("a0", self.a0), ("a1", self.a1), ("b1", self.b1))
-        }
+    def to_json(
+        self,
+        path: str | os.PathLike[str],
+        intervals: Mapping[str, tuple[float, float]] | None = None,
+        fit: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Write a ``printhead/1`` file.
+
+        Parameters
+        ----------
+        path : path
+            Written whole or not at all.
+        intervals : mapping of str to (low, high), optional
+            90 % confidence intervals of ``a0``, ``a1``, ``b1``; of a value that was given, not identified, the interval
+            is a point.
+        fit : mapping, optional
+            How well the head fitted the recordings it was identified from.
+        """
+        write_json(path, self.as_json(intervals, fit))
+
+    def as_json(
+        self, intervals: Mapping[str, tuple[float, float]] | None = None, fit: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """What `to_json` writes."""
+        dynamics = {}
+        for name, value in (("a0", self.a0), ("a1", self.a1), ("b1", self.b1)):
+            low, high = (intervals or {}).get(name, (value, value))
+            dynamics[name] = {"value": value, "low": low, "high": high}
         hysteresis = {
             "coefficients": list(self.coefficients),
             "full_scale_V": self.full_scale_V,
             "degree": len(self.coefficients) - 1,
         }
-        data = {"format": "printhead/1", "dynamics": dynamics, "hysteresis": hysteresis, "fit": {}}
-        beside = Path(f"{path}.tmp{os.getpid()}")
-        try:
-            beside.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-            beside.replace(path)
-        except OSError as error:
-            beside.unlink(missing_ok=True)
-            raise OSError(error.errno, error.strerror, str(path)) from None
+        return {"format": "printhead/1", "dynamics": dynamics, "hysteresis": hysteresis, "fit": dict(fit or {})}
 
     @property
     def frequency_Hz(self) -> float:

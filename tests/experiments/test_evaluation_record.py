@@ -7,7 +7,7 @@ import pytest
 
 from experiments.optimisation import Optimisation, read_record, write_record
 from experiments.problems import problem
-from experiments.storage import archive_bytes
+from inkjet_env.storage import archive_bytes
 from optimizers.loop import Run
 
 PLAN = Optimisation(problem("nominal"), "pso", 80, 3)

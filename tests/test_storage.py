@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from experiments.storage import archive_bytes, json_text, remove_unfinished, write_atomically, write_json
+from inkjet_env.storage import archive_bytes, json_text, remove_unfinished, write_atomically, write_json
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):

@@ -18,7 +18,7 @@ UNFINISHED = ".unfinished"
 """Ending of a file that is still being written; a killed process may leave one behind."""
 
 
-def write_atomically(path: str | Path, content: str | bytes) -> None:
+def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None:
     """Write a file so that a reader, or a crash, finds the old content or the new one and nothing between.
 
     Parameters
@@ -61,7 +61,7 @@ def json_text(value: Any) -> str:
     return json.dumps(value, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def write_json(destination: str | Path, value: Any) -> None:
+def write_json(destination: str | os.PathLike[str], value: Any) -> None:
     """Write ``value`` as JSON to a file, atomically; ``-`` means standard output."""
     if str(destination) == "-":
         sys.stdout.write(json_text(value))

@@ -1,0 +1,1 @@
+"""From recordings to a printhead, with intervals."""

@@ -1,0 +1,1 @@
+"""Recordings of a head: read, checked, written."""
