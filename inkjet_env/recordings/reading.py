@@ -1,0 +1,54 @@
+"""Read a measuring campaign, whichever way its folder is laid out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from inkjet_env.recordings.data_package import DESCRIPTOR, read_data_package
+from inkjet_env.recordings.recording import CHANNELS, Campaign, CampaignError, check_label
+
+
+def read_campaign(
+    folder: str | os.PathLike[str],
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    channel: str | None = None,
+) -> Campaign:
+    """Read a measuring campaign: a Data Package, or a folder of an oscilloscope's CSV files.
+
+    Parameters
+    ----------
+    folder : str or Path
+        With `datapackage.json`, that describes the recordings; without, each ``*.csv`` or ``*.txt`` in it is one.
+    columns : mapping, optional
+        Which column is which, where the files' own names do not tell: ``time``, ``drive``, ``sensor``, ``monitor`` and
+        ``neighbour``, each by the column's name or by its number from 1.
+    channel : {"self_sensing", "strain_gauge", "displacement"}, optional
+        Which sensor was recorded, where nothing in the folder says so.
+
+    Returns
+    -------
+    Campaign
+        Its ``notes`` tell how columns were understood.
+
+    Raises
+    ------
+    CampaignError
+        Anything that is missing, damaged or contradictory, in one sentence that names the file, the row, the rule and
+        a fix.
+    """
+    folder = Path(folder)
+    if channel is not None:
+        try:
+            check_label("channel", channel, CHANNELS)
+        except ValueError as error:
+            raise CampaignError(str(error)) from None
+    if not folder.is_dir():
+        raise CampaignError(
+            f"{folder}: must be a folder; there is {'a file' if folder.exists() else 'none'}. Check it."
+        )
+    if (folder / DESCRIPTOR).exists():
+        return read_data_package(folder, columns, channel)
+    raise CampaignError(f"{folder}: there is no {DESCRIPTOR}.")

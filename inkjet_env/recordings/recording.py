@@ -1,0 +1,326 @@
+"""A recording of a head, and the campaign it belongs to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inkjet_env.printhead import check_name, nearest_name
+
+Real = NDArray[np.float64]
+
+CHANNELS = ("self_sensing", "strain_gauge", "displacement")
+INITIAL_STATES = ("demagnetised", "periodic", "free")
+EXCITATIONS = (
+    "trapezoid",
+    "bipolar",
+    "pulse_pair",
+    "multisine",
+    "sine",
+    "minor_loops",
+    "step",
+    "zero",
+    "arbitrary",
+)
+SENSOR_COLUMNS = {"V": "sensor_V", "um": "displacement_um", "nm": "displacement_nm"}
+LARGEST_JITTER = 0.01
+"""Largest deviation of a sample's time from the uniform grid, in steps."""
+
+
+class CampaignError(ValueError):
+    """A campaign that cannot be read; the message names the file, the row, the rule and a fix."""
+
+
+def uniform_grid(time_s: Real) -> tuple[float, float]:
+    """Start and step, in seconds, of the uniform grid nearest to ``time_s`` (n,) in the least-squares sense."""
+    n = len(time_s)
+    centred = np.arange(n) - (n - 1) / 2
+    step_s = float(centred @ (time_s - time_s[0])) / (n * (n * n - 1) / 12)
+    return float(np.mean(time_s - time_s[0]) + time_s[0]) - step_s * (n - 1) / 2, step_s
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One measured response, checked once; its arrays are read-only.
+
+    Parameters
+    ----------
+    name : str
+        Unique within its campaign, and fit to be a file's name.
+    time_s : array_like, shape (n,)
+        At least two uniform times in seconds; they may start anywhere, before zero too.
+    drive_V : array_like, shape (n,)
+        What the generator was asked for, in volts; linear between samples.
+    sensor : array_like, shape (n,)
+        The sensor's signal, in ``unit``.
+    unit : {"V", "um", "nm"}
+    channel : {"self_sensing", "strain_gauge", "displacement"}
+    excitation : str
+        A label for people.
+    initial_state : {"demagnetised", "periodic", "free"}
+    order : int
+        When it was taken within the session: 1, 2, 3 …
+    repeat_of : str or None
+        Name of the recording of which this is a repeat.
+    condition : mapping of str to float
+        Such as ``{"temperature_C": 25.0}``.
+    drive_monitor_V, neighbour_V : array_like, shape (n,), or None
+        Voltage measured at the head; drive of the neighbouring channel. In volts.
+
+    Raises
+    ------
+    ValueError
+        A wrong name or label, arrays of different lengths, a value that is not finite, times that do not increase or
+        are not uniform to 1 % of a step.
+
+    Examples
+    --------
+    >>> recording = Recording("r001", [0, 1e-6, 2e-6], [0, 50, 90], [0, 0.1, 0.3], "V", "self_sensing")
+    >>> recording.sensor_column, round(recording.sample_rate_Hz)
+    ('sensor_V', 1000000)
+    """
+
+    name: str
+    time_s: Real
+    drive_V: Real
+    sensor: Real
+    unit: str
+    channel: str
+    excitation: str = "arbitrary"
+    initial_state: str = "free"
+    order: int = 1
+    repeat_of: str | None = None
+    condition: Mapping[str, float] = field(default_factory=dict)
+    drive_monitor_V: Real | None = None
+    neighbour_V: Real | None = None
+
+    def __post_init__(self) -> None:
+        _check_recording_name(self.name)
+        check_label("unit", self.unit, SENSOR_COLUMNS)
+        check_label("channel", self.channel, CHANNELS)
+        check_label("initial_state", self.initial_state, INITIAL_STATES)
+        if not isinstance(self.excitation, str):
+            raise ValueError(f"excitation must be a text such as 'bipolar'; got {brief(self.excitation)}.")
+        if not isinstance(self.order, int) or isinstance(self.order, bool) or self.order < 1:
+            raise ValueError(f"order must be a whole number from 1 on; got {brief(self.order)}.")
+        if self.repeat_of is not None and not isinstance(self.repeat_of, str):
+            raise ValueError(f"repeat_of must be a recording's name or null; got {brief(self.repeat_of)}.")
+        object.__setattr__(self, "condition", MappingProxyType(_checked_condition(self.condition)))
+        for label in ("time_s", "drive_V", "sensor", "drive_monitor_V", "neighbour_V"):
+            values = getattr(self, label)
+            if values is not None or label in ("time_s", "drive_V", "sensor"):
+                object.__setattr__(self, label, _checked_samples(label, values, len(np.atleast_1d(self.time_s))))
+        _check_times(self.time_s)
+
+    @property
+    def step_s(self) -> float:
+        """Time between samples, in seconds."""
+        return float((self.time_s[-1] - self.time_s[0]) / (len(self.time_s) - 1))
+
+    @property
+    def sample_rate_Hz(self) -> float:
+        """Samples a second."""
+        return 1 / self.step_s
+
+    @property
+    def duration_s(self) -> float:
+        """From the first sample to the last, in seconds."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    @property
+    def sensor_column(self) -> str:
+        """Name of the sensor's column in a file: ``sensor_V``, ``displacement_um`` or ``displacement_nm``."""
+        return SENSOR_COLUMNS[self.unit]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a recording was read from.
+
+    Parameters
+    ----------
+    file : str
+        Path of the CSV file.
+    first_row : int
+        Row of the file, counted from 1, that holds the first sample.
+    """
+
+    file: str
+    first_row: int = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Recordings of one head.
+
+    Parameters
+    ----------
+    name : str
+    recordings : tuple of Recording
+        At least one; names are unique, and each ``repeat_of`` names another of them.
+    title, description : str
+        For people.
+    notes : tuple of str
+        How the files were understood, where that took a guess.
+    sources : mapping of str to Source
+        The file each recording was read from, by the recording's name; empty for recordings that come from no file.
+
+    Raises
+    ------
+    ValueError
+        No recordings, a name twice, a ``repeat_of`` that names no other recording, or repeats in a circle.
+    """
+
+    name: str
+    recordings: tuple[Recording, ...]
+    title: str = ""
+    description: str = ""
+    notes: tuple[str, ...] = ()
+    sources: Mapping[str, Source] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for label in ("name", "title", "description"):
+            if not isinstance(getattr(self, label), str):
+                raise ValueError(f"a campaign's {label} must be a text; got {brief(getattr(self, label))}.")
+        recordings = tuple(self.recordings)
+        object.__setattr__(self, "recordings", recordings)
+        object.__setattr__(self, "notes", tuple(self.notes))
+        object.__setattr__(self, "sources", MappingProxyType(dict(self.sources)))
+        if not recordings:
+            raise ValueError("a campaign must hold at least one recording; got none.")
+        seen: set[str] = set()
+        for recording in recordings:
+            if recording.name in seen:
+                raise ValueError(f"recording {brief(recording.name)} comes twice. Give each its own name.")
+            seen.add(recording.name)
+        for recording in recordings:
+            if recording.repeat_of is not None and recording.repeat_of not in seen:
+                raise ValueError(
+                    f"repeat_of of recording {brief(recording.name)} must name a recording of this campaign or be "
+                    f"null; got {brief(recording.repeat_of)}.{nearest_name(recording.repeat_of[:100], seen)}"
+                )
+        for recording in recordings:
+            self._first_of(recording)
+
+    @cached_property
+    def _by_name(self) -> dict[str, Recording]:
+        return {recording.name: recording for recording in self.recordings}
+
+    def __getitem__(self, name: str) -> Recording:
+        if name not in self._by_name:
+            raise KeyError(f"campaign {self.name!r} has no recording {name!r}.{nearest_name(name, self._by_name)}")
+        return self._by_name[name]
+
+    def select(
+        self, channel: str | None = None, excitation: str | None = None, initial_state: str | None = None
+    ) -> tuple[Recording, ...]:
+        """The recordings with these labels, in their order; None means any."""
+        return tuple(
+            recording
+            for recording in self.recordings
+            if channel in (None, recording.channel)
+            and excitation in (None, recording.excitation)
+            and initial_state in (None, recording.initial_state)
+        )
+
+    def repeats(self) -> dict[str, tuple[Recording, ...]]:
+        """Groups of two or more recordings of the same thing, by the name of the one that the others repeat."""
+        groups: dict[str, list[Recording]] = {}
+        for recording in self.recordings:
+            groups.setdefault(self._first_of(recording), []).append(recording)
+        return {name: tuple(group) for name, group in groups.items() if len(group) > 1}
+
+    def _first_of(self, recording: Recording) -> str:
+        """Name of the recording that ``recording`` repeats in the end; its own where it repeats none."""
+        chain = {recording.name: None}
+        while recording.repeat_of is not None:
+            recording = self[recording.repeat_of]
+            if recording.name in chain:
+                raise ValueError(
+                    f"repeat_of goes in a circle: {' → '.join([*chain, recording.name])[:120]}. "
+                    "The first of the repeats must have null."
+                )
+            chain[recording.name] = None
+        return recording.name
+
+
+def brief(value: Any) -> str:
+    """``repr`` of a value, cut to fit a message."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}…"
+
+
+def check_label(label: str, given: object, known: Mapping[str, Any] | tuple[str, ...]) -> None:
+    if not isinstance(given, str) or len(given) > 60:
+        raise ValueError(f"{label} must be one of {', '.join(known)}; got {brief(given)}.")
+    check_name(label, given, known)
+
+
+def _check_recording_name(name: object) -> None:
+    if not isinstance(name, str):
+        raise ValueError(f"a recording's name must be a text; got {brief(name)}.")
+    if not (0 < len(name) <= 100 and name.isprintable() and not set(name) & set('/\\:*?"<>|') and name[0] not in ". "):
+        raise ValueError(
+            f"a recording's name must be fit for a file: 1 to 100 printable characters without / \\ : * ? \" < > |, "
+            f"not starting with a dot or a space; got {brief(name)}."
+        )
+
+
+def _checked_condition(condition: object) -> dict[str, float]:
+    if not isinstance(condition, Mapping):
+        raise ValueError(f"condition must map names to numbers; got {brief(condition)}.")
+    checked = {}
+    for key, value in condition.items():
+        try:
+            number = math.nan if isinstance(value, (bool, str)) else float(value)
+        except (TypeError, ValueError, OverflowError):
+            number = math.nan
+        if not isinstance(key, str) or not math.isfinite(number):
+            raise ValueError(f"condition must map names to finite numbers; got {brief(key)}: {brief(value)}.")
+        checked[key] = number
+    return checked
+
+
+def _checked_samples(label: str, values: ArrayLike, length: int) -> Real:
+    try:
+        samples = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{label} must be numbers of shape (n,).") from None
+    if samples.ndim != 1:
+        raise ValueError(f"{label} must have shape (n,); got shape {samples.shape}.")
+    if len(samples) != length:
+        raise ValueError(f"{label} must be as long as time_s, {length} samples; got {len(samples)}.")
+    if length < 2:
+        raise ValueError(f"a recording must have at least 2 samples; got {length}.")
+    finite = np.isfinite(samples)
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise ValueError(f"{label} must be finite; got {samples[k]} at sample {k + 1} of {length}. Trim the recording.")
+    samples.flags.writeable = False
+    return samples
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _check_times(time_s: Real) -> None:
+    rising = np.diff(time_s) > 0
+    if not rising.all():
+        k = int(np.argmin(rising))
+        raise ValueError(
+            f"time_s must increase; got {time_s[k + 1]:g} s after {time_s[k]:g} s at sample {k + 2} of {len(time_s)}. "
+            "Sort the samples or remove the repeated one."
+        )
+    start_s, step_s = uniform_grid(time_s)
+    jitter = np.abs(time_s - (start_s + step_s * np.arange(len(time_s)))) / step_s
+    k = int(np.argmax(jitter))
+    if not jitter[k] <= LARGEST_JITTER:
+        raise ValueError(
+            f"time_s must be uniform to {LARGEST_JITTER:.0%} of a step; sample {k + 1} of {len(time_s)} is "
+            f"{jitter[k]:.3g} steps of {step_s:.6g} s off. Resample, or cut the recording at the gap."
+        )

@@ -1,0 +1,139 @@
+"""The samples of one file, as the arrays of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inkjet_env.printhead import nearest_name
+from inkjet_env.recordings.recording import SENSOR_COLUMNS, CampaignError, Real, Source, brief
+from inkjet_env.recordings.sampling import last_digit, uniform_times
+from inkjet_env.recordings.table import Layout, first_and_last_rows, read_columns, row_of_sample
+
+OPTIONAL_COLUMNS = ("drive_monitor_V", "neighbour_V")
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What a file holds.
+
+    Parameters
+    ----------
+    arrays : mapping
+        `time_s`, `drive_V`, `sensor`, `unit` and the optional columns, by their names in `Recording`.
+    names : tuple of str
+        All columns of the file.
+    source : Source
+    notes : tuple of str
+        How the file was understood, where that took a guess.
+    """
+
+    arrays: Mapping[str, Any]
+    names: tuple[str, ...]
+    source: Source
+    notes: tuple[str, ...]
+
+
+def read_standard_samples(file: Path) -> Samples:
+    """Read a file of the campaign format: header in row 1, commas, decimal points, columns by their fixed names.
+
+    Raises
+    ------
+    CampaignError
+        A column missing or there twice, or anything `read_columns` refuses.
+    """
+    names = _header(file)
+    for name in ("time_s", "drive_V", *OPTIONAL_COLUMNS, *SENSOR_COLUMNS.values()):
+        if names.count(name) > 1:
+            raise CampaignError(
+                f"{file}, row 1: the header names {name} {names.count(name)} times. Remove all but one."
+            )
+    for name in ("time_s", "drive_V"):
+        if name not in names:
+            raise _missing(file, name, names)
+    units = [unit for unit, column in SENSOR_COLUMNS.items() if column in names]
+    if not units:
+        raise _missing(file, "one of " + ", ".join(SENSOR_COLUMNS.values()), names)
+    if len(units) > 1:
+        raise CampaignError(
+            f"{file}, row 1: must hold one sensor; the header names {' and '.join(SENSOR_COLUMNS[u] for u in units)}. "
+            "Make each a recording of its own."
+        )
+    columns = {"time_s": "time_s", "drive_V": "drive_V", "sensor": SENSOR_COLUMNS[units[0]]}
+    columns |= {name: name for name in OPTIONAL_COLUMNS if name in names}
+    layout = Layout(header_rows=1, names=names)
+    arrays = dict(zip(columns, read_columns(file, layout, [names.index(n) for n in columns.values()]), strict=True))
+    arrays["time_s"], notes = uniform(file, layout, names.index("time_s"), arrays["time_s"], 1.0)
+    unused = [name for name in names if name not in columns.values()]
+    if unused:
+        notes += (f"{file}: column {', '.join(unused)[:80]} was not read.",)
+    return Samples(arrays | {"unit": units[0]}, names, Source(str(file), 2), notes)
+
+
+def uniform(file: Path, layout: Layout, column: int, time: Real, seconds: float) -> tuple[Real, tuple[str, ...]]:
+    """Uniform times in seconds of a file's time column in units of ``seconds``, and a note where they were repaired.
+
+    Raises
+    ------
+    CampaignError
+        Times that go back, or whose distances differ by more than their printing explains.
+    """
+    cells = [
+        [cells[column].replace(layout.decimal, ".") for cells in rows] for rows in first_and_last_rows(file, layout)
+    ]
+    print_step_s = max(last_digit(group) for group in cells) * seconds
+    time_s = time * seconds
+    repaired = uniform_times(time_s, print_step_s)
+    if repaired is None:
+        raise _not_uniform(file, layout, time_s)
+    uniform_s, jitter = repaired
+    if uniform_s is time_s:
+        return time_s, ()
+    return uniform_s, (
+        f"{file}: printed times are up to {jitter:.2g} steps off a uniform grid; "
+        f"a step of {uniform_s[1] - uniform_s[0]:.9g} s was taken.",
+    )
+
+
+def _not_uniform(file: Path, layout: Layout, time_s: Real) -> CampaignError:
+    steps_s = np.diff(time_s)
+    usual_s = float(np.median(steps_s))
+    if usual_s <= 0:
+        return CampaignError(
+            f"{file}, row {layout.header_rows + 2}: time must increase from row to row; most rows do not. "
+            "Is this the time column, and is it printed with enough digits?"
+        )
+    backward = steps_s <= 0
+    k = int(np.argmax(backward)) if backward.any() else int(np.argmax(np.abs(steps_s - usual_s)))
+    row = row_of_sample(file, layout, k + 1)
+    if backward.any():
+        return CampaignError(
+            f"{file}, row {row}: time must increase from row to row; got {time_s[k + 1]:.9g} s after "
+            f"{time_s[k]:.9g} s. Sort the rows or remove the repeated one."
+        )
+    return CampaignError(
+        f"{file}, row {row}: sampling must be uniform; a step of {steps_s[k]:.6g} s among steps of {usual_s:.6g} s is "
+        f"{abs(steps_s[k] / usual_s - 1):.3g} steps off. Resample, or cut the recording there."
+    )
+
+
+def _header(file: Path) -> tuple[str, ...]:
+    try:
+        with open(file, encoding="utf-8-sig") as lines:
+            line = lines.readline(100_000)
+    except OSError as error:
+        raise CampaignError(f"{file}: cannot be read: {error.strerror or error}. Check the file.") from None
+    except UnicodeDecodeError:
+        raise CampaignError(f"{file}, row 1: the header must be UTF-8 text. Export the file as CSV.") from None
+    return tuple(name.strip().strip('"') for name in line.split(","))
+
+
+def _missing(file: Path, wanted: str, names: tuple[str, ...]) -> CampaignError:
+    return CampaignError(
+        f"{file}, row 1: the header must name {wanted}; got {brief(','.join(names))}. Correct the header, or say which "
+        f"column is which with columns=.{nearest_name(wanted, [name[:60] for name in names if name])}"
+    )

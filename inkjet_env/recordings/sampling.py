@@ -1,0 +1,61 @@
+"""Printed times made uniform again, where nothing but their printing keeps them from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from inkjet_env.recordings.recording import LARGEST_JITTER, Real, uniform_grid
+
+COARSEST_PRINT = 1e-3
+"""Largest print step of times that are repaired, as a fraction of the recording; beyond, the step would be a guess."""
+
+
+def last_digit(cells: Sequence[str]) -> float:
+    """Value of one unit in the last printed digit of the most precise of some numbers.
+
+    Examples
+    --------
+    >>> last_digit(["0.0002", "0.00040001"]), last_digit(["-6.00e-04", "0"])
+    (1e-08, 1e-06)
+    """
+    places = []
+    for cell in cells:
+        mantissa, _, exponent = cell.strip().lower().partition("e")
+        if cell.strip() and float(cell) != 0:
+            places.append(int(exponent or 0) - len(mantissa.partition(".")[2]))
+    return float(f"1e{min(places)}") if places else 0.0
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def uniform_times(time_s: Real, print_step_s: float) -> tuple[Real, float] | None:
+    """Times on the uniform grid that printed times stand for.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        As printed; equal neighbours are allowed where the printing is coarse.
+    print_step_s : float
+        One unit in the last printed digit, in seconds.
+
+    Returns
+    -------
+    (ndarray, shape (n,), float) or None
+        The times, and the largest deviation of the printed ones from the grid, in steps. Times that are uniform to
+        floating-point rounding come back as they are. None where neither rounding nor 1 % of a step explains the
+        deviation.
+    """
+    start_s, step_s = uniform_grid(time_s)
+    grid_s: Real = start_s + step_s * np.arange(len(time_s), dtype=np.float64)
+    off_s = float(np.max(np.abs(time_s - grid_s)))
+    rounding_s = 8 * float(np.spacing(np.max(np.abs(time_s))))
+    if not step_s > 0:
+        return None
+    rising = bool((np.diff(time_s) > 0).all())
+    if rising and off_s <= min(rounding_s, LARGEST_JITTER * step_s):
+        return time_s, off_s / step_s
+    printed = off_s <= print_step_s and print_step_s <= COARSEST_PRINT * (time_s[-1] - time_s[0])
+    if printed or (rising and off_s <= LARGEST_JITTER * step_s):
+        return grid_s, off_s / step_s
+    return None

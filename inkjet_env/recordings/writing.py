@@ -1,0 +1,78 @@
+"""Write a measuring campaign, whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+from pathlib import Path
+
+from inkjet_env.recordings.data_package import DESCRIPTOR, descriptor, listed_files, recording_columns
+from inkjet_env.recordings.recording import Campaign, CampaignError, Recording
+from inkjet_env.storage import UNFINISHED, json_text, write_atomically
+
+
+def write_campaign(folder: str | os.PathLike[str], campaign: Campaign) -> None:
+    """Write a campaign as a Data Package that `read_campaign` reads back, number for number.
+
+    Parameters
+    ----------
+    folder : str or Path
+        It is made, or replaced where it is empty or holds a campaign and nothing else.
+    campaign : Campaign
+
+    Raises
+    ------
+    CampaignError
+        The folder holds other files, or is a file; it stays as it is.
+    OSError
+        The place cannot be written to; nothing is left behind.
+    """
+    target = Path(os.path.realpath(folder))
+    _check_target(target)
+    unfinished = target.with_name(f"{target.name}.{os.getpid()}{UNFINISHED}")
+    replaced = target.with_name(f"{target.name}.{os.getpid()}.replaced{UNFINISHED}")
+    try:
+        unfinished.mkdir(parents=True)
+        for recording in campaign.recordings:
+            write_atomically(unfinished / f"{recording.name}.csv", _csv_bytes(recording))
+        write_atomically(unfinished / DESCRIPTOR, json_text(descriptor(campaign)))
+        if target.exists():
+            os.rename(target, replaced)
+        try:
+            os.rename(unfinished, target)
+        except OSError:
+            if replaced.exists():
+                os.rename(replaced, target)
+            raise
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+    shutil.rmtree(replaced, ignore_errors=True)
+
+
+def _check_target(target: Path) -> None:
+    if target.exists() and not target.is_dir():
+        raise CampaignError(f"{target}: is not a folder, so no campaign can be written there. Give another name.")
+    present = {path.name for path in target.iterdir()} if target.exists() else set()
+    if not present:
+        return
+    if DESCRIPTOR not in present:
+        raise CampaignError(f"{target}: holds files and no campaign; nothing was written. Give another folder.")
+    foreign = sorted(present - {DESCRIPTOR} - listed_files(target))
+    if foreign:
+        raise CampaignError(
+            f"{target}: holds {foreign[0]!r}, which is no part of the campaign there and would be lost; nothing was "
+            "written. Move it, or give another folder."
+        )
+
+
+def _csv_bytes(recording: Recording) -> bytes:
+    """The recording's file: a header line, then numbers in the shortest form that reads back exactly."""
+    import pyarrow
+    from pyarrow import csv
+
+    columns = recording_columns(recording)
+    buffer = io.BytesIO()
+    buffer.write((",".join(columns) + "\n").encode())
+    csv.write_csv(pyarrow.table(columns), buffer, csv.WriteOptions(include_header=False))
+    return buffer.getvalue()
