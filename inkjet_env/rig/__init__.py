@@ -1,1 +1,29 @@
-"""The virtual instruments: what a strain gauge and a self-sensing circuit would record of a given head."""
+"""Virtual instruments: a measuring campaign of a head whose truth is known."""
+
+from inkjet_env.rig.battery import (
+    DriveLine,
+    default_battery,
+    displacement_battery,
+    self_sensing_battery,
+    strain_gauge_battery,
+)
+from inkjet_env.rig.converter import Converter
+from inkjet_env.rig.displacement import Vibrometer
+from inkjet_env.rig.noise import Noise
+from inkjet_env.rig.record import record_campaign
+from inkjet_env.rig.self_induction import SelfInduction
+from inkjet_env.rig.strain_gauge import StrainGauge
+
+__all__ = [
+    "Converter",
+    "DriveLine",
+    "Noise",
+    "SelfInduction",
+    "StrainGauge",
+    "Vibrometer",
+    "default_battery",
+    "displacement_battery",
+    "record_campaign",
+    "self_sensing_battery",
+    "strain_gauge_battery",
+]

@@ -1,0 +1,73 @@
+"""What a head gives to each instrument: hysteretic drive, self-sensed signal, deflection."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inkjet_env.printhead import Printhead, respond_sampled
+from inkjet_env.printhead.printhead import branch_rates
+from inkjet_env.printhead.resonator import PiecewiseResponse
+from inkjet_env.rig.battery import DriveLine
+
+
+def answer_V(printhead: Printhead, line: DriveLine) -> NDArray[np.float64]:
+    """What the line's instrument is given, in volts, shape (n,); exact at the samples.
+
+    Strain gauge: `absolute_hysteretic_V`. Displacement: `deflection_V`. Self-sensing: the head's sensor signal, in the
+    steady state of a repeated drive, resonator ringing over from one repetition to the next; from rest else.
+    """
+    if line.channel == "strain_gauge":
+        return absolute_hysteretic_V(printhead, line.drive_V, line.initial_state)
+    if line.channel == "displacement":
+        return deflection_V(printhead, line.drive_V, line.step_s, line.initial_state)
+    ringing = "steady" if line.initial_state == "periodic" else "rest"
+    return respond_sampled(printhead, line.time_s, line.drive_V, line.initial_state, ringing=ringing).sensor_V
+
+
+def absolute_hysteretic_V(printhead: Printhead, drive_V: ArrayLike, initial_state: str) -> NDArray[np.float64]:
+    """Hysteretic drive at the samples in volts, shape (n,), 0 V being the demagnetised ceramic.
+
+    A repeated drive had started from there too, so that its hysteretic drive has a level of its own; one offset then
+    holds for every recording of a channel.
+    """
+    drive = np.asarray(drive_V, dtype=np.float64)
+    if initial_state == "demagnetised":
+        return printhead.branch_law.hysteretic_V(drive, "demagnetised")
+    return printhead.branch_law.hysteretic_V(np.tile(drive, 2), "demagnetised")[drive.size :]
+
+
+def deflection_V(printhead: Printhead, drive_V: ArrayLike, step_s: float, initial_state: str) -> NDArray[np.float64]:
+    """Deflection at the samples as the quasi-static hysteretic drive that would hold it, in volts, shape (n,).
+
+    ``a0 / (s² + a1 s + a0)`` on the hysteretic drive, exact for a drive that is linear between samples. Periodic: the
+    steady state of the repeated drive; demagnetised: the resonator rests at the first sample.
+
+    Parameters
+    ----------
+    printhead : Printhead
+    drive_V : array_like, shape (n,)
+    step_s : float
+        Sampling step.
+    initial_state : {"periodic", "demagnetised"}
+    """
+    law, drive = printhead.branch_law, np.asarray(drive_V, dtype=np.float64)
+    periodic = initial_state == "periodic"
+    rows = law.pieces(np.append(drive, drive[0]) if periodic else drive, initial_state)
+    segments = drive.size if periodic else drive.size - 1
+    standing = np.setdiff1d(np.arange(segments), rows[:, 0].astype(int))
+    rates = branch_rates(law, rows)
+    segment = np.concatenate([rows[:, 0], standing])
+    order = np.argsort(segment, kind="stable")
+    duration_s = np.concatenate([rows[:, 2], np.ones(standing.size)])[order] * step_s
+    rate_V = np.concatenate([rates, np.zeros((standing.size, rates.shape[1]))])[order]
+    ringing = PiecewiseResponse(printhead.a0, printhead.a1, printhead.b1, duration_s, rate_V)
+    if periodic:
+        left = np.exp(ringing.pole * segments * step_s)
+        ringing = PiecewiseResponse(
+            printhead.a0, printhead.a1, printhead.b1, duration_s, rate_V, ringing.amplitude[-1] / (1 - left)
+        )
+    first = np.searchsorted(segment[order], np.arange(drive.size))  # the piece that starts at each sample
+    amplitude = ringing.amplitude[first]
+    moved = ((ringing.pole + printhead.a1) * amplitude).imag / printhead.b1  # as in Response.deflection_V
+    return absolute_hysteretic_V(printhead, drive, initial_state) - moved
