@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from inkjet_env.printhead import nearest_name
+from inkjet_env.recordings.oscilloscope import read_scope_samples
 from inkjet_env.recordings.recording import (
     SENSOR_COLUMNS,
     Campaign,
@@ -112,7 +113,7 @@ def _read_resource(
     if channel is not None and stated != channel:
         notes.append(f"{path}: {place}channel is {brief(stated)} as the descriptor says; {channel} was not applied.")
     file = _file_inside(folder, path, place, _field(path, place, resource, "path", str))
-    samples = _standard_samples(file, path, place, resource)
+    samples = read_scope_samples([file], columns) if columns else _standard_samples(file, path, place, resource)
     notes.extend(samples.notes)
     try:
         recording = Recording(

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from inkjet_env.recordings.data_package import DESCRIPTOR, read_data_package
+from inkjet_env.recordings.oscilloscope import read_scope_folder
 from inkjet_env.recordings.recording import CHANNELS, Campaign, CampaignError, check_label
 
 
@@ -51,4 +52,4 @@ def read_campaign(
         )
     if (folder / DESCRIPTOR).exists():
         return read_data_package(folder, columns, channel)
-    raise CampaignError(f"{folder}: there is no {DESCRIPTOR}.")
+    return read_scope_folder(folder, columns or {}, channel)

@@ -13,6 +13,7 @@ from inkjet_env.printhead import nearest_name
 from inkjet_env.recordings.recording import SENSOR_COLUMNS, CampaignError, Real, Source, brief
 from inkjet_env.recordings.sampling import last_digit, uniform_times
 from inkjet_env.recordings.table import Layout, first_and_last_rows, read_columns, row_of_sample
+from inkjet_env.recordings.units import Unit
 
 OPTIONAL_COLUMNS = ("drive_monitor_V", "neighbour_V")
 
@@ -30,12 +31,15 @@ class Samples:
     source : Source
     notes : tuple of str
         How the file was understood, where that took a guess.
+    channel : str or None
+        The sensor, where its column's name or unit tells.
     """
 
     arrays: Mapping[str, Any]
     names: tuple[str, ...]
     source: Source
     notes: tuple[str, ...]
+    channel: str | None = None
 
 
 def read_standard_samples(file: Path) -> Samples:
@@ -67,15 +71,15 @@ def read_standard_samples(file: Path) -> Samples:
     columns |= {name: name for name in OPTIONAL_COLUMNS if name in names}
     layout = Layout(header_rows=1, names=names)
     arrays = dict(zip(columns, read_columns(file, layout, [names.index(n) for n in columns.values()]), strict=True))
-    arrays["time_s"], notes = uniform(file, layout, names.index("time_s"), arrays["time_s"], 1.0)
+    arrays["time_s"], notes = uniform(file, layout, names.index("time_s"), arrays["time_s"], None)
     unused = [name for name in names if name not in columns.values()]
     if unused:
         notes += (f"{file}: column {', '.join(unused)[:80]} was not read.",)
     return Samples(arrays | {"unit": units[0]}, names, Source(str(file), 2), notes)
 
 
-def uniform(file: Path, layout: Layout, column: int, time: Real, seconds: float) -> tuple[Real, tuple[str, ...]]:
-    """Uniform times in seconds of a file's time column in units of ``seconds``, and a note where they were repaired.
+def uniform(file: Path, layout: Layout, column: int, time: Real, unit: Unit | None) -> tuple[Real, tuple[str, ...]]:
+    """Uniform times in seconds of a file's time column, and a note where they had to be repaired.
 
     Raises
     ------
@@ -85,8 +89,9 @@ def uniform(file: Path, layout: Layout, column: int, time: Real, seconds: float)
     cells = [
         [cells[column].replace(layout.decimal, ".") for cells in rows] for rows in first_and_last_rows(file, layout)
     ]
-    print_step_s = max(last_digit(group) for group in cells) * seconds
-    time_s = time * seconds
+    unit = unit or Unit("s")
+    print_step_s = max(last_digit(group) for group in cells) * unit.times / unit.over
+    time_s = unit.to_base(time)
     repaired = uniform_times(time_s, print_step_s)
     if repaired is None:
         raise _not_uniform(file, layout, time_s)

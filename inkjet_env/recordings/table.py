@@ -112,7 +112,7 @@ def first_and_last_rows(path: Path, layout: Layout) -> tuple[list[list[str]], li
 
 
 def _samples(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
-    with open(path, encoding="utf-8", errors="replace") as file:
+    with open(path, encoding="utf-8-sig", errors="replace") as file:
         for row, line in enumerate(file, start=1):
             if row > layout.header_rows and line.strip("\r\n"):
                 yield row, _cells(line, layout)
