@@ -10,6 +10,7 @@ from inkjet_env.rig.battery import (
 from inkjet_env.rig.converter import Converter
 from inkjet_env.rig.displacement import Vibrometer
 from inkjet_env.rig.noise import Noise
+from inkjet_env.rig.plan import plan_csvs
 from inkjet_env.rig.record import record_campaign
 from inkjet_env.rig.self_induction import SelfInduction
 from inkjet_env.rig.strain_gauge import StrainGauge
@@ -23,6 +24,7 @@ __all__ = [
     "Vibrometer",
     "default_battery",
     "displacement_battery",
+    "plan_csvs",
     "record_campaign",
     "self_sensing_battery",
     "strain_gauge_battery",

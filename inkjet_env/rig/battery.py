@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -22,7 +23,8 @@ LARGEST_DRIVE_V = 100.0
 """Rated voltage of the ceramic (Zhu et al. 2024, section 2.3)."""
 
 MULTISINE_PERIODS = 40
-"""Periods of the expected resonance in one repetition of a multisine; its lines are odd multiples of f0/40."""
+MULTISINE_LAST_LINE = 101
+"""A repetition of a multisine is 40 periods of the expected resonance f0; lines 3, 5 … 101 are 0.075 … 2.525 f0."""
 
 SLOW_SAMPLES = 1200
 """Samples in one period of a slow loop, a multiple of four: the drive's extremes are sampled."""
@@ -93,7 +95,9 @@ def default_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[DriveL
 
 
 def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[DriveLine, ...]:
-    """Fast lines; all times scale with the expected resonance, in Hz."""
+    """Fast lines; all times scale with the expected resonance, which must be above 0 Hz."""
+    if not (math.isfinite(frequency_Hz) and frequency_Hz > 0):
+        raise ValueError(f"frequency_Hz must be finite and above 0 Hz; got {frequency_Hz!r}.")
     step_s = 1 / float(f"{SAMPLES_A_PERIOD * frequency_Hz:.1e}")
     period = SAMPLES_A_PERIOD
     lines: list[DriveLine] = []
@@ -103,7 +107,7 @@ def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[D
     ) -> None:
         lines.append(DriveLine(label, "self_sensing", excitation, initial_state, step_s, drive_V, purpose, repeats))
 
-    window = 16 * period
+    window, repetition = 16 * period, MULTISINE_PERIODS * period
     for level, repeats in ((20, 1), (40, 1), (60, 3), (80, 1), (100, 1)):
         purpose = "amplitude steps: does frequency, damping or gain change with amplitude?"
         if repeats > 1:
@@ -118,23 +122,18 @@ def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[D
     add("trapezoid-gentle", "trapezoid", gentle, "gentle edges against steep ones at the same level")
     often = _trapezoids(6 * period, (20, 15, 35, 60))
     add("trapezoid-often", "trapezoid", often, "fired again before it has decayed: ringing carried over, refill")
-    for label, corners, repeats in (
-        ("full", ((15, 100), (35, 100), (30, -100), (35, -100), (15, 0)), 2),
-        ("quiet", ((5, 100), (54, 100), (71, -100), (50, -100), (103, 0)), 1),
-        ("uneven", ((15, 55), (60, 55), (20, -90), (25, -90), (30, 0)), 1),
+    for label, corners, purpose, repeats in (
+        ("full", ((15, 100), (35, 100), (30, -100), (35, -100), (15, 0)), "the largest swing, beyond slow loops", 2),
+        ("quiet", ((5, 100), (54, 100), (71, -100), (50, -100), (103, 0)), "as an optimiser would have it", 1),
+        ("uneven", ((15, 55), (60, 55), (20, -90), (25, -90), (30, 0)), "unequal halves, to test what was learnt", 1),
     ):
-        purpose = {
-            "full": "the largest swing, beyond what slow loops reach",
-            "quiet": "the kind of waveform an optimiser proposes: small residual vibration",
-            "uneven": "unequal halves: held out, it tests what the rest has taught",
-        }[label]
         add(f"bipolar-{label}", "bipolar", _polyline(window, ((20, 0), *corners)), purpose, repeats)
     for gap, second in ((50, 60), (150, 90), (325, 60)):
         pair = _trapezoids(window, (20, 15, 35, 80), (20 + 65 + gap, 15, 35, second))
         purpose = "the second pulse meets the first one's ringing: memory, echoes, minor loops"
         add(f"pulse-pair-{gap / period:.2f}T", "pulse_pair", pair, purpose)
     for level, phases, repeats in ((25, 0, 1), (50, 0, 1), (95, 0, 3), (95, 1, 1)):
-        drive = odd_multisine(MULTISINE_PERIODS, 0.1, 2.5, level, np.random.default_rng(phases))
+        drive = odd_multisine(repetition, MULTISINE_LAST_LINE, level, np.random.default_rng(phases))
         purpose = "odd random-phase multisine: frequency response; what appears on even lines is even distortion"
         add(f"multisine-{level}V-{'ab'[phases]}", "multisine", drive, purpose, repeats)
     for label, excitation, drive in (
@@ -143,8 +142,7 @@ def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[D
         ("first-bipolar", "bipolar", _polyline(window, ((20, 0), (15, 80), (35, 80), (30, -80), (35, -80), (15, 0)))),
     ):
         add(label, excitation, drive, "the first pulse after demagnetising: virgin curve", 1, "demagnetised")
-    silence = np.zeros(MULTISINE_PERIODS * period)
-    add("zero", "zero", silence, "no drive: noise, offset, hum", 2, "demagnetised")
+    add("zero", "zero", np.zeros(repetition), "no drive: noise, offset, hum", 2, "demagnetised")
     return tuple(lines)
 
 
@@ -176,15 +174,15 @@ def displacement_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[D
     )
 
 
-def odd_multisine(periods: int, low: float, high: float, peak_V: float, rng: np.random.Generator) -> Real:
-    """One repetition of a multisine with equal amplitudes on odd lines only and random phases.
+def odd_multisine(samples: int, last_line: int, peak_V: float, rng: np.random.Generator) -> Real:
+    """One repetition of a multisine: lines 3, 5, 7 … ``last_line`` with equal amplitudes and random phases.
 
     Parameters
     ----------
-    periods : int
-        Periods of the expected resonance f0 in the repetition.
-    low, high : float
-        First and last frequency, in units of f0.
+    samples : int
+        In one repetition.
+    last_line : int
+        Odd multiple of the repetition rate, below ``samples / 2``.
     peak_V : float
         Largest magnitude at the samples.
     rng : Generator
@@ -192,11 +190,10 @@ def odd_multisine(periods: int, low: float, high: float, peak_V: float, rng: np.
 
     Returns
     -------
-    ndarray, shape (100 periods,)
+    ndarray, shape (samples,)
         In volts.
     """
-    samples = periods * SAMPLES_A_PERIOD
-    line = np.arange(round(low * periods) | 1, high * periods + 0.5, 2).astype(int)
+    line = np.arange(3, last_line + 1, 2)
     spectrum = np.zeros(samples // 2 + 1, dtype=np.complex128)
     spectrum[line] = np.exp(2j * np.pi * rng.random(line.size))
     drive = np.fft.irfft(spectrum, samples)

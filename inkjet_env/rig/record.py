@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.printhead import Printhead
-from inkjet_env.recordings.recording import Campaign, Recording
+from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig.answer import answer_V
 from inkjet_env.rig.battery import DriveLine, default_battery
 from inkjet_env.rig.displacement import Vibrometer

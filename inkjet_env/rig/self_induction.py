@@ -45,8 +45,8 @@ class SelfInduction:
 
     Examples
     --------
-    >>> SelfInduction(compensating_F=1.98e-9).feedthrough_s
-    2e-08
+    >>> round(SelfInduction(compensating_F=1.98e-9).feedthrough_s * 1e9, 6)  # volts per V/ns
+    20.0
     """
 
     capacitance_F: float = 2e-9
@@ -72,7 +72,7 @@ class SelfInduction:
     @property
     def feedthrough_s(self) -> float:
         """Output volts per V/s of drive that the compensation leaves: ``R (C_e − C_c)``, in seconds; 0 if exact."""
-        return round(self.sensing_ohm * (self.capacitance_F - self.compensating_F), 18)
+        return self.sensing_ohm * (self.capacitance_F - self.compensating_F)
 
     @property
     def converter(self) -> Converter:

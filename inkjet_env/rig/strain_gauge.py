@@ -39,7 +39,7 @@ class StrainGauge:
     gauge_ohm : float
         Both gauges; 350 Ω in the paper. The bridge's source resistance is the same.
     excitation_V : float
-        Across the bridge. 5 V: 25 mW a gauge at most is what foil on ceramic bears; this is 18 mW.
+        Across the bridge. 5 V is 18 mW a gauge.
     imbalance : float
         Relative difference of resistance left between the arms by the potentiometer. 50 ppm: a tenth of a turn of a
         ten-turn trimmer across 0.5 %.
