@@ -41,6 +41,7 @@ def test_the_strain_gauges_noise_is_the_bridges_and_the_amplifiers():
     rig = StrainGauge()
     at_input = math.sqrt(4 * 1.380649e-23 * 298 * 350 + 8e-9**2)
     assert rig.noise.density == pytest.approx(at_input * 5010)
+    assert rig.noise.bandwidth_Hz == pytest.approx(628.3, rel=1e-4)  # of a single pole at 400 Hz
     power = rig.noise.power_per_bin(100_000, 20.0)  # 0.1 … 10 Hz
     frequency_Hz = np.fft.rfftfreq(100_000, 1 / 20.0)
     bands = (frequency_Hz >= 0.1).sum() * (frequency_Hz[1])
