@@ -53,7 +53,7 @@ class Converter:
         """
         values = np.asarray(values, dtype=np.float64)
         least, most = float(values.min()), float(values.max())
-        if least < self.low or most > self.high:
+        if not (self.low <= least and most <= self.high):
             raise ValueError(
                 f"the signal must stay within the converter's range of {self.low:g} to {self.high:g}; it goes from "
                 f"{least:.4g} to {most:.4g}. Lower the gain or widen the range."

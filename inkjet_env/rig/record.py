@@ -68,7 +68,8 @@ def record_campaign(
     Returns
     -------
     Campaign
-        Recordings r001, r002 … in the order they were taken.
+        Recordings r001, r002 … in the order they were taken; the description tells the strain gauge's true gain and
+        offset.
 
     Raises
     ------
@@ -97,12 +98,17 @@ def record_campaign(
         "displacement": vibrometer,
     }
     recordings: list[Recording] = []
+    description = "Simulated by the virtual rig, not measured."
     for channel in DEFAULT_INSTRUMENTS:
         mine = [line for line in lines if line.channel == channel]
         if not mine:
             continue
         answers = [answer_V(printhead, line) for line in mine]
         instrument = _set_up(channel, given[channel], mine, answers, snr_dB)
+        if isinstance(instrument, StrainGauge):
+            description += (
+                f" Strain gauge: {instrument.gain:.6g} V a hysteretic volt, offset {instrument.offset_V:.6g} V."
+            )
         signals = [_signal(instrument, line, answer) for line, answer in zip(mine, answers, strict=True)]
         rms = None if snr_dB is None else float(max(map(np.std, signals))) * 10 ** (-snr_dB / 20)
         shots = rng.permutation(np.repeat(np.arange(len(mine)), [line.repeats for line in mine]))
@@ -129,7 +135,7 @@ def record_campaign(
                 )
             )
             first.setdefault(shot, f"r{order:03d}")
-    return Campaign(name, tuple(recordings))
+    return Campaign(name, tuple(recordings), description=description)
 
 
 def _set_up(

@@ -86,7 +86,7 @@ def test_there_is_no_code_above_the_highest():
     assert Converter(0, 4, 2).quantised([4.0]) == [3.0]
 
 
-@pytest.mark.parametrize("value", [-1.01, 1.01])
+@pytest.mark.parametrize("value", [-1.01, 1.01, math.nan])
 def test_a_signal_out_of_range_is_refused_not_clipped(value):
     with pytest.raises(ValueError, match=r"range of -1 to 1; it goes from .* Lower the gain or widen the range"):
         Converter(-1, 1, 12).quantised([0.0, value])

@@ -1,6 +1,7 @@
 """A virtual campaign: the truth, plus the noise that was asked for."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -45,6 +46,15 @@ def test_without_noise_the_strain_gauge_is_gain_times_hysteretic_drive_plus_one_
         hysteretic_V = absolute_hysteretic_V(HEAD, recording.drive_V, recording.initial_state)
         expected_V = IDEAL_GAUGE.gain * hysteretic_V + IDEAL_GAUGE.offset_V
         np.testing.assert_allclose(recording.sensor, expected_V, rtol=1e-14)
+
+
+def test_a_campaign_says_that_it_is_simulated_and_what_the_strain_gauge_was_set_to():
+    description = record_campaign(HEAD, 1).description
+    assert description.startswith("Simulated")
+    gain, offset_V = map(float, re.search(r"Strain gauge: (\S+) V a .*, offset (\S+) V", description).groups())
+    loop = record_campaign(HEAD, 1, snr_dB=math.inf).select(excitation="minor_loops")[0]
+    expected_V = gain * absolute_hysteretic_V(HEAD, loop.drive_V, "demagnetised") + offset_V
+    np.testing.assert_allclose(loop.sensor, expected_V, atol=3.3 / 2**12)
 
 
 def test_slow_loops_of_all_rates_are_the_same_closed_loop():
