@@ -8,7 +8,7 @@ from pathlib import Path
 
 from inkjet_env.recordings.data_package import DESCRIPTOR, read_data_package
 from inkjet_env.recordings.oscilloscope import read_scope_folder
-from inkjet_env.recordings.recording import CHANNELS, Campaign, CampaignError, check_label
+from inkjet_env.recordings.recording import CHANNELS, Campaign, CampaignError, brief, check_label
 
 
 def read_campaign(
@@ -46,6 +46,8 @@ def read_campaign(
             check_label("channel", channel, CHANNELS)
         except ValueError as error:
             raise CampaignError(str(error)) from None
+    if columns is not None and not isinstance(columns, Mapping):
+        raise CampaignError(f"columns must map roles to columns, such as {{'drive': 'CH1'}}; got {brief(columns)}.")
     if not folder.is_dir():
         raise CampaignError(
             f"{folder}: must be a folder; there is {'a file' if folder.exists() else 'none'}. Check it."

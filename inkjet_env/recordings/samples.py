@@ -12,7 +12,7 @@ import numpy as np
 from inkjet_env.printhead import nearest_name
 from inkjet_env.recordings.recording import SENSOR_COLUMNS, CampaignError, Real, Source, brief
 from inkjet_env.recordings.sampling import last_digit, uniform_times
-from inkjet_env.recordings.table import Layout, first_and_last_rows, read_columns, row_of_sample
+from inkjet_env.recordings.table import Layout, first_and_last_rows, read_columns, row_of_sample, split_cells
 from inkjet_env.recordings.units import Unit
 
 OPTIONAL_COLUMNS = ("drive_monitor_V", "neighbour_V")
@@ -86,11 +86,12 @@ def uniform(file: Path, layout: Layout, column: int, time: Real, unit: Unit | No
     CampaignError
         Times that go back, or whose distances differ by more than their printing explains.
     """
-    cells = [
-        [cells[column].replace(layout.decimal, ".") for cells in rows] for rows in first_and_last_rows(file, layout)
-    ]
     unit = unit or Unit("s")
-    print_step_s = max(last_digit(group) for group in cells) * unit.times / unit.over
+    printed = [
+        last_digit([cells[column].replace(layout.decimal, ".") for cells in rows if len(cells) > column])
+        for rows in first_and_last_rows(file, layout)
+    ]
+    print_step_s = max(printed) * unit.times / unit.over
     time_s = unit.to_base(time)
     repaired = uniform_times(time_s, print_step_s)
     if repaired is None:
@@ -134,7 +135,7 @@ def _header(file: Path) -> tuple[str, ...]:
         raise CampaignError(f"{file}: cannot be read: {error.strerror or error}. Check the file.") from None
     except UnicodeDecodeError:
         raise CampaignError(f"{file}, row 1: the header must be UTF-8 text. Export the file as CSV.") from None
-    return tuple(name.strip().strip('"') for name in line.split(","))
+    return tuple(split_cells(line.rstrip("\r\n"), ","))
 
 
 def _missing(file: Path, wanted: str, names: tuple[str, ...]) -> CampaignError:

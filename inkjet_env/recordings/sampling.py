@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,9 +12,11 @@ from inkjet_env.recordings.recording import LARGEST_JITTER, Real, uniform_grid
 COARSEST_PRINT = 1e-3
 """Largest print step of times that are repaired, as a fraction of the recording; beyond, the step would be a guess."""
 
+_NUMBER = re.compile(r"[+-]?(?P<digits>[0-9.]+)(?:[eE](?P<exponent>[+-]?[0-9]{1,4}))?")
+
 
 def last_digit(cells: Sequence[str]) -> float:
-    """Value of one unit in the last printed digit of the most precise of some numbers.
+    """Value of one unit in the last printed digit of the most precise of some numbers; other cells are passed over.
 
     Examples
     --------
@@ -22,9 +25,9 @@ def last_digit(cells: Sequence[str]) -> float:
     """
     places = []
     for cell in cells:
-        mantissa, _, exponent = cell.strip().lower().partition("e")
-        if cell.strip() and float(cell) != 0:
-            places.append(int(exponent or 0) - len(mantissa.partition(".")[2]))
+        number = _NUMBER.fullmatch(cell)
+        if number and number["digits"].strip("0."):
+            places.append(int(number["exponent"] or 0) - len(number["digits"].partition(".")[2]))
     return float(f"1e{min(places)}") if places else 0.0
 
 

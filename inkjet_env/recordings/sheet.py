@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from inkjet_env.recordings.recording import CampaignError
-from inkjet_env.recordings.table import Layout
+from inkjet_env.recordings.table import Layout, split_cells, split_lines
 from inkjet_env.recordings.units import Unit, known_unit, unit_in_name
 
 SNIFFED_BYTES = 1 << 16
@@ -65,13 +65,13 @@ def read_sheet(file: Path) -> Sheet:
     lines = _first_lines(file)
     for number, line in enumerate(lines):
         for delimiter in ("\t", ";", ","):
-            cells = _cells(line, delimiter)
+            cells = split_cells(line, delimiter)
             if not _all_numbers(cells, delimiter):
                 continue
             comma = delimiter != "," and any("," in sample for sample in lines[number:])
             first = Layout(number, tuple(cells), delimiter, "," if comma else ".")
-            return _sheet(first, [_cells(above, delimiter) for above in lines[:number]])
-        cells = _cells(line, ",")
+            return _sheet(first, [split_cells(above, delimiter) for above in lines[:number]])
+        cells = split_cells(line, ",")
         if number == 0 and cells[0].lower() == "record length" and _all_numbers(cells[_BESIDE:], ","):
             return _sheet_beside(lines, cells)
     raise CampaignError(
@@ -92,12 +92,8 @@ def _first_lines(file: Path) -> list[str]:
         text = start.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = start.decode("latin-1")  # "µs" of older instruments; also a character cut by the block's end
-    lines = re.split(r"\r\n|\n|\r", text)
+    lines = split_lines(text)
     return lines[:-1] if len(start) == SNIFFED_BYTES else lines
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    return [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
 
 
 def _is_number(cell: str) -> bool:
@@ -142,7 +138,7 @@ def _sheet(first: Layout, header: list[list[str]]) -> Sheet:
 
 def _sheet_beside(lines: list[str], first: list[str]) -> Sheet:
     """The sheet of an older Tektronix file, whose header stands beside the first samples."""
-    about = {cells[0].lower(): cells[1] for line in lines[:30] if len(cells := _cells(line, ",")) > 1 and cells[0]}
+    about = {cells[0].lower(): cells[1] for line in lines[:30] if len(cells := split_cells(line, ",")) > 1 and cells[0]}
     time, *channels = (i for i in range(_BESIDE, len(first)) if first[i])
     names = [f"column {i + 1}" for i in range(len(first))]
     names[time], names[channels[0]] = "TIME", about.get("source") or "CH1"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import itertools
+import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,18 +60,18 @@ def read_columns(path: Path, layout: Layout, wanted: Sequence[int]) -> list[Real
         cannot be read. The message names the row; the file's first line is row 1.
     """
     import pyarrow
-    from pyarrow import csv
+    from pyarrow import csv as fast_csv
 
     # Column names may repeat in a file; their numbers do not.
     labels = [f"{i}" for i in range(len(layout.names))]
     chosen = [labels[i] for i in wanted]
     blocks: list[list[Real]] = [[] for _ in wanted]
     try:
-        reader = csv.open_csv(
+        reader = fast_csv.open_csv(
             path,
-            read_options=csv.ReadOptions(skip_rows=layout.header_rows, column_names=labels, block_size=1 << 22),
-            parse_options=csv.ParseOptions(delimiter=layout.delimiter),
-            convert_options=csv.ConvertOptions(
+            read_options=fast_csv.ReadOptions(skip_rows=layout.header_rows, column_names=labels, block_size=1 << 22),
+            parse_options=fast_csv.ParseOptions(delimiter=layout.delimiter),
+            convert_options=fast_csv.ConvertOptions(
                 column_types=dict.fromkeys(chosen, pyarrow.float64()),
                 include_columns=chosen,
                 null_values=[],
@@ -80,18 +83,15 @@ def read_columns(path: Path, layout: Layout, wanted: Sequence[int]) -> list[Real
             for block, label in zip(blocks, chosen, strict=True):
                 block.append(batch.column(label).to_numpy())
     except pyarrow.ArrowInvalid as error:
-        _explain(path, layout, wanted)
-        raise CampaignError(f"{path}: is no table of numbers: {str(error)[:200]}. Export it as CSV again.") from None
+        raise _first_fault(path, layout, wanted, str(error)) from None
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read: {error.strerror or error}. Check the file.") from None
     columns = []
     for block in blocks:
         columns.append(np.concatenate(block) if block else np.empty(0))
         block.clear()
-    if len(columns[0]) < 2:
-        raise CampaignError(f"{path}: a recording must have at least 2 samples; got {len(columns[0])}. Add rows.")
-    if not all(np.isfinite(column).all() for column in columns):
-        _explain(path, layout, wanted)
+    if len(columns[0]) < 2 or not all(np.isfinite(column).all() for column in columns):
+        raise _first_fault(path, layout, wanted, "a value is not finite")
     return columns
 
 
@@ -106,40 +106,55 @@ def first_and_last_rows(path: Path, layout: Layout) -> tuple[list[list[str]], li
     with open(path, "rb") as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(max(0, size - TAIL_BYTES))
-        lines = file.read().decode("utf-8", errors="replace").splitlines()
+        lines = split_lines(file.read().decode("utf-8", errors="replace"))
     whole = lines[layout.header_rows :] if size <= TAIL_BYTES else lines[1:]
-    return first, [_cells(line, layout) for line in whole if line][-20:]
+    return first, [split_cells(line, layout.delimiter) for line in whole if line][-20:]
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """The cells of one line, without the blanks and quotes around them."""
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter), []) or [""]
+    except csv.Error:
+        cells = line.split(delimiter)
+    return [cell.strip() for cell in cells]
+
+
+def split_lines(text: str) -> list[str]:
+    """Lines as a CSV file has them; `str.splitlines` knows many more ends of lines."""
+    return re.split(r"\r\n|\n|\r", text)
 
 
 def _samples(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
     with open(path, encoding="utf-8-sig", errors="replace") as file:
         for row, line in enumerate(file, start=1):
-            if row > layout.header_rows and line.strip("\r\n"):
-                yield row, _cells(line, layout)
+            if row > layout.header_rows and line != "\n":
+                yield row, split_cells(line.rstrip("\n"), layout.delimiter)
 
 
-def _cells(line: str, layout: Layout) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(layout.delimiter)]
-
-
-def _explain(path: Path, layout: Layout, wanted: Sequence[int]) -> None:
-    """Raise for the first row that breaks a rule; the slow twin of the fast reader, run only after it has failed."""
+def _first_fault(path: Path, layout: Layout, wanted: Sequence[int], reason: str) -> CampaignError:
+    """The first row that breaks a rule, or too few rows: the slow twin of the fast reader, run after it has failed."""
+    count = 0
     for row, cells in _samples(path, layout):
+        count += 1
         if len(cells) != len(layout.names):
-            raise CampaignError(
+            return CampaignError(
                 f"{path}, row {row}: must have {len(layout.names)} columns as the rows before; got {len(cells)}. "
                 "Complete the row or remove it."
             )
         for i in wanted:
             try:
-                finite = np.isfinite(float(cells[i].replace(layout.decimal, ".")))
+                finite = math.isfinite(float(cells[i].replace(layout.decimal, ".")))
             except ValueError:
-                raise CampaignError(
-                    f"{path}, row {row}: {layout.names[i]} must be a number; got {brief(cells[i])}. "
+                return CampaignError(
+                    f"{path}, row {row}: {layout.names[i][:40]} must be a number; got {brief(cells[i])}. "
                     f"Use {layout.decimal!r} as decimal sign and {layout.delimiter!r} between columns."
-                ) from None
+                )
             if not finite:
-                raise CampaignError(
-                    f"{path}, row {row}: {layout.names[i]} must be finite; got {brief(cells[i])}. "
+                return CampaignError(
+                    f"{path}, row {row}: {layout.names[i][:40]} must be finite; got {brief(cells[i])}. "
                     "Trim the recording or mark the gap."
                 )
+    if count < 2:
+        return CampaignError(f"{path}: a recording must have at least 2 samples; got {count}. Add rows.")
+    return CampaignError(f"{path}: is no table of numbers: {reason[:200]}. Export it as CSV again.")
