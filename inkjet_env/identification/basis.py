@@ -1,0 +1,142 @@
+"""What a recording's sensor would show of each power of the branch law: the model, linear in its coefficients.
+
+With ``Q(x) = Σ c_j x^j`` the hysteretic drive is ``v = Σ c_j φ_j``, where ``φ_j`` depends on the drive alone, the
+tangent beyond ``x = 1`` included. Resonator and gains are linear too, so every channel shows
+``gain · Σ c_j ψ_j + offset``:
+
+* strain gauge: ``ψ_j = φ_j``;
+* self-sensing: ``ψ_j`` is the response of ``s / (s² + a1 s + a0)`` to ``φ_j``, and the gain is ``b1``;
+* displacement: of ``a0 / (s² + a1 s + a0)``, and the gain is ``b0 / a0``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.printhead.resonator import pole
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DriveBasis:
+    """The powers of the branch law under one sampled drive; made by `drive_basis`.
+
+    Attributes
+    ----------
+    pieces : ndarray, shape (p, 6)
+        Of the recorded lap; for a periodic drive with the way back from the last sample to the first.
+    level_V : ndarray, shape (d,)
+        ``φ_j`` at the first sample: what the virgin curve, and the laps before, have left.
+    samples : int
+    step_s : float
+    initial_state : str
+    """
+
+    pieces: Real
+    level_V: Real
+    samples: int
+    step_s: float
+    initial_state: str
+
+    @property
+    def degree(self) -> int:
+        """Number of powers, 1 … d."""
+        return self.level_V.size
+
+    def hysteretic_V(self) -> Real:
+        """``φ_j`` at every sample, in volts, shape (n, d)."""
+        changes = np.zeros((self.samples, self.degree))
+        row = self.pieces[:, 0].astype(np.int64) + 1
+        inside = row < self.samples
+        powers = _power_changes(self.pieces[inside], self.degree)
+        for j in range(self.degree):
+            changes[:, j] = np.bincount(row[inside], powers[:, j], minlength=self.samples)
+        return self.level_V + np.cumsum(changes, axis=0)
+
+    def response(self, channel: str, a0: float, a1: float) -> Real:
+        """``ψ_j`` at every sample, shape (n, d): see the head of this module.
+
+        Parameters
+        ----------
+        channel : {"strain_gauge", "self_sensing", "displacement"}
+        a0, a1 : float
+            Of a damped oscillation, in 1/s² and 1/s.
+        """
+        if channel == "strain_gauge":
+            return self.hysteretic_V()
+        from inkjet_env.identification import compiled_basis
+
+        pole_ = pole(a0, a1)
+        start = np.zeros(self.degree, dtype=np.complex128)
+        periodic = self.initial_state == "periodic"
+        columns = np.empty((self.samples + periodic, self.degree))
+        factor = 1.0 + 0j if channel == "self_sensing" else pole_ + a1
+
+        def run() -> None:
+            compiled_basis.basis_amplitudes(
+                self.pieces, self.step_s, pole_, compiled_basis.BINOMIALS, start, factor, columns
+            )
+
+        run()
+        if periodic:  # the steady state is what one period maps to itself
+            start /= -np.expm1(pole_ * self.step_s * self.samples)
+            run()
+        columns = columns[: self.samples]
+        # Deflection as the hysteretic drive that would hold it: v - (a1 y + y') for b1 = 1, y' = Im λA.
+        return columns if channel == "self_sensing" else self.hysteretic_V() - columns
+
+    def free_states(self, a0: float, a1: float) -> Real:
+        """What an unknown initial state of the resonator adds: two columns, shape (n, 2), of unit size at the start."""
+        ringing = np.exp(pole(a0, a1) * self.step_s * np.arange(self.samples))
+        return np.column_stack([ringing.real, ringing.imag])
+
+
+def drive_basis(drive_V: Real, step_s: float, full_scale_V: float, degree: int, initial_state: str) -> DriveBasis:
+    """The powers of the branch law under a sampled drive.
+
+    Parameters
+    ----------
+    drive_V : ndarray, shape (n,)
+        Linear between samples.
+    step_s : float
+    full_scale_V : float
+        Change of drive at ``x = 1``.
+    degree : int
+        Highest power.
+    initial_state : {"demagnetised", "periodic", "free"}
+        ``periodic``: the drive had been repeating since the demagnetised state. ``free`` leaves the resonator's state
+        open; the hysteresis starts as from the demagnetised state.
+    """
+    periodic = initial_state == "periodic"
+    drive = np.ascontiguousarray(np.append(drive_V, drive_V[0]) if periodic else drive_V, dtype=np.float64)
+    x = 2 * abs(drive[0]) / full_scale_V
+    exponents = np.arange(1, degree + 1)
+    virgin = x**exponents if x <= 1 else 1 + exponents * (x - 1)
+    level = np.sign(drive[0]) * full_scale_V / 2 * virgin
+    pieces = _pieces(drive, full_scale_V, 0)
+    if periodic:
+        level = level + _power_changes(pieces, degree).sum(axis=0)
+        pieces = _pieces(drive, full_scale_V, 1)
+    return DriveBasis(pieces, level, len(drive_V), step_s, initial_state)
+
+
+def _pieces(drive_V: Real, full_scale_V: float, laps_before: int) -> Real:
+    from inkjet_env.printhead import compiled
+
+    table = np.empty((4 * drive_V.size + 32, 6))
+    memory = np.empty((laps_before + 1) * drive_V.size + 4)
+    count = compiled.branch_pieces(drive_V, full_scale_V, laps_before, False, memory, table)
+    return table[:count].copy()
+
+
+def _power_changes(pieces: Real, degree: int) -> Real:
+    """Change of ``φ_j`` over each piece, in volts, shape (p, d)."""
+    x, dx, scale = pieces[:, 3], pieces[:, 4], pieces[:, 5]
+    exponents = np.arange(1, degree + 1)
+    beyond = (x >= 1.0)[:, None]
+    start, end = np.where(beyond, 1.0, x[:, None]), np.where(beyond, 1.0, (x + dx)[:, None])
+    return scale[:, None] * np.where(beyond, exponents * dx[:, None], end**exponents - start**exponents)

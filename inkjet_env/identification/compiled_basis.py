@@ -1,0 +1,123 @@
+"""Compiled kernel: a resonator's response to each power of the branch law, sample by sample."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from inkjet_env.printhead.kernel_cache import kernel_jit
+
+MAX_DEGREE = 16
+
+BINOMIALS = np.zeros((MAX_DEGREE, MAX_DEGREE))
+"""``(j + 1) · C(j, k)``: factors of ``d/dτ (x + dx τ)^(j + 1) = Σ_k (j + 1) C(j, k) x^(j - k) dx^(k + 1) τ^k``."""
+for _j in range(MAX_DEGREE):
+    _row = 1.0
+    for _k in range(_j + 1):
+        BINOMIALS[_j, _k] = (_j + 1) * _row
+        _row = _row * (_j - _k) / (_k + 1)
+
+_jit = kernel_jit(__file__)
+
+
+@_jit
+def fill_moments(z, result):
+    """``m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds`` for k = 0 …, as `resonator.moments`."""
+    count = result.shape[0]
+    size = abs(z)
+    forward = 0
+    if size >= 1.0:
+        forward = min(count, int(size) + 1)
+        total = (np.exp(z) - 1.0) / z
+        result[0] = total
+        for k in range(1, forward):
+            total = (k * total - 1.0) / z
+            result[k] = total
+    if forward < count:
+        term = 1.0 / count + 0j
+        total = term
+        j = 0
+        while abs(term) > 1e-18 / count:
+            j += 1
+            term = term * z / (count + j)
+            total += term
+        for k in range(count - 1, forward - 1, -1):
+            result[k] = total
+            if k > 0:
+                total = (z * total + 1.0) / k
+
+
+@_jit
+def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns):
+    """Response to ``v = Σ_j c_j φ_j``, one column for each power ``j`` of the branch law.
+
+    The complex amplitude of each column obeys ``A' = λA + φ_j' / Im λ``, so ``Im A`` is the response of
+    ``s / (s² + a1 s + a0)``: Eq. (1) and (2) of `inkjet_env.printhead.resonator`, exact on every piece.
+
+    Parameters
+    ----------
+    pieces : ndarray, shape (p, 6)
+        From `inkjet_env.printhead.hysteresis.branch_pieces`, in order of their segments.
+    step_s : float
+        Sampling step.
+    pole : complex
+        λ, in 1/s.
+    binomials : ndarray
+        `BINOMIALS`.
+    start : ndarray of complex, shape (d,)
+        Amplitudes at the first sample; on return, at the last.
+    im_factor : complex
+        The columns receive ``Im(im_factor · A)``.
+    columns : ndarray, shape (n, d)
+        Filled at every sample.
+    """
+    n, degree = columns.shape
+    whole = np.exp(pole * step_s)
+    moments = np.empty(degree, dtype=np.complex128)
+    part = np.empty(degree, dtype=np.complex128)
+    forced = np.empty(degree, dtype=np.complex128)
+    powers = np.empty(degree)
+    fill_moments(pole * step_s, moments)
+    inverse = 1.0 / pole.imag
+    at = 0
+    count = pieces.shape[0]
+    for j in range(degree):
+        columns[0, j] = (im_factor * start[j]).imag
+    for segment in range(n - 1):
+        if at >= count or pieces[at, 0] != segment:
+            for j in range(degree):
+                start[j] *= whole
+        covered = 0.0
+        while at < count and pieces[at, 0] == segment:
+            length, x, dx, scale = pieces[at, 2], pieces[at, 3], pieces[at, 4], pieces[at, 5]
+            if length == 1.0:
+                decay = whole
+                m = moments
+            else:
+                decay = np.exp(pole * step_s * length)
+                fill_moments(pole * step_s * length, part)
+                m = part
+            scale *= inverse
+            if x >= 1.0:  # the tangent
+                for j in range(degree):
+                    start[j] = start[j] * decay + scale * dx * (j + 1) * m[0]
+            else:
+                power = 1.0
+                factor = scale * dx
+                for k in range(degree):
+                    powers[k] = power
+                    power *= x
+                    forced[k] = factor * m[k]
+                    factor *= dx
+                for j in range(degree):
+                    total = 0j
+                    for k in range(j + 1):
+                        total += binomials[j, k] * powers[j - k] * forced[k]
+                    start[j] = start[j] * decay + total
+            covered += length
+            at += 1
+        if 0.0 < covered < 1.0 - 1e-12:
+            decay = np.exp(pole * step_s * (1.0 - covered))
+            for j in range(degree):
+                start[j] *= decay
+        for j in range(degree):
+            columns[segment + 1, j] = (im_factor * start[j]).imag

@@ -1,0 +1,205 @@
+"""A campaign made ready for fitting: repeats gathered, noise seen, whole recordings put aside."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.identification.noise import NoiseModel, noise_model, repeat_deviations
+from inkjet_env.printhead.naming import nearest_name
+from inkjet_env.recordings import Campaign, Recording
+
+Real = NDArray[np.float64]
+
+HELD_OUT_EVERY = 4
+"""Of the drives of a channel, sorted by strength, every fourth is held out."""
+SHORTEST_REST = 100
+"""Samples before the drive from which its noise may be seen."""
+HELD_OUT_SHARE = 0.25
+"""Share of the longest recording that is held out where no whole recording can be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """One drive and what a channel showed of it, once or several times.
+
+    Attributes
+    ----------
+    channel, unit, initial_state : str
+        Nanometres are turned into micrometres.
+    drive_V : ndarray, shape (n,)
+    step_s : float
+    signals : tuple of ndarray, shape (n,)
+        One a repeat.
+    names : tuple of str
+        Of the recordings.
+    fitted : int
+        Samples from the start that may be used for fitting: n, 0 (held out), or between (its end is held out).
+    """
+
+    channel: str
+    unit: str
+    initial_state: str
+    drive_V: Real
+    step_s: float
+    signals: tuple[Real, ...]
+    names: tuple[str, ...]
+    fitted: int
+
+    @property
+    def mean(self) -> Real:
+        """Mean of the repeats, shape (n,)."""
+        mean: Real = np.mean(self.signals, axis=0)
+        return mean
+
+    @property
+    def still(self) -> bool:
+        """Whether the drive never changes."""
+        return bool(np.ptp(self.drive_V) == 0)
+
+    @property
+    def noise_key(self) -> tuple[str, float]:
+        """Recordings of one channel and one sampling step share a noise model."""
+        return self.channel, float(f"{self.step_s:.4g}")
+
+
+def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> tuple[Measurement, ...]:
+    """Gather the recordings of a campaign by channel and drive, and put some aside.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    held_out : sequence of str, optional
+        Names of the recordings that no fit may see. Repeats of them are put aside too. Unless given: every fourth drive
+        of each channel, sorted by strength, never the strongest; where a campaign has too few for that, the last
+        quarter of its longest fast recording.
+
+    Raises
+    ------
+    ValueError
+        A name that is no recording; a channel in volts here and in micrometres there; everything held out.
+    """
+    gathered = _gathered(campaign)
+    names = [recording.name for recording in campaign.recordings]
+    for name in held_out or ():
+        if name not in names:
+            raise ValueError(
+                f"held-out recording {name!r} is not in campaign {campaign.name!r}.{nearest_name(name, names)}"
+            )
+    chosen = set(held_out) if held_out is not None else _every_fourth(gathered)
+    result = [replace(m, fitted=0) if chosen & set(m.names) else m for m in gathered]
+    if not any(m.fitted for m in result):
+        raise ValueError(f"all recordings of campaign {campaign.name!r} are held out. Leave some to be fitted.")
+    if held_out is None and not any(m.fitted == 0 and m.channel != "strain_gauge" for m in result):
+        fast = [m for m in result if m.channel != "strain_gauge" and not m.still and m.initial_state != "periodic"]
+        if fast:
+            longest = max(fast, key=lambda m: m.drive_V.size)
+            fitted = int((1 - HELD_OUT_SHARE) * longest.drive_V.size)
+            result[result.index(longest)] = replace(longest, fitted=fitted)
+    return tuple(result)
+
+
+def _gathered(campaign: Campaign) -> list[Measurement]:
+    units: dict[str, str] = {}
+    groups: dict[tuple, list[Recording]] = {}
+    for recording in campaign.recordings:
+        unit = "um" if recording.unit == "nm" else recording.unit
+        if units.setdefault(recording.channel, unit) != unit:
+            raise ValueError(
+                f"recording {recording.name!r}: channel {recording.channel} is in {unit} here and in "
+                f"{units[recording.channel]} elsewhere; a channel has one gain, so it needs one unit."
+            )
+        alone = recording.name if recording.initial_state == "free" else ""  # its own initial state each time
+        key = (
+            recording.channel,
+            recording.initial_state,
+            alone,
+            recording.drive_V.tobytes(),
+            f"{recording.step_s:.9g}",
+        )
+        groups.setdefault(key, []).append(recording)
+    return [
+        Measurement(
+            channel=first.channel,
+            unit=units[first.channel],
+            initial_state=first.initial_state,
+            drive_V=first.drive_V,
+            step_s=first.step_s,
+            signals=tuple(r.sensor * (1e-3 if r.unit == "nm" else 1.0) for r in group),
+            names=tuple(r.name for r in group),
+            fitted=first.drive_V.size,
+        )
+        for group in groups.values()
+        for first in group[:1]
+    ]
+
+
+def _every_fourth(gathered: Sequence[Measurement]) -> set[str]:
+    chosen: set[str] = set()
+    for channel in {m.channel for m in gathered}:
+        moving = [m for m in gathered if m.channel == channel and not m.still]
+        moving.sort(key=lambda m: (float(np.std(m.drive_V)), m.names))
+        strongest = max((float(np.ptp(m.drive_V)) for m in moving), default=0.0)
+        candidates = moving[HELD_OUT_EVERY // 2 :: HELD_OUT_EVERY] if len(moving) >= HELD_OUT_EVERY else []
+        for measurement in candidates:
+            alike = sum(np.ptp(m.drive_V) >= strongest for m in moving)
+            if np.ptp(measurement.drive_V) < strongest or alike > 1:
+                chosen |= set(measurement.names)
+    return chosen
+
+
+def noise_of(gathered: Sequence[Measurement]) -> dict[tuple[str, float], NoiseModel]:
+    """Noise models by `Measurement.noise_key`, from what tells nothing of the head; absent where there is nothing such.
+
+    From repeats and recordings at rest; where there are none, from what comes before the drive's first change; else the
+    channel's noise at the nearest sampling step. Held-out recordings take part.
+    """
+    models: dict[tuple[str, float], NoiseModel] = {}
+    least = least_noise(gathered)
+    for key in sorted({m.noise_key for m in gathered}):
+        mine = [m for m in gathered if m.noise_key == key]
+        repeated = [d for m in mine if not m.still for d in repeat_deviations(m.signals)]
+        resting = [signal for m in mine if m.still for signal in m.signals]
+        source = " and ".join(["repeats"] * bool(repeated) + ["recordings at rest"] * bool(resting))
+        if not source:
+            resting = [signal[: _rest_before(m)] for m in mine for signal in m.signals]
+            resting = [stretch for stretch in resting if stretch.size >= SHORTEST_REST]
+            source = "what comes before the drive"
+        if resting:
+            level = np.concatenate(resting).mean()
+            repeated.extend(stretch - level for stretch in resting)
+        if repeated:
+            models[key] = noise_model(repeated, source, least[key[0]])
+    for channel, step_s in sorted({m.noise_key for m in gathered} - set(models)):
+        known = [other for mine, other in models if mine == channel]
+        if known:
+            nearest = min(known, key=lambda other: abs(np.log(other / step_s)))
+            models[channel, step_s] = models[channel, nearest]
+    return models
+
+
+def _rest_before(measurement: Measurement) -> int:
+    """Samples before a demagnetised head is first driven."""
+    if measurement.initial_state != "demagnetised" or measurement.drive_V[0] != 0:
+        return 0
+    return int(np.argmax(measurement.drive_V != 0))
+
+
+def least_noise(gathered: Sequence[Measurement]) -> dict[str, float]:
+    """By channel, the RMS below which nothing can be told: the converter's step / √12, or 1e-7 of the strongest signal.
+
+    The step is the least difference between values that occur, where they are visibly apart.
+    """
+    least = {}
+    for channel in {m.channel for m in gathered}:
+        signals = [signal for m in gathered if m.channel == channel for signal in m.signals]
+        values = np.sort(np.concatenate(signals))
+        apart = np.diff(values)
+        step = float(apart[apart > 1e-8 * (values[-1] - values[0])].min(initial=math.inf))
+        strongest = max(float(np.std(signal)) for signal in signals)
+        least[channel] = max(1e-7 * strongest, step / math.sqrt(12) if math.isfinite(step) else 0.0, 1e-300)
+    return least
