@@ -60,6 +60,7 @@ def read_data_package(folder: Path, columns: Mapping[str, str | int] | None, cha
 def _read_descriptor(path: Path) -> dict[str, Any]:
     try:
         package = json.loads(path.read_text(encoding="utf-8-sig"))
+        json.dumps(package, ensure_ascii=False).encode()  # JSON can spell half characters, which no text can hold
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read: {error.strerror or error}. Check the folder.") from None
     except json.JSONDecodeError as error:

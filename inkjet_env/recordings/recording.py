@@ -290,7 +290,9 @@ def _checked_condition(condition: object) -> dict[str, float]:
 
 def _checked_samples(label: str, values: ArrayLike, length: int) -> Real:
     try:
-        samples = np.array(values, dtype=np.float64)
+        # What nobody can write any more needs no copy; recordings may be large.
+        frozen = isinstance(values, np.ndarray) and not values.flags.writeable and values.base is None
+        samples = np.asarray(values, dtype=np.float64) if frozen else np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{label} must be numbers of shape (n,).") from None
     if samples.ndim != 1:

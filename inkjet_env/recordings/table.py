@@ -51,7 +51,7 @@ def read_columns(path: Path, layout: Layout, wanted: Sequence[int]) -> list[Real
     Returns
     -------
     list of ndarray, shape (n,)
-        In the order of ``wanted``.
+        In the order of ``wanted``; read-only.
 
     Raises
     ------
@@ -65,11 +65,12 @@ def read_columns(path: Path, layout: Layout, wanted: Sequence[int]) -> list[Real
     # Column names may repeat in a file; their numbers do not.
     labels = [f"{i}" for i in range(len(layout.names))]
     chosen = [labels[i] for i in wanted]
-    blocks: list[list[Real]] = [[] for _ in wanted]
+    columns = [np.empty(0) for _ in wanted]
+    count = 0
     try:
         reader = fast_csv.open_csv(
             path,
-            read_options=fast_csv.ReadOptions(skip_rows=layout.header_rows, column_names=labels, block_size=1 << 22),
+            read_options=fast_csv.ReadOptions(skip_rows=layout.header_rows, column_names=labels),
             parse_options=fast_csv.ParseOptions(delimiter=layout.delimiter),
             convert_options=fast_csv.ConvertOptions(
                 column_types=dict.fromkeys(chosen, pyarrow.float64()),
@@ -80,17 +81,20 @@ def read_columns(path: Path, layout: Layout, wanted: Sequence[int]) -> list[Real
             ),
         )
         for batch in reader:
-            for block, label in zip(blocks, chosen, strict=True):
-                block.append(batch.column(label).to_numpy())
+            end = count + batch.num_rows
+            for column, label in zip(columns, chosen, strict=True):
+                if end > len(column):
+                    column.resize(max(end, len(column) * 5 // 4), refcheck=False)
+                column[count:end] = batch.column(label).to_numpy()
+            count = end
     except pyarrow.ArrowInvalid as error:
         raise _first_fault(path, layout, wanted, str(error)) from None
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read: {error.strerror or error}. Check the file.") from None
-    columns = []
-    for block in blocks:
-        columns.append(np.concatenate(block) if block else np.empty(0))
-        block.clear()
-    if len(columns[0]) < 2 or not all(np.isfinite(column).all() for column in columns):
+    for column in columns:
+        column.resize(count, refcheck=False)
+        column.flags.writeable = False
+    if count < 2 or not all(np.isfinite(column).all() for column in columns):
         raise _first_fault(path, layout, wanted, "a value is not finite")
     return columns
 
@@ -126,17 +130,25 @@ def split_lines(text: str) -> list[str]:
 
 
 def _samples(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
+    for row, line in _sample_lines(path, layout):
+        yield row, split_cells(line, layout.delimiter)
+
+
+def _sample_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
     with open(path, encoding="utf-8-sig", errors="replace") as file:
         for row, line in enumerate(file, start=1):
             if row > layout.header_rows and line != "\n":
-                yield row, split_cells(line.rstrip("\n"), layout.delimiter)
+                yield row, line.rstrip("\n")
 
 
 def _first_fault(path: Path, layout: Layout, wanted: Sequence[int], reason: str) -> CampaignError:
     """The first row that breaks a rule, or too few rows: the slow twin of the fast reader, run after it has failed."""
     count = 0
-    for row, cells in _samples(path, layout):
+    for row, line in _sample_lines(path, layout):
         count += 1
+        if line.count('"') % 2:
+            return CampaignError(f"{path}, row {row}: a quotation mark is not closed. Remove it.")
+        cells = split_cells(line, layout.delimiter)
         if len(cells) != len(layout.names):
             return CampaignError(
                 f"{path}, row {row}: must have {len(layout.names)} columns as the rows before; got {len(cells)}. "
@@ -157,4 +169,4 @@ def _first_fault(path: Path, layout: Layout, wanted: Sequence[int], reason: str)
                 )
     if count < 2:
         return CampaignError(f"{path}: a recording must have at least 2 samples; got {count}. Add rows.")
-    return CampaignError(f"{path}: is no table of numbers: {reason[:200]}. Export it as CSV again.")
+    return CampaignError(f"{path}: is no table of numbers: {' '.join(reason.split())[:200]}. Export it as CSV again.")

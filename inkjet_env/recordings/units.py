@@ -26,8 +26,8 @@ class Unit:
     over: float = 1.0
 
     def to_base(self, values: Real) -> Real:
-        """Values in ``base``, same shape."""
-        return values * self.times / self.over
+        """Values in ``base``, same shape; the same array where there is nothing to convert."""
+        return values if self.times == self.over else values * self.times / self.over
 
 
 _SECOND, _VOLT, _MICROMETRE, _NANOMETRE = Unit("s"), Unit("V"), Unit("um"), Unit("nm")

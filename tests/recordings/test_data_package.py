@@ -273,6 +273,18 @@ def test_times_rounded_by_printing_are_taken_as_uniform(tmp_path, form):
     assert "off a uniform grid" in read.notes[0]
 
 
+def test_times_printed_so_coarsely_that_they_repeat_are_taken_as_uniform(tmp_path):
+    folder = written(tmp_path / "c", lambda p: p["resources"].__delitem__(slice(1, None)))
+    times = np.arange(5000) * 4e-10 - 2e-6
+    rows = [f"{t:.3e},0,0" for t in times.tolist()]
+    assert len(set(rows)) < len(rows)
+    (folder / "r001.csv").write_text("\n".join(["time_s,drive_V,sensor_V", *rows]))
+    assert np.allclose(read_campaign(folder)["r001"].time_s, times, rtol=0, atol=4e-10)
+    (folder / "r001.csv").write_text("\n".join(["time_s,drive_V,sensor_V", *rows[:1000], *rows[1050:]]))
+    with pytest.raises(CampaignError, match="time must increase"):
+        read_campaign(folder)
+
+
 def test_two_hundred_thousand_rows_take_less_than_two_seconds(tmp_path):
     large = Campaign("large", campaign(200_000).recordings[:1])
     start = time.perf_counter()
