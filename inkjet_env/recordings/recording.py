@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -112,7 +111,7 @@ class Recording:
             raise ValueError(f"order must be a whole number from 1 on; got {brief(self.order)}.")
         if self.repeat_of is not None and not isinstance(self.repeat_of, str):
             raise ValueError(f"repeat_of must be a recording's name or null; got {brief(self.repeat_of)}.")
-        object.__setattr__(self, "condition", MappingProxyType(_checked_condition(self.condition)))
+        object.__setattr__(self, "condition", _checked_condition(self.condition))
         for label in ("time_s", "drive_V", "sensor", "drive_monitor_V", "neighbour_V"):
             values = getattr(self, label)
             if values is not None or label in ("time_s", "drive_V", "sensor"):
@@ -192,7 +191,7 @@ class Campaign:
         recordings = tuple(self.recordings)
         object.__setattr__(self, "recordings", recordings)
         object.__setattr__(self, "notes", tuple(self.notes))
-        object.__setattr__(self, "sources", MappingProxyType(dict(self.sources)))
+        object.__setattr__(self, "sources", dict(self.sources))
         if not recordings:
             raise ValueError("a campaign must hold at least one recording; got none.")
         seen: set[str] = set()
@@ -266,9 +265,15 @@ def check_label(label: str, given: object, known: Mapping[str, Any] | tuple[str,
 def _check_recording_name(name: object) -> None:
     if not isinstance(name, str):
         raise ValueError(f"a recording's name must be a text; got {brief(name)}.")
-    if not (0 < len(name) <= 100 and name.isprintable() and not set(name) & set('/\\:*?"<>|') and name[0] not in ". "):
+    if (
+        name == ""
+        or not name.isprintable()
+        or len(name.encode()) > 150
+        or set(name) & set('/\\:*?"<>|')
+        or name[0] in ". "
+    ):
         raise ValueError(
-            f"a recording's name must be fit for a file: 1 to 100 printable characters without / \\ : * ? \" < > |, "
+            "a recording's name must be fit for a file: 1 to 150 bytes, printable, without / \\ : * ? \" < > |, "
             f"not starting with a dot or a space; got {brief(name)}."
         )
 
@@ -289,6 +294,8 @@ def _checked_condition(condition: object) -> dict[str, float]:
 
 
 def _checked_samples(label: str, values: ArrayLike, length: int) -> Real:
+    if np.iscomplexobj(values):
+        raise ValueError(f"{label} must be real numbers; got complex ones. Give the real part, or the magnitude.")
     try:
         # What nobody can write any more needs no copy; recordings may be large.
         frozen = isinstance(values, np.ndarray) and not values.flags.writeable and values.base is None

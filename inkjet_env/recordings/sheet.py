@@ -76,7 +76,7 @@ def read_sheet(file: Path) -> Sheet:
             return _sheet_beside(lines, cells)
     raise CampaignError(
         f"{file}: holds no row of at least two numbers in its first {len(lines)} rows. Export it as CSV, with "
-        "comma, semicolon or tab between columns."
+        "comma, semicolon or tab between columns, or take it out of the folder."
     )
 
 

@@ -1,5 +1,7 @@
 """Every oscilloscope style is read to the same numbers."""
 
+import random
+
 import numpy as np
 import pytest
 
@@ -88,6 +90,23 @@ STYLES = (
     plain,
     plain_with_units_in_names,
     no_header,
+)
+DAMAGE = (
+    b"",
+    b"\0",
+    b"\xff",
+    b"\r",
+    b"\n",
+    b'"',
+    b",",
+    b";",
+    b"\t",
+    b"nan",
+    b"1e999",
+    b"-",
+    b"\xe2\x80\xa8",
+    b"9" * 400,
+    b"t0 =",
 )
 ENDINGS = {"unix": ("\n", "utf-8"), "windows": ("\r\n", "utf-8-sig"), "latin": ("\r\n", "latin-1")}
 
@@ -208,3 +227,21 @@ def test_a_folder_of_nothing_is_refused(tmp_path):
         read_campaign(tmp_path)
     with pytest.raises(CampaignError, match="must be a folder"):
         read_campaign(tmp_path / "missing")
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_a_damaged_file_is_read_or_refused(tmp_path, style):
+    rng = random.Random(style.__name__)
+    good = "\n".join(style()[:40]).encode()
+    for _ in range(30):
+        a = rng.randrange(rng.choice([60, len(good)]))
+        bad = good[:a] + rng.choice(DAMAGE) + good[a + rng.choice([0, 1, 7]) :]
+        (tmp_path / "scope.csv").write_bytes(bad)
+        try:
+            recording = read_campaign(tmp_path, channel="self_sensing")["scope"]
+        except CampaignError as error:
+            message = str(error)
+            assert message.startswith(f"{tmp_path}/scope.csv"), bad
+            assert "\n" not in message, bad
+        else:
+            assert len(recording.time_s) <= 40

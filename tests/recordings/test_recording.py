@@ -1,9 +1,12 @@
 """A recording and a campaign refuse what they cannot mean."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 from inkjet_env.recordings import Campaign, Recording
+from inkjet_env.recordings.recording import Source
 
 
 def recording(name="r001", **changed):
@@ -39,11 +42,12 @@ def test_arrays_are_float64_copies_that_cannot_be_written():
     assert r.drive_monitor_V is None
 
 
-def test_the_condition_cannot_be_written():
-    r = recording(condition={"temperature_C": 25})
-    assert r.condition == {"temperature_C": 25.0}
-    with pytest.raises(TypeError):
-        r.condition["temperature_C"] = 30.0
+def test_recordings_and_campaigns_can_go_to_another_process():
+    campaign = Campaign("c", (recording(condition={"temperature_C": 25}),), sources={"r001": Source("r001.csv")})
+    again = pickle.loads(pickle.dumps(campaign))
+    assert again["r001"].condition == {"temperature_C": 25.0}
+    assert np.array_equal(again["r001"].sensor, campaign["r001"].sensor)
+    assert again.sources == campaign.sources
 
 
 def test_rate_step_and_duration_are_of_the_samples():
@@ -83,6 +87,7 @@ def test_one_percent_of_a_step_is_uniform_and_two_are_not():
         ({"drive_V": np.zeros(49)}, "as long as time_s, 50 samples; got 49"),
         ({"sensor": np.zeros((50, 1))}, r"shape \(n,\); got shape \(50, 1\)"),
         ({"sensor": None}, "sensor must"),
+        ({"sensor": 1j * TIME_S}, "sensor must be real numbers"),
         ({"sensor": ["x"] * 50}, "sensor must be numbers"),
         ({"sensor": changed_at(7, np.nan, TIME_S)}, "sensor must be finite; got nan at sample 8 of 50"),
         ({"neighbour_V": changed_at(7, np.inf, TIME_S)}, "neighbour_V must be finite"),
@@ -100,7 +105,7 @@ def test_what_is_no_recording_is_refused(changed, message):
         recording(**changed)
 
 
-@pytest.mark.parametrize("name", ["", "a/b", "..", "a\\b", "a\0", "x" * 101, ".hidden", None, "a\nb"])
+@pytest.mark.parametrize("name", ["", "a/b", "..", "a\\b", "a\0", "x" * 151, "µ" * 99, ".hidden", None, "a\nb"])
 def test_a_name_that_no_file_can_have_is_refused(name):
     with pytest.raises(ValueError, match="a recording's name must be"):
         recording(name)
