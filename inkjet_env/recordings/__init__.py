@@ -1,8 +1,9 @@
 """Recordings of a head: read, checked, written."""
 
+from inkjet_env.recordings.campaign import Campaign
 from inkjet_env.recordings.checks import Finding, check_campaign
 from inkjet_env.recordings.reading import read_campaign
-from inkjet_env.recordings.recording import Campaign, CampaignError, Recording
+from inkjet_env.recordings.recording import CampaignError, Recording
 from inkjet_env.recordings.writing import write_campaign
 
 __all__ = [

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from inkjet_env.printhead import nearest_name
-from inkjet_env.recordings.recording import EXCITATIONS, Campaign, Real, Recording, Source, brief
+from inkjet_env.recordings.campaign import Campaign, Source
+from inkjet_env.recordings.recording import EXCITATIONS, Real, Recording, brief
 
 LARGEST_DRIVE_V = 100.0
 UNREAL_DRIVE_V = 1000.0
@@ -17,6 +18,7 @@ SMALLEST_DRIVE_V = 1.0
 FEWEST_SAMPLES_A_PERIOD = 10
 SHORTEST_FLAT_TOP = 4
 SLOWEST_RATES_Hz = {"self_sensing": 20e3, "displacement": 100.0, "strain_gauge": 0.1}
+UNREAL_RATES_Hz = {"self_sensing": 100.0, "displacement": 100.0, "strain_gauge": 0.1}
 FASTEST_RATE_Hz = 1e12
 
 
@@ -147,7 +149,7 @@ def _time_doubts(recording: Recording, frequency_Hz: float | None) -> Doubts:
     hint = "Check the unit, seconds: microseconds or milliseconds?"
     if rate_Hz < SLOWEST_RATES_Hz[recording.channel]:
         yield (
-            "error",
+            "error" if rate_Hz < UNREAL_RATES_Hz[recording.channel] else "warning",
             None,
             f"the sample rate of {rate_Hz:.4g} Hz is implausibly low for channel {recording.channel}. {hint}",
         )

@@ -8,15 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from inkjet_env.printhead import nearest_name
+from inkjet_env.recordings.campaign import Campaign, Source
 from inkjet_env.recordings.oscilloscope import read_scope_samples
-from inkjet_env.recordings.recording import (
-    SENSOR_COLUMNS,
-    Campaign,
-    CampaignError,
-    Recording,
-    Source,
-    brief,
-)
+from inkjet_env.recordings.recording import SENSOR_COLUMNS, CampaignError, Recording, brief
 from inkjet_env.recordings.samples import Samples, read_standard_samples
 
 DESCRIPTOR = "datapackage.json"

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from inkjet_env.recordings.recording import Campaign, CampaignError, Real, Recording, Source
+from inkjet_env.recordings.campaign import Campaign, Source
+from inkjet_env.recordings.recording import CampaignError, Real, Recording
 from inkjet_env.recordings.roles import candidates, guessed_roles, named_roles
 from inkjet_env.recordings.samples import Samples, uniform
 from inkjet_env.recordings.sheet import Sheet, read_sheet

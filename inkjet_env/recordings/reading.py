@@ -6,9 +6,10 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from inkjet_env.recordings.campaign import Campaign
 from inkjet_env.recordings.data_package import DESCRIPTOR, read_data_package
 from inkjet_env.recordings.oscilloscope import read_scope_folder
-from inkjet_env.recordings.recording import CHANNELS, Campaign, CampaignError, brief, check_label
+from inkjet_env.recordings.recording import CHANNELS, CampaignError, brief, check_label
 
 
 def read_campaign(

@@ -1,17 +1,16 @@
-"""A recording of a head, and the campaign it belongs to."""
+"""A recording of a head, checked once."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inkjet_env.printhead import check_name, nearest_name
+from inkjet_env.printhead import check_name
 
 Real = NDArray[np.float64]
 
@@ -137,117 +136,6 @@ class Recording:
     def sensor_column(self) -> str:
         """Name of the sensor's column in a file: ``sensor_V``, ``displacement_um`` or ``displacement_nm``."""
         return SENSOR_COLUMNS[self.unit]
-
-
-@dataclass(frozen=True)
-class Source:
-    """Where a recording was read from.
-
-    Parameters
-    ----------
-    file : str
-        Path of the CSV file.
-    first_row : int
-        Row of the file, counted from 1, that holds the first sample.
-    """
-
-    file: str
-    first_row: int = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Campaign:
-    """Recordings of one head.
-
-    Parameters
-    ----------
-    name : str
-    recordings : tuple of Recording
-        At least one; names are unique, and each ``repeat_of`` names another of them.
-    title, description : str
-        For people.
-    notes : tuple of str
-        How the files were understood, where that took a guess.
-    sources : mapping of str to Source
-        The file each recording was read from, by the recording's name; empty for recordings that come from no file.
-
-    Raises
-    ------
-    ValueError
-        No recordings, a name twice, a ``repeat_of`` that names no other recording, or repeats in a circle.
-    """
-
-    name: str
-    recordings: tuple[Recording, ...]
-    title: str = ""
-    description: str = ""
-    notes: tuple[str, ...] = ()
-    sources: Mapping[str, Source] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for label in ("name", "title", "description"):
-            if not isinstance(getattr(self, label), str):
-                raise ValueError(f"a campaign's {label} must be a text; got {brief(getattr(self, label))}.")
-        recordings = tuple(self.recordings)
-        object.__setattr__(self, "recordings", recordings)
-        object.__setattr__(self, "notes", tuple(self.notes))
-        object.__setattr__(self, "sources", dict(self.sources))
-        if not recordings:
-            raise ValueError("a campaign must hold at least one recording; got none.")
-        seen: set[str] = set()
-        for recording in recordings:
-            if recording.name in seen:
-                raise ValueError(f"recording {brief(recording.name)} comes twice. Give each its own name.")
-            seen.add(recording.name)
-        for recording in recordings:
-            if recording.repeat_of is not None and recording.repeat_of not in seen:
-                raise ValueError(
-                    f"repeat_of of recording {brief(recording.name)} must name a recording of this campaign or be "
-                    f"null; got {brief(recording.repeat_of)}.{nearest_name(recording.repeat_of[:100], seen)}"
-                )
-        for recording in recordings:
-            self._first_of(recording)
-
-    @cached_property
-    def _by_name(self) -> dict[str, Recording]:
-        return {recording.name: recording for recording in self.recordings}
-
-    def __getitem__(self, name: str) -> Recording:
-        if name not in self._by_name:
-            raise KeyError(f"campaign {self.name!r} has no recording {name!r}.{nearest_name(name, self._by_name)}")
-        return self._by_name[name]
-
-    def select(
-        self, channel: str | None = None, excitation: str | None = None, initial_state: str | None = None
-    ) -> tuple[Recording, ...]:
-        """The recordings with these labels, in their order; None means any."""
-        return tuple(
-            recording
-            for recording in self.recordings
-            if channel in (None, recording.channel)
-            and excitation in (None, recording.excitation)
-            and initial_state in (None, recording.initial_state)
-        )
-
-    def repeats(self) -> dict[str, tuple[Recording, ...]]:
-        """Groups of two or more recordings of the same thing, by the name of the one that the others repeat."""
-        groups: dict[str, list[Recording]] = {}
-        for recording in self.recordings:
-            groups.setdefault(self._first_of(recording), []).append(recording)
-        return {name: tuple(group) for name, group in groups.items() if len(group) > 1}
-
-    def _first_of(self, recording: Recording) -> str:
-        """Name of the recording that ``recording`` repeats in the end; its own where it repeats none."""
-        chain = {recording.name: None}
-        while recording.repeat_of is not None:
-            recording = self[recording.repeat_of]
-            if recording.name in chain:
-                raise ValueError(
-                    f"repeat_of goes in a circle: {' → '.join([*chain, recording.name])[:120]}. "
-                    "The first of the repeats must have null."
-                )
-            chain[recording.name] = None
-        return recording.name
 
 
 def brief(value: Any) -> str:

@@ -7,8 +7,9 @@ import os
 import shutil
 from pathlib import Path
 
+from inkjet_env.recordings.campaign import Campaign
 from inkjet_env.recordings.data_package import DESCRIPTOR, descriptor, listed_files, recording_columns
-from inkjet_env.recordings.recording import Campaign, CampaignError, Recording
+from inkjet_env.recordings.recording import CampaignError, Recording
 from inkjet_env.storage import UNFINISHED, json_text, write_atomically
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.recordings import Campaign, Recording
-from inkjet_env.recordings.recording import Source
+from inkjet_env.recordings.campaign import Source
 
 
 def recording(name="r001", **changed):
