@@ -120,3 +120,11 @@ def check_outputs(inputs: Sequence[Path | None] = (), **files: Path | None) -> N
         from experiments.pictures import check_picture_name
 
         check_picture_name(given["plot"])
+
+
+def named_values(option: str, text: str) -> dict[str, str]:
+    """``name=value,name=value`` as a dict."""
+    pairs = [part.partition("=") for part in text.split(",") if part.strip()]
+    if not pairs or any(not name.strip() or not mark or not value.strip() for name, mark, value in pairs):
+        raise ValueError(f"{option} must read name=value,name=value; got {text!r}.")
+    return {name.strip(): value.strip() for name, _, value in pairs}

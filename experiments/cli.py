@@ -1,4 +1,4 @@
-"""The command ``inkjet``: simulate, optimize, bench.
+"""The command ``inkjet``: simulate, optimize, bench; record and identify are in `campaign_commands`.
 
 Exit status: 0 done, 2 bad input (one sentence on standard error), 130 interrupted by Ctrl-C with what was done kept.
 Whatever costs time to import is imported by the command that needs it.
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from experiments import campaign_commands
 from experiments.arguments import (
     check_outputs,
     check_rate,
@@ -20,6 +21,16 @@ from experiments.arguments import (
     chosen_problem,
     chosen_seed,
     swarm_options,
+)
+from experiments.options import (
+    CostA,
+    CostB,
+    Effective,
+    InitialState,
+    JsonFile,
+    PlotFile,
+    PrintheadFile,
+    Window,
 )
 
 if TYPE_CHECKING:
@@ -37,26 +48,6 @@ app = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
 )
 
-PrintheadFile = Annotated[
-    Path | None, typer.Option("--printhead", help="printhead.json; the published head unless given")
-]
-CostA = Annotated[float | None, typer.Option("--cost-a", help="weight of the effective peak (-5)")]
-CostB = Annotated[float | None, typer.Option("--cost-b", help="weight of the peak after it (5)")]
-Effective = Annotated[
-    str | None, typer.Option(help='which peak ejects: "largest", "first" or a threshold in volts (largest)')
-]
-Window = Annotated[
-    float | None,
-    typer.Option(
-        help="peaks count up to this many seconds after the start, or inf (350e-6); of a drive, at least to its end"
-    ),
-]
-InitialState = Annotated[
-    str | None, typer.Option(help="of the hysteresis: periodic (repeated waveform) or demagnetised (periodic)")
-]
-JsonFile = Annotated[Path | None, typer.Option("--json", help='write the result as JSON; "-" is standard output')]
-PlotFile = Annotated[Path | None, typer.Option("--plot", help="draw drive and response: .png, .svg or .pdf")]
-
 
 def _print_version(asked: bool) -> None:
     if asked:
@@ -72,7 +63,7 @@ def _inkjet(
         bool, typer.Option("--version", help="the version, and nothing else", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
-    """An inkjet printhead: simulate it, optimise its waveform, compare optimisers.
+    """An inkjet printhead: record it, identify it, simulate it, optimise its waveform, compare optimisers.
 
     Units are SI (volts, seconds). Each command has its own --help with an example.
     """
@@ -266,6 +257,10 @@ def bench(
 
         print_ranking(summary, settings.problems, outcome.unavailable)
         print(f"Report: {page}")
+
+
+app.command()(campaign_commands.record)
+app.command()(campaign_commands.identify)
 
 
 def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None) -> None:

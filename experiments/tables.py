@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from experiments.statistics import Summary
+    from inkjet_env.identification import Identification
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -54,3 +55,36 @@ def print_ranking(summary: Summary, problems: Sequence[str], unavailable: dict[s
         print(f"- {sentence}")
     for name, reason in unavailable.items():
         print(f"- Not compared: {name}: {reason}")
+
+
+def print_identification(name: str, found: Identification) -> None:
+    """Print what was identified, with intervals, how well it fits, and what a reader must know."""
+    head = found.printhead
+    rows = [
+        (label, f"{estimate.value:.6g}", f"{estimate.low:.6g} … {estimate.high:.6g}", unit)
+        for label, estimate, unit in (
+            ("a0", found.dynamics["a0"], "1/s²"),
+            ("a1", found.dynamics["a1"], "1/s"),
+            ("b1", found.dynamics["b1"], "1/s"),
+            *(
+                (f"gain of {channel}", gain, f"{found.unit(channel)} per hysteretic V")
+                for channel, gain in found.gains.items()
+                if channel != "self_sensing"
+            ),
+        )
+    ]
+    _table((name, "value", "90 % interval", "unit"), rows)
+    print(
+        f"Resonance {head.frequency_Hz / 1e3:.4g} kHz, damping ratio {head.damping_ratio:.4g}; branch law of degree "
+        f"{len(head.coefficients) - 1} on {head.full_scale_V:g} V."
+    )
+    rows = []
+    for channel in found.gains:
+        unit = found.unit(channel)
+        for label, held_out in (("fitted", False), ("held out", True)):
+            rms, noise = found.rms(channel, held_out)
+            if rms == rms:
+                rows.append((f"{channel}, {label}", f"{rms:.4g} {unit}", f"{noise:.4g} {unit}", f"{rms / noise:.3g}"))
+    _table(("residual (RMS)", "residual", "noise", "ratio"), rows)
+    for note in found.notes:
+        print(f"- {note}")

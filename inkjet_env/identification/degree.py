@@ -42,15 +42,19 @@ class DegreeChoice:
     by_held_out: int | None
 
 
-def choose_degree(blocks: Sequence[Real], samples: Sequence[int]) -> DegreeChoice:
+def choose_degree(blocks: Sequence[Real], samples: Sequence[int], correlation: float = 1.0) -> DegreeChoice:
     """Error against degree for one channel.
 
     Parameters
     ----------
     blocks : sequence of ndarray, shape (k, highest + 2)
-        One a drive: whitened columns of the powers 1 … highest, of the offset, and the signal, reduced to a triangle.
+        One a drive: whitened columns of the powers 1 … highest, of the offset, and the signal, reduced to a triangle;
+        in units of the noise.
     samples : sequence of int
         How many samples each stands for.
+    correlation : float
+        How much stronger the residual is in the signal's band than white noise of its variance would be: by so much
+        chance gains more.
     """
     highest = blocks[0].shape[1] - 2
     degrees = tuple(range(1, highest + 1))
@@ -58,7 +62,7 @@ def choose_degree(blocks: Sequence[Real], samples: Sequence[int]) -> DegreeChoic
     errors = np.array([_misfit(_solution(blocks, n), blocks, n).sum() for n in degrees])
     before = np.concatenate([[np.inf], errors[:-1]])
     gain = before - errors
-    chance = CHANCE_F * errors / np.maximum(total - np.array(degrees) - 1, 1)
+    chance = correlation * CHANCE_F * np.maximum(errors / np.maximum(total - np.array(degrees) - 1, 1), 1.0)
     material = (gain > chance) & (gain >= LEAST_SHARE * np.maximum(before - total, 0.0))
     material[0] = True
     left_out = None

@@ -14,7 +14,7 @@ from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.constrained import density_constraints
 from inkjet_env.identification.degree import HIGHEST_DEGREE, DegreeChoice, choose_degree
 from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
-from inkjet_env.identification.noise import NoiseModel, noise_model
+from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.identification.separable import Fitted, Model, Solution, fit_everything, triangle
 from inkjet_env.identification.starting_point import best_start
 from inkjet_env.printhead import Printhead, check_name
@@ -76,7 +76,12 @@ class Residual:
     @property
     def rms(self) -> float:
         """Of the difference over what was held out, or over all of a recording that was fitted whole."""
-        return float(np.sqrt(np.mean(self.difference[self.fitted % self.measured.size :] ** 2)))
+        return self.rms_of(self.held_out)
+
+    def rms_of(self, held_out: bool) -> float:
+        """Of the difference over what was held out, or over what was fitted; NaN where there is no such part."""
+        part = self.difference[self.fitted :] if held_out else self.difference[: self.fitted]
+        return float(np.sqrt(np.mean(part**2))) if part.size else math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,20 +129,24 @@ class Identification:
         """Recordings, or ends of recordings, that no fit has seen."""
         return tuple(r for r in self.residuals if r.held_out)
 
+    def unit(self, channel: str) -> str:
+        """Unit of a channel's signal: V or um."""
+        return next(r.unit for r in self.residuals if r.channel == channel)
+
     def rms(self, channel: str, held_out: bool) -> tuple[float, float]:
         """Root mean square of a channel's residual, and of its noise, over held-out or fitted recordings."""
-        mine = [r for r in self.residuals if r.channel == channel and r.held_out == held_out]
-        return _pooled(r.rms for r in mine), _pooled(r.noise_rms for r in mine)
+        mine = [r for r in self.residuals if r.channel == channel and not math.isnan(r.rms_of(held_out))]
+        return _pooled(r.rms_of(held_out) for r in mine), _pooled(r.noise_rms for r in mine)
 
     def fit_json(self) -> dict[str, Any]:
         """The entry "fit" of ``printhead.json``: how well the model fits, in volts where the channel has volts."""
         main = "self_sensing" if "self_sensing" in self.gains else "displacement"
-        unit = next(r.unit for r in self.residuals if r.channel == main)
+        unit = self.unit(main)
         heldout, noise = self.rms(main, held_out=True)
         train, noise_train = self.rms(main, held_out=False)
         channels = {
             channel: {
-                "unit": next(r.unit for r in self.residuals if r.channel == channel),
+                "unit": self.unit(channel),
                 "gain": vars(gain),
                 "offset": self.offsets[channel],
                 "residual_over_noise": self.misfit[channel],
@@ -238,6 +247,8 @@ class _Identifier:
         self.full_scale_V = full_scale_V or float(f"{swing:.3g}")
         self.noise = noise_of(self.all)
         self.least = least_noise(self.all)
+        self.coloured: set[str] = set()  # channels whose residual is no white noise once it is whitened
+        self.correlation: dict[str, float] = {}
 
     def run(self) -> Identification:
         unseen = {m.noise_key for m in self.train} - set(self.noise)
@@ -258,9 +269,9 @@ class _Identifier:
         misfit = dict(solution.rms)
         loud = {channel: rms for channel, rms in misfit.items() if rms > NOISE_TOLERANCE}
         if loud:
-            for key, model in self.noise.items():
-                if key[0] in loud:
-                    self.noise[key] = replace(model, innovation=model.innovation * loud[key[0]])
+            for key in [key for key in self.noise if key[0] in loud]:
+                self.noise[key] = replace(self.noise[key], innovation=self.noise[key].innovation * loud[key[0]])
+            self.coloured |= set(loud)
             solution = self.refined(solution.model, choice)
             for channel, rms in loud.items():
                 self.notes.append(
@@ -322,7 +333,7 @@ class _Identifier:
                 block = block - q @ (q.T @ block)
             blocks.append(triangle(block))
             samples.append(len(block))
-        return choose_degree(blocks, samples)
+        return choose_degree(blocks, samples, self.correlation.get(source[0].channel, 1.0))
 
     def refined(self, start: Model, choice: DegreeChoice) -> Solution:
         """The fit of everything from a start whose weights may have another degree."""
@@ -336,7 +347,8 @@ class _Identifier:
                 ratios[channel] = 1.0 if channel == self.reference else self._gain(fitted, channel, start)
         offsets = {channel: start.offsets.get(channel, 0.0) for channel in ratios}
         constraints = density_constraints(degree) if self.valid_density else None
-        return fit_everything(fitted, replace(start, weights=weights, ratios=ratios, offsets=offsets), constraints)
+        begin = replace(start, weights=weights, ratios=ratios, offsets=offsets)
+        return fit_everything(fitted, begin, constraints, self.coloured)
 
     @property
     def reference(self) -> str:
@@ -360,11 +372,32 @@ class _Identifier:
         return float(x @ (target - target.mean())) / power if power > 0 else 1.0
 
     def _noise_from_residuals(self, model: Model, key: tuple[str, float]) -> NoiseModel:
-        left: list[Real] = []
-        for f in self.fitted([m for m in self.train if m.noise_key == key], model.weights.size):
+        """White noise of the residual's RMS; that the residual is hardly white is kept in mind."""
+        guess = self.noise[key]
+        left = [f.measurement.mean - model.predicted(f.measurement, f.basis) for f in self._keyed(model, key)]
+        rms = max(math.sqrt(float(np.mean(np.concatenate(left) ** 2))), self.least[key[0]])
+        self.coloured.add(key[0])
+        strength = (self._band_rms(model, key) * guess.innovation / rms) ** 2
+        self.correlation[key[0]] = max(strength, self.correlation.get(key[0], 1.0))
+        return NoiseModel(np.ones(1), rms, rms, "the residual of the fit")
+
+    def _keyed(self, model: Model, key: tuple[str, float]) -> list[Fitted]:
+        return self.fitted([m for m in self.train if m.noise_key == key], model.weights.size)
+
+    def _band_rms(self, model: Model, key: tuple[str, float]) -> float:
+        """RMS of the whitened residual as a white one would have it that is as strong in the signal's own band.
+
+        A residual that the model's errors make has its power where the signal has, and misleads the parameters by more
+        than white noise of its RMS would.
+        """
+        power = shared = 0.0
+        for f in self._keyed(model, key):
             modelled = model.predicted(f.measurement, f.basis)
-            left.extend((signal - modelled)[: f.measurement.fitted] for signal in f.measurement.signals)
-        return noise_model(left, "the residual of the fit", self.least[key[0]])
+            pair = np.column_stack([f.measurement.mean - modelled, modelled - modelled.mean()])
+            left, signal = np.abs(np.fft.rfft(f.whitened(pair), axis=0).T) ** 2
+            shared += float(np.mean(left * signal))
+            power += float(np.mean(signal)) * f.measurement.fitted
+        return math.sqrt(shared / power) if power > 0 else 1.0
 
     def result(self, solution: Solution, choice: DegreeChoice, misfit: Mapping[str, float]) -> Identification:
         """The printhead, its intervals, and the residual of every recording."""
@@ -385,11 +418,11 @@ class _Identifier:
             if channel != self.reference:
                 gradient[place[f"ratio {channel}"]] = gain_of_reference
             value = ratio * gain_of_reference
-            error = QUANTILE_90 * math.sqrt(float(gradient @ solution.covariance @ gradient))
+            error = QUANTILE_90 * math.sqrt(max(float(gradient @ solution.covariance @ gradient), 0.0))
             gains[channel] = Estimate(value, value - error, value + error)
         dynamics = {}
         for name, value in (("a0", model.a0), ("a1", model.a1)):
-            error = QUANTILE_90 * math.sqrt(solution.covariance[place[f"ln {name}"], place[f"ln {name}"]])
+            error = QUANTILE_90 * math.sqrt(max(solution.covariance[place[f"ln {name}"], place[f"ln {name}"]], 0.0))
             if not error < LARGEST_UNCERTAINTY:
                 raise ValueError(
                     f"these recordings do not tell {name} to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: "

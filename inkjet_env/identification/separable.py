@@ -9,7 +9,7 @@ projection in Ruhe and Wedin's form). Each recording is reduced to a small trian
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,8 @@ Real = NDArray[np.float64]
 MOST_STEPS = 60
 CONVERGED = 1e-4
 """A step that promises to lower χ² by less is the last."""
+SMOOTHED_LINES = 9
+"""Of a residual's periodogram, to make it a spectrum."""
 LARGEST_STEP = 0.5
 """Of the logarithms of a0 and a1."""
 
@@ -129,7 +131,11 @@ def channels_of(fitted: Sequence[Fitted]) -> tuple[str, ...]:
 
 
 def fit_everything(
-    fitted: Sequence[Fitted], start: Model, constraints: Real | None = None, most_steps: int = MOST_STEPS
+    fitted: Sequence[Fitted],
+    start: Model,
+    constraints: Real | None = None,
+    coloured: Collection[str] = (),
+    most_steps: int = MOST_STEPS,
 ) -> Solution:
     """Least squares over all parameters together.
 
@@ -141,6 +147,8 @@ def fit_everything(
         ``a0``, ``a1`` and the ratios are taken from it; the weights where they are needed to begin.
     constraints : ndarray, shape (k, d), optional
         ``constraints @ weights ≥ 0``, or ``≤ 0`` where the first channel's gain is negative.
+    coloured : collection of str
+        Channels whose whitened residual is not white, so that its spectrum must enter the covariance.
     most_steps : int
     """
     problem = _Problem(fitted, constraints)
@@ -166,7 +174,7 @@ def fit_everything(
             converged = step.promise < 1e3 * CONVERGED  # rounding stands in the way of the last digits
             break
         objective, model = value, trial
-    return problem.solution(problem.blocks(model), model, converged)
+    return problem.solution(model, converged, coloured)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,9 +201,15 @@ class _Problem:
         return [self._block(i, f, model, slopes) for i, f in enumerate(self.fitted)]
 
     def _block(self, index: int, f: Fitted, model: Model, slopes: bool) -> Real:
+        if f.measurement.channel != "strain_gauge":
+            return triangle(self._columns(f, model, slopes))
+        if index not in self.still_blocks:
+            self.still_blocks[index] = triangle(self._columns(f, model, slopes))
+        return self.still_blocks[index]
+
+    def _columns(self, f: Fitted, model: Model, slopes: bool) -> Real:
+        """The columns that `blocks` reduces, whitened, at every fitted sample."""
         channel, degree = f.measurement.channel, self.degree
-        if channel == "strain_gauge" and index in self.still_blocks:
-            return self.still_blocks[index]
         psi = f.basis.response(channel, model.a0, model.a1)
         n = f.measurement.fitted
         columns = np.zeros((n, degree + 4))
@@ -220,10 +234,7 @@ class _Problem:
         if states is not None:
             q = np.linalg.qr(f.whitened(states))[0]
             whitened = whitened - q @ (q.T @ whitened)
-        block = triangle(whitened)
-        if channel == "strain_gauge":
-            self.still_blocks[index] = block
-        return block
+        return whitened
 
     @staticmethod
     def _states(f: Fitted, a0: float, a1: float) -> Real:
@@ -231,25 +242,24 @@ class _Problem:
 
     def _stacked(self, blocks: Sequence[Real], model: Model, nonlinear: bool) -> tuple[Real, Real]:
         """All drives below each other: columns weights, [ln a0, ln a1, ratios,] offsets; and the signal."""
-        d, others = self.degree, self.channels[1:]
-        rows = []
-        for f, block in zip(self.fitted, blocks, strict=True):
-            channel = f.measurement.channel
-            psi = block[:, :d]
-            parts = [model.ratios[channel] * psi]
-            if nonlinear:
-                if self.moving:
-                    parts.append(block[:, d : d + 2])
-                parts.extend(
-                    (psi @ model.weights if channel == other else np.zeros(len(block)))[:, None] for other in others
-                )
-            parts.extend(
-                (block[:, d + 2] if channel == each else np.zeros(len(block)))[:, None] for each in self.channels
-            )
-            parts.append(block[:, d + 3 :])
-            rows.append(np.hstack(parts))
-        stacked = np.vstack(rows)
+        stacked = np.vstack(
+            [self._spread(f, block, model, nonlinear) for f, block in zip(self.fitted, blocks, strict=True)]
+        )
         return stacked[:, :-1], stacked[:, -1]
+
+    def _spread(self, f: Fitted, block: Real, model: Model, nonlinear: bool) -> Real:
+        """One drive's columns in the places they have among all parameters, and the signal."""
+        d, channel = self.degree, f.measurement.channel
+        psi, nothing = block[:, :d], np.zeros((len(block), 1))
+        parts = [model.ratios[channel] * psi]
+        if nonlinear:
+            if self.moving:
+                parts.append(block[:, d : d + 2])
+            answer = (psi @ model.weights)[:, None]
+            parts.extend(answer if channel == other else nothing for other in self.channels[1:])
+        parts.extend(block[:, d + 2 : d + 3] if channel == each else nothing for each in self.channels)
+        parts.append(block[:, d + 3 :])
+        return np.hstack(parts)
 
     def _solve(self, matrix: Real, target: Real) -> tuple[Real, Real]:
         """Least squares, under the constraints where there are any; and which of them are active."""
@@ -302,13 +312,13 @@ class _Problem:
         }
         return replace(model, a0=a0, a1=a1, ratios=ratios)
 
-    def solution(self, blocks: Sequence[Real], model: Model, converged: bool) -> Solution:
+    def solution(self, model: Model, converged: bool, coloured: Collection[str]) -> Solution:
         """The model with the covariance of all its parameters."""
+        blocks = self.blocks(model)
         matrix, target = self._stacked(blocks, model, nonlinear=True)
         _, active = self._solve(matrix, target)
         scale = np.linalg.norm(matrix, axis=0)
         scale[scale == 0] = np.inf  # a parameter that nothing shows
-        scaled = matrix / scale
         allowed = np.eye(matrix.shape[1])
         if self.constraints is not None and active.any():
             held = np.zeros((int(active.sum()), matrix.shape[1]))
@@ -316,8 +326,11 @@ class _Problem:
             _, sizes, right = np.linalg.svd(held)
             rank = int(np.sum(sizes > 1e-10 * sizes[0]))
             allowed = right[rank:].T
-        covariance = allowed @ np.linalg.pinv(scaled @ allowed, rcond=1e-13)
-        covariance = (covariance @ covariance.T) / np.outer(scale, scale)
+        inverse = allowed @ np.linalg.pinv(matrix / scale @ allowed, rcond=1e-13)
+        covariance = inverse @ inverse.T
+        if coloured:
+            covariance = covariance @ self._score_covariance(blocks, model, coloured, scale) @ covariance
+        covariance = covariance / np.outer(scale, scale)
         linear, target = self._stacked(blocks, model, nonlinear=False)
         residual = target - linear @ self._linear_part(model)
         rms, at = {}, 0
@@ -335,6 +348,26 @@ class _Problem:
             *(f"offset {channel}" for channel in self.channels),
         )
         return Solution(model, float(np.sum(residual**2)), covariance, names, rms, converged)
+
+    def _score_covariance(self, blocks: Sequence[Real], model: Model, coloured: Collection[str], scale: Real) -> Real:
+        """``Jᵀ Σ J`` with Σ from the residual's own spectrum in the coloured channels, and white noise elsewhere."""
+        total = np.zeros((scale.size, scale.size))
+        for f, block in zip(self.fitted, blocks, strict=True):
+            if f.measurement.channel not in coloured:
+                rows = self._spread(f, block, model, nonlinear=True)[:, :-1] / scale
+                total += rows.T @ rows
+                continue
+            columns = self._columns(f, model, slopes=True)
+            slopes = np.fft.fft(self._spread(f, columns, model, nonlinear=True)[:, :-1] / scale, axis=0)
+            linear = self._spread(f, columns, model, nonlinear=False)
+            residual = linear[:, -1] - linear[:, :-1] @ self._linear_part(model)
+            n = residual.size
+            power = np.abs(np.fft.fft(residual)) ** 2 / n
+            width = min(SMOOTHED_LINES, n)
+            power = np.fft.ifft(np.fft.fft(power) * np.fft.fft(np.ones(width) / width, n)).real
+            power = np.maximum(np.roll(power, -(width // 2)), 0.0)
+            total += ((slopes.conj().T * power) @ slopes).real / n
+        return total
 
 
 def _neighbours(model: Model) -> list[tuple[int, float, tuple[tuple[float, float], tuple[float, float]]]]:

@@ -1,0 +1,139 @@
+"""The commands that measure: record (with the virtual rig) and identify."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from experiments.arguments import check_outputs, chosen_printhead, chosen_seed, named_values
+from experiments.options import JsonFile, PrintheadFile
+
+if TYPE_CHECKING:
+    from inkjet_env.identification import Identification
+    from inkjet_env.recordings import Campaign
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the campaign", show_default=False)]
+Folders = Annotated[
+    list[Path], typer.Argument(metavar="DIR…", help="folder of a campaign; several are identified in parallel")
+]
+
+
+def record(
+    folder: Folder,
+    printhead: PrintheadFile = None,
+    seed: Annotated[int | None, typer.Option(help="of order and noise (0)")] = None,
+    snr_db: Annotated[
+        float | None,
+        typer.Option("--snr-db", help="noise so far below each channel's strongest signal; else the instruments' own"),
+    ] = None,
+    displacement: Annotated[bool, typer.Option("--displacement", help="record a laser vibrometer too")] = False,
+    plan: Annotated[
+        bool, typer.Option("--plan", help="write the drives as CSV for a generator, and plan.csv; record nothing")
+    ] = False,
+    json: JsonFile = None,
+) -> None:
+    """Record a head with the virtual rig: strain gauge and self-sensing, a whole campaign.
+
+    inkjet record campaign --printhead printhead.json --seed 1
+
+    inkjet record drives --plan
+    """
+    from inkjet_env.recordings import write_campaign
+    from inkjet_env.rig import default_battery, displacement_battery, plan_csvs, record_campaign
+    from inkjet_env.storage import write_json
+
+    check_outputs((printhead,), json=json)
+    head = chosen_printhead(printhead)
+    battery = default_battery(head.frequency_Hz)
+    if displacement:
+        battery += displacement_battery(head.frequency_Hz)
+    if plan:
+        if snr_db is not None:
+            raise ValueError("--plan writes drives, which have no noise; leave out --snr-db.")
+        plan_csvs(folder, battery)
+        said = f"{folder}: {len(battery)} drives, and plan.csv that says how to record each and what it is for"
+    else:
+        campaign = record_campaign(head, chosen_seed(seed), battery=battery, snr_dB=snr_db)
+        write_campaign(folder, campaign)
+        said = f"{folder}: {len(campaign.recordings)} recordings"
+    if json is not None:
+        kind = "plan" if plan else "campaign"
+        write_json(json, {"format": "recorded/1", "kind": kind, "folder": str(folder), "lines": len(battery)})
+    if str(json) != "-":
+        print(said)
+
+
+def identify(
+    folders: Folders,
+    out: Annotated[Path, typer.Option(help="the printhead; a folder where several campaigns are identified")] = Path(
+        "printhead.json"
+    ),
+    report: Annotated[Path | None, typer.Option(help="a page with all curves: .html")] = None,
+    json: JsonFile = None,
+    degree: Annotated[
+        int | None, typer.Option(help="of the branch law; chosen from the recordings unless given")
+    ] = None,
+    degree_rule: Annotated[
+        str, typer.Option(help="flattening (the paper's: where the error stops falling) or held_out (drives)")
+    ] = "flattening",
+    valid_density: Annotated[
+        bool, typer.Option("--valid-density", help="enforce p(r) >= 0, a valid Prandtl-Ishlinskii density")
+    ] = False,
+    full_scale: Annotated[
+        float | None, typer.Option(help="change of drive at x = 1, in volts; the largest swing unless given")
+    ] = None,
+    held_out: Annotated[
+        str | None, typer.Option(help="recordings that no fit may see, with commas between; every fourth unless given")
+    ] = None,
+    channel: Annotated[
+        str | None, typer.Option(help="of oscilloscope files: self_sensing, strain_gauge or displacement")
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(help="of oscilloscope files: time=NAME,drive=NAME,sensor=NAME (or numbers); guessed unless given"),
+    ] = None,
+    workers: Annotated[int | None, typer.Option(help="processes where there are several campaigns (all cores)")] = None,
+) -> None:
+    """Hysteresis and dynamics of a head, with 90 % intervals, from a campaign.
+
+    inkjet identify campaign --out printhead.json --report identification.html
+    """
+    from experiments.identification import identify_folders, identify_one
+    from inkjet_env.storage import write_json
+
+    options: dict[str, Any] = {
+        "degree": degree,
+        "degree_rule": degree_rule,
+        "valid_density": valid_density,
+        "full_scale_V": full_scale,
+        "held_out": None if held_out is None else tuple(held_out.split(",")),
+    }
+    reading = {"channel": channel, "columns": None if columns is None else named_values("--columns", columns)}
+    if len(folders) > 1:
+        if report is not None or json is not None:
+            raise ValueError("--report and --json belong to a single campaign; give one folder.")
+        identify_folders(folders, out, reading, options, workers)
+        return
+    check_outputs(out=out, report=report, json=json)
+    campaign, found = identify_one(folders[0], reading, options)
+    write_json(out, found.as_json())
+    if report is not None:
+        from experiments.identification_report import write_identification_report
+
+        write_identification_report(report, campaign.name, found)
+    if json is not None:
+        write_json(json, found.as_json())
+    if str(json) != "-":
+        _tell(campaign, found)
+        print(f"{out}: ready for --printhead" + (f"; report: {report}" if report else ""))
+
+
+def _tell(campaign: Campaign, found: Identification) -> None:
+    from experiments.tables import print_identification
+
+    for note in campaign.notes:
+        print(note, file=sys.stderr)
+    print_identification(campaign.name, found)

@@ -1,0 +1,121 @@
+"""Campaigns read, checked and identified: one, or many side by side."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from inkjet_env.identification import Identification, identify
+from inkjet_env.recordings import Campaign, CampaignError, check_campaign, read_campaign
+from inkjet_env.storage import write_json
+
+MOST_WARNINGS = 10
+ALONE = Path("printhead.json")
+TOGETHER = Path("printheads")
+
+
+def identify_one(
+    folder: Path, reading: Mapping[str, Any], options: Mapping[str, Any]
+) -> tuple[Campaign, Identification]:
+    """Read, check and identify the campaign of one folder; warnings go to standard error.
+
+    Parameters
+    ----------
+    folder : Path
+    reading, options : mapping
+        Keywords of `read_campaign` and of `identify`.
+
+    Raises
+    ------
+    ValueError
+        What cannot be read, a recording whose unit cannot be meant, nothing to identify from; names file and row.
+    """
+    campaign = read_campaign(folder, **reading)
+    warned = _checked(campaign, None)
+    found = identify(campaign, **options)
+    _warn([*warned, *(w for w in _checked(campaign, found.printhead.frequency_Hz) if w not in warned)])
+    return campaign, found
+
+
+def _checked(campaign: Campaign, frequency_Hz: float | None) -> list[str]:
+    """Warnings; the first error is raised."""
+    findings = check_campaign(campaign, frequency_Hz)
+    for finding in findings:
+        if finding.level == "error":
+            raise CampaignError(str(finding))
+    return [str(finding) for finding in findings]
+
+
+def _warn(warnings: Sequence[str]) -> None:
+    for warning in warnings[:MOST_WARNINGS]:
+        print(f"warning: {warning}", file=sys.stderr)
+    if len(warnings) > MOST_WARNINGS:
+        print(f"warning: … and {len(warnings) - MOST_WARNINGS} more of this kind", file=sys.stderr)
+
+
+def identify_folders(
+    folders: Sequence[Path],
+    out: Path,
+    reading: Mapping[str, Any],
+    options: Mapping[str, Any],
+    workers: int | None = None,
+) -> None:
+    """Identify several campaigns in parallel; each printhead is written as soon as it is there.
+
+    Parameters
+    ----------
+    folders : sequence of Path
+    out : Path
+        Folder for ``<campaign's folder>.json``; made if it is missing.
+    reading, options : mapping
+        As for `identify_one`.
+    workers : int, optional
+        Processes; all cores unless given.
+
+    Raises
+    ------
+    ValueError
+        Two folders of one name, or campaigns that could not be identified: each with its sentence. The others are
+        written.
+    """
+    from joblib import Parallel, delayed
+
+    from experiments.progress import shown_progress
+
+    out = TOGETHER if out == ALONE else out
+    names = [folder.resolve().name for folder in folders]
+    name, count = Counter(names).most_common(1)[0]
+    if count > 1:
+        raise ValueError(f"{count} folders are called {name!r}, and each gives {out / name}.json. Rename one.")
+    if workers is not None and workers < 1:
+        raise ValueError(f"--workers must be at least 1; got {workers}.")
+    out.mkdir(parents=True, exist_ok=True)
+    jobs = (
+        delayed(_written)(folder, out / f"{name}.json", reading, options)
+        for folder, name in zip(folders, names, strict=True)
+    )
+    refused = []
+    with shown_progress("identify", len(folders)) as progress:
+        finished = Parallel(n_jobs=workers or -1, return_as="generator_unordered")(jobs)
+        for done, (folder, complaint) in enumerate(finished, start=1):
+            progress(done, folder.name)
+            if complaint:
+                refused.append(complaint)
+    print(f"{out}: {len(folders) - len(refused)} printheads")
+    if refused:
+        raise ValueError("\ninkjet: ".join(sorted(refused)))
+
+
+def _written(
+    folder: Path, file: Path, reading: Mapping[str, Any], options: Mapping[str, Any]
+) -> tuple[Path, str | None]:
+    """Identify one campaign in a worker; the complaint, where it could not be."""
+    try:
+        found = identify_one(folder, reading, options)[1]
+    except (ValueError, OSError) as error:
+        return folder, f"{folder}: {error}" if str(folder) not in str(error) else str(error)
+    write_json(file, found.as_json())
+    return folder, None

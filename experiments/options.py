@@ -1,0 +1,28 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PrintheadFile = Annotated[
+    Path | None, typer.Option("--printhead", help="printhead.json; the published head unless given")
+]
+CostA = Annotated[float | None, typer.Option("--cost-a", help="weight of the effective peak (-5)")]
+CostB = Annotated[float | None, typer.Option("--cost-b", help="weight of the peak after it (5)")]
+Effective = Annotated[
+    str | None, typer.Option(help='which peak ejects: "largest", "first" or a threshold in volts (largest)')
+]
+Window = Annotated[
+    float | None,
+    typer.Option(
+        help="peaks count up to this many seconds after the start, or inf (350e-6); of a drive, at least to its end"
+    ),
+]
+InitialState = Annotated[
+    str | None, typer.Option(help="of the hysteresis: periodic (repeated waveform) or demagnetised (periodic)")
+]
+JsonFile = Annotated[Path | None, typer.Option("--json", help='write the result as JSON; "-" is standard output')]
+PlotFile = Annotated[Path | None, typer.Option("--plot", help="draw drive and response: .png, .svg or .pdf")]
