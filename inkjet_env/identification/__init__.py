@@ -1,7 +1,8 @@
 """From recordings to a printhead, with intervals: hysteresis, resonator and gains of every channel together."""
 
+from inkjet_env.identification.convention import in_convention
 from inkjet_env.identification.degree import DegreeChoice
 from inkjet_env.identification.identify import Estimate, Identification, Residual, identify
 from inkjet_env.identification.noise import NoiseModel
 
-__all__ = ["DegreeChoice", "Estimate", "Identification", "NoiseModel", "Residual", "identify"]
+__all__ = ["DegreeChoice", "Estimate", "Identification", "NoiseModel", "Residual", "identify", "in_convention"]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.constrained import density_constraints
+from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.degree import HIGHEST_DEGREE, DegreeChoice, choose_degree
 from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
 from inkjet_env.identification.noise import NoiseModel
@@ -185,9 +186,7 @@ def identify(
     error on every fast recording, then everything together, weighed by the noise; one offset a channel, and the
     resonator's initial state where it is ``free``, are fitted along and nothing else.
 
-    The scale of the branch law cannot be observed beside the gains. By convention the hysteretic drive swings as far as
-    that of the published head under a drive that swings over ``full_scale_V``, so that identified and published ``b1``
-    compare.
+    The scale of the branch law cannot be observed beside the gains: it is the published head's, see `convention`.
 
     Parameters
     ----------
@@ -403,8 +402,7 @@ class _Identifier:
         """The printhead, its intervals, and the residual of every recording."""
         model, d = solution.model, solution.model.weights.size
         swing = float(model.weights.sum())
-        x = self.full_scale_V / PUBLISHED.full_scale_V
-        convention = float(PUBLISHED.branch_law.Q(x)) / x
+        convention = conventional_swing(self.full_scale_V)
         gain_of_reference = swing / convention
         if not math.isfinite(gain_of_reference) or abs(swing) < 1e-12 * float(np.abs(model.weights).sum()):
             raise ValueError(f"channel {self.reference} does not follow the drive at all; is its sensor connected?")
@@ -500,9 +498,6 @@ class _Identifier:
                 for name, signal in zip(m.names, m.signals, strict=True)
             )
         return tuple(sorted(rows, key=lambda r: r.name))
-
-
-PUBLISHED = Printhead.published()
 
 
 def _pooled(values: Any) -> float:
