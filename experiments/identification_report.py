@@ -1,0 +1,579 @@
+"""The page that an identification is read from: what was found, how sure it is, and what the model leaves over.
+
+`write_identification_report` writes one HTML file that needs nothing but itself. From top to bottom: the answer in
+words, parameters, hysteresis, ringing, spectrum, the residual of every recording, settings.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments import pictures
+from inkjet_env.identification import Estimate, Identification, NoiseModel, Residual
+from inkjet_env.identification.identify import NOISE_TOLERANCE, QUANTILE_90
+from inkjet_env.storage import write_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Real = NDArray[np.float64]
+
+CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain-gauge", "displacement": "displacement"}
+EXPLAINED = 1.1
+"""Residual over noise of held-out recordings up to which the page says that the model explains them."""
+MOST_POINTS = 3000
+"""Of one line in a picture."""
+MOST_REVERSALS = 60
+"""Of a drive whose loops can still be told apart in a picture."""
+PERIODS_SHOWN = 30
+"""Of the resonance, in a picture of ringing."""
+MOST_VIEWS = 3
+MOST_LABELS = 90
+"""Names of recordings that fit beside each other."""
+SHORTEST_BRANCH = 0.2
+"""Of a branch drawn beside the branch law, as a share of the recording's swing."""
+MEASURED, MODELLED, LEFT, BAND = "#000000", "#e69f00", "#0072b2", "#d9d9d9"
+FITTED, HELD_OUT = "#0072b2", "#d55e00"
+MARKERS = {"self_sensing": "o", "strain_gauge": "s", "displacement": "^"}
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Samples of a recording that were all fitted, or all held out."""
+
+    residual: Residual
+    samples: slice
+    held_out: bool
+
+    @property
+    def role(self) -> str:
+        """In words."""
+        return "held out" if self.held_out else "fitted"
+
+    @property
+    def rms(self) -> float:
+        """Of measured minus modelled, in the channel's unit."""
+        return float(np.sqrt(np.mean(self.residual.difference[self.samples] ** 2)))
+
+    @property
+    def over_noise(self) -> float:
+        """The same as a multiple of the noise; NaN where that is unknown."""
+        noise = self.residual.noise_rms
+        return self.rms / noise if noise > 0 else math.nan
+
+    @property
+    def share(self) -> float:
+        """The same as a share of the measured signal's RMS about its mean; NaN of a signal that stands still."""
+        signal = float(np.std(self.residual.measured[self.samples]))
+        return self.rms / signal if signal > 0 and np.ptp(self.residual.drive_V) > 0 else math.nan
+
+
+def parts_of(residual: Residual) -> list[Part]:
+    """The fitted and the held-out part of a recording; one where it was treated whole."""
+    n, fitted = residual.measured.size, residual.fitted
+    pieces = [(slice(0, fitted), False)] * (fitted > 0) + [(slice(fitted, n), True)] * (fitted < n)
+    return [Part(residual, samples, held_out) for samples, held_out in pieces]
+
+
+def write_identification_report(
+    path: str | os.PathLike[str], campaign_name: str, identification: Identification
+) -> None:
+    """Write the page, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Of the HTML file; an existing one is replaced.
+    campaign_name : str
+        What the head is called on the page; any characters.
+    identification : Identification
+
+    Raises
+    ------
+    OSError
+        The folder is missing or not writable.
+    """
+    write_atomically(path, identification_html(campaign_name, identification))
+
+
+def identification_html(campaign_name: str, identification: Identification) -> str:
+    """The page as text."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
+    environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
+    parts = [part for residual in identification.residuals for part in parts_of(residual)]
+    loops = loop_recordings(identification)
+    fast = fast_recordings(identification)
+    broadest = broadest_recording(fast)
+    return environment.get_template("identification.html").render(
+        name=campaign_name,
+        headline=headline(identification),
+        worst=worst_recording(parts),
+        identification=identification,
+        head=identification.printhead,
+        parameters=parameter_rows(identification),
+        coefficients=coefficient_rows(identification),
+        loops=[(loop, pictures.svg_text(loop_figure(loop))) for loop in loops],
+        law=pictures.svg_text(law_figure(identification)),
+        degree=pictures.svg_text(degree_figure(identification)),
+        ringing=pictures.svg_text(ringing_figure(ringing_views(fast, identification.printhead.frequency_Hz))),
+        broadest=broadest,
+        spectrum=pictures.svg_text(spectrum_figure(broadest, noise_of(broadest, identification))),
+        parts=parts,
+        units={r.channel: unit_text(r.unit) for r in identification.residuals},
+        residuals=pictures.svg_text(residuals_figure(parts)),
+        explained=EXPLAINED,
+    )
+
+
+def headline(identification: Identification) -> tuple[str, str]:
+    """What was found, and how well the model explains what no fit has seen, in words."""
+    head = identification.printhead
+    found = f"resonance {hertz(head.frequency_Hz)}, damping ratio {head.damping_ratio:.3g}"
+    held_out = bool(identification.heldout)
+    which = "held-out" if held_out else "fitted"
+    ratios = {}
+    for channel in identification.gains:
+        rms, noise = identification.rms(channel, held_out)
+        if rms / noise >= 0:
+            ratios[channel] = rms / noise
+    if not ratios:
+        return found, f"how well the model explains the {which} recordings cannot be told, their noise being unknown"
+    worst = max(ratios, key=lambda channel: ratios[channel])
+    ratio, whose = ratios[worst], "" if len(ratios) == 1 else f"{CHANNEL_WORDS[worst]} "
+    mine = [r for r in identification.residuals if r.channel == worst and r.held_out == held_out]
+    shares = [p.share for r in mine for p in parts_of(r)[-1:] if math.isfinite(p.share)]
+    if ratio > EXPLAINED:
+        share = f", {100 * math.sqrt(float(np.mean(np.square(shares)))):.2g} % of their signal" if shares else ""
+        return found, (
+            f"the model does not explain the {which} {whose}recordings: its residual there is {ratio:.3g} times their "
+            f"noise{share}"
+        )
+    loud = max(identification.misfit, key=lambda channel: identification.misfit[channel])
+    if identification.misfit[loud] > NOISE_TOLERANCE:
+        return found, (
+            f"the model leaves no more than {ratio:.2f} times the noise of the {which} recordings, yet not noise: "
+            f"whitened, the fit's {CHANNEL_WORDS[loud]} residual is {identification.misfit[loud]:.3g} times the noise"
+        )
+    return found, f"the model explains the {which} recordings to {ratio:.2f} times their noise"
+
+
+def worst_recording(parts: Sequence[Part]) -> Part | None:
+    """The one that exceeds its noise most; None where no noise is known."""
+    known = [part for part in parts if math.isfinite(part.over_noise)]
+    return max(known, key=lambda part: part.over_noise, default=None)
+
+
+def parameter_rows(identification: Identification) -> list[tuple[str, str, str, str, str]]:
+    """Symbol, value, 90 % interval, unit and meaning of every parameter but the branch law's coefficients."""
+    a0, a1 = identification.dynamics["a0"], identification.dynamics["a1"]
+    turns = 2 * math.pi
+    frequency = Estimate(*(math.sqrt(v) / turns for v in (a0.value, a0.low, a0.high)))
+    # ln ζ = ln a1 - ln(a0) / 2; a ringing tells its frequency and its decay independently.
+    spread = math.hypot(math.log(a1.high / a1.low), math.log(a0.high / a0.low) / 2) / 2
+    zeta = identification.printhead.damping_ratio
+    damping = Estimate(zeta, zeta * math.exp(-spread), zeta * math.exp(spread))
+    rows = [
+        ("f0", frequency, "Hz", "resonance, √a0 / 2π"),
+        ("ζ", damping, "", "damping ratio, a1 / (2 √a0); its interval takes a0 and a1 for independent"),
+        ("a0", a0, "1/s²", "of G(s) = b1 s / (s² + a1 s + a0)"),
+        ("a1", a1, "1/s", "of the same"),
+        ("b1", identification.dynamics["b1"], "1/s", "gain of self-sensing"),
+    ]
+    units = {residual.channel: unit_text(residual.unit) for residual in identification.residuals}
+    for channel, gain in identification.gains.items():
+        if channel != "self_sensing":  # whose gain is b1
+            rows.append(("gain", gain, f"{units[channel]}/V", f"{CHANNEL_WORDS[channel]}: per hysteretic volt"))
+    told = [(symbol, *interval_text(estimate), unit, meaning) for symbol, estimate, unit, meaning in rows]
+    for channel, offset in identification.offsets.items():
+        told.append(("offset", short(offset), "", units[channel], CHANNEL_WORDS[channel]))
+    return told
+
+
+def coefficient_rows(identification: Identification) -> list[tuple[int, str, str]]:
+    """Power, coefficient and standard error, highest power first."""
+    errors = np.sqrt(np.diag(identification.coefficient_covariance))
+    coefficients = identification.printhead.branch_law.ascending[1:]
+    rows = [
+        (k + 1, *interval_text(Estimate(c, c - e, c + e))[:1], short(e))
+        for k, (c, e) in enumerate(zip(coefficients, errors, strict=True))
+    ]
+    return rows[::-1]
+
+
+def interval_text(estimate: Estimate) -> tuple[str, str]:
+    """The value and its interval, to two digits of the interval's half width.
+
+    Examples
+    --------
+    >>> interval_text(Estimate(1.05512e11, 1.05489e11, 1.05535e11))
+    ('1.05512e11', '1.05489e11 … 1.05535e11')
+    >>> interval_text(Estimate(-0.25, -0.25, -0.25))
+    ('−0.25', '−0.25 … −0.25')
+    """
+    half = (estimate.high - estimate.low) / 2
+    digits = 6
+    if half > 0 and estimate.value != 0:
+        digits = min(max(math.floor(math.log10(abs(estimate.value))) - math.floor(math.log10(half)) + 2, 2), 10)
+    value, low, high = (short(v, digits) for v in (estimate.value, estimate.low, estimate.high))
+    return value, f"{low} … {high}"
+
+
+def short(value: float, digits: int = 3) -> str:
+    """A number for people; a dash where there is none.
+
+    Examples
+    --------
+    >>> short(-3.14159e-7), short(12345.678), short(12345.678, 5), short(float("nan"))
+    ('−3.14e−7', '12300', '12346', '–')
+    """
+    if not math.isfinite(value):
+        return "–"
+    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
+    if -4 < exponent < 6:
+        text = f"{float(f'{value:.{digits}g}'):.{max(digits - 1 - exponent, 0)}f}"
+    else:
+        text = f"{value / 10.0**exponent:.{digits - 1}f}e{exponent}"
+    return text.replace("-", "−")
+
+
+def hertz(frequency_Hz: float) -> str:
+    """A frequency in Hz, kHz or MHz.
+
+    Examples
+    --------
+    >>> hertz(51694.6), hertz(412.3)
+    ('51.69 kHz', '412.3 Hz')
+    """
+    for size, unit in ((1e6, "MHz"), (1e3, "kHz")):
+        if frequency_Hz >= size:
+            return f"{frequency_Hz / size:.4g} {unit}"
+    return f"{frequency_Hz:.4g} Hz"
+
+
+def unit_text(unit: str) -> str:
+    """Micrometres as people write them."""
+    return unit.replace("um", "µm")
+
+
+def loop_recordings(identification: Identification) -> list[Residual]:
+    """The widest plain loop, and the richest nested ones, of the channel that chose the degree; none of self-sensing.
+
+    Self-sensing shows the rate of the deflection, so its signal against the drive is no loop of the hysteresis.
+    """
+    if identification.degree_channel == "self_sensing":
+        return []
+    mine = [r for r in identification.residuals if r.channel == identification.degree_channel]
+    mine = [r for r in mine if np.ptp(r.drive_V) > 0]
+    widest = max(float(np.ptp(r.drive_V)) for r in mine)
+    turns = {r.name: len(turning_points(r.drive_V)) for r in mine}
+    wide = [r for r in mine if np.ptp(r.drive_V) >= 0.9 * widest]
+    first = min(wide, key=lambda r: (turns[r.name] < 2, turns[r.name], not r.held_out))
+    nested = [r for r in mine if turns[first.name] + 2 < turns[r.name] <= MOST_REVERSALS]
+    return [first, *sorted(nested, key=lambda r: -turns[r.name])[:1]]
+
+
+def fast_recordings(identification: Identification) -> list[Residual]:
+    """Recordings of self-sensing, or of displacement where there is none, whose drive moves."""
+    channel = "self_sensing" if "self_sensing" in identification.gains else "displacement"
+    return [r for r in identification.residuals if r.channel == channel and np.ptp(r.drive_V) > 0]
+
+
+def turning_points(drive_V: Real) -> list[int]:
+    """Samples at which the drive starts on its way back."""
+    moving = np.flatnonzero(np.diff(drive_V))
+    up = drive_V[moving + 1] > drive_V[moving]
+    return [int(k) for k in moving[1:][up[1:] != up[:-1]]]
+
+
+def branches(drive_V: Real) -> list[tuple[int, int]]:
+    """First and last sample of the stretches of drive that follow the branch law ``Q`` whatever came before.
+
+    The outermost turning point wipes out all memory; the branch from there follows ``Q``, and so does the next one,
+    until it is back at that level.
+    """
+    turns = turning_points(drive_V)
+    level = np.abs(drive_V).max() * (1 - 1e-3)
+    found, after_outermost = [], False
+    for start, end in zip(turns, [*turns[1:], drive_V.size - 1], strict=True):
+        outermost = abs(drive_V[start]) >= level
+        if (outermost or after_outermost) and abs(drive_V[end] - drive_V[start]) >= SHORTEST_BRANCH * np.ptp(drive_V):
+            found.append((start, end))
+        after_outermost = outermost
+    return found
+
+
+def loop_figure(residual: Residual) -> Figure:
+    """One recording against time and against the drive, measured and modelled; differences beneath."""
+    figure, axes = pictures.new_figure(10, 5.0, nrows=2, ncols=2, sharex="col", height_ratios=[3, 1.6])
+    seconds, time_unit = time_scale(residual.measured.size * residual.step_s)
+    unit = unit_text(residual.unit)
+    swing = float(np.ptp(residual.modelled))
+    for column, x in enumerate((residual.time_s / seconds, residual.drive_V)):
+        style = {"ms": 2.2, "ls": "none", "marker": "."} if residual.measured.size < MOST_POINTS else {"lw": 1.4}
+        _line(axes[0, column], x, residual.measured, color=MEASURED, label="measured", **style)
+        _line(axes[0, column], x, residual.modelled, color=MODELLED, label="modelled", lw=1.2)
+    time_s = residual.time_s / seconds
+    _noise_band(axes[1, 0], residual)
+    _line(axes[1, 0], time_s, residual.difference, color=LEFT, lw=0.8)
+    _line(axes[1, 1], residual.drive_V, 100 * residual.difference / swing, color=LEFT, lw=0.8)
+    if 0 < residual.fitted < residual.measured.size:
+        for panel in axes[:, 0]:
+            panel.axvspan(time_s[residual.fitted], time_s[-1], color=HELD_OUT, alpha=0.12, lw=0, label="held out")
+    axes[0, 0].set_ylabel(f"{CHANNEL_WORDS[residual.channel]} ({unit})")
+    axes[0, 1].set_ylabel(f"{CHANNEL_WORDS[residual.channel]} ({unit})")
+    axes[1, 0].set_ylabel(f"measured − modelled ({unit})")
+    axes[1, 1].set_ylabel("difference (% of swing)")
+    axes[1, 0].set_xlabel(f"time ({time_unit})")
+    axes[1, 1].set_xlabel("drive (V)")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    figure.align_ylabels()
+    return figure
+
+
+def law_figure(identification: Identification) -> Figure:
+    """The branch law with the branches it was measured on, and what these differ by, in % of the swing."""
+    law = identification.printhead.branch_law
+    figure, axes = pictures.new_figure(8.6, 4.8, nrows=2, sharex=True, height_ratios=[2, 1.3])
+    x = np.linspace(0, 1, 301)
+    percent = 100 / float(law.Q(1.0))
+    powers = x[:, None] ** np.arange(1, len(law.coefficients))
+    variance = np.einsum("ij,jk,ik->i", powers, identification.coefficient_covariance, powers)
+    error = QUANTILE_90 * np.sqrt(np.maximum(variance, 0))  # rounding, where the convention of scale makes it 0
+    for held_out, colour in ((False, FITTED), (True, HELD_OUT)):
+        at, off = measured_branches(identification, held_out)
+        if at.size:
+            label = f"measured, {'held out' if held_out else 'fitted'}"
+            axes[0].plot(at, law.Q(at) + off, ".", ms=2.5, color=colour, label=label, rasterized=True)
+            axes[1].plot(at, percent * off, ".", ms=2.5, color=colour, rasterized=True)
+    axes[0].plot(x, law.Q(x), color=MEASURED, lw=1.2, label=f"Q(x), degree {len(law.coefficients) - 1}")
+    axes[1].fill_between(x, -percent * error, percent * error, color=MODELLED, alpha=0.7, lw=0, zorder=3)
+    axes[0].fill_between(
+        x, law.Q(x) - error, law.Q(x) + error, color=MODELLED, alpha=0.7, lw=0, label="its 90 % interval"
+    )
+    axes[0].legend(frameon=False, markerscale=3)
+    axes[0].set_ylabel("hysteretic drive\n(full scales)")
+    axes[1].set_ylabel("measured − Q\n(% of swing)")
+    axes[1].set_xlabel(f"x = change of drive since the turning point / {law.full_scale_V:g} V")
+    figure.align_ylabels()
+    return figure
+
+
+def measured_branches(identification: Identification, held_out: bool) -> tuple[Real, Real]:
+    """Points measured on `branches`: ``x``, and how far off ``Q(x)`` they lie; none from self-sensing.
+
+    What the resonator adds has been taken off as modelled: the difference of the recording stands for that of the law.
+    """
+    law, channel = identification.printhead.branch_law, identification.degree_channel
+    at: list[Real] = [np.zeros(0)]
+    off: list[Real] = [np.zeros(0)]
+    for residual in identification.residuals:
+        if residual.channel != channel or channel == "self_sensing" or np.ptp(residual.drive_V) == 0:
+            continue
+        seen = np.arange(residual.measured.size) >= residual.fitted
+        for start, end in branches(residual.drive_V):
+            chosen = np.arange(start, end + 1)[seen[start : end + 1] == held_out]
+            drive = residual.drive_V[chosen] - residual.drive_V[start]
+            heading = np.sign(residual.drive_V[end] - residual.drive_V[start])
+            at.append(np.abs(drive) / law.full_scale_V)
+            gain = identification.gains[channel].value
+            off.append(heading * residual.difference[chosen] / (gain * law.full_scale_V))
+    x, y = np.concatenate(at), np.concatenate(off)
+    every = -(-x.size // MOST_POINTS)
+    return (x[::every], y[::every]) if every else (x, y)
+
+
+def degree_figure(identification: Identification) -> Figure:
+    """Error of the branch law against its degree."""
+    choice = identification.degree
+    used = len(identification.printhead.coefficients) - 1
+    figure, axes = pictures.new_figure(6.4, 3.2)
+    axes.plot(choice.degrees, choice.rms_error, "o-", color=FITTED, lw=1.2, ms=5, label="fit")
+    if choice.held_out_error is not None:
+        error = choice.held_out_error
+        axes.plot(choice.degrees, error, "D--", color=HELD_OUT, lw=1.2, ms=4, label="drives left out in turn")
+    axes.axvline(used, color=MEASURED, lw=1.0, ls=":", label=f"used: {used}")
+    axes.axhline(1, color=pictures.GREY, lw=1.0, label="the noise")
+    axes.set(yscale="log", xticks=choice.degrees)
+    _plain_log_ticks(axes.yaxis)
+    axes.set_xlabel("degree of Q")
+    axes.set_ylabel("RMS error (multiples of the noise)")
+    axes.legend(frameon=False)
+    return figure
+
+
+def ringing_views(fast: Sequence[Residual], frequency_Hz: float) -> list[Part]:
+    """What is drawn of the ringing: held-out pulses first, each drive once, the steepest edge of a long recording."""
+    views: list[Part] = []
+    drives: set[bytes] = set()
+    for residual in sorted(fast, key=lambda r: (not r.held_out, not _pulsed(r), -np.ptp(r.drive_V))):
+        if residual.drive_V.tobytes() in drives:
+            continue
+        drives.add(residual.drive_V.tobytes())
+        most = max(round(PERIODS_SHOWN / (frequency_Hz * residual.step_s)), 60)
+        for part in parts_of(residual):
+            first, last = part.samples.start, part.samples.stop
+            steepest = first + int(np.argmax(np.abs(np.diff(residual.drive_V[part.samples]))))
+            if last - first > most:
+                first = min(max(first, steepest - most // 10), last - most)
+            views.append(Part(residual, slice(first, min(first + most, last)), part.held_out))
+    return views[:MOST_VIEWS]
+
+
+def _pulsed(residual: Residual) -> bool:
+    return bool(np.mean(np.diff(residual.drive_V) == 0) > 0.5)
+
+
+def ringing_figure(views: Sequence[Part]) -> Figure:
+    """Drive, signal and residual of some stretches of recordings, a column each."""
+    figure, axes = pictures.new_figure(
+        max(3.6 * len(views), 7.2),
+        5.6,
+        nrows=3,
+        ncols=len(views),
+        sharex="col",
+        squeeze=False,
+        height_ratios=[1, 2, 1.4],
+    )
+    for column, view in zip(axes.T, views, strict=True):
+        residual, where = view.residual, view.samples
+        seconds, time_unit = time_scale(float(np.ptp(residual.time_s[where])))
+        time = residual.time_s[where] / seconds
+        _line(column[0], time, residual.drive_V[where], color=pictures.GREY, lw=1.2)
+        _line(column[1], time, residual.measured[where], color=MEASURED, lw=1.6, label="measured")
+        _line(column[1], time, residual.modelled[where], color=MODELLED, lw=1.0, label="modelled")
+        _noise_band(column[2], residual)
+        _line(column[2], time, residual.difference[where], color=LEFT, lw=0.7)
+        ratio = f": residual {view.over_noise:.3g} × noise" if math.isfinite(view.over_noise) else ""
+        column[0].set_title(f"{residual.name}, {view.role}{ratio}", fontsize=9)
+        column[2].set_xlabel(f"time ({time_unit})")
+    unit = unit_text(views[0].residual.unit)
+    axes[0, 0].set_ylabel("drive (V)")
+    axes[1, 0].set_ylabel(f"{CHANNEL_WORDS[views[0].residual.channel]} ({unit})")
+    axes[2, 0].set_ylabel(f"measured −\nmodelled ({unit})")
+    figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False)
+    figure.align_ylabels()
+    return figure
+
+
+def broadest_recording(fast: Sequence[Residual]) -> Residual:
+    """The recording whose drive spreads its power over most hertz; held out and strong where several do."""
+    width = {}
+    for residual in fast:
+        power = np.abs(np.fft.rfft(residual.drive_V - residual.drive_V.mean())) ** 2
+        width[residual.name] = power.sum() ** 2 / (power @ power) / (residual.drive_V.size * residual.step_s)
+    broad = [r for r in fast if width[r.name] >= 0.8 * max(width.values())]
+    return max(broad, key=lambda r: (r.held_out, np.ptp(r.drive_V)))
+
+
+def noise_of(residual: Residual, identification: Identification) -> NoiseModel | None:
+    """The noise model of a recording's channel at the nearest sampling step."""
+    known = {step: model for (channel, step), model in identification.noise.items() if channel == residual.channel}
+    return known[min(known, key=lambda step: abs(math.log(step / residual.step_s)))] if known else None
+
+
+def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
+    """Amplitude densities of a recording, measured and modelled, of what is left, and of the noise."""
+    figure, axes = pictures.new_figure(8.6, 4.0)
+    frequency, drive = amplitude_density(residual.drive_V, residual.step_s)
+    scale, unit = (1e3, "kHz") if frequency[-1] > 1e4 else (1.0, "Hz")
+    excited = drive > 0.01 * drive[1:].max()
+    excited[0] = False
+    for signal, colour, mark, label in (
+        (residual.measured, MEASURED, {"marker": "o", "ms": 3.2, "ls": "none"}, "measured, where the drive has power"),
+        (residual.modelled, MODELLED, {"marker": "x", "ms": 3.6, "ls": "none"}, "modelled, likewise"),
+    ):
+        density = amplitude_density(signal, residual.step_s)[1]
+        _line(axes, frequency[excited] / scale, density[excited], color=colour, label=label, **mark)
+    left = amplitude_density(residual.difference, residual.step_s)[1]
+    edges = np.unique(np.round(np.geomspace(1, frequency.size, 200)).astype(int))
+    mean = np.sqrt(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
+    axes.plot(frequency[edges[:-1]] / scale, mean, color=LEFT, lw=1.0, label="measured − modelled")
+    if noise is not None:
+        density = np.sqrt(noise.spectrum(frequency[1:], residual.step_s))
+        # Where the fit was told to mistrust a channel its model was raised; what is drawn has the noise's own RMS.
+        raised = math.sqrt(float(np.mean(density**2)) * frequency[-1]) / noise.rms
+        axes.plot(frequency[1:] / scale, density / raised, "--", color="#009e73", lw=1.4, label="noise model")
+    axes.set(xscale="log", yscale="log")
+    axes.set_xlabel(f"frequency ({unit})")
+    axes.set_ylabel(f"amplitude density ({unit_text(residual.unit)}/√Hz)")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
+    return figure
+
+
+def amplitude_density(signal: Real, step_s: float) -> tuple[Real, Real]:
+    """Frequencies in Hz, and the root of the one-sided power density; of one period, or through a Hann window."""
+    n = signal.size
+    steps = np.abs(np.diff(signal))
+    window = np.ones(n) if abs(signal[0] - signal[-1]) <= 2 * steps.max() else np.hanning(n + 1)[:n]
+    spectrum = np.fft.rfft((signal - signal.mean()) * window)
+    density: Real = np.sqrt(2 * step_s / (window @ window)) * np.abs(spectrum)
+    return np.asarray(np.fft.rfftfreq(n, step_s), dtype=np.float64), density
+
+
+def residuals_figure(parts: Sequence[Part]) -> Figure:
+    """Residual over noise, a dot a recording."""
+    known = [part for part in parts if math.isfinite(part.over_noise)]
+    figure, axes = pictures.new_figure(10, 3.6)
+    kinds = [(channel, held_out) for channel in CHANNEL_WORDS for held_out in (False, True)]
+    for channel, held_out in kinds:
+        at = [i for i, p in enumerate(known) if (p.residual.channel, p.held_out) == (channel, held_out)]
+        if at:
+            colour, label = (HELD_OUT, "held out") if held_out else (FITTED, "fitted")
+            ratios = [known[i].over_noise for i in at]
+            face = colour if held_out else "none"
+            style: Any = {"color": colour, "mfc": face, "ms": 6, "label": f"{CHANNEL_WORDS[channel]}, {label}"}
+            axes.plot(at, ratios, MARKERS[channel], **style)
+    axes.axhline(1, color=MEASURED, lw=1.0, label="the noise")
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, 0.5), max(high, 2.0))
+    _plain_log_ticks(axes.yaxis)
+    every = -(-len(known) // MOST_LABELS) or 1
+    axes.set_xticks(range(0, len(known), every), [p.residual.name for p in known[::every]], rotation=90, fontsize=7)
+    axes.set_xlabel("recording")
+    axes.set_ylabel("RMS residual / RMS noise")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
+    return figure
+
+
+def time_scale(span_s: float) -> tuple[float, str]:
+    """Seconds in the unit that suits a span of time, and its name."""
+    for seconds, unit in ((1.0, "s"), (1e-3, "ms")):
+        if span_s >= 2 * seconds:
+            return seconds, unit
+    return 1e-6, "µs"
+
+
+def _noise_band(axes: Axes, residual: Residual) -> None:
+    if math.isfinite(residual.noise_rms):
+        axes.axhspan(-2 * residual.noise_rms, 2 * residual.noise_rms, color=BAND, lw=0, label="± 2 × noise")
+
+
+def _line(axes: Axes, x: Real, y: Real, **style: Any) -> None:
+    """A line of many points, drawn through the least and the largest of each run of neighbours."""
+    run = -(-2 * x.size // MOST_POINTS)
+    if run > 2:
+        rows = y[: y.size // run * run].reshape(-1, run)
+        first = np.arange(len(rows)) * run
+        kept = np.unique(np.concatenate([first + rows.argmin(axis=1), first + rows.argmax(axis=1), [y.size - 1]]))
+        x, y = x[kept], y[kept]
+    axes.plot(x, y, **style)
+
+
+def _plain_log_ticks(axis: Any) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high / low < 300 else (1,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
