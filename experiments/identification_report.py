@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Real = NDArray[np.float64]
 
-CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain-gauge", "displacement": "displacement"}
+CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge", "displacement": "displacement"}
 EXPLAINED = 1.1
 """Residual over noise of held-out recordings up to which the page says that the model explains them."""
 MOST_POINTS = 3000
@@ -38,9 +38,14 @@ PERIODS_SHOWN = 30
 MOST_VIEWS = 3
 MOST_LABELS = 90
 """Names of recordings that fit beside each other."""
+LARGEST_GAP = 0.05
+"""Of a signal's swing, between its end and its start, where a recording counts as one period."""
+CELLS = 40
+"""Over which the means of measured branches are taken."""
 SHORTEST_BRANCH = 0.2
 """Of a branch drawn beside the branch law, as a share of the recording's swing."""
-MEASURED, MODELLED, LEFT, BAND = "#000000", "#e69f00", "#0072b2", "#d9d9d9"
+MEASURED, MODELLED, LEFT, BAND, NOISE = "#56b4e9", "#000000", "#0072b2", "#d9d9d9", "#e69f00"
+RISING, FALLING = "#0072b2", "#d55e00"
 FITTED, HELD_OUT = "#0072b2", "#d55e00"
 MARKERS = {"self_sensing": "o", "strain_gauge": "s", "displacement": "^"}
 
@@ -153,7 +158,7 @@ def headline(identification: Identification) -> tuple[str, str]:
     mine = [r for r in identification.residuals if r.channel == worst and r.held_out == held_out]
     shares = [p.share for r in mine for p in parts_of(r)[-1:] if math.isfinite(p.share)]
     if ratio > EXPLAINED:
-        share = f", {100 * math.sqrt(float(np.mean(np.square(shares)))):.2g} % of their signal" if shares else ""
+        share = f", {100 * math.sqrt(float(np.mean(np.square(shares)))):.2g}\u00a0% of their signal" if shares else ""
         return found, (
             f"the model does not explain the {which} {whose}recordings: its residual there is {ratio:.3g} times their "
             f"noise{share}"
@@ -177,6 +182,7 @@ def parameter_rows(identification: Identification) -> list[tuple[str, str, str, 
     """Symbol, value, 90 % interval, unit and meaning of every parameter but the branch law's coefficients."""
     a0, a1 = identification.dynamics["a0"], identification.dynamics["a1"]
     turns = 2 * math.pi
+    b1 = "gain of self-sensing" + ("" if "self_sensing" in identification.gains else ": not observed, set to √a0")
     frequency = Estimate(*(math.sqrt(v) / turns for v in (a0.value, a0.low, a0.high)))
     # ln ζ = ln a1 - ln(a0) / 2; a ringing tells its frequency and its decay independently.
     spread = math.hypot(math.log(a1.high / a1.low), math.log(a0.high / a0.low) / 2) / 2
@@ -187,7 +193,7 @@ def parameter_rows(identification: Identification) -> list[tuple[str, str, str, 
         ("ζ", damping, "", "damping ratio, a1 / (2 √a0); its interval takes a0 and a1 for independent"),
         ("a0", a0, "1/s²", "of G(s) = b1 s / (s² + a1 s + a0)"),
         ("a1", a1, "1/s", "of the same"),
-        ("b1", identification.dynamics["b1"], "1/s", "gain of self-sensing"),
+        ("b1", identification.dynamics["b1"], "1/s", b1),
     ]
     units = {residual.channel: unit_text(residual.unit) for residual in identification.residuals}
     for channel, gain in identification.gains.items():
@@ -319,9 +325,9 @@ def loop_figure(residual: Residual) -> Figure:
     unit = unit_text(residual.unit)
     swing = float(np.ptp(residual.modelled))
     for column, x in enumerate((residual.time_s / seconds, residual.drive_V)):
-        style = {"ms": 2.2, "ls": "none", "marker": "."} if residual.measured.size < MOST_POINTS else {"lw": 1.4}
-        _line(axes[0, column], x, residual.measured, color=MEASURED, label="measured", **style)
-        _line(axes[0, column], x, residual.modelled, color=MODELLED, label="modelled", lw=1.2)
+        _line(axes[0, column], x, residual.measured, color=MEASURED, lw=3.0, label="measured")
+        _line(axes[0, column], x, residual.modelled, color=MODELLED, lw=0.8, label="modelled")
+        axes[0, column].set_ylabel(f"{CHANNEL_WORDS[residual.channel]} ({unit})")
     time_s = residual.time_s / seconds
     _noise_band(axes[1, 0], residual)
     _line(axes[1, 0], time_s, residual.difference, color=LEFT, lw=0.8)
@@ -329,10 +335,8 @@ def loop_figure(residual: Residual) -> Figure:
     if 0 < residual.fitted < residual.measured.size:
         for panel in axes[:, 0]:
             panel.axvspan(time_s[residual.fitted], time_s[-1], color=HELD_OUT, alpha=0.12, lw=0, label="held out")
-    axes[0, 0].set_ylabel(f"{CHANNEL_WORDS[residual.channel]} ({unit})")
-    axes[0, 1].set_ylabel(f"{CHANNEL_WORDS[residual.channel]} ({unit})")
-    axes[1, 0].set_ylabel(f"measured − modelled ({unit})")
-    axes[1, 1].set_ylabel("difference (% of swing)")
+    axes[1, 0].set_ylabel(f"measured −\nmodelled ({unit})")
+    axes[1, 1].set_ylabel("measured −\nmodelled (% of swing)")
     axes[1, 0].set_xlabel(f"time ({time_unit})")
     axes[1, 1].set_xlabel("drive (V)")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
@@ -343,24 +347,32 @@ def loop_figure(residual: Residual) -> Figure:
 def law_figure(identification: Identification) -> Figure:
     """The branch law with the branches it was measured on, and what these differ by, in % of the swing."""
     law = identification.printhead.branch_law
-    figure, axes = pictures.new_figure(8.6, 4.8, nrows=2, sharex=True, height_ratios=[2, 1.3])
+    figure, axes = pictures.new_figure(10, 5.4, nrows=2, sharex=True, height_ratios=[2, 1.5])
+    figure.set_dpi(200)  # of the dots
     x = np.linspace(0, 1, 301)
     percent = 100 / float(law.Q(1.0))
     powers = x[:, None] ** np.arange(1, len(law.coefficients))
     variance = np.einsum("ij,jk,ik->i", powers, identification.coefficient_covariance, powers)
     error = QUANTILE_90 * np.sqrt(np.maximum(variance, 0))  # rounding, where the convention of scale makes it 0
-    for held_out, colour in ((False, FITTED), (True, HELD_OUT)):
-        at, off = measured_branches(identification, held_out)
-        if at.size:
-            label = f"measured, {'held out' if held_out else 'fitted'}"
-            axes[0].plot(at, law.Q(at) + off, ".", ms=2.5, color=colour, label=label, rasterized=True)
-            axes[1].plot(at, percent * off, ".", ms=2.5, color=colour, rasterized=True)
-    axes[0].plot(x, law.Q(x), color=MEASURED, lw=1.2, label=f"Q(x), degree {len(law.coefficients) - 1}")
-    axes[1].fill_between(x, -percent * error, percent * error, color=MODELLED, alpha=0.7, lw=0, zorder=3)
-    axes[0].fill_between(
-        x, law.Q(x) - error, law.Q(x) + error, color=MODELLED, alpha=0.7, lw=0, label="its 90 % interval"
+    for heading, colour, label in ((1, RISING, "measured, rising"), (-1, FALLING, "measured, falling")):
+        at, off = measured_branches(identification, heading)
+        if not at.size:
+            continue
+        every = -(-at.size // MOST_POINTS)
+        axes[0].plot(at[::every], (law.Q(at) + off)[::every], ".", ms=3, color=colour, label=label, rasterized=True)
+        axes[1].plot(at[::every], percent * off[::every], ".", ms=2, color=colour, alpha=0.3, rasterized=True)
+        cell = np.minimum((at * CELLS).astype(int), CELLS - 1)
+        inside = np.unique(cell)
+        count = np.bincount(cell)[inside]
+        means = np.bincount(cell, off)[inside] / count
+        centres = np.bincount(cell, at)[inside] / count
+        axes[1].plot(centres, percent * means, "-", color=colour, lw=1.6, label=f"mean, {label.split()[1]}")
+    axes[0].plot(x, law.Q(x), color=MODELLED, lw=1.0, label=f"Q(x), degree {len(law.coefficients) - 1}")
+    axes[1].fill_between(
+        x, -percent * error, percent * error, color=NOISE, alpha=0.8, lw=0, label="90 % interval of Q", zorder=3
     )
     axes[0].legend(frameon=False, markerscale=3)
+    axes[1].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 0.98), borderaxespad=0.1)
     axes[0].set_ylabel("hysteretic drive\n(full scales)")
     axes[1].set_ylabel("measured − Q\n(% of swing)")
     axes[1].set_xlabel(f"x = change of drive since the turning point / {law.full_scale_V:g} V")
@@ -368,46 +380,45 @@ def law_figure(identification: Identification) -> Figure:
     return figure
 
 
-def measured_branches(identification: Identification, held_out: bool) -> tuple[Real, Real]:
-    """Points measured on `branches`: ``x``, and how far off ``Q(x)`` they lie; none from self-sensing.
+def measured_branches(identification: Identification, heading: int) -> tuple[Real, Real]:
+    """Points measured on rising (1) or falling (-1) `branches`: ``x``, and how far off ``Q(x)`` they lie.
 
     What the resonator adds has been taken off as modelled: the difference of the recording stands for that of the law.
+    None from self-sensing.
     """
     law, channel = identification.printhead.branch_law, identification.degree_channel
-    at: list[Real] = [np.zeros(0)]
-    off: list[Real] = [np.zeros(0)]
+    at, off = [np.zeros(0)], [np.zeros(0)]
     for residual in identification.residuals:
         if residual.channel != channel or channel == "self_sensing" or np.ptp(residual.drive_V) == 0:
             continue
-        seen = np.arange(residual.measured.size) >= residual.fitted
-        for start, end in branches(residual.drive_V):
-            chosen = np.arange(start, end + 1)[seen[start : end + 1] == held_out]
-            drive = residual.drive_V[chosen] - residual.drive_V[start]
-            heading = np.sign(residual.drive_V[end] - residual.drive_V[start])
-            at.append(np.abs(drive) / law.full_scale_V)
-            gain = identification.gains[channel].value
-            off.append(heading * residual.difference[chosen] / (gain * law.full_scale_V))
-    x, y = np.concatenate(at), np.concatenate(off)
-    every = -(-x.size // MOST_POINTS)
-    return (x[::every], y[::every]) if every else (x, y)
+        drive, gain = residual.drive_V, identification.gains[channel].value
+        for start, end in branches(drive):
+            if heading * (drive[end] - drive[start]) > 0:
+                moving = start + 1 + np.flatnonzero(np.diff(drive[start : end + 1]))
+                at.append(np.abs(drive[moving] - drive[start]) / law.full_scale_V)
+                off.append(heading * residual.difference[moving] / (gain * law.full_scale_V))
+    return np.concatenate(at), np.concatenate(off)
 
 
 def degree_figure(identification: Identification) -> Figure:
-    """Error of the branch law against its degree."""
+    """Error of the branch law against its degree; on the right without that of the straight line."""
     choice = identification.degree
     used = len(identification.printhead.coefficients) - 1
-    figure, axes = pictures.new_figure(6.4, 3.2)
-    axes.plot(choice.degrees, choice.rms_error, "o-", color=FITTED, lw=1.2, ms=5, label="fit")
-    if choice.held_out_error is not None:
-        error = choice.held_out_error
-        axes.plot(choice.degrees, error, "D--", color=HELD_OUT, lw=1.2, ms=4, label="drives left out in turn")
-    axes.axvline(used, color=MEASURED, lw=1.0, ls=":", label=f"used: {used}")
-    axes.axhline(1, color=pictures.GREY, lw=1.0, label="the noise")
-    axes.set(yscale="log", xticks=choice.degrees)
-    _plain_log_ticks(axes.yaxis)
-    axes.set_xlabel("degree of Q")
-    axes.set_ylabel("RMS error (multiples of the noise)")
-    axes.legend(frameon=False)
+    figure, axes = pictures.new_figure(10, 3.4, ncols=2)
+    for panel, first in zip(axes, (0, 1), strict=True):
+        degrees = choice.degrees[first:]
+        panel.plot(degrees, choice.rms_error[first:], "o-", color=FITTED, lw=1.2, ms=5, label="fit")
+        if choice.held_out_error is not None:
+            left_out = choice.held_out_error[first:]
+            panel.plot(degrees, left_out, "D--", color=HELD_OUT, lw=1.2, ms=4, label="drives left out in turn")
+        panel.axvline(used, color=MODELLED, lw=1.0, ls=":", label=f"used: {used}")
+        if first == 0:
+            panel.axhline(1, color=pictures.GREY, lw=1.0, label="the noise")
+        panel.set_xticks(degrees)
+        _log_ticks(panel)
+        panel.set_xlabel("degree of Q")
+    axes[0].set_ylabel("RMS error (multiples of the noise)")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
     return figure
 
 
@@ -449,11 +460,11 @@ def ringing_figure(views: Sequence[Part]) -> Figure:
         seconds, time_unit = time_scale(float(np.ptp(residual.time_s[where])))
         time = residual.time_s[where] / seconds
         _line(column[0], time, residual.drive_V[where], color=pictures.GREY, lw=1.2)
-        _line(column[1], time, residual.measured[where], color=MEASURED, lw=1.6, label="measured")
-        _line(column[1], time, residual.modelled[where], color=MODELLED, lw=1.0, label="modelled")
+        _line(column[1], time, residual.measured[where], color=MEASURED, lw=2.6, label="measured")
+        _line(column[1], time, residual.modelled[where], color=MODELLED, lw=0.8, label="modelled")
         _noise_band(column[2], residual)
         _line(column[2], time, residual.difference[where], color=LEFT, lw=0.7)
-        ratio = f": residual {view.over_noise:.3g} × noise" if math.isfinite(view.over_noise) else ""
+        ratio = f": residual here {view.over_noise:.3g} × noise" if math.isfinite(view.over_noise) else ""
         column[0].set_title(f"{residual.name}, {view.role}{ratio}", fontsize=9)
         column[2].set_xlabel(f"time ({time_unit})")
     unit = unit_text(views[0].residual.unit)
@@ -469,9 +480,11 @@ def broadest_recording(fast: Sequence[Residual]) -> Residual:
     """The recording whose drive spreads its power over most hertz; held out and strong where several do."""
     width = {}
     for residual in fast:
-        power = np.abs(np.fft.rfft(residual.drive_V - residual.drive_V.mean())) ** 2
-        width[residual.name] = power.sum() ** 2 / (power @ power) / (residual.drive_V.size * residual.step_s)
-    broad = [r for r in fast if width[r.name] >= 0.8 * max(width.values())]
+        frequency, density = amplitude_densities(residual, residual.drive_V)
+        below = np.cumsum(density**2) / np.sum(density**2)
+        first, last = np.searchsorted(below, (0.05, 0.95))
+        width[residual.name] = frequency[last] - frequency[first]
+    broad = [r for r in fast if width[r.name] >= 0.9 * max(width.values())]
     return max(broad, key=lambda r: (r.held_out, np.ptp(r.drive_V)))
 
 
@@ -483,18 +496,15 @@ def noise_of(residual: Residual, identification: Identification) -> NoiseModel |
 
 def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
     """Amplitude densities of a recording, measured and modelled, of what is left, and of the noise."""
-    figure, axes = pictures.new_figure(8.6, 4.0)
-    frequency, drive = amplitude_density(residual.drive_V, residual.step_s)
+    figure, axes = pictures.new_figure(10, 4.2)
+    signals = (residual.drive_V, residual.measured, residual.modelled, residual.difference)
+    frequency, drive, measured, modelled, left = amplitude_densities(residual, *signals)
     scale, unit = (1e3, "kHz") if frequency[-1] > 1e4 else (1.0, "Hz")
-    excited = drive > 0.01 * drive[1:].max()
+    excited = drive > 1e-3 * drive[1:].max()
     excited[0] = False
-    for signal, colour, mark, label in (
-        (residual.measured, MEASURED, {"marker": "o", "ms": 3.2, "ls": "none"}, "measured, where the drive has power"),
-        (residual.modelled, MODELLED, {"marker": "x", "ms": 3.6, "ls": "none"}, "modelled, likewise"),
-    ):
-        density = amplitude_density(signal, residual.step_s)[1]
-        _line(axes, frequency[excited] / scale, density[excited], color=colour, label=label, **mark)
-    left = amplitude_density(residual.difference, residual.step_s)[1]
+    at = frequency[excited] / scale
+    _line(axes, at, measured[excited], ls="none", marker="o", ms=4.5, color=MEASURED, label="measured")
+    _line(axes, at, modelled[excited], ls="none", marker=".", ms=2.5, color=MODELLED, label="modelled")
     edges = np.unique(np.round(np.geomspace(1, frequency.size, 200)).astype(int))
     mean = np.sqrt(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
     axes.plot(frequency[edges[:-1]] / scale, mean, color=LEFT, lw=1.0, label="measured − modelled")
@@ -502,7 +512,7 @@ def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
         density = np.sqrt(noise.spectrum(frequency[1:], residual.step_s))
         # Where the fit was told to mistrust a channel its model was raised; what is drawn has the noise's own RMS.
         raised = math.sqrt(float(np.mean(density**2)) * frequency[-1]) / noise.rms
-        axes.plot(frequency[1:] / scale, density / raised, "--", color="#009e73", lw=1.4, label="noise model")
+        axes.plot(frequency[1:] / scale, density / raised, "--", color=NOISE, lw=1.6, label="noise model")
     axes.set(xscale="log", yscale="log")
     axes.set_xlabel(f"frequency ({unit})")
     axes.set_ylabel(f"amplitude density ({unit_text(residual.unit)}/√Hz)")
@@ -510,14 +520,19 @@ def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
     return figure
 
 
-def amplitude_density(signal: Real, step_s: float) -> tuple[Real, Real]:
-    """Frequencies in Hz, and the root of the one-sided power density; of one period, or through a Hann window."""
-    n = signal.size
-    steps = np.abs(np.diff(signal))
-    window = np.ones(n) if abs(signal[0] - signal[-1]) <= 2 * steps.max() else np.hanning(n + 1)[:n]
-    spectrum = np.fft.rfft((signal - signal.mean()) * window)
-    density: Real = np.sqrt(2 * step_s / (window @ window)) * np.abs(spectrum)
-    return np.asarray(np.fft.rfftfreq(n, step_s), dtype=np.float64), density
+def amplitude_densities(residual: Residual, *signals: Real) -> tuple[Real, ...]:
+    """Frequencies in Hz, and the root of each signal's one-sided power density in its unit / √Hz.
+
+    Of the recording as one period where its end leads on to its start, else through a Hann window.
+    """
+    n = residual.measured.size
+    closed = all(
+        abs(2 * x[-1] - x[-2] - x[0]) <= LARGEST_GAP * np.ptp(x) for x in (residual.drive_V, residual.modelled)
+    )
+    window = np.ones(n) if closed else np.hanning(n + 1)[:n]
+    scale = math.sqrt(2 * residual.step_s / float(window @ window))
+    frequency = np.asarray(np.fft.rfftfreq(n, residual.step_s), dtype=np.float64)
+    return frequency, *(scale * np.abs(np.fft.rfft((x - x.mean()) * window)) for x in signals)
 
 
 def residuals_figure(parts: Sequence[Part]) -> Figure:
@@ -533,11 +548,10 @@ def residuals_figure(parts: Sequence[Part]) -> Figure:
             face = colour if held_out else "none"
             style: Any = {"color": colour, "mfc": face, "ms": 6, "label": f"{CHANNEL_WORDS[channel]}, {label}"}
             axes.plot(at, ratios, MARKERS[channel], **style)
-    axes.axhline(1, color=MEASURED, lw=1.0, label="the noise")
-    axes.set_yscale("log")
+    axes.axhline(1, color=MODELLED, lw=1.0, label="the noise")
     low, high = axes.get_ylim()
-    axes.set_ylim(min(low, 0.5), max(high, 2.0))
-    _plain_log_ticks(axes.yaxis)
+    axes.set(xlim=(-1, max(len(known), 12)), ylim=(min(low, 0.8), max(high, 1.25)))
+    _log_ticks(axes)
     every = -(-len(known) // MOST_LABELS) or 1
     axes.set_xticks(range(0, len(known), every), [p.residual.name for p in known[::every]], rotation=90, fontsize=7)
     axes.set_xlabel("recording")
@@ -570,10 +584,12 @@ def _line(axes: Axes, x: Real, y: Real, **style: Any) -> None:
     axes.plot(x, y, **style)
 
 
-def _plain_log_ticks(axis: Any) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+def _log_ticks(axes: Axes) -> None:
+    """A logarithmic ordinate with plain numbers, enough of them on a short range too."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-    low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high / low < 300 else (1,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)) if high / low > 5 else MaxNLocator(6))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
