@@ -1,0 +1,113 @@
+"""Noise of a channel: found again where it is known."""
+
+import numpy as np
+import pytest
+
+from inkjet_env.identification.measurements import least_noise, measurements, noise_of
+from inkjet_env.identification.noise import NoiseModel, noise_model, repeat_deviations
+from inkjet_env.recordings import Campaign, Recording
+
+AR2 = np.array([1.0, -1.4, 0.6])
+
+
+def autoregression(rng, coefficients, innovation, samples):
+    """Settled noise of an autoregression."""
+    e = innovation * rng.standard_normal(samples + 500)
+    noise = np.zeros(e.size)
+    for t in range(len(coefficients) - 1, e.size):
+        noise[t] = e[t] - sum(a * noise[t - lag] for lag, a in enumerate(coefficients[1:], start=1))
+    return noise[500:]
+
+
+@pytest.fixture(scope="module")
+def coloured():
+    return autoregression(np.random.default_rng(0), AR2, 0.02, 40_000)
+
+
+def test_an_autoregression_is_found_again(coloured):
+    model = noise_model([coloured], "a test", 0.0)
+    assert model.lost == 2
+    np.testing.assert_allclose(model.coefficients, AR2, atol=0.02)
+    assert model.innovation == pytest.approx(0.02, rel=0.02)
+    assert model.rms == pytest.approx(coloured.std(), rel=0.01)
+
+
+def test_white_noise_needs_no_filter():
+    orders = [noise_model([np.random.default_rng(s).normal(0, 3e-3, 4000)], "a test", 0.0).lost for s in range(20)]
+    assert orders == [0] * 20
+
+
+def test_the_spectrum_integrates_to_the_variance(coloured):
+    step_s = 2e-7
+    model = noise_model([coloured], "a test", 0.0)
+    frequency_Hz = np.linspace(0, 0.5 / step_s, 20_001)
+    power = np.trapezoid(model.spectrum(frequency_Hz, step_s), frequency_Hz)
+    assert power == pytest.approx(model.rms**2, rel=0.01)
+
+
+def test_whitened_noise_is_white_with_unit_variance(coloured):
+    model = noise_model([coloured[:20_000]], "a test", 0.0)
+    white = model.whitened(coloured[20_000:, None])[:, 0]
+    assert white.size == 20_000 - model.lost
+    assert white.std() == pytest.approx(1.0, abs=4 / np.sqrt(2 * white.size))
+    correlation = np.array([white[lag:] @ white[:-lag] for lag in range(1, 30)]) / white.size
+    assert np.abs(correlation).max() < 4 / np.sqrt(white.size)
+
+
+def test_an_autoregression_from_many_short_stretches_is_that_of_a_long_one(coloured):
+    model = noise_model(list(coloured.reshape(100, 400)), "a test", 0.0)
+    np.testing.assert_allclose(model.coefficients, AR2, atol=0.03)
+
+
+def test_whitening_leaves_nothing_of_columns_shorter_than_the_filter():
+    model = NoiseModel(np.append(1.0, np.full(24, 0.01)), 1.0, 1.0, "a test")
+    for rows in (2, 10, 20, 24):
+        assert model.whitened(np.ones((rows, 3))).shape == (0, 3)
+
+
+@pytest.mark.parametrize("repeats", [2, 3, 7])
+def test_deviations_of_repeats_have_the_variance_of_one_recording(repeats):
+    signals = np.random.default_rng(repeats).normal(5.0, 0.1, (repeats, 20_000))
+    deviations = np.concatenate(repeat_deviations(signals))
+    assert deviations.std() == pytest.approx(0.1, rel=0.02)
+    assert repeat_deviations(signals[:1]) == []
+
+
+def recording(name, sensor, drive_V=None, **labels):
+    n = len(sensor)
+    drive_V = np.interp(np.arange(n), [0, n / 4, n / 3, n / 2], [0, 0, 60, 0]) if drive_V is None else drive_V
+    labels = {"channel": "self_sensing", "initial_state": "demagnetised", **labels}
+    return Recording(name, 1e-6 * np.arange(n), drive_V, sensor, "V", **labels)
+
+
+def test_repeats_that_show_only_the_converters_step_have_its_noise():
+    step_V = 0.01
+    signal = step_V * np.round(np.sin(np.arange(600) / 20) / step_V)
+    gathered = measurements(Campaign("c", tuple(recording(name, signal) for name in "ab")))
+    assert least_noise(gathered)["self_sensing"] == pytest.approx(step_V / np.sqrt(12))
+    (model,) = noise_of(gathered).values()
+    assert model.lost == 0
+    assert model.rms == model.innovation == pytest.approx(step_V / np.sqrt(12))
+    assert "show none" in model.source
+
+
+def test_noise_is_seen_in_repeats_at_rest_or_before_the_drive():
+    rng = np.random.default_rng(4)
+    signal = np.sin(np.arange(2000) / 20)
+    noisy = [signal + rng.normal(0, 0.02, 2000) for _ in range(2)]
+    still = rng.normal(0.3, 0.02, 2000)
+    late = signal * (np.arange(2000) >= 500) + rng.normal(0.3, 0.02, 2000)
+    for recordings, source in (
+        ([recording("a", noisy[0]), recording("b", noisy[1])], "repeats"),
+        ([recording("a", noisy[0]), recording("z", still, np.zeros(2000))], "recordings at rest"),
+        ([recording("a", late)], "what comes before the drive"),
+    ):
+        (model,) = noise_of(measurements(Campaign("c", tuple(recordings)))).values()
+        assert model.source == source
+        assert model.rms == pytest.approx(0.02, rel=0.15)
+
+
+def test_where_nothing_tells_the_noise_there_is_no_model():
+    drive_V = 50 * np.sin(np.arange(600) / 30)
+    alone = recording("a", np.cos(np.arange(600) / 30), drive_V, initial_state="periodic")
+    assert noise_of(measurements(Campaign("c", (alone,)))) == {}
