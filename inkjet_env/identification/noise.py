@@ -42,8 +42,11 @@ class NoiseModel:
         return self.coefficients.size - 1
 
     def whitened(self, columns: Real) -> Real:
-        """Columns of shape (n, k) filtered so that the noise in them is white with unit variance: (n - lost, k)."""
-        n = columns.shape[0] - self.lost
+        """Columns of shape (n, k) filtered so that the noise in them is white with unit variance: (n - lost, k).
+
+        None are left of columns shorter than the filter.
+        """
+        n = max(columns.shape[0] - self.lost, 0)
         result = columns[self.lost :] * self.coefficients[0]
         for lag, a in enumerate(self.coefficients[1:], start=1):
             result = result + a * columns[self.lost - lag : self.lost - lag + n]
