@@ -10,6 +10,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +30,8 @@ Real = NDArray[np.float64]
 CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge", "displacement": "displacement"}
 EXPLAINED = 1.1
 """Residual over noise of held-out recordings up to which the page says that the model explains them."""
+FROM_FIT = "the residual of the fit"
+"""How the source of a noise model begins that nothing but the fit has shown."""
 MOST_POINTS = 3000
 """Of one line in a picture."""
 MOST_REVERSALS = 60
@@ -40,6 +43,8 @@ MOST_LABELS = 90
 """Names of recordings that fit beside each other."""
 LARGEST_GAP = 0.05
 """Of a signal's swing, between its end and its start, where a recording counts as one period."""
+POWER_SHOWN = 3e-3
+"""Amplitude of the drive, as a share of its largest, from which on a spectrum is shown."""
 CELLS = 40
 """Over which the means of measured branches are taken."""
 SHORTEST_BRANCH = 0.2
@@ -140,36 +145,38 @@ def identification_html(campaign_name: str, identification: Identification) -> s
     )
 
 
-def headline(identification: Identification) -> tuple[str, str]:
+def headline(identification: Identification) -> str:
     """What was found, and how well the model explains what no fit has seen, in words."""
     head = identification.printhead
-    found = f"resonance {hertz(head.frequency_Hz)}, damping ratio {head.damping_ratio:.3g}"
+    found = f"resonance {hertz(head.frequency_Hz)}, damping ratio {head.damping_ratio:.3g}; "
     held_out = bool(identification.heldout)
-    which = "held-out" if held_out else "fitted"
-    ratios = {}
-    for channel in identification.gains:
-        rms, noise = identification.rms(channel, held_out)
-        if rms / noise >= 0:
-            ratios[channel] = rms / noise
+    whose = "held-out recordings" if held_out else "fitted recordings (none was held out)"
+    pooled = {channel: identification.rms(channel, held_out) for channel in identification.gains}
+    ratios = {channel: rms / noise for channel, (rms, noise) in pooled.items() if rms / noise >= 0}
     if not ratios:
-        return found, f"how well the model explains the {which} recordings cannot be told, their noise being unknown"
+        return found + f"how well the model explains the {whose} cannot be told, since their noise is not known"
     worst = max(ratios, key=lambda channel: ratios[channel])
-    ratio, whose = ratios[worst], "" if len(ratios) == 1 else f"{CHANNEL_WORDS[worst]} "
     mine = [r for r in identification.residuals if r.channel == worst and r.held_out == held_out]
-    shares = [p.share for r in mine for p in parts_of(r)[-1:] if math.isfinite(p.share)]
-    if ratio > EXPLAINED:
-        share = f", {100 * math.sqrt(float(np.mean(np.square(shares)))):.2g}\u00a0% of their signal" if shares else ""
-        return found, (
-            f"the model does not explain the {which} {whose}recordings: its residual there is {ratio:.3g} times their "
-            f"noise{share}"
+    signal = math.sqrt(float(np.mean([np.var(r.measured[parts_of(r)[-1].samples]) for r in mine])))
+    share = f"{100 * pooled[worst][0] / signal:.2g}\u00a0% of their signal" if signal > 0 else "all of their signal"
+    theirs = whose if len(ratios) == 1 else f"{whose} of {CHANNEL_WORDS[worst]}"
+    if any(m.source.startswith(FROM_FIT) for (channel, _), m in identification.noise.items() if channel == worst):
+        return found + (
+            f"the model leaves {share} in the {theirs}; whether that is noise cannot be told, since nothing but the fit "
+            "shows their noise"
+        )
+    if ratios[worst] > EXPLAINED:
+        return found + (
+            f"the model does not explain the {theirs}: its residual there is {ratios[worst]:.3g} times their noise, "
+            f"{share}"
         )
     loud = max(identification.misfit, key=lambda channel: identification.misfit[channel])
     if identification.misfit[loud] > NOISE_TOLERANCE:
-        return found, (
-            f"the model leaves no more than {ratio:.2f} times the noise of the {which} recordings, yet not noise: "
-            f"whitened, the fit's {CHANNEL_WORDS[loud]} residual is {identification.misfit[loud]:.3g} times the noise"
+        return found + (
+            f"the model leaves {ratios[worst]:.2f} times their noise in the {whose}, yet structure in the fitted ones: "
+            f"whitened, the residual of {CHANNEL_WORDS[loud]} is {identification.misfit[loud]:.3g} times the noise"
         )
-    return found, f"the model explains the {which} recordings to {ratio:.2f} times their noise"
+    return found + f"the model explains the {whose} to {ratios[worst]:.2f} times their noise"
 
 
 def worst_recording(parts: Sequence[Part]) -> Part | None:
@@ -190,7 +197,7 @@ def parameter_rows(identification: Identification) -> list[tuple[str, str, str, 
     damping = Estimate(zeta, zeta * math.exp(-spread), zeta * math.exp(spread))
     rows = [
         ("f0", frequency, "Hz", "resonance, √a0 / 2π"),
-        ("ζ", damping, "", "damping ratio, a1 / (2 √a0); its interval takes a0 and a1 for independent"),
+        ("ζ", damping, "", "damping ratio, a1 / (2 √a0)"),
         ("a0", a0, "1/s²", "of G(s) = b1 s / (s² + a1 s + a0)"),
         ("a1", a1, "1/s", "of the same"),
         ("b1", identification.dynamics["b1"], "1/s", b1),
@@ -310,7 +317,7 @@ def branches(drive_V: Real) -> list[tuple[int, int]]:
     turns = turning_points(drive_V)
     level = np.abs(drive_V).max() * (1 - 1e-3)
     found, after_outermost = [], False
-    for start, end in zip(turns, [*turns[1:], drive_V.size - 1], strict=True):
+    for start, end in pairwise([*turns, drive_V.size - 1]):
         outermost = abs(drive_V[start]) >= level
         if (outermost or after_outermost) and abs(drive_V[end] - drive_V[start]) >= SHORTEST_BRANCH * np.ptp(drive_V):
             found.append((start, end))
@@ -374,7 +381,7 @@ def law_figure(identification: Identification) -> Figure:
     axes[0].legend(frameon=False, markerscale=3)
     axes[1].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 0.98), borderaxespad=0.1)
     axes[0].set_ylabel("hysteretic drive\n(full scales)")
-    axes[1].set_ylabel("measured − Q\n(% of swing)")
+    axes[1].set_ylabel("difference from Q\n(% of swing)")
     axes[1].set_xlabel(f"x = change of drive since the turning point / {law.full_scale_V:g} V")
     figure.align_ylabels()
     return figure
@@ -500,7 +507,7 @@ def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
     signals = (residual.drive_V, residual.measured, residual.modelled, residual.difference)
     frequency, drive, measured, modelled, left = amplitude_densities(residual, *signals)
     scale, unit = (1e3, "kHz") if frequency[-1] > 1e4 else (1.0, "Hz")
-    excited = drive > 1e-3 * drive[1:].max()
+    excited = drive > POWER_SHOWN * drive[1:].max()
     excited[0] = False
     at = frequency[excited] / scale
     _line(axes, at, measured[excited], ls="none", marker="o", ms=4.5, color=MEASURED, label="measured")
@@ -549,8 +556,8 @@ def residuals_figure(parts: Sequence[Part]) -> Figure:
             style: Any = {"color": colour, "mfc": face, "ms": 6, "label": f"{CHANNEL_WORDS[channel]}, {label}"}
             axes.plot(at, ratios, MARKERS[channel], **style)
     axes.axhline(1, color=MODELLED, lw=1.0, label="the noise")
-    low, high = axes.get_ylim()
-    axes.set(xlim=(-1, max(len(known), 12)), ylim=(min(low, 0.8), max(high, 1.25)))
+    ratios = [part.over_noise for part in known] or [1.0]
+    axes.set(xlim=(-1, max(len(known), 12)), ylim=(min(*ratios, 0.85) / 1.1, max(*ratios, 1.2) * 1.1))
     _log_ticks(axes)
     every = -(-len(known) // MOST_LABELS) or 1
     axes.set_xticks(range(0, len(known), every), [p.residual.name for p in known[::every]], rotation=90, fontsize=7)
@@ -590,6 +597,6 @@ def _log_ticks(axes: Axes) -> None:
 
     axes.set_yscale("log")
     low, high = axes.get_ylim()
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)) if high / low > 5 else MaxNLocator(6))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)) if high / low > 5 else MaxNLocator(8, steps=[1, 2, 5, 10]))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
