@@ -341,9 +341,11 @@ class _Identifier:
         weights = np.zeros(degree)
         weights[: min(degree, start.weights.size)] = start.weights[:degree]
         ratios = dict(start.ratios)
-        for channel in {m.channel for m in self.train}:
-            if channel not in ratios:
-                ratios[channel] = 1.0 if channel == self.reference else self._gain(fitted, channel, start)
+        missing = {m.channel for m in self.train} - set(ratios)
+        if missing:  # the start's law may lack the reference's gain
+            reference = self._gain(fitted, self.reference, start)
+            for channel in sorted(missing):
+                ratios[channel] = 1.0 if channel == self.reference else self._gain(fitted, channel, start) / reference
         offsets = {channel: start.offsets.get(channel, 0.0) for channel in ratios}
         constraints = density_constraints(degree) if self.valid_density else None
         begin = replace(start, weights=weights, ratios=ratios, offsets=offsets)
