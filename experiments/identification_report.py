@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -162,8 +162,8 @@ def headline(identification: Identification) -> str:
     theirs = whose if len(ratios) == 1 else f"{whose} of {CHANNEL_WORDS[worst]}"
     if any(m.source.startswith(FROM_FIT) for (channel, _), m in identification.noise.items() if channel == worst):
         return found + (
-            f"the model leaves {share} in the {theirs}; whether that is noise cannot be told, since nothing but the fit "
-            "shows their noise"
+            f"the model leaves {share} in the {theirs}; whether that is noise cannot be told, since nothing but the "
+            "fit shows their noise"
         )
     if ratios[worst] > EXPLAINED:
         return found + (
@@ -496,9 +496,16 @@ def broadest_recording(fast: Sequence[Residual]) -> Residual:
 
 
 def noise_of(residual: Residual, identification: Identification) -> NoiseModel | None:
-    """The noise model of a recording's channel at the nearest sampling step."""
+    """The noise model of a recording's channel at the nearest sampling step; None where there is none.
+
+    Where the residual is louder than the noise, the identification raised the model to it; this one is lowered again.
+    """
     known = {step: model for (channel, step), model in identification.noise.items() if channel == residual.channel}
-    return known[min(known, key=lambda step: abs(math.log(step / residual.step_s)))] if known else None
+    if not known:
+        return None
+    model = known[min(known, key=lambda step: abs(math.log(step / residual.step_s)))]
+    misfit = identification.misfit.get(residual.channel, 1.0)
+    return replace(model, innovation=model.innovation / misfit) if misfit > NOISE_TOLERANCE else model
 
 
 def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
@@ -517,9 +524,7 @@ def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
     axes.plot(frequency[edges[:-1]] / scale, mean, color=LEFT, lw=1.0, label="measured − modelled")
     if noise is not None:
         density = np.sqrt(noise.spectrum(frequency[1:], residual.step_s))
-        # Where the fit was told to mistrust a channel its model was raised; what is drawn has the noise's own RMS.
-        raised = math.sqrt(float(np.mean(density**2)) * frequency[-1]) / noise.rms
-        axes.plot(frequency[1:] / scale, density / raised, "--", color=NOISE, lw=1.6, label="noise model")
+        axes.plot(frequency[1:] / scale, density, "--", color=NOISE, lw=1.6, label="noise model")
     axes.set(xscale="log", yscale="log")
     axes.set_xlabel(f"frequency ({unit})")
     axes.set_ylabel(f"amplitude density ({unit_text(residual.unit)}/√Hz)")
