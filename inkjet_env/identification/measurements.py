@@ -142,13 +142,15 @@ def _every_fourth(gathered: Sequence[Measurement]) -> set[str]:
     chosen: set[str] = set()
     for channel in {m.channel for m in gathered}:
         moving = [m for m in gathered if m.channel == channel and not m.still]
-        moving.sort(key=lambda m: (float(np.std(m.drive_V)), m.names))
+        moving.sort(key=lambda m: (float(np.std(m.drive_V)), min(m.names)))
         strongest = max((float(np.ptp(m.drive_V)) for m in moving), default=0.0)
+        alike = sum(float(np.ptp(m.drive_V)) >= strongest for m in moving)
         candidates = moving[HELD_OUT_EVERY // 2 :: HELD_OUT_EVERY] if len(moving) >= HELD_OUT_EVERY else []
         for measurement in candidates:
-            alike = sum(np.ptp(m.drive_V) >= strongest for m in moving)
-            if np.ptp(measurement.drive_V) < strongest or alike > 1:
+            is_strongest = float(np.ptp(measurement.drive_V)) >= strongest
+            if not is_strongest or alike > 1:
                 chosen |= set(measurement.names)
+                alike -= is_strongest
     return chosen
 
 
