@@ -17,7 +17,7 @@ from inkjet_env.identification.degree import HIGHEST_DEGREE, DegreeChoice, choos
 from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.identification.separable import Fitted, Model, Solution, fit_everything, triangle
-from inkjet_env.identification.starting_point import best_start
+from inkjet_env.identification.starting_point import best_start, ringing_gain
 from inkjet_env.printhead import Printhead, check_name
 from inkjet_env.recordings import Campaign
 
@@ -30,6 +30,12 @@ QUANTILE_90 = 1.6448536269514722
 """Of the normal distribution: 90 % of it lie within so many standard deviations."""
 LARGEST_UNCERTAINTY = math.log(10)
 """Half width of the interval of ``ln a0`` or ``ln a1`` from which on the resonator counts as not identified."""
+LEAST_RINGING_GAIN = 50.0
+"""By how much a resonance must lower χ² against a head without one, the search having tried many."""
+NOTHING_RINGS = (
+    "nothing in them rings. Take pulses with short edges, or a multisine about the resonance, sampled at ten times its "
+    "frequency; `inkjet record --plan FOLDER` writes such drives."
+)
 NOISE_TOLERANCE = 1.05
 """A channel whose residual exceeds its noise by less is explained; beyond, its weight and all intervals follow the
 residual."""
@@ -198,7 +204,8 @@ def identify(
     valid_density : bool
         Whether to enforce ``p(r) ≥ 0``.
     full_scale_V : float, optional
-        Change of drive at ``x = 1``; unless given, the largest swing that the hysteresis is identified from.
+        Change of drive at ``x = 1``; unless given, the largest change that the hysteresis is identified from
+        (the virgin curve after demagnetising counts twice its drive).
     held_out : sequence of str, optional
         Recordings that no fit sees; see `measurements`.
 
@@ -230,7 +237,12 @@ class _Identifier:
         self.degree_given, self.degree_rule, self.valid_density = degree, degree_rule, valid_density
         self.all = measurements(campaign, held_out)
         self.notes: list[str] = []
-        self.train = [m for m in self.all if m.fitted >= 2]
+        self.noise = noise_of(self.all)
+        lost = {key: noise.lost for key, noise in self.noise.items()}
+        self.train = [m for m in self.all if m.fitted >= 2 + lost.get(m.noise_key, 0)]
+        short = [name for m in self.all if m.fitted and m not in self.train for name in m.names]
+        if short:
+            self.notes.append(f"{', '.join(short)}: too short beside how long the noise remembers; not fitted.")
         moving = [m for m in self.train if not m.still]
         self.gauge = [m for m in moving if m.channel == "strain_gauge"]
         self.fast = [m for m in moving if m.channel != "strain_gauge"]
@@ -240,11 +252,14 @@ class _Identifier:
                 "or displacement recording whose drive moves and that is not held out. Take pulses and a multisine; "
                 "`inkjet record --plan FOLDER` writes such drives for a generator."
             )
+        for channel in {m.channel for m in moving}:
+            if all(np.ptp(m.mean) == 0 for m in moving if m.channel == channel):
+                raise ValueError(
+                    f"channel {channel} shows one value throughout while the drive moves; is its sensor connected?"
+                )
         source = self.gauge or self.fast
-        swing = max(float(np.ptp(m.drive_V)) for m in source)
         # A sampled sine may miss its top by a hair: three digits say what was meant.
-        self.full_scale_V = full_scale_V or float(f"{swing:.3g}")
-        self.noise = noise_of(self.all)
+        self.full_scale_V = full_scale_V or float(f"{max(map(_largest_change_V, source)):.3g}")
         self.least = least_noise(self.all)
         self.coloured: set[str] = set()  # channels whose residual is no white noise once it is whitened
         self.correlation: dict[str, float] = {}
@@ -420,14 +435,16 @@ class _Identifier:
             value = ratio * gain_of_reference
             error = QUANTILE_90 * math.sqrt(max(float(gradient @ solution.covariance @ gradient), 0.0))
             gains[channel] = Estimate(value, value - error, value + error)
+        fast = self.fitted(self.fast, d)
+        if ringing_gain(fast, model.a0, model.a1) < LEAST_RINGING_GAIN:
+            raise ValueError(f"a head without any resonance fits these recordings as well: {NOTHING_RINGS}")
         dynamics = {}
         for name, value in (("a0", model.a0), ("a1", model.a1)):
             error = QUANTILE_90 * math.sqrt(max(solution.covariance[place[f"ln {name}"], place[f"ln {name}"]], 0.0))
             if not error < LARGEST_UNCERTAINTY:
                 raise ValueError(
                     f"these recordings do not tell {name} to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: "
-                    "nothing in them rings. Take pulses with short edges, or a multisine about the resonance, sampled "
-                    "at ten times its frequency; `inkjet record --plan FOLDER` writes such drives."
+                    + NOTHING_RINGS
                 )
             dynamics[name] = Estimate(value, value * math.exp(-error), value * math.exp(error))
         if "self_sensing" in gains:
@@ -500,6 +517,14 @@ class _Identifier:
                 for name, signal in zip(m.names, m.signals, strict=True)
             )
         return tuple(sorted(rows, key=lambda r: r.name))
+
+
+def _largest_change_V(measurement: Measurement) -> float:
+    """The largest argument of the branch law, in volts; the virgin curve's is twice the drive."""
+    swing = float(np.ptp(measurement.drive_V))
+    if measurement.initial_state == "periodic":
+        return swing
+    return max(swing, 2 * float(np.abs(measurement.drive_V).max()))
 
 
 def _pooled(values: Any) -> float:
