@@ -39,14 +39,16 @@ MOST_REVERSALS = 60
 PERIODS_SHOWN = 30
 """Of the resonance, in a picture of ringing."""
 MOST_VIEWS = 3
+LONGEST_NAME = 24
 MOST_LABELS = 90
 """Names of recordings that fit beside each other."""
 LARGEST_GAP = 0.05
 """Of a signal's swing, between its end and its start, where a recording counts as one period."""
-POWER_SHOWN = 3e-3
+POWER_SHOWN = 0.01
 """Amplitude of the drive, as a share of its largest, from which on a spectrum is shown."""
 CELLS = 40
-"""Over which the means of measured branches are taken."""
+"""Over which the means of measured branches are taken, where they hold enough points."""
+FEWEST_IN_CELL = 4
 SHORTEST_BRANCH = 0.2
 """Of a branch drawn beside the branch law, as a share of the recording's swing."""
 MEASURED, MODELLED, LEFT, BAND, NOISE = "#56b4e9", "#000000", "#0072b2", "#d9d9d9", "#e69f00"
@@ -230,8 +232,8 @@ def interval_text(estimate: Estimate) -> tuple[str, str]:
     --------
     >>> interval_text(Estimate(1.05512e11, 1.05489e11, 1.05535e11))
     ('1.05512e11', '1.05489e11 … 1.05535e11')
-    >>> interval_text(Estimate(-0.25, -0.25, -0.25))
-    ('−0.25', '−0.25 … −0.25')
+    >>> interval_text(Estimate(-0.0469, -0.0481, -0.0457))
+    ('−0.0469', '−0.0481 … −0.0457')
     """
     half = (estimate.high - estimate.low) / 2
     digits = 6
@@ -279,19 +281,21 @@ def unit_text(unit: str) -> str:
 
 
 def loop_recordings(identification: Identification) -> list[Residual]:
-    """The widest plain loop, and the richest nested ones, of the channel that chose the degree; none of self-sensing.
+    """The widest plain loop, and the richest nested ones, of the channel that chose the degree.
 
-    Self-sensing shows the rate of the deflection, so its signal against the drive is no loop of the hysteresis.
+    None of self-sensing, which shows the rate of the deflection, nor of drives that turn too often to be followed.
     """
     if identification.degree_channel == "self_sensing":
         return []
     mine = [r for r in identification.residuals if r.channel == identification.degree_channel]
-    mine = [r for r in mine if np.ptp(r.drive_V) > 0]
-    widest = max(float(np.ptp(r.drive_V)) for r in mine)
     turns = {r.name: len(turning_points(r.drive_V)) for r in mine}
+    mine = [r for r in mine if np.ptp(r.drive_V) > 0 and turns[r.name] <= MOST_REVERSALS]
+    if not mine:
+        return []
+    widest = max(float(np.ptp(r.drive_V)) for r in mine)
     wide = [r for r in mine if np.ptp(r.drive_V) >= 0.9 * widest]
     first = min(wide, key=lambda r: (turns[r.name] < 2, turns[r.name], not r.held_out))
-    nested = [r for r in mine if turns[first.name] + 2 < turns[r.name] <= MOST_REVERSALS]
+    nested = [r for r in mine if turns[r.name] > turns[first.name] + 2]
     return [first, *sorted(nested, key=lambda r: -turns[r.name])[:1]]
 
 
@@ -367,16 +371,15 @@ def law_figure(identification: Identification) -> Figure:
             continue
         every = -(-at.size // MOST_POINTS)
         axes[0].plot(at[::every], (law.Q(at) + off)[::every], ".", ms=3, color=colour, label=label, rasterized=True)
-        axes[1].plot(at[::every], percent * off[::every], ".", ms=2, color=colour, alpha=0.3, rasterized=True)
+        axes[1].plot(at[::every], percent * off[::every], ".", ms=2, color=colour, alpha=0.4, rasterized=True)
         cell = np.minimum((at * CELLS).astype(int), CELLS - 1)
-        inside = np.unique(cell)
-        count = np.bincount(cell)[inside]
-        means = np.bincount(cell, off)[inside] / count
-        centres = np.bincount(cell, at)[inside] / count
+        count = np.bincount(cell)
+        full = count >= FEWEST_IN_CELL
+        means, centres = (np.bincount(cell, v)[full] / count[full] for v in (off, at))
         axes[1].plot(centres, percent * means, "-", color=colour, lw=1.6, label=f"mean, {label.split()[1]}")
     axes[0].plot(x, law.Q(x), color=MODELLED, lw=1.0, label=f"Q(x), degree {len(law.coefficients) - 1}")
     axes[1].fill_between(
-        x, -percent * error, percent * error, color=NOISE, alpha=0.8, lw=0, label="90 % interval of Q", zorder=3
+        x, -percent * error, percent * error, color=NOISE, alpha=0.7, lw=0, label="90 % interval of Q", zorder=1
     )
     axes[0].legend(frameon=False, markerscale=3)
     axes[1].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 0.98), borderaxespad=0.1)
@@ -421,6 +424,10 @@ def degree_figure(identification: Identification) -> Figure:
         panel.axvline(used, color=MODELLED, lw=1.0, ls=":", label=f"used: {used}")
         if first == 0:
             panel.axhline(1, color=pictures.GREY, lw=1.0, label="the noise")
+        else:
+            shown = [*choice.rms_error[first:], *(choice.held_out_error or ())[first:]]
+            low, high = min(shown), min(max(shown), 1.05 * max(choice.rms_error[first:]))
+            panel.set_ylim(low * (low / high) ** 0.08, high * (high / low) ** 0.08)
         panel.set_xticks(degrees)
         _log_ticks(panel)
         panel.set_xlabel("degree of Q")
@@ -471,8 +478,9 @@ def ringing_figure(views: Sequence[Part]) -> Figure:
         _line(column[1], time, residual.modelled[where], color=MODELLED, lw=0.8, label="modelled")
         _noise_band(column[2], residual)
         _line(column[2], time, residual.difference[where], color=LEFT, lw=0.7)
-        ratio = f": residual here {view.over_noise:.3g} × noise" if math.isfinite(view.over_noise) else ""
-        column[0].set_title(f"{residual.name}, {view.role}{ratio}", fontsize=9)
+        ratio = f", residual here {view.over_noise:.3g} × noise" if math.isfinite(view.over_noise) else ""
+        title = f"{short_name(residual.name)}\n{view.role}{ratio}"
+        column[0].set_title(title, fontsize=9, parse_math=False)
         column[2].set_xlabel(f"time ({time_unit})")
     unit = unit_text(views[0].residual.unit)
     axes[0, 0].set_ylabel("drive (V)")
@@ -565,11 +573,17 @@ def residuals_figure(parts: Sequence[Part]) -> Figure:
     axes.set(xlim=(-1, max(len(known), 12)), ylim=(min(*ratios, 0.85) / 1.1, max(*ratios, 1.2) * 1.1))
     _log_ticks(axes)
     every = -(-len(known) // MOST_LABELS) or 1
-    axes.set_xticks(range(0, len(known), every), [p.residual.name for p in known[::every]], rotation=90, fontsize=7)
+    names = [short_name(part.residual.name) for part in known[::every]]
+    axes.set_xticks(range(0, len(known), every), names, rotation=90, fontsize=7, parse_math=False)
     axes.set_xlabel("recording")
     axes.set_ylabel("RMS residual / RMS noise")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
     return figure
+
+
+def short_name(name: str) -> str:
+    """A recording's name as far as a picture has room."""
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…"
 
 
 def time_scale(span_s: float) -> tuple[float, str]:
@@ -602,6 +616,7 @@ def _log_ticks(axes: Axes) -> None:
 
     axes.set_yscale("log")
     low, high = axes.get_ylim()
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)) if high / low > 5 else MaxNLocator(8, steps=[1, 2, 5, 10]))
+    subs = (1, 2, 5) if high / low < 300 else (1,)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs) if high / low > 5 else MaxNLocator(8, steps=[1, 2, 5, 10]))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
