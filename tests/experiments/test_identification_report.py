@@ -254,7 +254,8 @@ def test_the_noise_model_is_drawn_as_loud_as_the_noise(one_displacement):
     (residual,) = one_displacement.residuals
     frequency = np.linspace(0, 0.5 / residual.step_s, 4001)[1:]
     density = noise_of(residual, one_displacement).spectrum(frequency, residual.step_s)
-    assert math.sqrt(density.mean() * frequency[-1]) == pytest.approx(residual.noise_rms, rel=0.05)
+    assert one_displacement.misfit["displacement"] > 2  # so the fit raised it
+    assert math.sqrt(density.mean() * frequency[-1]) == pytest.approx(residual.noise_rms, rel=0.2)
     assert noise_of(SimpleNamespace(channel="strain_gauge", step_s=1.0), one_displacement) is None
 
 
