@@ -29,9 +29,7 @@ def only(campaign, **labels):
 
 @pytest.mark.parametrize("labels", [{"channel": "strain_gauge"}, {"excitation": "zero"}])
 def test_what_does_not_ring_names_the_recording_needed_and_the_command_that_plans_it(labels, published_campaign):
-    with pytest.raises(
-        ValueError, match=r"need a self_sensing or displacement recording .*inkjet record --plan FOLDER"
-    ):
+    with pytest.raises(ValueError, match=r"need a self_sensing or displacement .*inkjet record --plan FOLDER"):
         identify(only(published_campaign, **labels))
 
 
