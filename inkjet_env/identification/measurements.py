@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.identification.noise import NoiseModel, noise_model, repeat_deviations
+from inkjet_env.identification.noise import NoiseModel, colour_of, noise_model, repeat_deviations
 from inkjet_env.printhead.naming import nearest_name
 from inkjet_env.recordings import Campaign, Recording
 
@@ -161,6 +161,7 @@ def noise_of(gathered: Sequence[Measurement]) -> dict[tuple[str, float], NoiseMo
     channel's noise at the nearest sampling step. Held-out recordings take part.
     """
     models: dict[tuple[str, float], NoiseModel] = {}
+    whitened: dict[str, list[Real]] = {}
     least = least_noise(gathered)
     for key in sorted({m.noise_key for m in gathered}):
         mine = [m for m in gathered if m.noise_key == key]
@@ -175,7 +176,13 @@ def noise_of(gathered: Sequence[Measurement]) -> dict[tuple[str, float], NoiseMo
             level = np.concatenate(resting).mean()
             repeated.extend(stretch - level for stretch in resting)
         if repeated:
-            models[key] = noise_model(repeated, source, least[key[0]])
+            models[key] = model = noise_model(repeated, source, least[key[0]])
+            whitened.setdefault(key[0], []).extend(model.whitened(stretch[:, None])[:, 0] for stretch in repeated)
+    for channel, stretches in whitened.items():
+        colour = colour_of(stretches)
+        for key in models:
+            if key[0] == channel:
+                models[key] = replace(models[key], colour=colour)
     for channel, step_s in sorted({m.noise_key for m in gathered} - set(models)):
         known = [other for mine, other in models if mine == channel]
         if known:

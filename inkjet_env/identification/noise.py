@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 Real = NDArray[np.float64]
 
 LONGEST_FILTER = 24
+CORNERS = 40
+CORNER_MARGIN = 10.0
+"""The lowest corner frequency considered lies so far below the lowest line."""
 SAMPLES_A_COEFFICIENT = 50
 """A noise model has at most one coefficient for so many samples of noise, and one for a twentieth of a recording."""
 
@@ -29,12 +32,17 @@ class NoiseModel:
         Standard deviation of the noise itself.
     source : str
         Where it was seen, in words.
+    colour : tuple of float
+        ``s0, s1, s2``: the power of the whitened noise is ``s0 + s1/ν + s2/ν²`` at ν cycles a sample; ``(1, 0, 0)``
+        where the autoregression says it all. 1/f noise is strongest at the lowest frequencies, which no short filter
+        sees and a slow loop depends on.
     """
 
     coefficients: Real
     innovation: float
     rms: float
     source: str
+    colour: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
     @property
     def lost(self) -> int:
@@ -53,10 +61,22 @@ class NoiseModel:
         whitened: Real = result / self.innovation
         return whitened
 
+    def levels(self, samples: int) -> Real:
+        """Power of whitened noise at each line of a discrete Fourier transform, shape (samples,).
+
+        The mean counts like the first line.
+        """
+        return self._level(np.maximum(np.abs(np.fft.fftfreq(samples)), 1 / samples))
+
+    def _level(self, cycles_a_sample: Real) -> Real:
+        white, flicker, wander = self.colour
+        return white + flicker / cycles_a_sample + wander / cycles_a_sample**2
+
     def spectrum(self, frequency_Hz: ArrayLike, step_s: float) -> Real:
-        """One-sided power spectral density in unit² / Hz, at frequencies up to half the sampling rate."""
+        """One-sided power spectral density in unit² / Hz, at frequencies above 0, up to half the sampling rate."""
         phase = np.exp(-2j * np.pi * step_s * np.outer(np.asarray(frequency_Hz), np.arange(self.coefficients.size)))
-        return 2 * step_s * self.innovation**2 / np.abs(phase @ self.coefficients) ** 2
+        level = self._level(step_s * np.asarray(frequency_Hz))
+        return level * 2 * step_s * self.innovation**2 / np.abs(phase @ self.coefficients) ** 2
 
 
 def noise_model(samples: Sequence[Real], source: str, least: float) -> NoiseModel:
@@ -92,6 +112,33 @@ def noise_model(samples: Sequence[Real], source: str, least: float) -> NoiseMode
     criteria = [total * np.log(v) + p * np.log(total) for p, v in enumerate(innovations)]
     best = int(np.argmin(criteria))
     return NoiseModel(filters[best], float(np.sqrt(innovations[best])), float(np.sqrt(variance)), source)
+
+
+def colour_of(whitened: Sequence[Real]) -> tuple[float, float, float]:
+    """Power of whitened noise as ``s0 + s1/ν + s2/ν²``: white, 1/f and a random walk's.
+
+    The mean over corner frequencies of ``a (1 + ν_c/ν)`` and ``a (1 + (ν_c/ν)²)``, each weighed by Whittle's likelihood
+    of the periodograms: a short record can hardly tell a little 1/f noise from none, and the mean keeps some.
+
+    Parameters
+    ----------
+    whitened : sequence of ndarray
+        Stretches of noise, whitened; of several sampling steps perhaps, for the same amplifier's 1/f noise in the same
+        white noise looks the same in cycles a sample.
+    """
+    lines = np.concatenate([np.fft.rfftfreq(stretch.size)[1:] for stretch in whitened])
+    power = np.concatenate([np.abs(np.fft.rfft(stretch)[1:]) ** 2 / stretch.size for stretch in whitened])
+    corners = np.geomspace(lines.min() / CORNER_MARGIN, 0.5, CORNERS)
+    candidates, likelihoods = [], []
+    for exponent in (1, 2):
+        for corner in corners:
+            shape = 1 + (corner / lines) ** exponent
+            level = float(np.mean(power / shape))
+            likelihoods.append(-float(np.sum(np.log(level * shape))) - lines.size)
+            candidates.append((level, *(level * corner**exponent * (exponent == each) for each in (1, 2))))
+    weights = np.exp(np.array(likelihoods) - max(likelihoods))
+    white, flicker, wander = weights @ np.array(candidates) / weights.sum()
+    return float(white), float(flicker), float(wander)
 
 
 def repeat_deviations(repeats: Sequence[Real]) -> list[Real]:

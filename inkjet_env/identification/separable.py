@@ -328,8 +328,7 @@ class _Problem:
             allowed = right[rank:].T
         inverse = allowed @ np.linalg.pinv(matrix / scale @ allowed, rcond=1e-13)
         covariance = inverse @ inverse.T
-        if coloured:
-            covariance = covariance @ self._score_covariance(blocks, model, coloured, scale) @ covariance
+        covariance = covariance @ self._score_covariance(model, coloured, scale) @ covariance
         covariance = covariance / np.outer(scale, scale)
         linear, target = self._stacked(blocks, model, nonlinear=False)
         residual = target - linear @ self._linear_part(model)
@@ -349,25 +348,29 @@ class _Problem:
         )
         return Solution(model, float(np.sum(residual**2)), covariance, names, rms, converged)
 
-    def _score_covariance(self, blocks: Sequence[Real], model: Model, coloured: Collection[str], scale: Real) -> Real:
-        """``Jᵀ Σ J`` with Σ from the residual's own spectrum in the coloured channels, and white noise elsewhere."""
+    def _score_covariance(self, model: Model, coloured: Collection[str], scale: Real) -> Real:
+        """``Jᵀ Σ J`` of the whitened slopes J, Σ from the noise's colour, or from the residual where that is loud."""
         total = np.zeros((scale.size, scale.size))
-        for f, block in zip(self.fitted, blocks, strict=True):
-            if f.measurement.channel not in coloured:
-                rows = self._spread(f, block, model, nonlinear=True)[:, :-1] / scale
-                total += rows.T @ rows
-                continue
+        for f in self.fitted:
             columns = self._columns(f, model, slopes=True)
             slopes = np.fft.fft(self._spread(f, columns, model, nonlinear=True)[:, :-1] / scale, axis=0)
-            linear = self._spread(f, columns, model, nonlinear=False)
-            residual = linear[:, -1] - linear[:, :-1] @ self._linear_part(model)
-            n = residual.size
-            power = np.abs(np.fft.fft(residual)) ** 2 / n
-            width = min(SMOOTHED_LINES, n)
-            power = np.fft.ifft(np.fft.fft(power) * np.fft.fft(np.ones(width) / width, n)).real
-            power = np.maximum(np.roll(power, -(width // 2)), 0.0)
+            n = len(columns)
+            if f.measurement.channel in coloured:
+                linear = self._spread(f, columns, model, nonlinear=False)
+                power = _smoothed_power(linear[:, -1] - linear[:, :-1] @ self._linear_part(model))
+            else:
+                power = f.noise.levels(n)
             total += ((slopes.conj().T * power) @ slopes).real / n
         return total
+
+
+def _smoothed_power(residual: Real) -> Real:
+    """Periodogram of a residual, each line averaged with its neighbours; its mean is the mean square."""
+    n = residual.size
+    width = min(SMOOTHED_LINES, n)
+    power = np.abs(np.fft.fft(residual)) ** 2 / n
+    around = power[(np.arange(n)[:, None] + np.arange(width) - width // 2) % n]
+    return np.asarray(around.mean(axis=1))
 
 
 def _neighbours(model: Model) -> list[tuple[int, float, tuple[tuple[float, float], tuple[float, float]]]]:

@@ -1,0 +1,281 @@
+"""How well identification does, in figures: ``python -m experiments.identification_study``.
+
+``published``: the published head's hysteresis from one 90 V loop, as the paper's section 3.1.
+``heads``: random heads at 40 dB; errors, whether the intervals cover, seconds a head.
+``peers``: held-out error beside a linear fit without hysteresis and beside the paper's recipe.
+``measured FOLDER``: a measured piezo actuator, cut into what tells the hysteresis and what tells the resonance.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.progress import shown_progress
+from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_NAMES, CONTEXT_UPPER
+from inkjet_env.identification import Identification, identify, in_convention
+from inkjet_env.printhead import BranchLaw, Printhead
+from inkjet_env.recordings import Campaign, Recording, read_campaign
+from inkjet_env.rig import record_campaign
+
+Real = NDArray[np.float64]
+
+SNR_dB = 40.0
+HEADS = 50
+PARAMETERS = ("a0", "a1", "b1")
+
+
+def published_loop(seed: int = 0) -> tuple[Identification, Recording]:
+    """The published head identified from self-sensing and a single 90 V loop at 1 rad/s, and that loop."""
+    campaign = record_campaign(Printhead.published(), seed)
+    loops = [r for r in campaign.select("strain_gauge", "sine") if r.repeat_of is None]
+    loop = min(loops, key=lambda r: abs(r.step_s * r.time_s.size - 2 * math.pi))
+    kept = [r for r in campaign.recordings if r.channel != "strain_gauge"]
+    alone = Campaign(campaign.name, (loop, *(replace(r, order=i + 2) for i, r in enumerate(kept))))
+    return identify(alone), loop
+
+
+@dataclass(frozen=True)
+class HeadResult:
+    """One random head: relative errors and coverage of `PARAMETERS`, held-out residual over noise, seconds."""
+
+    errors: tuple[float, ...]
+    covered: tuple[bool, ...]
+    held_out_ratio: float
+    degree: int
+    seconds: float
+
+
+def identified_head(seed: int, snr_dB: float = SNR_dB) -> HeadResult:
+    """Draw a head, record it with the virtual rig, identify it and compare."""
+    rng = np.random.default_rng(seed)
+    drawn = dict(zip(CONTEXT_NAMES, rng.uniform(CONTEXT_LOWER, CONTEXT_UPPER), strict=True))
+    head = Printhead.published().varied(**drawn)
+    campaign = record_campaign(head, rng, snr_dB=snr_dB)
+    begun = time.perf_counter()
+    found = identify(campaign)
+    seconds = time.perf_counter() - begun
+    truth = in_convention(head)
+    pairs = [(found.dynamics[name], getattr(truth, name)) for name in PARAMETERS]
+    residual, noise = found.rms("self_sensing", held_out=True)
+    return HeadResult(
+        tuple(abs(estimate.value / value - 1) for estimate, value in pairs),
+        tuple(estimate.low <= value <= estimate.high for estimate, value in pairs),
+        residual / noise,
+        len(found.printhead.coefficients) - 1,
+        seconds,
+    )
+
+
+def identified_heads(count: int, workers: int | None = None) -> list[HeadResult]:
+    """Random heads of seeds 0 …, in parallel, with progress."""
+    from joblib import Parallel, delayed
+
+    results = []
+    with shown_progress("heads", count) as progress:
+        finished = Parallel(n_jobs=workers or -1, return_as="generator")(
+            delayed(identified_head)(seed) for seed in range(count)
+        )
+        for done, result in enumerate(finished, start=1):
+            results.append(result)
+            progress(done)
+    return results
+
+
+@dataclass(frozen=True)
+class LinearPeer:
+    """A second-order system on some input, fitted as a user of SciPy would: output error, one gain, one offset."""
+
+    a0: float
+    a1: float
+    gain: float
+    offset: float
+
+    def predicted(self, input_V: Real, recording: Recording) -> Real:
+        """Signal at every sample."""
+        return self.gain * unit_response(self.a0, self.a1, input_V, recording) + self.offset
+
+
+def unit_response(a0: float, a1: float, input_V: Real, recording: Recording) -> Real:
+    """``s / (s² + a1 s + a0)`` on an input that is linear between samples (scipy.signal: cont2discrete and lfilter).
+
+    A periodic recording is repeated until it is steady.
+    """
+    from scipy.signal import cont2discrete, lfilter
+
+    numerator, denominator, _ = cont2discrete(([1.0, 0.0], [1.0, a1, a0]), recording.step_s, method="foh")
+    laps = 1
+    if recording.initial_state == "periodic":
+        laps += math.ceil(2 * math.log(1e6) / a1 / (recording.step_s * input_V.size))
+    answer = lfilter(numerator[0], denominator, np.tile(input_V - input_V[0], laps))
+    return np.asarray(answer[-input_V.size :])
+
+
+def fit_linear_peer(inputs: Sequence[Real], recordings: Sequence[Recording], start: tuple[float, float]) -> LinearPeer:
+    """Least squares over all recordings with `scipy.optimize.least_squares`; gain and offset are solved for inside."""
+    from scipy.optimize import least_squares
+
+    target = np.concatenate([r.sensor for r in recordings])
+
+    def linear(logarithms: Real) -> tuple[Real, Real]:
+        a0, a1 = np.exp(logarithms)
+        answer = np.concatenate([unit_response(a0, a1, v, r) for v, r in zip(inputs, recordings, strict=True)])
+        matrix = np.column_stack([answer, np.ones_like(answer)])
+        return matrix, np.linalg.lstsq(matrix, target, rcond=None)[0]
+
+    def residual(logarithms: Real) -> Real:
+        matrix, solution = linear(logarithms)
+        return np.asarray(target - matrix @ solution)
+
+    found = least_squares(residual, np.log(start), x_scale=[1e-3, 1e-2])
+    gain, offset = linear(found.x)[1]
+    a0, a1 = np.exp(found.x)
+    return LinearPeer(a0, a1, gain, offset)
+
+
+def paper_branch_law(loop: Recording, degree: int = 8) -> BranchLaw:
+    """Polynomial through the two branches of one measured loop, both axes normalised by their swing (section 3.1)."""
+    top, bottom = int(np.argmax(loop.drive_V)), int(np.argmin(loop.drive_V))
+    full_scale_V, swing = float(np.ptp(loop.drive_V)), loop.sensor[top] - loop.sensor[bottom]
+    n = loop.drive_V.size
+    x, y = [], []
+    for start, end in ((bottom, top), (top, bottom)):
+        branch = np.arange(start, start + (end - start) % n + 1) % n
+        x.append(np.abs(loop.drive_V[branch] - loop.drive_V[start]) / full_scale_V)
+        y.append(np.abs(loop.sensor[branch] - loop.sensor[start]) / abs(swing))
+    powers = np.concatenate(x)[:, None] ** np.arange(1, degree + 1)
+    coefficients = np.linalg.lstsq(powers, np.concatenate(y), rcond=None)[0]
+    return BranchLaw((*(float(c) for c in coefficients[::-1]), 0.0), full_scale_V)
+
+
+def held_out_errors(seed: int = 0, snr_dB: float | None = None) -> dict[str, float]:
+    """Held-out RMS of self-sensing in volts: ours, the linear fit, the paper's recipe; and the noise."""
+    head = Printhead.published()
+    campaign = record_campaign(head, seed, snr_dB=snr_dB)
+    found = identify(campaign)
+    ours, noise = found.rms("self_sensing", held_out=True)
+    held_out = {r.name for r in found.heldout}
+    fast = campaign.select("self_sensing")
+    train = [r for r in fast if r.name not in held_out and np.ptp(r.drive_V) > 0]
+    unseen = [r for r in fast if r.name in held_out]
+    law = paper_branch_law(min(campaign.select("strain_gauge", "sine"), key=lambda r: r.step_s))
+    views: dict[str, Callable[[Recording], Real]] = {
+        "linear fit, no hysteresis": lambda r: r.drive_V,
+        "the paper: one-point Q, then linear fit": lambda r: law.hysteretic_V(
+            r.drive_V, "periodic" if r.initial_state == "periodic" else "demagnetised", one_point=True
+        ),
+    }
+    errors = {"this package": ours}
+    for name, view in views.items():
+        peer = fit_linear_peer([view(r) for r in train], train, (head.a0, head.a1))
+        errors[name] = math.sqrt(
+            sum(float(np.mean((r.sensor - peer.predicted(view(r), r)) ** 2)) for r in unseen) / len(unseen)
+        )
+    errors["noise"] = noise
+    return errors
+
+
+def measured_pieces(folder: Path) -> Campaign:
+    """The measured piezo actuator cut up: three whole periods of the sine as repeating, and the step's ring-down."""
+    whole = read_campaign(folder).recordings[0]
+    period = round(1.0 / whole.step_s)
+    step = int(np.argmax(whole.drive_V != 0))
+
+    def cut(name: str, start: int, stop: int, initial_state: str, order: int) -> Recording:
+        part = slice(start, stop)
+        return replace(
+            whole,
+            name=name,
+            time_s=whole.time_s[part] - whole.time_s[start],
+            drive_V=whole.drive_V[part],
+            sensor=whole.sensor[part],
+            initial_state=initial_state,
+            order=order,
+        )
+
+    sines = [cut(f"period-{i}", i * period, (i + 1) * period, "periodic", i + 1) for i in (1, 2, 3)]
+    return Campaign("piezo-actuator", (cut("ring-down", step - 284, step + 516, "demagnetised", 1), *sines))
+
+
+def _print_published() -> None:
+    found, _ = published_loop()
+    published = np.array(Printhead.published().coefficients)
+    choice = found.degree
+    print("degree  squared error of the fit over the noise's")
+    for degree, rms in zip(choice.degrees, choice.rms_error, strict=True):
+        print(f"{degree:6d}  {rms**2:10.4f}" + ("  chosen" if degree == choice.by_flattening else ""))
+    x = np.linspace(0, 1, 1001)
+    print("A identified:", np.array(found.printhead.coefficients).round(3).tolist())
+    print("A published: ", published.tolist())
+    difference = np.abs(found.printhead.branch_law.Q(x) - Printhead.published().branch_law.Q(x)).max()
+    residual, noise = found.rms("strain_gauge", held_out=False)
+    loop = next(r for r in found.residuals if r.channel == "strain_gauge")
+    print(f"largest difference of Q: {100 * difference:.3f} % of the swing")
+    largest, residual, noise = np.array([np.abs(loop.difference).max(), residual, noise]) * 100 / np.ptp(loop.measured)
+    print(f"loop, measured minus modelled: at most {largest:.2f} %, RMS {residual:.3f} % of the swing; noise {noise:.3f} %")
+
+
+def _print_heads(count: int) -> None:
+    results = identified_heads(count)
+    covered = np.array([r.covered for r in results])
+    errors = np.array([r.errors for r in results])
+    print(f"{count} random heads, {SNR_dB:g} dB")
+    for i, name in enumerate(PARAMETERS):
+        print(f"{name}: median error {100 * np.median(errors[:, i]):.4f} %, covered {100 * covered[:, i].mean():.0f} %")
+    spread = 1.645 * math.sqrt(0.09 / covered.size)
+    print(f"covered over all: {100 * covered.mean():.1f} % of {covered.size} (90 ± {100 * spread:.1f} % by chance)")
+    ratios = np.array([r.held_out_ratio for r in results])
+    print(f"held-out residual over noise: median {np.median(ratios):.4f}, {ratios.min():.3f} … {ratios.max():.3f}")
+    print("degrees chosen:", np.unique([r.degree for r in results], return_counts=True))
+    print(f"{np.median([r.seconds for r in results]):.2f} s a head (median)")
+
+
+def _print_peers() -> None:
+    for snr_dB in (None, SNR_dB):
+        errors = held_out_errors(snr_dB=snr_dB)
+        print("the instruments' own noise" if snr_dB is None else f"{snr_dB:g} dB")
+        for name, error in errors.items():
+            print(f"  {name}: {error * 1e3:.3f} mV, {error / errors['this package']:.1f} times this package's")
+
+
+def _print_measured(folder: Path) -> None:
+    campaign = measured_pieces(folder)
+    sine = float(np.std(campaign["period-3"].sensor))
+    for degree in (1, None):
+        options: dict[str, Any] = {} if degree is None else {"degree": degree}
+        found = identify(campaign, held_out=("period-3",), **options)
+        print(f"degree {len(found.printhead.coefficients) - 1}: resonance {found.printhead.frequency_Hz:.1f} Hz")
+        for r in found.residuals:
+            where = "held out" if r.held_out else "fitted"
+            print(f"  {r.name} ({where}): residual {r.rms:.3f} um = {100 * r.rms / sine:.2f} % of the sine's RMS")
+        print(f"  noise at rest {found.residuals[0].noise_rms:.3f} um")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("study", nargs="?", choices=("published", "heads", "peers", "measured", "all"), default="all")
+    parser.add_argument("folder", nargs="?", type=Path, help="of the measured recordings")
+    parser.add_argument("--count", type=int, default=HEADS, help="random heads")
+    given = parser.parse_args(arguments)
+    if given.study == "measured" and given.folder is None:
+        parser.error("measured needs the folder of the recordings")
+    if given.study in ("published", "all"):
+        _print_published()
+    if given.study in ("heads", "all"):
+        _print_heads(given.count)
+    if given.study in ("peers", "all"):
+        _print_peers()
+    if given.folder is not None:
+        _print_measured(given.folder)
+
+
+if __name__ == "__main__":
+    main()
