@@ -2,7 +2,8 @@
 
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.identification.degree import DegreeChoice
-from inkjet_env.identification.identify import Estimate, Identification, Residual, identify
+from inkjet_env.identification.identification import Estimate, Identification, Residual
+from inkjet_env.identification.identify import identify
 from inkjet_env.identification.noise import NoiseModel
 
 __all__ = ["DegreeChoice", "Estimate", "Identification", "NoiseModel", "Residual", "identify", "in_convention"]

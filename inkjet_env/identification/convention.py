@@ -16,12 +16,19 @@ def conventional_swing(full_scale_V: float) -> float:
     return float(PUBLISHED.branch_law.Q(x)) / x
 
 
-def in_convention(printhead: Printhead) -> Printhead:
-    """The same head with ``Q(1)`` as by convention and ``b1`` changed to match: it answers every drive as before.
+def in_convention(printhead: Printhead, full_scale_V: float | None = None) -> Printhead:
+    """The same head with its law scaled as by convention and ``b1`` changed to match: it answers every drive as before.
 
-    Two heads compare parameter by parameter once both are put so.
+    Parameters
+    ----------
+    printhead : Printhead
+    full_scale_V : float, optional
+        The swing at which the convention is to hold, the head's own unless given. Two heads compare parameter by
+        parameter once both are put so at the same swing.
     """
-    factor = conventional_swing(printhead.full_scale_V) / float(printhead.branch_law.Q(1.0))
+    swing = printhead.full_scale_V if full_scale_V is None else full_scale_V
+    x = swing / printhead.full_scale_V
+    factor = conventional_swing(swing) * x / float(printhead.branch_law.Q(x))
     return Printhead(
         printhead.a0,
         printhead.a1,

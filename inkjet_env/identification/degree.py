@@ -1,4 +1,4 @@
-"""Degree of the branch law: error against degree, as the paper chooses it and by loops held out one after another."""
+"""Degree of the branch law: error against degree, as the paper chooses it and by drives held out one after another."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DegreeChoice:
     rms_error : tuple of float
         Of the fit, as a share of the noise (1 is the noise itself).
     held_out_error : tuple of float or None
-        The same on loops that were left out one after another; None where there are fewer than three.
+        The same on drives that were left out one after another; None where that was not done.
     by_flattening : int
         The paper's rule: the last degree that lowers the squared error by more than chance would, and by a twentieth or
         more of what exceeds the noise.
@@ -42,47 +42,49 @@ class DegreeChoice:
     by_held_out: int | None
 
 
-def choose_degree(blocks: Sequence[Real], samples: Sequence[int], correlation: float = 1.0) -> DegreeChoice:
-    """Error against degree for one channel.
+def choose_degree(
+    blocks: Sequence[Real],
+    samples: Sequence[int],
+    correlation: float = 1.0,
+    nuisances: int = 1,
+    leave_out: bool = True,
+) -> DegreeChoice:
+    """Error against degree.
 
     Parameters
     ----------
-    blocks : sequence of ndarray, shape (k, highest + 2)
-        One a drive: whitened columns of the powers 1 … highest, of the offset, and the signal, reduced to a triangle;
-        in units of the noise.
+    blocks : sequence of ndarray, shape (k, highest + nuisances + 1)
+        One a drive, in units of the noise: columns of the powers 1 … highest, of everything else that is fitted along
+        (offsets, say), and the signal.
     samples : sequence of int
         How many samples each stands for.
     correlation : float
         How much stronger the residual is in the signal's band than white noise of its variance would be: by so much
         chance gains more.
+    nuisances : int
+        Columns that are no powers.
+    leave_out : bool
+        Whether to hold out one drive after another; that needs three.
     """
-    highest = blocks[0].shape[1] - 2
+    highest = blocks[0].shape[1] - nuisances - 1
     degrees = tuple(range(1, highest + 1))
     total = sum(samples)
-    errors = np.array([_misfit(_solution(blocks, n), blocks, n).sum() for n in degrees])
+    errors = np.array([_errors(blocks, _solution(blocks, highest, n)).sum() for n in degrees])
     before = np.concatenate([[np.inf], errors[:-1]])
     gain = before - errors
-    chance = correlation * CHANCE_F * np.maximum(errors / np.maximum(total - np.array(degrees) - 1, 1), 1.0)
-    material = (gain > chance) & (gain >= LEAST_SHARE * np.maximum(before - total, 0.0))
+    freedom = np.maximum(total - np.array(degrees) - nuisances, 1)
+    material = gain > correlation * CHANCE_F * np.maximum(errors / freedom, 1.0)
+    material &= gain >= LEAST_SHARE * np.maximum(before - total, 0.0)
     material[0] = True
-    left_out = None
-    by_held_out = None
-    if len(blocks) >= 3:
-        per_loop = np.array(
-            [
-                [
-                    _misfit(_solution([*blocks[:i], *blocks[i + 1 :]], n), blocks[i : i + 1], n)[0] / samples[i]
-                    for i in range(len(blocks))
-                ]
-                for n in degrees
-            ]
-        )
-        mean = per_loop.mean(axis=1)
+    left_out = by_held_out = None
+    if leave_out and len(blocks) >= 3:
+        per_drive = np.array([_left_out_errors(blocks, highest, n) for n in degrees]) / samples
+        mean = per_drive.mean(axis=1)
         best = int(np.argmin(mean))
-        # Paired: how far each degree lies above the best one, loop by loop.
-        excess = per_loop - per_loop[best]
-        error = excess.std(axis=1, ddof=1) / np.sqrt(len(blocks))
-        by_held_out = int(np.argmax(excess.mean(axis=1) <= error)) + 1
+        # Paired: how far each degree lies above the best one, drive by drive.
+        excess = per_drive - per_drive[best]
+        uncertain = excess.std(axis=1, ddof=1) / np.sqrt(len(blocks))
+        by_held_out = int(np.argmax(excess.mean(axis=1) <= uncertain)) + 1
         left_out = tuple(float(v) for v in np.sqrt(mean))
     return DegreeChoice(
         degrees,
@@ -93,14 +95,25 @@ def choose_degree(blocks: Sequence[Real], samples: Sequence[int], correlation: f
     )
 
 
-def _solution(blocks: Sequence[Real], degree: int) -> Real:
-    """Coefficients of the powers and the offset."""
-    stacked = np.vstack([np.column_stack([b[:, :degree], b[:, -2:]]) for b in blocks])
-    scale = np.linalg.norm(stacked[:, :-1], axis=0)
+def _left_out_errors(blocks: Sequence[Real], highest: int, degree: int) -> list[float]:
+    """Squared error of each drive under the solution of all others."""
+    return [
+        _errors([block], _solution([*blocks[:i], *blocks[i + 1 :]], highest, degree))[0]
+        for i, block in enumerate(blocks)
+    ]
+
+
+def _solution(blocks: Sequence[Real], highest: int, degree: int) -> Real:
+    """Coefficients of all columns, zero for the powers above ``degree``."""
+    stacked = np.vstack(blocks)
+    used = np.r_[:degree, highest : stacked.shape[1] - 1]
+    scale = np.linalg.norm(stacked[:, used], axis=0)
     scale[scale == 0] = 1.0
-    return np.linalg.lstsq(stacked[:, :-1] / scale, stacked[:, -1], rcond=1e-13)[0] / scale
+    solution = np.zeros(stacked.shape[1] - 1)
+    solution[used] = np.linalg.lstsq(stacked[:, used] / scale, stacked[:, -1], rcond=1e-13)[0] / scale
+    return solution
 
 
-def _misfit(solution: Real, blocks: Sequence[Real], degree: int) -> Real:
+def _errors(blocks: Sequence[Real], solution: Real) -> Real:
     """Squared error of each block."""
-    return np.array([np.sum((b[:, -1] - b[:, :degree] @ solution[:-1] - b[:, -2] * solution[-1]) ** 2) for b in blocks])
+    return np.array([np.sum((block[:, -1] - block[:, :-1] @ solution) ** 2) for block in blocks])

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +13,23 @@ from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.constrained import density_constraints
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.degree import HIGHEST_DEGREE, DegreeChoice, choose_degree
+from inkjet_env.identification.identification import Estimate, Identification, Residual
 from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.identification.separable import Fitted, Model, Solution, fit_everything, triangle
+from inkjet_env.identification.separable import Fitted, Model, Solution, fit_everything, linearised_blocks
 from inkjet_env.identification.starting_point import best_start, ringing_gain
 from inkjet_env.printhead import Printhead, check_name
 from inkjet_env.recordings import Campaign
 
 Real = NDArray[np.float64]
 
-DEGREE_RULES = ("flattening", "held_out")
+DEGREE_RULES = ("flattening", "strain_gauge", "held_out")
 STARTING_DEGREE = 5
-"""Of the branch law while the search for the resonator begins, where no strain gauge tells it."""
+"""Of the branch law while the search for the resonator begins."""
+MOST_DEGREE_ROUNDS = 4
+MOST_NOISE_ROUNDS = 5
+RESIDUAL = "the residual of the fit"
+"""Source of a noise that nothing else tells."""
 QUANTILE_90 = 1.6448536269514722
 """Of the normal distribution: 90 % of it lie within so many standard deviations."""
 LARGEST_UNCERTAINTY = math.log(10)
@@ -39,142 +43,6 @@ NOTHING_RINGS = (
 NOISE_TOLERANCE = 1.05
 """A channel whose residual exceeds its noise by less is explained; beyond, its weight and all intervals follow the
 residual."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value and its 90 % confidence interval."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, eq=False)
-class Residual:
-    """What a recording shows beyond the model: arrays of shape (n,), in the channel's unit."""
-
-    name: str
-    channel: str
-    unit: str
-    step_s: float
-    drive_V: Real
-    measured: Real
-    modelled: Real
-    fitted: int
-    noise_rms: float
-
-    @property
-    def time_s(self) -> Real:
-        """From the first sample on."""
-        return np.arange(self.measured.size, dtype=np.float64) * np.float64(self.step_s)
-
-    @property
-    def difference(self) -> Real:
-        """Measured minus modelled."""
-        left: Real = self.measured - self.modelled
-        return left
-
-    @property
-    def held_out(self) -> bool:
-        """Whether any of it was kept from the fit."""
-        return self.fitted < self.measured.size
-
-    @property
-    def rms(self) -> float:
-        """Of the difference over what was held out, or over all of a recording that was fitted whole."""
-        return self.rms_of(self.held_out)
-
-    def rms_of(self, held_out: bool) -> float:
-        """Of the difference over what was held out, or over what was fitted; NaN where there is no such part."""
-        part = self.difference[self.fitted :] if held_out else self.difference[: self.fitted]
-        return float(np.sqrt(np.mean(part**2))) if part.size else math.nan
-
-
-@dataclass(frozen=True, eq=False)
-class Identification:
-    """A printhead identified from a campaign; made by `identify`.
-
-    Attributes
-    ----------
-    printhead : Printhead
-    dynamics : dict of str to Estimate
-        ``a0, a1, b1``.
-    gains : dict of str to Estimate
-        Of each channel: ``b1`` of self-sensing; units per hysteretic volt of strain gauge and displacement (``b0/a0``).
-    offsets : dict of str to float
-        In the channel's unit.
-    coefficient_covariance : ndarray, shape (degree, degree)
-        Of the branch law's coefficients, lowest power first.
-    degree : DegreeChoice
-    degree_channel : str
-        The channel whose recordings chose the degree.
-    noise : dict
-        Noise models by channel and sampling step.
-    residuals : tuple of Residual
-        One a recording.
-    misfit : dict of str to float
-        Of each channel: root mean square of the whitened residual of the fit; 1 is the noise.
-    notes : tuple of str
-        What a reader must know, in sentences.
-    """
-
-    printhead: Printhead
-    dynamics: Mapping[str, Estimate]
-    gains: Mapping[str, Estimate]
-    offsets: Mapping[str, float]
-    coefficient_covariance: Real
-    degree: DegreeChoice
-    degree_channel: str
-    noise: Mapping[tuple[str, float], NoiseModel]
-    residuals: tuple[Residual, ...]
-    misfit: Mapping[str, float]
-    notes: tuple[str, ...]
-
-    @property
-    def heldout(self) -> tuple[Residual, ...]:
-        """Recordings, or ends of recordings, that no fit has seen."""
-        return tuple(r for r in self.residuals if r.held_out)
-
-    def unit(self, channel: str) -> str:
-        """Unit of a channel's signal: V or um."""
-        return next(r.unit for r in self.residuals if r.channel == channel)
-
-    def rms(self, channel: str, held_out: bool) -> tuple[float, float]:
-        """Root mean square of a channel's residual, and of its noise, over held-out or fitted recordings."""
-        mine = [r for r in self.residuals if r.channel == channel and not math.isnan(r.rms_of(held_out))]
-        return _pooled(r.rms_of(held_out) for r in mine), _pooled(r.noise_rms for r in mine)
-
-    def fit_json(self) -> dict[str, Any]:
-        """The entry "fit" of ``printhead.json``: how well the model fits, in volts where the channel has volts."""
-        main = "self_sensing" if "self_sensing" in self.gains else "displacement"
-        unit = self.unit(main)
-        heldout, noise = self.rms(main, held_out=True)
-        train, noise_train = self.rms(main, held_out=False)
-        channels = {
-            channel: {
-                "unit": self.unit(channel),
-                "gain": vars(gain),
-                "offset": self.offsets[channel],
-                "residual_over_noise": self.misfit[channel],
-            }
-            for channel, gain in self.gains.items()
-        }
-        return {
-            f"noise_rms_{unit}": noise if math.isfinite(noise) else noise_train,
-            f"heldout_rms_{unit}": heldout if math.isfinite(heldout) else None,
-            f"train_rms_{unit}": train,
-            "heldout": [r.name for r in self.heldout],
-            "degree_by_flattening": self.degree.by_flattening,
-            "degree_by_held_out": self.degree.by_held_out,
-            "channels": channels,
-            "notes": list(self.notes),
-        }
-
-    def as_json(self) -> dict[str, Any]:
-        """What ``printhead.json`` holds."""
-        intervals = {name: (estimate.low, estimate.high) for name, estimate in self.dynamics.items()}
-        return self.printhead.as_json(intervals, self.fit_json())
 
 
 def identify(
@@ -199,8 +67,9 @@ def identify(
     campaign : Campaign
     degree : int, optional
         Of the branch law, 1 … 12; chosen by ``degree_rule`` unless given.
-    degree_rule : {"flattening", "held_out"}
-        The paper's rule, or loops held out one after another.
+    degree_rule : {"flattening", "strain_gauge", "held_out"}
+        The last degree that lowers the error of all recordings together by more than chance; of the strain gauge's
+        loops alone, as in the paper; the least degree that foretells loops held out one after another as well as any.
     valid_density : bool
         Whether to enforce ``p(r) ≥ 0``.
     full_scale_V : float, optional
@@ -261,6 +130,7 @@ class _Identifier:
         # A sampled sine may miss its top by a hair: three digits say what was meant.
         self.full_scale_V = full_scale_V or float(f"{max(map(_largest_change_V, source)):.3g}")
         self.least = least_noise(self.all)
+        self.loudness: dict[str, float] = {}
         self.coloured: set[str] = set()  # channels whose residual is no white noise once it is whitened
         self.correlation: dict[str, float] = {}
 
@@ -270,29 +140,26 @@ class _Identifier:
             level = 0.01 * max(float(np.std(m.mean)) for m in self.train if m.noise_key == key)
             level = max(level, self.least[key[0]])
             self.noise[key] = NoiseModel(np.ones(1), level, level, "a first guess")
-        solution, choice = self.fit()
+        model = self._start()
         if unseen:
-            for key in unseen:
-                self.noise[key] = self._noise_from_residuals(solution.model, key)
-            channels = sorted({channel for channel, _ in unseen})
-            self.notes.append(
-                f"No repeats and no recording at rest tell the noise of {' and '.join(channels)}; it was taken from "
-                "the fit's own residual, so what the model leaves out counts as noise there."
-            )
-            solution, choice = self.fit(solution.model)
+            model = self._noise_from_residuals(model, unseen)
+        solution, alone, joint = self._with_degree(model)
         misfit = dict(solution.rms)
-        loud = {channel: rms for channel, rms in misfit.items() if rms > NOISE_TOLERANCE}
-        if loud:
-            for key in [key for key in self.noise if key[0] in loud]:
-                self.noise[key] = replace(self.noise[key], innovation=self.noise[key].innovation * loud[key[0]])
-            self.coloured |= set(loud)
-            solution = self.refined(solution.model, choice)
-            for channel, rms in loud.items():
+        self.loudness = {channel: rms for channel, rms in misfit.items() if rms > self._tolerance(channel)}
+        if self.loudness:
+            self.coloured |= set(self.loudness)
+            solution = self.refined(solution.model, solution.model.weights.size)
+            for channel, rms in self.loudness.items():
                 self.notes.append(
                     f"{channel}: the residual is {rms:.3g} times the noise, so the model leaves something out; the "
                     "channel's weight and the intervals follow the residual."
                 )
-        return self.result(solution, choice, misfit)
+        return self.result(solution, alone or joint, joint, misfit)
+
+    def _tolerance(self, channel: str) -> float:
+        """Residual over noise up to which a channel is explained; few samples scatter more."""
+        samples = sum(m.fitted for m in self.train if m.channel == channel)
+        return NOISE_TOLERANCE + 3 / math.sqrt(2 * samples)
 
     def fitted(self, chosen: Sequence[Measurement], degree: int) -> list[Fitted]:
         """Recordings with their bases of one degree."""
@@ -301,66 +168,66 @@ class _Identifier:
                 m,
                 drive_basis(m.drive_V, m.step_s, self.full_scale_V, degree, m.initial_state),
                 self.noise[m.noise_key],
+                self.loudness.get(m.channel, 1.0),
             )
             for m in chosen
         ]
 
-    def fit(self, start: Model | None = None) -> tuple[Solution, DegreeChoice]:
-        """Everything, from nothing or from an earlier fit."""
+    def _start(self) -> Model:
+        """A resonator, and a branch law where a strain gauge shows it."""
+        degree = self.degree_given or STARTING_DEGREE
+        if not self.gauge:
+            a0, a1 = best_start(self.fitted(self.fast, degree), None)
+            return Model(a0, a1, np.ones(1), {}, {})
+        gauge = self.fitted(self.gauge, degree)
+        law = fit_everything(gauge, Model(1.0, 0.5, np.zeros(degree), {"strain_gauge": 1.0}, {"strain_gauge": 0.0}))
+        a0, a1 = best_start(self.fitted(self.fast, degree), law.model.weights)
+        return Model(a0, a1, law.model.weights, {}, {})
+
+    def _with_degree(self, model: Model) -> tuple[Solution, DegreeChoice | None, DegreeChoice]:
+        """The fit at the degree of the rule; error against degree on the strain gauge, and on everything."""
+        alone = None
         if self.gauge:
-            choice = self._degree_from(self.gauge, None)
-            gauge = self.fitted(self.gauge, self.degree_of(choice))
-            law = fit_everything(gauge, Model(1.0, 0.5, np.zeros(gauge[0].basis.degree), {"strain_gauge": 1.0}, {}))
-            if start is None:
-                a0, a1 = best_start(self.fitted(self.fast, gauge[0].basis.degree), law.model.weights)
-                start = Model(a0, a1, law.model.weights, {}, {})
-            return self.refined(start, choice), choice
-        if start is None:
-            a0, a1 = best_start(self.fitted(self.fast, STARTING_DEGREE), None)
-            start = Model(a0, a1, np.ones(1), {}, {})
-        for _ in range(2):
-            choice = self._degree_from(self._hysteresis_source(), start)
-            solution = self.refined(start, choice)
-            start = solution.model
-        return solution, choice
+            gauge = self.fitted(self.gauge, HIGHEST_DEGREE)
+            still = Model(1.0, 0.5, np.zeros(HIGHEST_DEGREE), {"strain_gauge": 1.0}, {"strain_gauge": 0.0})
+            alone = self._choice(gauge, still, leave_out=True)
+        degree = self.degree_given or (self._by_rule(alone) if alone else STARTING_DEGREE)
+        solution = self.refined(model, degree)
+        everything = self.fitted(self.train, HIGHEST_DEGREE)
+        for _ in range(MOST_DEGREE_ROUNDS):
+            joint = self._choice(everything, solution.model, leave_out=not self.gauge)
+            if self.degree_given is not None:
+                break
+            degree = joint.by_flattening if self.degree_rule == "flattening" else self._by_rule(alone or joint)
+            if degree == solution.model.weights.size:
+                break
+            solution = self.refined(solution.model, degree)
+        return solution, alone, joint
 
-    def _hysteresis_source(self) -> list[Measurement]:
-        """Recordings that choose the degree."""
-        return self.gauge or [m for m in self.fast if m.channel == "displacement"] or self.fast
-
-    def degree_of(self, choice: DegreeChoice) -> int:
-        """The degree to use."""
-        if self.degree_given is not None:
-            return self.degree_given
+    def _by_rule(self, choice: DegreeChoice) -> int:
+        """The degree of the rule on one channel."""
         if self.degree_rule == "held_out" and choice.by_held_out is not None:
             return choice.by_held_out
         return choice.by_flattening
 
-    def _degree_from(self, source: Sequence[Measurement], model: Model | None) -> DegreeChoice:
-        blocks, samples = [], []
-        for f in self.fitted(source, HIGHEST_DEGREE):
-            n = f.measurement.fitted
-            psi = f.basis.response(f.measurement.channel, *((model.a0, model.a1) if model else (1.0, 0.5)))[:n]
-            block = f.whitened(np.column_stack([psi, np.ones(n), f.measurement.mean[:n]]))
-            if model and f.measurement.initial_state == "free":
-                q = np.linalg.qr(f.whitened(f.basis.free_states(model.a0, model.a1)[:n]))[0]
-                block = block - q @ (q.T @ block)
-            blocks.append(triangle(block))
-            samples.append(len(block))
-        return choose_degree(blocks, samples, self.correlation.get(source[0].channel, 1.0))
+    def _choice(self, fitted: Sequence[Fitted], model: Model, leave_out: bool) -> DegreeChoice:
+        """Error against degree, everything else linearised about a model."""
+        correlation = max((self.correlation.get(f.measurement.channel, 1.0) for f in fitted), default=1.0)
+        samples = [f.samples // len(f.measurement.signals) for f in fitted]
+        blocks = linearised_blocks(fitted, model)
+        return choose_degree(blocks, samples, correlation, blocks[0].shape[1] - HIGHEST_DEGREE - 1, leave_out)
 
-    def refined(self, start: Model, choice: DegreeChoice) -> Solution:
+    def refined(self, start: Model, degree: int) -> Solution:
         """The fit of everything from a start whose weights may have another degree."""
-        degree = self.degree_of(choice)
         fitted = self.fitted(self.train, degree)
         weights = np.zeros(degree)
         weights[: min(degree, start.weights.size)] = start.weights[:degree]
         ratios = dict(start.ratios)
         missing = {m.channel for m in self.train} - set(ratios)
         if missing:  # the start's law may lack the reference's gain
-            reference = self._gain(fitted, self.reference, start)
+            reference = self._gain(self.reference, start)
             for channel in sorted(missing):
-                ratios[channel] = 1.0 if channel == self.reference else self._gain(fitted, channel, start) / reference
+                ratios[channel] = 1.0 if channel == self.reference else self._gain(channel, start) / reference
         offsets = {channel: start.offsets.get(channel, 0.0) for channel in ratios}
         constraints = density_constraints(degree) if self.valid_density else None
         begin = replace(start, weights=weights, ratios=ratios, offsets=offsets)
@@ -373,29 +240,49 @@ class _Identifier:
             return "strain_gauge"
         return "self_sensing" if any(m.channel == "self_sensing" for m in self.train) else "displacement"
 
-    def _gain(self, fitted: Sequence[Fitted], channel: str, start: Model) -> float:
+    def _gain(self, channel: str, start: Model) -> float:
         """Gain of a channel by itself on the start's branch law."""
         psi, y = [], []
-        for f in fitted:
-            if f.measurement.channel == channel:
-                n = f.measurement.fitted
-                shape = f.basis.response(channel, start.a0, start.a1)[:n, : start.weights.size]
-                psi.append(shape @ start.weights)
-                y.append(f.measurement.mean[:n])
+        for f in self.fitted([m for m in self.train if m.channel == channel], start.weights.size):
+            n = f.measurement.fitted
+            psi.append(f.basis.response(channel, start.a0, start.a1)[:n] @ start.weights)
+            y.append(f.measurement.mean[:n])
         x, target = np.concatenate(psi), np.concatenate(y)
         x = x - x.mean()
         power = float(x @ x)
         return float(x @ (target - target.mean())) / power if power > 0 else 1.0
 
-    def _noise_from_residuals(self, model: Model, key: tuple[str, float]) -> NoiseModel:
-        """White noise of the residual's RMS; that the residual is hardly white is kept in mind."""
-        guess = self.noise[key]
-        left = [f.measurement.mean - model.predicted(f.measurement, f.basis) for f in self._keyed(model, key)]
-        rms = max(math.sqrt(float(np.mean(np.concatenate(left) ** 2))), self.least[key[0]])
-        self.coloured.add(key[0])
-        strength = (self._band_rms(model, key) * guess.innovation / rms) ** 2
-        self.correlation[key[0]] = max(strength, self.correlation.get(key[0], 1.0))
-        return NoiseModel(np.ones(1), rms, rms, "the residual of the fit")
+    def _noise_from_residuals(self, model: Model, unseen: Collection[tuple[str, float]]) -> Model:
+        """White noise of the residual's RMS where nothing else tells it, from a law as rich as may be; the model of it.
+
+        That the residual is hardly white is kept in mind: its channel counts as coloured, and chance as stronger.
+        """
+        channels = sorted({channel for channel, _ in unseen})
+        self.coloured |= set(channels)
+        for _ in range(MOST_NOISE_ROUNDS):
+            model = self.refined(model, self.degree_given or HIGHEST_DEGREE).model
+            changed = 1.0
+            for key in unseen:
+                keyed = self._keyed(model, key)
+                left = np.concatenate([self._left(f, model) for f in keyed])
+                rms = max(math.sqrt(float(np.mean(left**2))), self.least[key[0]])
+                before = self.noise[key].rms
+                self.correlation[key[0]] = max((self._band_rms(model, key) * before / rms) ** 2, 1.0)
+                self.noise[key] = NoiseModel(np.ones(1), rms, rms, RESIDUAL)
+                changed = max(changed, rms / before, before / rms)
+            if changed < 1.02:
+                break
+        self.notes.append(
+            f"No repeats and no recording at rest tell the noise of {' and '.join(channels)}; it was taken from the "
+            "fit's own residual, so what the model leaves out counts as noise there."
+        )
+        return model
+
+    @staticmethod
+    def _left(f: Fitted, model: Model) -> Real:
+        """What the model leaves of the fitted samples."""
+        left: Real = (f.measurement.mean - model.predicted(f.measurement, f.basis))[: f.measurement.fitted]
+        return left
 
     def _keyed(self, model: Model, key: tuple[str, float]) -> list[Fitted]:
         return self.fitted([m for m in self.train if m.noise_key == key], model.weights.size)
@@ -415,7 +302,9 @@ class _Identifier:
             power += float(np.mean(signal)) * f.measurement.fitted
         return math.sqrt(shared / power) if power > 0 else 1.0
 
-    def result(self, solution: Solution, choice: DegreeChoice, misfit: Mapping[str, float]) -> Identification:
+    def result(
+        self, solution: Solution, choice: DegreeChoice, joint: DegreeChoice, misfit: Mapping[str, float]
+    ) -> Identification:
         """The printhead, its intervals, and the residual of every recording."""
         model, d = solution.model, solution.model.weights.size
         swing = float(model.weights.sum())
@@ -464,7 +353,7 @@ class _Identifier:
             (*(float(c) for c in coefficients[::-1]), 0.0),
             self.full_scale_V,
         )
-        self._say_what_matters(printhead, choice, solution.converged)
+        self._say_what_matters(printhead, choice, joint, solution)
         return Identification(
             printhead,
             dynamics,
@@ -472,25 +361,32 @@ class _Identifier:
             dict(model.offsets),
             shape @ solution.covariance[:d, :d] @ shape.T,
             choice,
-            self._hysteresis_source()[0].channel,
+            joint,
             self.noise,
             self._residuals(model),
             misfit,
             tuple(self.notes),
         )
 
-    def _say_what_matters(self, printhead: Printhead, choice: DegreeChoice, converged: bool) -> None:
-        if not converged:
+    def _say_what_matters(
+        self, printhead: Printhead, choice: DegreeChoice, joint: DegreeChoice, solution: Solution
+    ) -> None:
+        if not solution.converged:
             self.notes.append("The fit had not settled when it was stopped; its intervals mean little.")
         if not self.gauge:
             self.notes.append(
                 "Without a strain-gauge recording the hysteresis was identified from the fast channels themselves."
             )
-        if self.degree_given is None and choice.by_held_out not in (None, choice.by_flattening):
-            self.notes.append(
-                f"Degree {choice.by_flattening} by the flattening of the error, {choice.by_held_out} by held-out "
-                f"drives; {len(printhead.coefficients) - 1} is used."
-            )
+        told = {"all recordings": joint.by_flattening}
+        if self.gauge:
+            told["the strain gauge alone"] = choice.by_flattening
+        if choice.by_held_out is not None:
+            told["drives held out in turn"] = choice.by_held_out
+        if self.degree_given is None and len(set(told.values())) > 1:
+            words = ", ".join(f"{degree} by {source}" for source, degree in told.items())
+            self.notes.append(f"Degree {words}; {len(printhead.coefficients) - 1} is used.")
+        if solution.held:
+            self.notes.append("p(r) ≥ 0 was asked for and binds: without it the law would have a negative density.")
         x = np.linspace(0.0, 1.0, 2001)
         negative = x[printhead.branch_law.curvature(x) < -1e-9]
         if negative.size:
@@ -500,9 +396,10 @@ class _Identifier:
             )
         partly = [m for m in self.all if 0 < m.fitted < m.drive_V.size]
         if partly:
-            self.notes.append(
-                f"Too few recordings to hold one out whole; the last quarter of {partly[0].names[0]} was held out."
-            )
+            names = " and ".join(partly[0].names)
+            self.notes.append(f"Too few recordings to hold one out whole; the last quarter of {names} was held out.")
+        elif all(m.fitted for m in self.all if m.channel != "strain_gauge"):
+            self.notes.append("No fast recording was held out, so nothing here tells how well others are foretold.")
 
     def _residuals(self, model: Model) -> tuple[Residual, ...]:
         rows: list[Residual] = []
@@ -525,9 +422,3 @@ def _largest_change_V(measurement: Measurement) -> float:
     if measurement.initial_state == "periodic":
         return swing
     return max(swing, 2 * float(np.abs(measurement.drive_V).max()))
-
-
-def _pooled(values: Any) -> float:
-    """Root of the mean square; NaN of nothing."""
-    squares = [value**2 for value in values]
-    return math.sqrt(sum(squares) / len(squares)) if squares else math.nan

@@ -177,7 +177,8 @@ def noise_of(gathered: Sequence[Measurement]) -> dict[tuple[str, float], NoiseMo
             repeated.extend(stretch - level for stretch in resting)
         if repeated:
             models[key] = model = noise_model(repeated, source, least[key[0]])
-            whitened.setdefault(key[0], []).extend(model.whitened(stretch[:, None])[:, 0] for stretch in repeated)
+            if model.rms > least[key[0]]:
+                whitened.setdefault(key[0], []).extend(model.whitened(stretch[:, None])[:, 0] for stretch in repeated)
     for channel, stretches in whitened.items():
         colour = colour_of(stretches)
         for key in models:

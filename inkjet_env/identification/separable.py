@@ -38,6 +38,8 @@ class Fitted:
     measurement: Measurement
     basis: DriveBasis
     noise: NoiseModel
+    loudness: float = 1.0
+    """How many times its noise the channel's residual is: it is weighed by that."""
 
     @property
     def samples(self) -> int:
@@ -46,7 +48,8 @@ class Fitted:
 
     def whitened(self, columns: Real) -> Real:
         """The fitted rows, whitened, and weighed as so many repeats."""
-        return self.noise.whitened(columns[: self.measurement.fitted]) * math.sqrt(len(self.measurement.signals))
+        weight = math.sqrt(len(self.measurement.signals)) / self.loudness
+        return self.noise.whitened(columns[: self.measurement.fitted]) * weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +106,8 @@ class Solution:
     rms : dict of str to float
         Root mean square of the whitened residual of each channel: 1 is the noise.
     converged : bool
+    held : int
+        How many constraints are active.
     """
 
     model: Model
@@ -111,6 +116,7 @@ class Solution:
     names: tuple[str, ...]
     rms: Mapping[str, float]
     converged: bool
+    held: int
 
 
 def has_free_state(measurement: Measurement) -> bool:
@@ -175,6 +181,21 @@ def fit_everything(
             break
         objective, model = value, trial
     return problem.solution(model, converged, coloured)
+
+
+def linearised_blocks(fitted: Sequence[Fitted], model: Model) -> list[Real]:
+    """One block a drive: columns of the weights, of everything else linearised about the model, and the signal.
+
+    Parameters
+    ----------
+    fitted : sequence of Fitted
+        Bases of a degree that may be above the model's.
+    model : Model
+    """
+    weights = np.zeros(fitted[0].basis.degree)
+    weights[: model.weights.size] = model.weights
+    problem, model = _Problem(fitted, None), replace(model, weights=weights)
+    return [problem.spread(f, b, model) for f, b in zip(fitted, problem.blocks(model), strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,11 +264,11 @@ class _Problem:
     def _stacked(self, blocks: Sequence[Real], model: Model, nonlinear: bool) -> tuple[Real, Real]:
         """All drives below each other: columns weights, [ln a0, ln a1, ratios,] offsets; and the signal."""
         stacked = np.vstack(
-            [self._spread(f, block, model, nonlinear) for f, block in zip(self.fitted, blocks, strict=True)]
+            [self.spread(f, block, model, nonlinear) for f, block in zip(self.fitted, blocks, strict=True)]
         )
         return stacked[:, :-1], stacked[:, -1]
 
-    def _spread(self, f: Fitted, block: Real, model: Model, nonlinear: bool) -> Real:
+    def spread(self, f: Fitted, block: Real, model: Model, nonlinear: bool = True) -> Real:
         """One drive's columns in the places they have among all parameters, and the signal."""
         d, channel = self.degree, f.measurement.channel
         psi, nothing = block[:, :d], np.zeros((len(block), 1))
@@ -326,10 +347,11 @@ class _Problem:
             _, sizes, right = np.linalg.svd(held)
             rank = int(np.sum(sizes > 1e-10 * sizes[0]))
             allowed = right[rank:].T
-        inverse = allowed @ np.linalg.pinv(matrix / scale @ allowed, rcond=1e-13)
-        covariance = inverse @ inverse.T
-        covariance = covariance @ self._score_covariance(model, coloured, scale) @ covariance
-        covariance = covariance / np.outer(scale, scale)
+        _, sizes, right = np.linalg.svd(matrix / scale @ allowed, full_matrices=False)
+        seen = sizes > 1e-13 * sizes[0]
+        # Directions in which the whitened signal changes by one noise: there J'J is the unit matrix.
+        unit = (allowed @ right[seen].T) / sizes[seen] / scale[:, None]
+        covariance = unit @ self._score_covariance(model, coloured, unit) @ unit.T
         linear, target = self._stacked(blocks, model, nonlinear=False)
         residual = target - linear @ self._linear_part(model)
         rms, at = {}, 0
@@ -346,17 +368,17 @@ class _Problem:
             *(f"ratio {channel}" for channel in self.channels[1:]),
             *(f"offset {channel}" for channel in self.channels),
         )
-        return Solution(model, float(np.sum(residual**2)), covariance, names, rms, converged)
+        return Solution(model, float(np.sum(residual**2)), covariance, names, rms, converged, int(active.sum()))
 
-    def _score_covariance(self, model: Model, coloured: Collection[str], scale: Real) -> Real:
-        """``Jᵀ Σ J`` of the whitened slopes J, Σ from the noise's colour, or from the residual where that is loud."""
-        total = np.zeros((scale.size, scale.size))
+    def _score_covariance(self, model: Model, coloured: Collection[str], unit: Real) -> Real:
+        """``Jᵀ Σ J`` of the whitened slopes J along some directions, Σ from the noise's colour or a loud residual."""
+        total = np.zeros((unit.shape[1], unit.shape[1]))
         for f in self.fitted:
             columns = self._columns(f, model, slopes=True)
-            slopes = np.fft.fft(self._spread(f, columns, model, nonlinear=True)[:, :-1] / scale, axis=0)
+            slopes = np.fft.fft(self.spread(f, columns, model, nonlinear=True)[:, :-1] @ unit, axis=0)
             n = len(columns)
             if f.measurement.channel in coloured:
-                linear = self._spread(f, columns, model, nonlinear=False)
+                linear = self.spread(f, columns, model, nonlinear=False)
                 power = _smoothed_power(linear[:, -1] - linear[:, :-1] @ self._linear_part(model))
             else:
                 power = f.noise.levels(n)

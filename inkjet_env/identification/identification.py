@@ -1,0 +1,166 @@
+"""What an identification gives: a printhead, intervals, and the residual of every recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.identification.degree import DegreeChoice
+from inkjet_env.identification.noise import NoiseModel
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value and its 90 % confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """What a recording shows beyond the model: arrays of shape (n,), in the channel's unit."""
+
+    name: str
+    channel: str
+    unit: str
+    step_s: float
+    drive_V: Real
+    measured: Real
+    modelled: Real
+    fitted: int
+    noise_rms: float
+
+    @property
+    def time_s(self) -> Real:
+        """From the first sample on."""
+        return np.arange(self.measured.size, dtype=np.float64) * np.float64(self.step_s)
+
+    @property
+    def difference(self) -> Real:
+        """Measured minus modelled."""
+        left: Real = self.measured - self.modelled
+        return left
+
+    @property
+    def held_out(self) -> bool:
+        """Whether any of it was kept from the fit."""
+        return self.fitted < self.measured.size
+
+    @property
+    def rms(self) -> float:
+        """Of the difference over what was held out, or over all of a recording that was fitted whole."""
+        return self.rms_of(self.held_out)
+
+    def rms_of(self, held_out: bool) -> float:
+        """Of the difference over what was held out, or over what was fitted; NaN where there is no such part."""
+        part = self.difference[self.fitted :] if held_out else self.difference[: self.fitted]
+        return float(np.sqrt(np.mean(part**2))) if part.size else math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """A printhead identified from a campaign; made by `identify`.
+
+    Attributes
+    ----------
+    printhead : Printhead
+    dynamics : dict of str to Estimate
+        ``a0, a1, b1``.
+    gains : dict of str to Estimate
+        Of each channel: ``b1`` of self-sensing; units per hysteretic volt of strain gauge and displacement (``b0/a0``).
+    offsets : dict of str to float
+        In the channel's unit.
+    coefficient_covariance : ndarray, shape (degree, degree)
+        Of the branch law's coefficients, lowest power first.
+    degree : DegreeChoice
+        Error against degree on the strain gauge alone, as in the paper; on all recordings where there is none.
+    joint_degree : DegreeChoice
+        Error against degree on all recordings together.
+    noise : dict
+        Noise models by channel and sampling step.
+    residuals : tuple of Residual
+        One a recording.
+    misfit : dict of str to float
+        Of each channel: root mean square of the whitened residual of the fit; 1 is the noise.
+    notes : tuple of str
+        What a reader must know, in sentences.
+    """
+
+    printhead: Printhead
+    dynamics: Mapping[str, Estimate]
+    gains: Mapping[str, Estimate]
+    offsets: Mapping[str, float]
+    coefficient_covariance: Real
+    degree: DegreeChoice
+    joint_degree: DegreeChoice
+    noise: Mapping[tuple[str, float], NoiseModel]
+    residuals: tuple[Residual, ...]
+    misfit: Mapping[str, float]
+    notes: tuple[str, ...]
+
+    @property
+    def hysteresis_channel(self) -> str:
+        """The channel that shows the hysteresis most directly."""
+        return next(c for c in ("strain_gauge", "displacement", "self_sensing") if c in self.gains)
+
+    @property
+    def heldout(self) -> tuple[Residual, ...]:
+        """Recordings, or ends of recordings, that no fit has seen."""
+        return tuple(r for r in self.residuals if r.held_out)
+
+    def unit(self, channel: str) -> str:
+        """Unit of a channel's signal: V or um."""
+        return next(r.unit for r in self.residuals if r.channel == channel)
+
+    def rms(self, channel: str, held_out: bool) -> tuple[float, float]:
+        """Root mean square of a channel's residual, and of its noise, over held-out or fitted recordings."""
+        mine = [r for r in self.residuals if r.channel == channel and not math.isnan(r.rms_of(held_out))]
+        return _pooled(r.rms_of(held_out) for r in mine), _pooled(r.noise_rms for r in mine)
+
+    def fit_json(self) -> dict[str, Any]:
+        """The entry "fit" of ``printhead.json``: how well the model fits, in volts where the channel has volts."""
+        main = "self_sensing" if "self_sensing" in self.gains else "displacement"
+        unit = self.unit(main)
+        heldout, noise = self.rms(main, held_out=True)
+        train, noise_train = self.rms(main, held_out=False)
+        channels = {
+            channel: {
+                "unit": self.unit(channel),
+                "gain": vars(gain),
+                "offset": self.offsets[channel],
+                "residual_over_noise": self.misfit[channel],
+            }
+            for channel, gain in self.gains.items()
+        }
+        return {
+            f"noise_rms_{unit}": noise if math.isfinite(noise) else noise_train,
+            f"heldout_rms_{unit}": heldout if math.isfinite(heldout) else None,
+            f"train_rms_{unit}": train,
+            "heldout": [r.name for r in self.heldout],
+            "degree_by_flattening": self.joint_degree.by_flattening,
+            "degree_by_strain_gauge": self.degree.by_flattening if "strain_gauge" in self.gains else None,
+            "degree_by_held_out": self.degree.by_held_out,
+            "channels": channels,
+            "notes": list(self.notes),
+        }
+
+    def as_json(self) -> dict[str, Any]:
+        """What ``printhead.json`` holds."""
+        intervals = {name: (estimate.low, estimate.high) for name, estimate in self.dynamics.items()}
+        return self.printhead.as_json(intervals, self.fit_json())
+
+
+def _pooled(values: Iterable[float]) -> float:
+    """Root of the mean square; NaN of nothing."""
+    squares = [value**2 for value in values]
+    return math.sqrt(sum(squares) / len(squares)) if squares else math.nan
