@@ -6,7 +6,7 @@ ARGS ?=
 PY := .venv/bin/python
 READY := .venv/.ready
 
-.PHONY: help setup bench test check format figures speed accuracy lock clean
+.PHONY: help setup bench test check format figures speed accuracy identification lock clean
 
 help:                ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -20,6 +20,7 @@ $(READY): requirements.lock pyproject.toml
 	$(PY) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -r requirements.lock
 	$(PY) -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	$(PY) -c 'from inkjet_env.envs.task import warm_up; warm_up()'
+	$(PY) -c 'from inkjet_env.identification.basis import warm_up; warm_up()'
 	@touch $@
 
 bench: $(READY)      ## compare the optimisers (ARGS="--repeats 30 …"); resumes; writes results/bench/report.html
@@ -46,6 +47,9 @@ speed: $(READY)      ## evaluations per second against SciPy, environment steps 
 
 accuracy: $(READY)   ## the closed form against an 80-digit reference
 	$(PY) -m experiments.accuracy
+
+identification: $(READY)  ## errors, coverage, peers: how well identification does (ARGS="all FOLDER" with measured data)
+	$(PY) -m experiments.identification_study $(ARGS)
 
 lock: $(READY)       ## write requirements.lock from what .venv holds
 	{ echo "# The environment the tests pass in. Made by \`make lock\`; pyproject.toml says what is asked for and why."; \

@@ -10,6 +10,7 @@ import typer
 
 from experiments.arguments import check_outputs, chosen_printhead, chosen_seed, named_values
 from experiments.options import JsonFile, PrintheadFile
+from experiments.progress import announce_compiling
 
 if TYPE_CHECKING:
     from inkjet_env.identification import Identification
@@ -56,6 +57,7 @@ def record(
         plan_csvs(folder, battery)
         said = f"{folder}: {len(battery)} drives, and plan.csv that says how to record each and what it is for"
     else:
+        announce_compiling()
         campaign = record_campaign(head, chosen_seed(seed), battery=battery, snr_dB=snr_db)
         write_campaign(folder, campaign)
         said = f"{folder}: {len(campaign.recordings)} recordings"
@@ -77,7 +79,8 @@ def identify(
         int | None, typer.Option(help="of the branch law; chosen from the recordings unless given")
     ] = None,
     degree_rule: Annotated[
-        str, typer.Option(help="flattening (the paper's: where the error stops falling) or held_out (drives)")
+        str,
+        typer.Option(help="flattening (of the error of all recordings), strain_gauge (as the paper) or held_out"),
     ] = "flattening",
     valid_density: Annotated[
         bool, typer.Option("--valid-density", help="enforce p(r) >= 0, a valid Prandtl-Ishlinskii density")
@@ -111,6 +114,7 @@ def identify(
         "full_scale_V": full_scale,
         "held_out": None if held_out is None else tuple(held_out.split(",")),
     }
+    announce_compiling()
     reading = {"channel": channel, "columns": None if columns is None else named_values("--columns", columns)}
     if len(folders) > 1:
         if report is not None or json is not None:

@@ -32,6 +32,7 @@ from experiments.options import (
     PrintheadFile,
     Window,
 )
+from experiments.progress import announce_compiling
 
 if TYPE_CHECKING:
     from inkjet_env.printhead import Response, SampledResponse
@@ -111,7 +112,7 @@ def simulate(
         response = head.respond(Waveform.from_array(waveform), state, 350e-6 if window is None else window, hysteresis)
     elif drive is not None:
         samples = read_drive(drive)
-        _announce_compiling()
+        announce_compiling()
         try:
             response = respond_sampled(head, *samples, state, hysteresis, window_s=350e-6 if window is None else window)
         except ValueError as error:
@@ -197,7 +198,7 @@ def optimize(
         options, evaluations = swarm_options(name, particles, generations, budget)
         chosen = chosen_problem(problem, printhead, (cost_a, cost_b, effective), window, initial_state)
         plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
-    _announce_compiling()
+    announce_compiling()
     run = plan.carry_out(recorded)
     _finish_optimize(plan, run, out, sample_rate, plot, json)
 
@@ -238,7 +239,7 @@ def bench(
     if chosen.get("problems") == ("all",):
         del chosen["problems"]
     settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
-    _announce_compiling()
+    announce_compiling()
     try:
         outcome = run_bench(settings, results, workers)
     except KeyboardInterrupt:
@@ -302,13 +303,6 @@ def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: P
 def _record_file(out: Path) -> Path:
     """Where an interrupted run leaves its evaluations."""
     return out.with_name(f"{out.name}.evaluations.npz")
-
-
-def _announce_compiling() -> None:
-    from inkjet_env.printhead import batch
-
-    if not batch.is_compiled():
-        print("compiling the simulator once …", file=sys.stderr, flush=True)
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:

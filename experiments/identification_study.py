@@ -220,7 +220,9 @@ def _print_published() -> None:
     loop = next(r for r in found.residuals if r.channel == "strain_gauge")
     print(f"largest difference of Q: {100 * difference:.3f} % of the swing")
     largest, residual, noise = np.array([np.abs(loop.difference).max(), residual, noise]) * 100 / np.ptp(loop.measured)
-    print(f"loop, measured minus modelled: at most {largest:.2f} %, RMS {residual:.3f} % of the swing; noise {noise:.3f} %")
+    print(
+        f"loop, measured minus modelled: at most {largest:.2f} %, RMS {residual:.3f} % of the swing; noise {noise:.3f} %"
+    )
 
 
 def _print_heads(count: int) -> None:
@@ -247,16 +249,33 @@ def _print_peers() -> None:
 
 
 def _print_measured(folder: Path) -> None:
-    campaign = measured_pieces(folder)
-    sine = float(np.std(campaign["period-3"].sensor))
-    for degree in (1, None):
-        options: dict[str, Any] = {} if degree is None else {"degree": degree}
-        found = identify(campaign, held_out=("period-3",), **options)
-        print(f"degree {len(found.printhead.coefficients) - 1}: resonance {found.printhead.frequency_Hz:.1f} Hz")
+    pieces = measured_pieces(folder)
+    unseen = pieces["period-3"]
+    sine = float(np.std(unseen.sensor))
+    line = np.polyfit(pieces["period-1"].drive_V, pieces["period-1"].sensor, 1)
+    left = float(np.sqrt(np.mean((unseen.sensor - np.polyval(line, unseen.drive_V)) ** 2)))
+    print(f"a straight line through the sine: {left:.3f} um = {100 * left / sine:.2f} % of the sine's RMS, held out")
+    ring_down = Campaign("ring-down", (pieces["ring-down"],))
+    for title, campaign, held_out in (
+        ("the whole recording as it is", read_campaign(folder), None),
+        ("cut into periods and ring-down", pieces, ("period-3",)),
+        ("the ring-down alone", ring_down, ()),
+    ):
+        found = identify(campaign, held_out=held_out)
+        head = found.printhead
+        print(
+            f"{title}: resonance {head.frequency_Hz:.0f} Hz, damping ratio {head.damping_ratio:.3f}, degree "
+            f"{len(head.coefficients) - 1}; noise at rest {found.residuals[0].noise_rms:.3f} um"
+        )
         for r in found.residuals:
-            where = "held out" if r.held_out else "fitted"
-            print(f"  {r.name} ({where}): residual {r.rms:.3f} um = {100 * r.rms / sine:.2f} % of the sine's RMS")
-        print(f"  noise at rest {found.residuals[0].noise_rms:.3f} um")
+            parts = [(word, r.rms_of(flag)) for word, flag in (("fitted", False), ("held out", True))]
+            told = ", ".join(f"{rms:.3f} um {word}" for word, rms in parts if not math.isnan(rms))
+            print(f"  {r.name}: {told}; at most {np.abs(r.difference).max():.2f} um")
+    alone = found.residuals[0]
+    after = alone.difference[int(np.argmax(alone.drive_V != 0)) :]
+    lines = np.abs(np.fft.rfft(after - after.mean()))
+    strongest = float(np.fft.rfftfreq(after.size, alone.step_s)[np.argmax(lines)])
+    print(f"strongest line in what the ring-down alone leaves: {strongest:.0f} Hz")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

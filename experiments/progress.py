@@ -48,3 +48,11 @@ def shown_progress(label: str, total: int, done: int = 0) -> Iterator[Progress]:
             print(f"{label}: {done} of {total}" + (f"; {note}" if note else ""), file=sys.stderr, flush=True)
 
     yield plain
+
+
+def announce_compiling() -> None:
+    """Say why the first command on a machine takes a minute."""
+    from inkjet_env.printhead import batch
+
+    if not batch.is_compiled():
+        print("compiling the simulator once …", file=sys.stderr, flush=True)

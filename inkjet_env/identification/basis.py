@@ -140,3 +140,8 @@ def _power_changes(pieces: Real, degree: int) -> Real:
     beyond = (x >= 1.0)[:, None]
     start, end = np.where(beyond, 1.0, x[:, None]), np.where(beyond, 1.0, (x + dx)[:, None])
     return scale[:, None] * np.where(beyond, exponents * dx[:, None], end**exponents - start**exponents)
+
+
+def warm_up() -> None:
+    """Compile what identification uses, or load it from the cache."""
+    drive_basis(np.array([0.0, 1.0, 0.0]), 1e-6, 2.0, 2, "periodic").response("self_sensing", 1e11, 3e4)
