@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,10 +218,8 @@ def _print_published() -> None:
     residual, noise = found.rms("strain_gauge", held_out=False)
     loop = next(r for r in found.residuals if r.channel == "strain_gauge")
     print(f"largest difference of Q: {100 * difference:.3f} % of the swing")
-    largest, residual, noise = np.array([np.abs(loop.difference).max(), residual, noise]) * 100 / np.ptp(loop.measured)
-    print(
-        f"loop, measured minus modelled: at most {largest:.2f} %, RMS {residual:.3f} % of the swing; noise {noise:.3f} %"
-    )
+    largest, rms, floor = np.array([np.abs(loop.difference).max(), residual, noise]) * 100 / np.ptp(loop.measured)
+    print(f"loop, what the model leaves: at most {largest:.2f} %, RMS {rms:.3f} % of the swing; noise {floor:.3f} %")
 
 
 def _print_heads(count: int) -> None:

@@ -14,20 +14,6 @@ OPTIMUM = ["100", "-100", "1e-6", "10.481e-6", "13.769e-6", "9.613e-6", "20e-6"]
 COMMAND = [sys.executable, "-m", "experiments.cli"]
 
 
-@pytest.fixture
-def inkjet(capsys, tmp_path, monkeypatch):
-    """Run the command in an empty folder: exit status, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as exit_:
-            cli.main([str(a) for a in arguments])
-        out, err = capsys.readouterr()
-        return exit_.value.code, out, err
-
-    return run
-
-
 def a_drive(path, rows=("0,0", "1e-6,100", "2e-6,-50", "4e-6,0"), header="time_s,drive_V"):
     path.write_text("\n".join([header, *rows]) + "\n")
     return path

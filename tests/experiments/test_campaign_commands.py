@@ -1,0 +1,152 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from inkjet_env.printhead import Printhead
+from inkjet_env.recordings import Campaign, read_campaign, write_campaign
+
+
+def files_below(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+def test_four_commands_lead_from_a_head_to_its_waveform(inkjet, tmp_path):
+    truth = Printhead.published().varied(frequency_Hz=44e3, damping_ratio=0.06)
+    truth.to_json(tmp_path / "truth.json")
+    assert inkjet("record", "campaign", "--printhead", "truth.json", "--seed", "1")[0] == 0
+    status, out, err = inkjet(
+        "identify", "campaign", "--out", "head.json", "--report", "page.html", "--json", "found.json"
+    )
+    assert (status, err) == (0, "")
+    assert "Resonance 44 kHz" in out
+    status, out, _ = inkjet("optimize", "--printhead", "head.json", "--optimizer", "cma-es", "--budget", "300")
+    assert status == 0
+    drive = np.genfromtxt(tmp_path / "optimum.csv", delimiter=",", names=True)
+    assert drive["drive_V"][0] == drive["drive_V"][-1] == 0
+    status, out, _ = inkjet("simulate", "--printhead", "truth.json", "--drive", "optimum.csv", "--out", "response.csv")
+    assert status == 0
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found == json.loads((tmp_path / "head.json").read_text())
+    assert found["format"] == "printhead/1"
+    for name in ("a0", "a1", "b1"):
+        entry = found["dynamics"][name]
+        assert list(entry) == ["value", "low", "high"]
+        assert entry["low"] < entry["value"] < entry["high"]
+        assert entry["value"] == pytest.approx(getattr(truth, name), rel=1e-4)
+    assert found["hysteresis"]["full_scale_V"] == 180.0
+    assert found["hysteresis"]["degree"] == len(found["hysteresis"]["coefficients"]) - 1 == 8
+    assert found["fit"]["heldout_rms_V"] == pytest.approx(found["fit"]["noise_rms_V"], rel=0.05)
+    assert set(found["fit"]["heldout"]) < {r.name for r in read_campaign(tmp_path / "campaign").recordings}
+    assert (tmp_path / "page.html").read_text().startswith("<!DOCTYPE html>")
+
+
+def test_the_same_seed_records_the_same_campaign(inkjet, tmp_path):
+    for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
+        assert inkjet("record", folder, "--seed", seed)[0] == 0
+    names = files_below(tmp_path / "a")
+    assert names == files_below(tmp_path / "b")
+    contents = [[(tmp_path / folder / name).read_bytes() for name in names] for folder in "abc"]
+    assert contents[0] == contents[1] != contents[2]
+
+
+def test_a_plan_holds_drives_for_a_generator_and_says_what_each_is_for(inkjet, tmp_path):
+    assert inkjet("record", "drives", "--plan", "--json", "plan.json")[0] == 0
+    rows = (tmp_path / "drives" / "plan.csv").read_text().splitlines()
+    assert rows[0].endswith("purpose")
+    assert len(rows) - 1 == json.loads((tmp_path / "plan.json").read_text())["lines"]
+    for row in rows[1:]:
+        header = (tmp_path / "drives" / row.split(",")[0]).read_text().splitlines()[0]
+        assert header == "time_s,drive_V"
+
+
+def test_several_campaigns_are_identified_side_by_side_and_a_bad_one_stops_no_other(inkjet, tmp_path):
+    for seed in (1, 2):
+        inkjet("record", f"head-{seed}", "--seed", seed)
+    (tmp_path / "empty").mkdir()
+    status, out, err = inkjet("identify", "head-1", "empty", "head-2", "--out", "heads", "--workers", "1")
+    assert status == 2
+    assert "heads: 2 printheads" in out
+    assert "empty" in err.splitlines()[-1]
+    assert files_below(tmp_path / "heads") == ["head-1.json", "head-2.json"]
+    assert Printhead.from_json(tmp_path / "heads" / "head-1.json").frequency_Hz == pytest.approx(51.69e3, rel=1e-3)
+
+
+def test_displacement_is_recorded_on_demand(inkjet, tmp_path):
+    assert inkjet("record", "campaign", "--displacement")[0] == 0
+    assert read_campaign(tmp_path / "campaign").select("displacement")
+    inkjet("record", "plain")
+    assert not read_campaign(tmp_path / "plain").select("displacement")
+
+
+def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_path):
+    inkjet("record", "campaign", "--seed", "1")
+    (tmp_path / "scope").mkdir()
+    campaign = read_campaign(tmp_path / "campaign")
+    for r in campaign.select("self_sensing", initial_state="demagnetised"):
+        table = np.column_stack([r.time_s, r.sensor, r.drive_V])
+        np.savetxt(tmp_path / "scope" / f"{r.name}.csv", table, delimiter=",", header="t,A,B", comments="")
+    arguments = ("identify", "scope", "--channel", "self_sensing", "--columns", "time=t,drive=B,sensor=A")
+    status, _, err = inkjet(*arguments, "--json", "-")
+    assert status == 0, err
+    assert Printhead.from_json(tmp_path / "printhead.json").frequency_Hz == pytest.approx(51.69e3, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("identify", "nowhere"), "nowhere"),
+        (("identify", "campaign", "--degree", "13"), "degree must be 1 to 12; got 13"),
+        (("identify", "campaign", "--degree-rule", "paper"), "degree_rule must be"),
+        (("identify", "campaign", "--held-out", "r01"), "Did you mean"),
+        (("identify", "campaign", "--columns", "time"), "--columns must read name=value"),
+        (("identify", "campaign", "--out", "nowhere/head.json"), "nowhere must be a folder"),
+        (("identify", "campaign", "campaign"), "2 folders are called 'campaign'"),
+        (("identify", "campaign", "other", "--json", "x.json"), "belong to a single campaign"),
+        (("record", "campaign", "--seed", "-1"), "--seed must be at least 0"),
+        (("record", "plan", "--plan", "--snr-db", "40"), "leave out --snr-db"),
+        (("record", "head.txt"), "is not a folder"),
+        (("record", "full"), "holds files and no campaign"),
+        (("record", "campaign", "--printhead", "head.txt"), "head.txt: is not JSON"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_everything_as_it_was(arguments, told, inkjet, tmp_path):
+    inkjet("record", "campaign")
+    (tmp_path / "head.txt").write_text("no head")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "diary.txt").write_text("mine")
+    before = files_below(tmp_path)
+    status, out, err = inkjet(*arguments)
+    assert status == 2
+    assert out == ""
+    assert err.startswith("inkjet: ")
+    assert err.count("\n") == 1
+    assert told in err
+    assert files_below(tmp_path) == before
+
+
+def test_a_unit_that_cannot_be_meant_stops_identification_and_a_doubtful_one_is_said(inkjet, tmp_path):
+    inkjet("record", "campaign")
+    campaign = read_campaign(tmp_path / "campaign")
+
+    def with_drive(factor):
+        recordings = tuple(replace(r, drive_V=factor * r.drive_V) for r in campaign.recordings)
+        write_campaign(tmp_path / "wrong", Campaign("wrong", recordings))
+        return inkjet("identify", "wrong")
+
+    status, _, err = with_drive(1e3)
+    assert status == 2
+    assert "wrong/r001.csv, row" in err
+    assert "Check the unit, volts" in err
+    status, _, err = with_drive(1e-3)
+    assert status == 0
+    assert "warning: " in err
+    assert "more of this kind" in err
+
+
+def test_help_shows_an_example(inkjet):
+    for command in ("record", "identify"):
+        status, out, _ = inkjet(command, "--help")
+        assert status == 0
+        assert f"\n  inkjet {command} " in out
