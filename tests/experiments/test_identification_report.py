@@ -6,22 +6,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from experiments.identification_figures import amplitude_densities, branches, measured_branches, parts_of
 from experiments.identification_report import (
-    amplitude_densities,
-    branches,
     broadest_recording,
     headline,
     identification_html,
     interval_text,
+    left_unexplained,
     loop_recordings,
-    measured_branches,
     noise_of,
     parameter_rows,
-    parts_of,
     ringing_views,
     write_identification_report,
 )
 from inkjet_env.identification import Estimate, identify
+from inkjet_env.identification.identify import RESIDUAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig import default_battery, record_campaign
@@ -132,12 +131,20 @@ def test_a_good_fit_is_called_good_and_a_bad_one_bad(everything, one_displacemen
 
 
 def test_a_residual_that_has_the_noises_size_but_not_its_spectrum_is_told(everything):
-    told = headline(replace(everything, misfit={"strain_gauge": 1.0, "self_sensing": 1.31}))
-    assert "self-sensing is 1.31 times the noise" in told
+    note = "self_sensing: the residual is 1.31 times the noise, so the model leaves something out."
+    misfit = {"strain_gauge": 1.0, "self_sensing": 1.31}
+    told = headline(replace(everything, misfit=misfit, notes=(note,)))
+    assert "structure in the fitted ones: whitened, their residual is 1.31 times that of self-sensing" in told
+
+
+def test_headline_and_notes_agree_on_what_is_not_explained(everything, one_displacement):
+    assert not any(left_unexplained(everything, channel) for channel in everything.gains)
+    assert left_unexplained(one_displacement, "displacement")
+    assert not left_unexplained(replace(one_displacement, notes=()), "displacement")
 
 
 def test_noise_that_only_the_fit_shows_proves_nothing(everything):
-    noise = {key: replace(model, source="the residual of the fit") for key, model in everything.noise.items()}
+    noise = {key: replace(model, source=RESIDUAL) for key, model in everything.noise.items()}
     assert "cannot be told" in headline(replace(everything, noise=noise))
 
 
@@ -254,7 +261,7 @@ def test_the_noise_model_is_drawn_as_loud_as_the_noise(one_displacement):
     (residual,) = one_displacement.residuals
     frequency = np.linspace(0, 0.5 / residual.step_s, 4001)[1:]
     density = noise_of(residual, one_displacement).spectrum(frequency, residual.step_s)
-    assert one_displacement.misfit["displacement"] > 2  # so the fit raised it
+    assert one_displacement.misfit["displacement"] > 2
     assert math.sqrt(density.mean() * frequency[-1]) == pytest.approx(residual.noise_rms, rel=0.2)
     assert noise_of(SimpleNamespace(channel="strain_gauge", step_s=1.0), one_displacement) is None
 

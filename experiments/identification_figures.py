@@ -1,0 +1,368 @@
+"""Pictures of an identification: loops, branch law, degree, ringing, spectrum, residuals; each is a new figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments import pictures
+from inkjet_env.identification import Identification, NoiseModel, Residual
+from inkjet_env.identification.identify import QUANTILE_90
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Real = NDArray[np.float64]
+
+CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge", "displacement": "displacement"}
+MOST_POINTS = 3000
+"""Of one line in a picture."""
+LONGEST_NAME = 24
+MOST_LABELS = 90
+"""Names of recordings that fit beside each other."""
+LARGEST_GAP = 0.05
+"""Of a signal's swing, between its end and its start, where a recording counts as one period."""
+POWER_SHOWN = 0.01
+"""Amplitude of the drive, as a share of its largest, from which on a spectrum is shown."""
+CELLS = 40
+"""Over which the means of measured branches are taken, where they hold enough points."""
+FEWEST_IN_CELL = 4
+SHORTEST_BRANCH = 0.2
+"""Of a branch drawn beside the branch law, as a share of the recording's swing."""
+BLUE, VERMILION, _, _, NOISE, MEASURED, MODELLED = pictures.COLOURS
+LEFT = RISING = FITTED = BLUE
+FALLING = HELD_OUT = VERMILION
+BAND = "#d9d9d9"
+MARKERS = {"self_sensing": "o", "strain_gauge": "s", "displacement": "^"}
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Samples of a recording that were all fitted, or all held out."""
+
+    residual: Residual
+    samples: slice
+    held_out: bool
+
+    @property
+    def role(self) -> str:
+        """In words."""
+        return "held out" if self.held_out else "fitted"
+
+    @property
+    def rms(self) -> float:
+        """Of measured minus modelled, in the channel's unit."""
+        return float(np.sqrt(np.mean(self.residual.difference[self.samples] ** 2)))
+
+    @property
+    def over_noise(self) -> float:
+        """The same as a multiple of the noise; NaN where that is unknown."""
+        noise = self.residual.noise_rms
+        return self.rms / noise if noise > 0 else math.nan
+
+    @property
+    def share(self) -> float:
+        """The same as a share of the measured signal's RMS about its mean; NaN of a signal that stands still."""
+        signal = float(np.std(self.residual.measured[self.samples]))
+        return self.rms / signal if signal > 0 and np.ptp(self.residual.drive_V) > 0 else math.nan
+
+
+def parts_of(residual: Residual) -> list[Part]:
+    """The fitted and the held-out part of a recording; one where it was treated whole."""
+    n, fitted = residual.measured.size, residual.fitted
+    pieces = [(slice(0, fitted), False)] * (fitted > 0) + [(slice(fitted, n), True)] * (fitted < n)
+    return [Part(residual, samples, held_out) for samples, held_out in pieces]
+
+
+def loop_figure(residual: Residual) -> Figure:
+    """One recording against time and against the drive, measured and modelled; differences beneath."""
+    figure, axes = pictures.new_figure(10, 5.0, nrows=2, ncols=2, sharex="col", height_ratios=[3, 1.6])
+    seconds, time_unit = time_scale(residual.measured.size * residual.step_s)
+    unit = unit_text(residual.unit)
+    swing = float(np.ptp(residual.modelled))
+    for column, x in enumerate((residual.time_s / seconds, residual.drive_V)):
+        _line(axes[0, column], x, residual.measured, color=MEASURED, lw=3.0, label="measured")
+        _line(axes[0, column], x, residual.modelled, color=MODELLED, lw=0.8, label="modelled")
+        axes[0, column].set_ylabel(f"{CHANNEL_WORDS[residual.channel]} ({unit})")
+    time_s = residual.time_s / seconds
+    _noise_band(axes[1, 0], residual)
+    _line(axes[1, 0], time_s, residual.difference, color=LEFT, lw=0.8)
+    _line(axes[1, 1], residual.drive_V, 100 * residual.difference / swing, color=LEFT, lw=0.8)
+    if 0 < residual.fitted < residual.measured.size:
+        for panel in axes[:, 0]:
+            panel.axvspan(time_s[residual.fitted], time_s[-1], color=HELD_OUT, alpha=0.12, lw=0, label="held out")
+    axes[1, 0].set_ylabel(f"measured −\nmodelled ({unit})")
+    axes[1, 1].set_ylabel("measured −\nmodelled (% of swing)")
+    axes[1, 0].set_xlabel(f"time ({time_unit})")
+    axes[1, 1].set_xlabel("drive (V)")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    figure.align_ylabels()
+    return figure
+
+
+def law_figure(identification: Identification) -> Figure:
+    """The branch law with the branches it was measured on, and what these differ by, in % of the swing."""
+    law = identification.printhead.branch_law
+    figure, axes = pictures.new_figure(10, 5.4, nrows=2, sharex=True, height_ratios=[2, 1.5])
+    figure.set_dpi(200)  # of the dots
+    x = np.linspace(0, 1, 301)
+    percent = 100 / float(law.Q(1.0))
+    powers = x[:, None] ** np.arange(1, len(law.coefficients))
+    variance = np.einsum("ij,jk,ik->i", powers, identification.coefficient_covariance, powers)
+    error = QUANTILE_90 * np.sqrt(np.maximum(variance, 0))  # rounding, where the convention of scale makes it 0
+    for heading, colour, label in ((1, RISING, "measured, rising"), (-1, FALLING, "measured, falling")):
+        at, off = measured_branches(identification, heading)
+        if not at.size:
+            continue
+        every = -(-at.size // MOST_POINTS)
+        axes[0].plot(at[::every], (law.Q(at) + off)[::every], ".", ms=3, color=colour, label=label, rasterized=True)
+        axes[1].plot(at[::every], percent * off[::every], ".", ms=2, color=colour, alpha=0.4, rasterized=True)
+        cell = np.minimum((at * CELLS).astype(int), CELLS - 1)
+        count = np.bincount(cell)
+        full = count >= FEWEST_IN_CELL
+        means, centres = (np.bincount(cell, v)[full] / count[full] for v in (off, at))
+        axes[1].plot(centres, percent * means, "-", color=colour, lw=1.6, label=f"mean, {label.split()[1]}")
+    axes[0].plot(x, law.Q(x), color=MODELLED, lw=1.0, label=f"Q(x), degree {len(law.coefficients) - 1}")
+    axes[1].fill_between(
+        x, -percent * error, percent * error, color=NOISE, alpha=0.7, lw=0, label="90 % interval of Q", zorder=1
+    )
+    axes[0].legend(frameon=False, markerscale=3)
+    axes[1].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 0.98), borderaxespad=0.1)
+    axes[0].set_ylabel("hysteretic drive\n(full scales)")
+    axes[1].set_ylabel("difference from Q\n(% of swing)")
+    axes[1].set_xlabel(f"x = change of drive since the turning point / {law.full_scale_V:g} V")
+    figure.align_ylabels()
+    return figure
+
+
+def measured_branches(identification: Identification, heading: int) -> tuple[Real, Real]:
+    """Points measured on rising (1) or falling (-1) `branches`: ``x``, and how far off ``Q(x)`` they lie.
+
+    What the resonator adds has been taken off as modelled: the difference of the recording stands for that of the law.
+    None from self-sensing.
+    """
+    law, channel = identification.printhead.branch_law, identification.hysteresis_channel
+    at, off = [np.zeros(0)], [np.zeros(0)]
+    for residual in identification.residuals:
+        if residual.channel != channel or channel == "self_sensing" or np.ptp(residual.drive_V) == 0:
+            continue
+        drive, gain = residual.drive_V, identification.gains[channel].value
+        for start, end in branches(drive):
+            if heading * (drive[end] - drive[start]) > 0:
+                moving = start + 1 + np.flatnonzero(np.diff(drive[start : end + 1]))
+                at.append(np.abs(drive[moving] - drive[start]) / law.full_scale_V)
+                off.append(heading * residual.difference[moving] / (gain * law.full_scale_V))
+    return np.concatenate(at), np.concatenate(off)
+
+
+def branches(drive_V: Real) -> list[tuple[int, int]]:
+    """First and last sample of the stretches of drive that follow the branch law ``Q`` whatever came before.
+
+    The outermost turning point wipes out all memory; the branch from there follows ``Q``, and so does the next one,
+    until it is back at that level.
+    """
+    turns = turning_points(drive_V)
+    level = np.abs(drive_V).max() * (1 - 1e-3)
+    found, after_outermost = [], False
+    for start, end in pairwise([*turns, drive_V.size - 1]):
+        outermost = abs(drive_V[start]) >= level
+        if (outermost or after_outermost) and abs(drive_V[end] - drive_V[start]) >= SHORTEST_BRANCH * np.ptp(drive_V):
+            found.append((start, end))
+        after_outermost = outermost
+    return found
+
+
+def turning_points(drive_V: Real) -> list[int]:
+    """Samples at which the drive starts on its way back."""
+    moving = np.flatnonzero(np.diff(drive_V))
+    up = drive_V[moving + 1] > drive_V[moving]
+    return [int(k) for k in moving[1:][up[1:] != up[:-1]]]
+
+
+def degree_figure(identification: Identification) -> Figure:
+    """Error of the branch law against its degree: on the strain gauge alone where there is one, and on everything.
+
+    On the right without the error of the straight line.
+    """
+    choices = {"all recordings": identification.joint_degree}
+    if "strain_gauge" in identification.gains:
+        choices = {"strain gauge alone": identification.degree, **choices}
+    used = len(identification.printhead.coefficients) - 1
+    figure, axes = pictures.new_figure(10, 1.2 + 2.4 * len(choices), nrows=len(choices), ncols=2, squeeze=False)
+    for row, (source, choice) in zip(axes, choices.items(), strict=True):
+        left_out = choice.held_out_error or (math.nan,) * len(choice.degrees)
+        for panel, first in zip(row, (0, 1), strict=True):
+            degrees, error = choice.degrees[first:], choice.rms_error[first:]
+            panel.axvline(used, color=MODELLED, lw=1.0, ls=":", label=f"used: {used}")
+            panel.plot(degrees, error, "o-", color=FITTED, lw=1.2, ms=5, label="fit")
+            if choice.held_out_error is not None:
+                panel.plot(
+                    degrees, left_out[first:], "D--", color=HELD_OUT, lw=1.2, ms=4, label="drives left out in turn"
+                )
+            if choice.by_flattening > first:
+                flat = choice.rms_error[choice.by_flattening - 1]
+                panel.plot(choice.by_flattening, flat, "o", color=FITTED, mfc="none", ms=11, label="flattened")
+            panel.set_xticks(degrees)
+            panel.set_title(source + (", from degree 2 on" if first else ""), fontsize=9)
+        row[0].axhline(1, color=pictures.GREY, lw=1.0, label="the noise")
+        shown = [*choice.rms_error[1:], *left_out[1:]]
+        low, high = np.nanmin(shown), min(np.nanmax(shown), 1.05 * max(choice.rms_error[1:]))
+        row[1].set_ylim(low * (low / high) ** 0.08, high * (high / low) ** 0.08)
+        row[0].set_ylabel("RMS error (× noise)")
+        for panel in row:
+            _log_ticks(panel)
+    for panel in axes[-1]:
+        panel.set_xlabel("degree of Q")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
+    return figure
+
+
+def ringing_figure(views: Sequence[Part]) -> Figure:
+    """Drive, signal and residual of some stretches of recordings, a column each."""
+    figure, axes = pictures.new_figure(
+        max(3.6 * len(views), 7.2),
+        5.6,
+        nrows=3,
+        ncols=len(views),
+        sharex="col",
+        squeeze=False,
+        height_ratios=[1, 2, 1.4],
+    )
+    for column, view in zip(axes.T, views, strict=True):
+        residual, where = view.residual, view.samples
+        seconds, time_unit = time_scale(float(np.ptp(residual.time_s[where])))
+        time = residual.time_s[where] / seconds
+        _line(column[0], time, residual.drive_V[where], color=pictures.GREY, lw=1.2)
+        _line(column[1], time, residual.measured[where], color=MEASURED, lw=2.6, label="measured")
+        _line(column[1], time, residual.modelled[where], color=MODELLED, lw=0.8, label="modelled")
+        _noise_band(column[2], residual)
+        _line(column[2], time, residual.difference[where], color=LEFT, lw=0.7)
+        ratio = f", residual here {view.over_noise:.3g} × noise" if math.isfinite(view.over_noise) else ""
+        title = f"{short_name(residual.name)}\n{view.role}{ratio}"
+        column[0].set_title(title, fontsize=9, parse_math=False)
+        column[2].set_xlabel(f"time ({time_unit})")
+    unit = unit_text(views[0].residual.unit)
+    axes[0, 0].set_ylabel("drive (V)")
+    axes[1, 0].set_ylabel(f"{CHANNEL_WORDS[views[0].residual.channel]} ({unit})")
+    axes[2, 0].set_ylabel(f"measured −\nmodelled ({unit})")
+    figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False)
+    figure.align_ylabels()
+    return figure
+
+
+def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
+    """Amplitude densities of a recording, measured and modelled, of what is left, and of the noise."""
+    figure, axes = pictures.new_figure(10, 4.2)
+    signals = (residual.drive_V, residual.measured, residual.modelled, residual.difference)
+    frequency, drive, measured, modelled, left = amplitude_densities(residual, *signals)
+    scale, unit = (1e3, "kHz") if frequency[-1] > 1e4 else (1.0, "Hz")
+    excited = drive > POWER_SHOWN * drive[1:].max()
+    excited[0] = False
+    at = frequency[excited] / scale
+    _line(axes, at, measured[excited], ls="none", marker="o", ms=4.5, color=MEASURED, label="measured")
+    _line(axes, at, modelled[excited], ls="none", marker=".", ms=2.5, color=MODELLED, label="modelled")
+    edges = np.unique(np.round(np.geomspace(1, frequency.size, 200)).astype(int))
+    mean = np.sqrt(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
+    axes.plot(frequency[edges[:-1]] / scale, mean, color=LEFT, lw=1.0, label="measured − modelled")
+    if noise is not None:
+        density = np.sqrt(noise.spectrum(frequency[1:], residual.step_s))
+        axes.plot(frequency[1:] / scale, density, "--", color=NOISE, lw=1.6, label="noise model")
+    axes.set(xscale="log", yscale="log")
+    axes.set_xlabel(f"frequency ({unit})")
+    axes.set_ylabel(f"amplitude density ({unit_text(residual.unit)}/√Hz)")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
+    return figure
+
+
+def amplitude_densities(residual: Residual, *signals: Real) -> tuple[Real, ...]:
+    """Frequencies in Hz, and the root of each signal's one-sided power density in its unit / √Hz.
+
+    Of the recording as one period where its end leads on to its start, else through a Hann window.
+    """
+    n = residual.measured.size
+    closed = all(
+        abs(2 * x[-1] - x[-2] - x[0]) <= LARGEST_GAP * np.ptp(x) for x in (residual.drive_V, residual.modelled)
+    )
+    window = np.ones(n) if closed else np.hanning(n + 1)[:n]
+    scale = math.sqrt(2 * residual.step_s / float(window @ window))
+    frequency = np.asarray(np.fft.rfftfreq(n, residual.step_s), dtype=np.float64)
+    return frequency, *(scale * np.abs(np.fft.rfft((x - x.mean()) * window)) for x in signals)
+
+
+def residuals_figure(parts: Sequence[Part]) -> Figure:
+    """Residual over noise, a dot a recording."""
+    known = [part for part in parts if math.isfinite(part.over_noise)]
+    figure, axes = pictures.new_figure(10, 3.6)
+    kinds = [(channel, held_out) for channel in CHANNEL_WORDS for held_out in (False, True)]
+    for channel, held_out in kinds:
+        at = [i for i, p in enumerate(known) if (p.residual.channel, p.held_out) == (channel, held_out)]
+        if at:
+            colour, label = (HELD_OUT, "held out") if held_out else (FITTED, "fitted")
+            ratios = [known[i].over_noise for i in at]
+            face = colour if held_out else "none"
+            style: Any = {"color": colour, "mfc": face, "ms": 6, "label": f"{CHANNEL_WORDS[channel]}, {label}"}
+            axes.plot(at, ratios, MARKERS[channel], **style)
+    axes.axhline(1, color=MODELLED, lw=1.0, label="the noise")
+    ratios = [part.over_noise for part in known] or [1.0]
+    axes.set(xlim=(-1, max(len(known), 12)), ylim=(min(*ratios, 0.85) / 1.1, max(*ratios, 1.2) * 1.1))
+    _log_ticks(axes)
+    every = -(-len(known) // MOST_LABELS) or 1
+    names = [short_name(part.residual.name) for part in known[::every]]
+    axes.set_xticks(range(0, len(known), every), names, rotation=90, fontsize=7, parse_math=False)
+    axes.set_xlabel("recording")
+    axes.set_ylabel("RMS residual / RMS noise")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
+    return figure
+
+
+def unit_text(unit: str) -> str:
+    """Micrometres as people write them."""
+    return unit.replace("um", "µm")
+
+
+def short_name(name: str) -> str:
+    """A recording's name as far as a picture has room."""
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…"
+
+
+def time_scale(span_s: float) -> tuple[float, str]:
+    """Seconds in the unit that suits a span of time, and its name."""
+    for seconds, unit in ((1.0, "s"), (1e-3, "ms")):
+        if span_s >= 2 * seconds:
+            return seconds, unit
+    return 1e-6, "µs"
+
+
+def _noise_band(axes: Axes, residual: Residual) -> None:
+    if math.isfinite(residual.noise_rms):
+        axes.axhspan(-2 * residual.noise_rms, 2 * residual.noise_rms, color=BAND, lw=0, label="± 2 × noise")
+
+
+def _line(axes: Axes, x: Real, y: Real, **style: Any) -> None:
+    """A line of many points, drawn through the least and the largest of each run of neighbours."""
+    run = -(-2 * x.size // MOST_POINTS)
+    if run > 2:
+        rows = y[: y.size // run * run].reshape(-1, run)
+        first = np.arange(len(rows)) * run
+        kept = np.unique(np.concatenate([first + rows.argmin(axis=1), first + rows.argmax(axis=1), [y.size - 1]]))
+        x, y = x[kept], y[kept]
+    axes.plot(x, y, **style)
+
+
+def _log_ticks(axes: Axes) -> None:
+    """A logarithmic ordinate with plain numbers, enough of them on a short range too."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    subs = (1, 2, 5) if high / low < 300 else (1,)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs) if high / low > 5 else MaxNLocator(8, steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
