@@ -16,7 +16,7 @@ from inkjet_env.identification.degree import HIGHEST_DEGREE, DegreeChoice, choos
 from inkjet_env.identification.identification import Estimate, Identification, Residual
 from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.identification.separable import Fitted, Model, Solution, fit_everything, linearised_blocks
+from inkjet_env.identification.separable import MOST_STEPS, Fitted, Model, Solution, fit_everything, linearised_blocks
 from inkjet_env.identification.starting_point import best_start, ringing_gain
 from inkjet_env.printhead import Printhead, check_name
 from inkjet_env.recordings import Campaign
@@ -26,6 +26,8 @@ Real = NDArray[np.float64]
 DEGREE_RULES = ("flattening", "strain_gauge", "held_out")
 STARTING_DEGREE = 5
 """Of the branch law while the search for the resonator begins."""
+DEGREES_UNSEEN = 2
+"""The intervals allow for so many more powers than the law has."""
 MOST_DEGREE_ROUNDS = 4
 MOST_NOISE_ROUNDS = 5
 RESIDUAL = "the residual of the fit"
@@ -217,7 +219,7 @@ class _Identifier:
         blocks = linearised_blocks(fitted, model)
         return choose_degree(blocks, samples, correlation, blocks[0].shape[1] - HIGHEST_DEGREE - 1, leave_out)
 
-    def refined(self, start: Model, degree: int) -> Solution:
+    def refined(self, start: Model, degree: int, most_steps: int = MOST_STEPS) -> Solution:
         """The fit of everything from a start whose weights may have another degree."""
         fitted = self.fitted(self.train, degree)
         weights = np.zeros(degree)
@@ -231,7 +233,7 @@ class _Identifier:
         offsets = {channel: start.offsets.get(channel, 0.0) for channel in ratios}
         constraints = density_constraints(degree) if self.valid_density else None
         begin = replace(start, weights=weights, ratios=ratios, offsets=offsets)
-        return fit_everything(fitted, begin, constraints, self.coloured)
+        return fit_everything(fitted, begin, constraints, self.coloured, most_steps)
 
     @property
     def reference(self) -> str:
@@ -302,34 +304,45 @@ class _Identifier:
             power += float(np.mean(signal)) * f.measurement.fitted
         return math.sqrt(shared / power) if power > 0 else 1.0
 
+    def _richer(self, solution: Solution) -> Solution:
+        """The solution of a law with more powers than these recordings tell, for the intervals.
+
+        A power that was left out because it was not seen may still be there, and pulls everything else.
+        """
+        degree = solution.model.weights.size
+        richer = min(HIGHEST_DEGREE, degree + DEGREES_UNSEEN)
+        if self.degree_given is not None or richer == degree:
+            return solution
+        return self.refined(solution.model, richer, most_steps=0)
+
     def result(
         self, solution: Solution, choice: DegreeChoice, joint: DegreeChoice, misfit: Mapping[str, float]
     ) -> Identification:
         """The printhead, its intervals, and the residual of every recording."""
         model, d = solution.model, solution.model.weights.size
+        unsure = self._richer(solution)
         swing = float(model.weights.sum())
         convention = conventional_swing(self.full_scale_V)
         gain_of_reference = swing / convention
         if not math.isfinite(gain_of_reference) or abs(swing) < 1e-12 * float(np.abs(model.weights).sum()):
             raise ValueError(f"channel {self.reference} does not follow the drive at all; is its sensor connected?")
         coefficients = model.weights / gain_of_reference
-        place = {name: i for i, name in enumerate(solution.names)}
-        ones = np.zeros(len(place))
-        ones[:d] = 1.0
+        place = {name: i for i, name in enumerate(unsure.names)}
+        swings = np.array([float(name.startswith("w")) for name in unsure.names])
         gains = {}
         for channel, ratio in model.ratios.items():
-            gradient = ratio * ones / convention
+            gradient = ratio * swings / convention
             if channel != self.reference:
                 gradient[place[f"ratio {channel}"]] = gain_of_reference
             value = ratio * gain_of_reference
-            error = QUANTILE_90 * math.sqrt(max(float(gradient @ solution.covariance @ gradient), 0.0))
+            error = QUANTILE_90 * unsure.error_of(gradient)
             gains[channel] = Estimate(value, value - error, value + error)
         fast = self.fitted(self.fast, d)
         if ringing_gain(fast, model.a0, model.a1) < LEAST_RINGING_GAIN:
             raise ValueError(f"a head without any resonance fits these recordings as well: {NOTHING_RINGS}")
         dynamics = {}
         for name, value in (("a0", model.a0), ("a1", model.a1)):
-            error = QUANTILE_90 * math.sqrt(max(solution.covariance[place[f"ln {name}"], place[f"ln {name}"]], 0.0))
+            error = QUANTILE_90 * unsure.error_of(np.eye(len(place))[place[f"ln {name}"]])
             if not error < LARGEST_UNCERTAINTY:
                 raise ValueError(
                     f"these recordings do not tell {name} to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: "

@@ -99,10 +99,11 @@ class Solution:
     model : Model
     chi_square : float
         Of the whitened residuals of the repeats' means, so without what differs between repeats.
-    covariance : ndarray, shape (p, p)
-        Of the weights, ``ln a0``, ``ln a1`` (where a fast channel is there), ratios, offsets, in this order.
+    factor : ndarray, shape (p, q)
+        The covariance is ``factor @ factor.T``: of the weights, ``ln a0``, ``ln a1`` (where a fast channel is there),
+        ratios, offsets, in this order. Neighbouring powers all but cancel; of the product little would be left.
     names : tuple of str
-        Of the rows of ``covariance``: ``w1, w2 …``, ``ln a0``, ``ln a1``, ``ratio <channel>``, ``offset <channel>``.
+        Of the parameters: ``w1, w2 …``, ``ln a0``, ``ln a1``, ``ratio <channel>``, ``offset <channel>``.
     rms : dict of str to float
         Root mean square of the whitened residual of each channel: 1 is the noise.
     converged : bool
@@ -112,11 +113,20 @@ class Solution:
 
     model: Model
     chi_square: float
-    covariance: Real
+    factor: Real
     names: tuple[str, ...]
     rms: Mapping[str, float]
     converged: bool
     held: int
+
+    @property
+    def covariance(self) -> Real:
+        """Of all parameters, shape (p, p)."""
+        return self.factor @ self.factor.T
+
+    def error_of(self, gradient: Real) -> float:
+        """Standard error of a function of the parameters with this gradient, shape (p,)."""
+        return float(np.linalg.norm(gradient @ self.factor))
 
 
 def has_free_state(measurement: Measurement) -> bool:
@@ -351,7 +361,8 @@ class _Problem:
         seen = sizes > 1e-13 * sizes[0]
         # Directions in which the whitened signal changes by one noise: there J'J is the unit matrix.
         unit = (allowed @ right[seen].T) / sizes[seen] / scale[:, None]
-        covariance = unit @ self._score_covariance(model, coloured, unit) @ unit.T
+        sizes, directions = np.linalg.eigh(self._score_covariance(model, coloured, unit))
+        factor = unit @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
         linear, target = self._stacked(blocks, model, nonlinear=False)
         residual = target - linear @ self._linear_part(model)
         rms, at = {}, 0
@@ -368,7 +379,7 @@ class _Problem:
             *(f"ratio {channel}" for channel in self.channels[1:]),
             *(f"offset {channel}" for channel in self.channels),
         )
-        return Solution(model, float(np.sum(residual**2)), covariance, names, rms, converged, int(active.sum()))
+        return Solution(model, float(np.sum(residual**2)), factor, names, rms, converged, int(active.sum()))
 
     def _score_covariance(self, model: Model, coloured: Collection[str], unit: Real) -> Real:
         """``Jᵀ Σ J`` of the whitened slopes J along some directions, Σ from the noise's colour or a loud residual."""
