@@ -12,6 +12,7 @@ import numpy as np
 
 from experiments import pictures
 from experiments.figure7 import GENERATIONS, reproduce
+from experiments.identification_study import published_loop
 from experiments.problems import problem
 from experiments.statistics import best_known_cost
 from inkjet_env.printhead import Printhead
@@ -65,10 +66,37 @@ def hysteresis_loop() -> Figure:
     return figure
 
 
+def published_hysteresis() -> Figure:
+    """Fig. 5 B–D of the paper again: error against degree, loop and model, what the model leaves."""
+    from matplotlib.figure import Figure
+
+    found, _ = published_loop()
+    loop = next(r for r in found.residuals if r.channel == "strain_gauge")
+    swing = float(np.ptp(loop.measured))
+    figure = Figure(figsize=(11.0, 3.6), layout="constrained")
+    against, around, left = figure.subplots(1, 3)
+    choice = found.degree
+    against.semilogy(choice.degrees, np.square(choice.rms_error), "o-", color=pictures.AFTER, ms=4)
+    chosen = choice.by_flattening
+    against.semilogy(chosen, choice.rms_error[chosen - 1] ** 2, "o", ms=11, mfc="none", color=pictures.BEFORE)
+    against.annotate(
+        f"n = {chosen}", (chosen, choice.rms_error[chosen - 1] ** 2), (0, 14), textcoords="offset points", ha="center"
+    )
+    against.set(xlabel="degree n of Q", ylabel="squared error / noise", title="B  error against degree")
+    around.plot(loop.drive_V, loop.measured, ".", ms=7, color="#c9c9c9", label="measured")
+    around.plot(loop.drive_V, loop.modelled, color=pictures.AFTER, lw=1.4, label="branch law of degree 8")
+    around.set(xlabel="drive (V)", ylabel="strain gauge (V)", title="C  90 sin t loop")
+    around.legend(frameon=False, loc="upper left")
+    left.plot(loop.time_s, 100 * loop.difference / swing, color=pictures.AFTER, lw=0.8)
+    left.set(xlabel="time (s)", ylabel="measured − modelled (% of swing)", title="D  what the model leaves")
+    return figure
+
+
 FIGURES: dict[str, Callable[[], Figure]] = {
     "before-after": before_after,
     "convergence": convergence,
     "hysteresis-loop": hysteresis_loop,
+    "identified-hysteresis": published_hysteresis,
 }
 
 
