@@ -27,7 +27,7 @@ DEGREE_RULES = ("flattening", "strain_gauge", "held_out")
 STARTING_DEGREE = 5
 """Of the branch law while the search for the resonator begins."""
 DEGREES_UNSEEN = 2
-"""The intervals allow for so many more powers than the law has."""
+"""Without a strain gauge the intervals allow for so many more powers than the law has."""
 MOST_DEGREE_ROUNDS = 4
 MOST_NOISE_ROUNDS = 5
 RESIDUAL = "the residual of the fit"
@@ -305,13 +305,14 @@ class _Identifier:
         return math.sqrt(shared / power) if power > 0 else 1.0
 
     def _richer(self, solution: Solution) -> Solution:
-        """The solution of a law with more powers than these recordings tell, for the intervals.
+        """The solution that the intervals follow from.
 
-        A power that was left out because it was not seen may still be there, and pulls everything else.
+        A strain gauge tells the law by itself. Without one it has more powers here than the recordings tell: one that
+        was left out because it was not seen may still be there, and pulls everything else.
         """
         degree = solution.model.weights.size
         richer = min(HIGHEST_DEGREE, degree + DEGREES_UNSEEN)
-        if self.degree_given is not None or richer == degree:
+        if self.gauge or self.degree_given is not None or richer == degree:
             return solution
         return self.refined(solution.model, richer, most_steps=0)
 

@@ -117,8 +117,9 @@ def noise_model(samples: Sequence[Real], source: str, least: float) -> NoiseMode
 def colour_of(whitened: Sequence[Real]) -> tuple[float, float, float]:
     """Power of whitened noise as ``s0 + s1/ν + s2/ν²``: white, 1/f and a random walk's.
 
-    The mean over corner frequencies of ``a (1 + ν_c/ν)`` and ``a (1 + (ν_c/ν)²)``, each weighed by Whittle's likelihood
-    of the periodograms: a short record can hardly tell a little 1/f noise from none, and the mean keeps some.
+    Corner frequencies of ``a (1 + ν_c/ν)`` and ``a (1 + (ν_c/ν)²)`` are weighed by Whittle's likelihood of the
+    periodograms; the mean white level and the geometric means of the others count. A short record can hardly tell a
+    little 1/f noise from none, and so some is kept.
 
     Parameters
     ----------
@@ -129,16 +130,19 @@ def colour_of(whitened: Sequence[Real]) -> tuple[float, float, float]:
     lines = np.concatenate([np.fft.rfftfreq(stretch.size)[1:] for stretch in whitened])
     power = np.concatenate([np.abs(np.fft.rfft(stretch)[1:]) ** 2 / stretch.size for stretch in whitened])
     corners = np.geomspace(lines.min() / CORNER_MARGIN, 0.5, CORNERS)
-    candidates, likelihoods = [], []
-    for exponent in (1, 2):
-        for corner in corners:
+    likelihoods, levels = np.empty((2, CORNERS)), np.empty((2, CORNERS))
+    for i, exponent in enumerate((1, 2)):
+        for j, corner in enumerate(corners):
             shape = 1 + (corner / lines) ** exponent
-            level = float(np.mean(power / shape))
-            likelihoods.append(-float(np.sum(np.log(level * shape))) - lines.size)
-            candidates.append((level, *(level * corner**exponent * (exponent == each) for each in (1, 2))))
-    weights = np.exp(np.array(likelihoods) - max(likelihoods))
-    white, flicker, wander = weights @ np.array(candidates) / weights.sum()
-    return float(white), float(flicker), float(wander)
+            levels[i, j] = level = float(np.mean(power / shape))
+            likelihoods[i, j] = -float(np.sum(np.log(level * shape)))
+    weights = np.exp(likelihoods - likelihoods.max())
+    weights /= weights.sum()
+    white = float(np.sum(weights * levels))
+    share = weights.sum(axis=1)
+    strength = np.log(levels * corners ** np.array([[1], [2]]))
+    flicker, wander = share * np.exp(np.sum(weights * strength, axis=1) / np.maximum(share, 1e-300))
+    return white, float(flicker), float(wander)
 
 
 def repeat_deviations(repeats: Sequence[Real]) -> list[Real]:
