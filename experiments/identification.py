@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+from experiments.progress import shown_progress, shown_steps
 from inkjet_env.identification import Identification, identify
 from inkjet_env.recordings import Campaign, CampaignError, check_campaign, read_campaign
 from inkjet_env.storage import write_json
@@ -18,7 +20,7 @@ TOGETHER = Path("printheads")
 
 
 def identify_one(
-    folder: Path, reading: Mapping[str, Any], options: Mapping[str, Any]
+    folder: Path, reading: Mapping[str, Any], options: Mapping[str, Any], progress: bool = True
 ) -> tuple[Campaign, Identification]:
     """Read, check and identify the campaign of one folder; warnings go to standard error.
 
@@ -27,15 +29,20 @@ def identify_one(
     folder : Path
     reading, options : mapping
         Keywords of `read_campaign` and of `identify`.
+    progress : bool
+        Whether to show what is being done.
 
     Raises
     ------
     ValueError
         What cannot be read, a recording whose unit cannot be meant, nothing to identify from; names file and row.
     """
-    campaign = read_campaign(folder, **reading)
-    warned = _checked(campaign, None)
-    found = identify(campaign, **options)
+    with shown_steps(f"identify {folder}") if progress else nullcontext() as told:
+        if told:
+            told("reading")
+        campaign = read_campaign(folder, **reading)
+        warned = _checked(campaign, None)
+        found = identify(campaign, progress=told, **options)
     _warn([*warned, *(w for w in _checked(campaign, found.printhead.frequency_Hz) if w not in warned)])
     return campaign, found
 
@@ -83,8 +90,6 @@ def identify_folders(
     """
     from joblib import Parallel, delayed
 
-    from experiments.progress import shown_progress
-
     out = TOGETHER if out == ALONE else out
     names = [folder.resolve().name for folder in folders]
     name, count = Counter(names).most_common(1)[0]
@@ -114,7 +119,7 @@ def _written(
 ) -> tuple[Path, str | None]:
     """Identify one campaign in a worker; the complaint, where it could not be."""
     try:
-        found = identify_one(folder, reading, options)[1]
+        found = identify_one(folder, reading, options, progress=False)[1]
     except (ValueError, OSError) as error:
         return folder, f"{folder}: {error}" if str(folder) not in str(error) else str(error)
     write_json(file, found.as_json())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
@@ -46,6 +46,28 @@ def shown_progress(label: str, total: int, done: int = 0) -> Iterator[Progress]:
         if done >= total or now_s - last_s >= PLAIN_LINE_EVERY_S:
             last_s = now_s
             print(f"{label}: {done} of {total}" + (f"; {note}" if note else ""), file=sys.stderr, flush=True)
+
+    yield plain
+
+
+@contextmanager
+def shown_steps(label: str) -> Iterator[Callable[[str], None]]:
+    """Show what is being done, where nobody knows how long it takes; off a terminal a line now and then."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+
+        with Console(stderr=True).status(label) as status:
+            yield lambda step: status.update(f"{label}: {step}")
+        return
+
+    last_s = time.monotonic()
+
+    def plain(step: str) -> None:
+        nonlocal last_s
+        now_s = time.monotonic()
+        if now_s - last_s >= PLAIN_LINE_EVERY_S:
+            last_s = now_s
+            print(f"{label}: {step}", file=sys.stderr, flush=True)
 
     yield plain
 

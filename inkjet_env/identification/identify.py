@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,6 +55,7 @@ def identify(
     valid_density: bool = False,
     full_scale_V: float | None = None,
     held_out: Sequence[str] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Identification:
     """Identify hysteresis and resonator from all recordings of a campaign together.
 
@@ -79,6 +80,8 @@ def identify(
         (the virgin curve after demagnetising counts twice its drive).
     held_out : sequence of str, optional
         Recordings that no fit sees; see `measurements`.
+    progress : callable, optional
+        Told what is being done, in words, whenever that changes.
 
     Raises
     ------
@@ -90,7 +93,10 @@ def identify(
         raise ValueError(f"degree must be 1 to {HIGHEST_DEGREE}; got {degree}.")
     if full_scale_V is not None and not 1e-3 <= full_scale_V <= 1e6:
         raise ValueError(f"full_scale_V must be a voltage of 1e-3 to 1e6 V; got {full_scale_V!r}.")
-    return _Identifier(campaign, degree, degree_rule, valid_density, full_scale_V, held_out).run()
+    identifier = _Identifier(campaign, degree, degree_rule, valid_density, full_scale_V, held_out)
+    if progress is not None:
+        identifier.progress = progress
+    return identifier.run()
 
 
 class _Identifier:
@@ -132,6 +138,7 @@ class _Identifier:
         # A sampled sine may miss its top by a hair: three digits say what was meant.
         self.full_scale_V = full_scale_V or float(f"{max(map(_largest_change_V, source)):.3g}")
         self.least = least_noise(self.all)
+        self.progress: Callable[[str], None] = lambda step: None
         self.loudness: dict[str, float] = {}
         self.coloured: set[str] = set()  # channels whose residual is no white noise once it is whitened
         self.correlation: dict[str, float] = {}
@@ -177,6 +184,7 @@ class _Identifier:
 
     def _start(self) -> Model:
         """A resonator, and a branch law where a strain gauge shows it."""
+        self.progress("looking for the resonance")
         degree = self.degree_given or STARTING_DEGREE
         if not self.gauge:
             a0, a1 = best_start(self.fitted(self.fast, degree), None)
@@ -214,6 +222,7 @@ class _Identifier:
 
     def _choice(self, fitted: Sequence[Fitted], model: Model, leave_out: bool) -> DegreeChoice:
         """Error against degree, everything else linearised about a model."""
+        self.progress("error against degree")
         correlation = max((self.correlation.get(f.measurement.channel, 1.0) for f in fitted), default=1.0)
         samples = [f.samples // len(f.measurement.signals) for f in fitted]
         blocks = linearised_blocks(fitted, model)
@@ -221,6 +230,7 @@ class _Identifier:
 
     def refined(self, start: Model, degree: int, most_steps: int = MOST_STEPS) -> Solution:
         """The fit of everything from a start whose weights may have another degree."""
+        self.progress(f"fitting all recordings, degree {degree}")
         fitted = self.fitted(self.train, degree)
         weights = np.zeros(degree)
         weights[: min(degree, start.weights.size)] = start.weights[:degree]
