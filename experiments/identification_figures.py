@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,8 +33,6 @@ POWER_SHOWN = 0.01
 CELLS = 40
 """Over which the means of measured branches are taken, where they hold enough points."""
 FEWEST_IN_CELL = 4
-SHORTEST_BRANCH = 0.2
-"""Of a branch drawn beside the branch law, as a share of the recording's swing."""
 BLUE, VERMILION, _, _, NOISE, MEASURED, MODELLED = pictures.COLOURS
 LEFT = RISING = FITTED = BLUE
 FALLING = HELD_OUT = VERMILION
@@ -107,8 +104,8 @@ def loop_figure(residual: Residual) -> Figure:
     return figure
 
 
-def law_figure(identification: Identification) -> Figure:
-    """The branch law with the branches it was measured on, and what these differ by, in % of the swing."""
+def law_figure(identification: Identification, rising: tuple[Real, Real], falling: tuple[Real, Real]) -> Figure:
+    """The branch law with points measured on branches, ``x`` and how far off ``Q(x)``, and these in % of the swing."""
     law = identification.printhead.branch_law
     figure, axes = pictures.new_figure(10, 5.4, nrows=2, sharex=True, height_ratios=[2, 1.5])
     figure.set_dpi(200)  # of the dots
@@ -117,18 +114,18 @@ def law_figure(identification: Identification) -> Figure:
     powers = x[:, None] ** np.arange(1, len(law.coefficients))
     variance = np.einsum("ij,jk,ik->i", powers, identification.coefficient_covariance, powers)
     error = QUANTILE_90 * np.sqrt(np.maximum(variance, 0))  # rounding, where the convention of scale makes it 0
-    for heading, colour, label in ((1, RISING, "measured, rising"), (-1, FALLING, "measured, falling")):
-        at, off = measured_branches(identification, heading)
+    for (at, off), colour, heading in ((rising, RISING, "rising"), (falling, FALLING, "falling")):
         if not at.size:
             continue
         every = -(-at.size // MOST_POINTS)
-        axes[0].plot(at[::every], (law.Q(at) + off)[::every], ".", ms=3, color=colour, label=label, rasterized=True)
-        axes[1].plot(at[::every], percent * off[::every], ".", ms=2, color=colour, alpha=0.4, rasterized=True)
+        style: Any = {"ls": "none", "marker": ".", "color": colour, "rasterized": True}
+        axes[0].plot(at[::every], (law.Q(at) + off)[::every], ms=3, label=f"measured, {heading}", **style)
+        axes[1].plot(at[::every], percent * off[::every], ms=2, alpha=0.4, **style)
         cell = np.minimum((at * CELLS).astype(int), CELLS - 1)
         count = np.bincount(cell)
         full = count >= FEWEST_IN_CELL
         means, centres = (np.bincount(cell, v)[full] / count[full] for v in (off, at))
-        axes[1].plot(centres, percent * means, "-", color=colour, lw=1.6, label=f"mean, {label.split()[1]}")
+        axes[1].plot(centres, percent * means, "-", color=colour, lw=1.6, label=f"mean, {heading}")
     axes[0].plot(x, law.Q(x), color=MODELLED, lw=1.0, label=f"Q(x), degree {len(law.coefficients) - 1}")
     axes[1].fill_between(
         x, -percent * error, percent * error, color=NOISE, alpha=0.7, lw=0, label="90 % interval of Q", zorder=1
@@ -140,50 +137,6 @@ def law_figure(identification: Identification) -> Figure:
     axes[1].set_xlabel(f"x = change of drive since the turning point / {law.full_scale_V:g} V")
     figure.align_ylabels()
     return figure
-
-
-def measured_branches(identification: Identification, heading: int) -> tuple[Real, Real]:
-    """Points measured on rising (1) or falling (-1) `branches`: ``x``, and how far off ``Q(x)`` they lie.
-
-    What the resonator adds has been taken off as modelled: the difference of the recording stands for that of the law.
-    None from self-sensing.
-    """
-    law, channel = identification.printhead.branch_law, identification.hysteresis_channel
-    at, off = [np.zeros(0)], [np.zeros(0)]
-    for residual in identification.residuals:
-        if residual.channel != channel or channel == "self_sensing" or np.ptp(residual.drive_V) == 0:
-            continue
-        drive, gain = residual.drive_V, identification.gains[channel].value
-        for start, end in branches(drive):
-            if heading * (drive[end] - drive[start]) > 0:
-                moving = start + 1 + np.flatnonzero(np.diff(drive[start : end + 1]))
-                at.append(np.abs(drive[moving] - drive[start]) / law.full_scale_V)
-                off.append(heading * residual.difference[moving] / (gain * law.full_scale_V))
-    return np.concatenate(at), np.concatenate(off)
-
-
-def branches(drive_V: Real) -> list[tuple[int, int]]:
-    """First and last sample of the stretches of drive that follow the branch law ``Q`` whatever came before.
-
-    The outermost turning point wipes out all memory; the branch from there follows ``Q``, and so does the next one,
-    until it is back at that level.
-    """
-    turns = turning_points(drive_V)
-    level = np.abs(drive_V).max() * (1 - 1e-3)
-    found, after_outermost = [], False
-    for start, end in pairwise([*turns, drive_V.size - 1]):
-        outermost = abs(drive_V[start]) >= level
-        if (outermost or after_outermost) and abs(drive_V[end] - drive_V[start]) >= SHORTEST_BRANCH * np.ptp(drive_V):
-            found.append((start, end))
-        after_outermost = outermost
-    return found
-
-
-def turning_points(drive_V: Real) -> list[int]:
-    """Samples at which the drive starts on its way back."""
-    moving = np.flatnonzero(np.diff(drive_V))
-    up = drive_V[moving + 1] > drive_V[moving]
-    return [int(k) for k in moving[1:][up[1:] != up[:-1]]]
 
 
 def degree_figure(identification: Identification) -> Figure:
@@ -200,15 +153,14 @@ def degree_figure(identification: Identification) -> Figure:
         left_out = choice.held_out_error or (math.nan,) * len(choice.degrees)
         for panel, first in zip(row, (0, 1), strict=True):
             degrees, error = choice.degrees[first:], choice.rms_error[first:]
-            panel.axvline(used, color=MODELLED, lw=1.0, ls=":", label=f"used: {used}")
             panel.plot(degrees, error, "o-", color=FITTED, lw=1.2, ms=5, label="fit")
             if choice.held_out_error is not None:
-                panel.plot(
-                    degrees, left_out[first:], "D--", color=HELD_OUT, lw=1.2, ms=4, label="drives left out in turn"
-                )
+                style: Any = {"color": HELD_OUT, "lw": 1.2, "ms": 4, "label": "drives left out in turn"}
+                panel.plot(degrees, left_out[first:], "D--", **style)
             if choice.by_flattening > first:
                 flat = choice.rms_error[choice.by_flattening - 1]
                 panel.plot(choice.by_flattening, flat, "o", color=FITTED, mfc="none", ms=11, label="flattened")
+            panel.axvline(used, color=MODELLED, lw=1.0, ls=":", label=f"used: {used}")
             panel.set_xticks(degrees)
             panel.set_title(source + (", from degree 2 on" if first else ""), fontsize=9)
         row[0].axhline(1, color=pictures.GREY, lw=1.0, label="the noise")

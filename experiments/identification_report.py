@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments import identification_figures as figures
 from experiments.identification_figures import CHANNEL_WORDS, Part, parts_of, unit_text
@@ -19,10 +21,14 @@ from inkjet_env.identification import Estimate, Identification, NoiseModel, Resi
 from inkjet_env.identification.identify import RESIDUAL
 from inkjet_env.storage import write_atomically
 
+Real = NDArray[np.float64]
+
 EXPLAINED = 1.1
 """Residual over noise of held-out recordings up to which the page says that the model explains them."""
 MOST_REVERSALS = 60
 """Of a drive whose loops can still be told apart in a picture."""
+SHORTEST_BRANCH = 0.2
+"""Of a branch drawn beside the branch law, as a share of the recording's swing."""
 PERIODS_SHOWN = 30
 """Of the resonance, in a picture of ringing."""
 MOST_VIEWS = 3
@@ -59,6 +65,7 @@ def identification_html(campaign_name: str, identification: Identification) -> s
     loops = loop_recordings(identification)
     fast = fast_recordings(identification)
     broadest = broadest_recording(fast)
+    rising, falling = (measured_branches(identification, heading) for heading in (1, -1))
     return environment.get_template("identification.html").render(
         name=campaign_name,
         headline=headline(identification),
@@ -69,7 +76,7 @@ def identification_html(campaign_name: str, identification: Identification) -> s
         parameters=parameter_rows(identification),
         coefficients=coefficient_rows(identification),
         loops=[(loop, svg_text(figures.loop_figure(loop))) for loop in loops],
-        law=svg_text(figures.law_figure(identification)),
+        law=svg_text(figures.law_figure(identification, rising, falling)),
         degree=svg_text(figures.degree_figure(identification)),
         ringing=svg_text(figures.ringing_figure(ringing_views(fast, identification.printhead.frequency_Hz))),
         broadest=broadest,
@@ -135,7 +142,7 @@ def loop_recordings(identification: Identification) -> list[Residual]:
     if identification.hysteresis_channel == "self_sensing":
         return []
     mine = [r for r in identification.residuals if r.channel == identification.hysteresis_channel]
-    turns = {r.name: len(figures.turning_points(r.drive_V)) for r in mine}
+    turns = {r.name: len(turning_points(r.drive_V)) for r in mine}
     mine = [r for r in mine if np.ptp(r.drive_V) > 0 and turns[r.name] <= MOST_REVERSALS]
     if not mine:
         return []
@@ -144,6 +151,50 @@ def loop_recordings(identification: Identification) -> list[Residual]:
     first = min(wide, key=lambda r: (turns[r.name] < 2, turns[r.name], not r.held_out))
     nested = [r for r in mine if turns[r.name] > turns[first.name] + 2]
     return [first, *sorted(nested, key=lambda r: -turns[r.name])[:1]]
+
+
+def measured_branches(identification: Identification, heading: int) -> tuple[Real, Real]:
+    """Points measured on rising (1) or falling (-1) `branches`: ``x``, and how far off ``Q(x)`` they lie.
+
+    What the resonator adds has been taken off as modelled: the difference of the recording stands for that of the law.
+    None from self-sensing.
+    """
+    law, channel = identification.printhead.branch_law, identification.hysteresis_channel
+    at, off = [np.zeros(0)], [np.zeros(0)]
+    for residual in identification.residuals:
+        if residual.channel != channel or channel == "self_sensing" or np.ptp(residual.drive_V) == 0:
+            continue
+        drive, gain = residual.drive_V, identification.gains[channel].value
+        for start, end in branches(drive):
+            if heading * (drive[end] - drive[start]) > 0:
+                moving = start + 1 + np.flatnonzero(np.diff(drive[start : end + 1]))
+                at.append(np.abs(drive[moving] - drive[start]) / law.full_scale_V)
+                off.append(heading * residual.difference[moving] / (gain * law.full_scale_V))
+    return np.concatenate(at), np.concatenate(off)
+
+
+def branches(drive_V: Real) -> list[tuple[int, int]]:
+    """First and last sample of the stretches of drive that follow the branch law ``Q`` whatever came before.
+
+    The outermost turning point wipes out all memory; the branch from there follows ``Q``, and so does the next one,
+    until it is back at that level.
+    """
+    turns = turning_points(drive_V)
+    level = np.abs(drive_V).max() * (1 - 1e-3)
+    found, after_outermost = [], False
+    for start, end in pairwise([*turns, drive_V.size - 1]):
+        outermost = abs(drive_V[start]) >= level
+        if (outermost or after_outermost) and abs(drive_V[end] - drive_V[start]) >= SHORTEST_BRANCH * np.ptp(drive_V):
+            found.append((start, end))
+        after_outermost = outermost
+    return found
+
+
+def turning_points(drive_V: Real) -> list[int]:
+    """Samples at which the drive starts on its way back."""
+    moving = np.flatnonzero(np.diff(drive_V))
+    up = drive_V[moving + 1] > drive_V[moving]
+    return [int(k) for k in moving[1:][up[1:] != up[:-1]]]
 
 
 def fast_recordings(identification: Identification) -> list[Residual]:

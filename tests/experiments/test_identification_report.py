@@ -6,14 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.identification_figures import amplitude_densities, branches, measured_branches, parts_of
+from experiments.identification_figures import amplitude_densities, degree_figure, parts_of
 from experiments.identification_report import (
+    branches,
     broadest_recording,
     headline,
     identification_html,
     interval_text,
     left_unexplained,
     loop_recordings,
+    measured_branches,
     noise_of,
     parameter_rows,
     ringing_views,
@@ -232,6 +234,33 @@ def test_ringing_shows_held_out_first_and_no_drive_twice(everything):
     assert views[0].held_out
     assert len({view.residual.drive_V.tobytes() for view in views}) == 3
     assert [view.held_out for view in views] == sorted((view.held_out for view in views), reverse=True)
+
+
+def test_error_against_degree_is_of_the_strain_gauge_and_of_everything(everything, self_sensing_only):
+    def curves(identification):
+        lines = [panel.lines for panel in degree_figure(identification).axes[::2]]
+        return [{one.get_label(): tuple(one.get_ydata()) for one in panel} for panel in lines]
+
+    alone, joint = curves(everything)
+    assert alone["fit"] == everything.degree.rms_error
+    assert joint["fit"] == everything.joint_degree.rms_error
+    assert f"used: {len(everything.printhead.coefficients) - 1}" in joint
+    (only,) = curves(self_sensing_only)
+    assert only["fit"] == self_sensing_only.joint_degree.rms_error
+    assert "used: 4" in only
+
+
+def test_settings_tell_the_degree_by_every_rule(pages):
+    identification, page = pages["everything"]
+    fit = identification.fit_json()
+    told = dict(re.findall(r"<td>(degree [^<]*)</td><td[^>]*>(\d+)</td>", page))
+    assert told.pop("degree used") == str(len(identification.printhead.coefficients) - 1)
+    by = {"all recordings": "flattening", "strain gauge’s error": "strain_gauge", "in turn": "held_out"}
+    for ending, rule in by.items():
+        degree = fit[f"degree_by_{rule}"]
+        assert [value for words, value in told.items() if words.endswith(ending)] == [str(degree)] * (
+            degree is not None
+        )
 
 
 def test_a_partly_held_out_recording_is_shown_in_both_parts(one_displacement):
