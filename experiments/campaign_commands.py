@@ -98,6 +98,9 @@ def identify(
         str | None,
         typer.Option(help="of oscilloscope files: time=NAME,drive=NAME,sensor=NAME (or numbers); guessed unless given"),
     ] = None,
+    initial_state: Annotated[
+        str | None, typer.Option(help="of oscilloscope files: demagnetised, periodic or free (free)")
+    ] = None,
     workers: Annotated[int | None, typer.Option(help="processes where there are several campaigns (all cores)")] = None,
 ) -> None:
     """Hysteresis and dynamics of a head, with 90 % intervals, from a campaign.
@@ -115,7 +118,11 @@ def identify(
         "held_out": None if held_out is None else tuple(held_out.split(",")),
     }
     announce_compiling()
-    reading = {"channel": channel, "columns": None if columns is None else named_values("--columns", columns)}
+    reading = {
+        "channel": channel,
+        "columns": None if columns is None else named_values("--columns", columns),
+        "initial_state": initial_state,
+    }
     if len(folders) > 1:
         if report is not None or json is not None:
             raise ValueError("--report and --json belong to a single campaign; give one folder.")

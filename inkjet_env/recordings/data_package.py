@@ -17,7 +17,9 @@ DESCRIPTOR = "datapackage.json"
 FORMAT = "campaign/1"
 
 
-def read_data_package(folder: Path, columns: Mapping[str, str | int] | None, channel: str | None) -> Campaign:
+def read_data_package(
+    folder: Path, columns: Mapping[str, str | int] | None, channel: str | None, initial_state: str | None = None
+) -> Campaign:
     """Read the campaign that the folder's descriptor describes; see `read_campaign`."""
     path = folder / DESCRIPTOR
     package = _read_descriptor(path)
@@ -33,7 +35,7 @@ def read_data_package(folder: Path, columns: Mapping[str, str | int] | None, cha
     recordings: list[Recording] = []
     sources: dict[str, Source] = {}
     for number, resource in enumerate(resources, start=1):
-        recording, source = _read_resource(folder, number, resource, columns, channel, notes)
+        recording, source = _read_resource(folder, number, resource, columns, (channel, initial_state), notes)
         recordings.append(recording)
         sources[recording.name] = source
     try:
@@ -87,7 +89,7 @@ def _read_resource(
     number: int,
     resource: Any,
     columns: Mapping[str, str | int] | None,
-    channel: str | None,
+    asked: tuple[str | None, str | None],
     notes: list[str],
 ) -> tuple[Recording, Source]:
     path = folder / DESCRIPTOR
@@ -99,23 +101,25 @@ def _read_resource(
     if resource.get("format", "csv") != "csv":
         raise CampaignError(f"{path}: {place}format must be 'csv'; got {brief(resource['format'])}. Export it as CSV.")
     labels = _field(path, place, resource, "inkjet", dict, {})
-    stated = labels.get("channel", channel)
-    if stated is None:
+    channel = labels.get("channel", asked[0])
+    state = labels.get("initial_state", asked[1] or "free")
+    if channel is None:
         raise CampaignError(
             f"{path}: {place}inkjet.channel is missing: nothing says which sensor this is. "
             "Add it, self_sensing, strain_gauge or displacement, or give channel=."
         )
-    if channel is not None and stated != channel:
-        notes.append(f"{path}: {place}channel is {brief(stated)} as the descriptor says; {channel} was not applied.")
+    for label, stated, wanted in (("channel", channel, asked[0]), ("initial_state", state, asked[1])):
+        if wanted is not None and stated != wanted:
+            notes.append(f"{path}: {place}{label} is {brief(stated)} as the descriptor says; {wanted} was not applied.")
     file = _file_inside(folder, path, place, _field(path, place, resource, "path", str))
     samples = read_scope_samples([file], columns) if columns else _standard_samples(file, path, place, resource)
     notes.extend(samples.notes)
     try:
         recording = Recording(
             name=name,
-            channel=stated,
+            channel=channel,
             excitation=labels.get("excitation", "arbitrary"),
-            initial_state=labels.get("initial_state", "free"),
+            initial_state=state,
             order=labels.get("order", number),
             repeat_of=labels.get("repeat_of"),
             condition=labels.get("condition", {}),

@@ -27,7 +27,9 @@ _ONE_CHANNEL = re.compile(r"^(.*?)[ _-]?(CH\d)$", re.IGNORECASE)
 Reader = Callable[[Sequence[int]], list[Real]]
 
 
-def read_scope_folder(folder: Path, columns: Mapping[str, str | int], channel: str | None) -> Campaign:
+def read_scope_folder(
+    folder: Path, columns: Mapping[str, str | int], channel: str | None, initial_state: str = "free"
+) -> Campaign:
     """Read each ``*.csv`` and ``*.txt`` of a folder as one recording, in the order of their names.
 
     Files that differ in a final ``CH1``, ``CH2`` … and hold one channel each are one recording together. See
@@ -53,7 +55,10 @@ def read_scope_folder(folder: Path, columns: Mapping[str, str | int], channel: s
         if channel is None:
             notes.append(f"{group[0]}: channel {guess}, guessed from the sensor's name or unit.")
         try:
-            recordings.append(Recording(name=name, channel=guess, order=len(recordings) + 1, **samples.arrays))
+            order = len(recordings) + 1
+            recordings.append(
+                Recording(name=name, channel=guess, initial_state=initial_state, order=order, **samples.arrays)
+            )
         except ValueError as error:
             raise CampaignError(f"{group[0]}: {error}") from None
         sources[name] = samples.source

@@ -9,7 +9,7 @@ from pathlib import Path
 from inkjet_env.recordings.campaign import Campaign
 from inkjet_env.recordings.data_package import DESCRIPTOR, read_data_package
 from inkjet_env.recordings.oscilloscope import read_scope_folder
-from inkjet_env.recordings.recording import CHANNELS, CampaignError, brief, check_label
+from inkjet_env.recordings.recording import CHANNELS, INITIAL_STATES, CampaignError, brief, check_label
 
 
 def read_campaign(
@@ -17,6 +17,7 @@ def read_campaign(
     *,
     columns: Mapping[str, str | int] | None = None,
     channel: str | None = None,
+    initial_state: str | None = None,
 ) -> Campaign:
     """Read a measuring campaign: a Data Package, or a folder of an oscilloscope's CSV files.
 
@@ -29,6 +30,9 @@ def read_campaign(
         ``neighbour``, each by the column's name or by its number from 1.
     channel : {"self_sensing", "strain_gauge", "displacement"}, optional
         Which sensor was recorded, where nothing in the folder says so.
+    initial_state : {"demagnetised", "periodic", "free"}, optional
+        In which state the head was, where nothing in the folder says so; ``free`` unless given. ``periodic``: the drive
+        had been repeating, and one repetition is recorded.
 
     Returns
     -------
@@ -42,9 +46,9 @@ def read_campaign(
         a fix.
     """
     folder = Path(folder)
-    if channel is not None:
+    for label, given, known in (("channel", channel, CHANNELS), ("initial_state", initial_state, INITIAL_STATES)):
         try:
-            check_label("channel", channel, CHANNELS)
+            check_label(label, known[0] if given is None else given, known)
         except ValueError as error:
             raise CampaignError(str(error)) from None
     if columns is not None and not isinstance(columns, Mapping):
@@ -54,5 +58,5 @@ def read_campaign(
             f"{folder}: must be a folder; there is {'a file' if folder.exists() else 'none'}. Check it."
         )
     if (folder / DESCRIPTOR).exists():
-        return read_data_package(folder, columns, channel)
-    return read_scope_folder(folder, columns or {}, channel)
+        return read_data_package(folder, columns, channel, initial_state)
+    return read_scope_folder(folder, columns or {}, channel, initial_state or "free")

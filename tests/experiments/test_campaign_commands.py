@@ -88,9 +88,12 @@ def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_pat
         table = np.column_stack([r.time_s, r.sensor, r.drive_V])
         np.savetxt(tmp_path / "scope" / f"{r.name}.csv", table, delimiter=",", header="t,A,B", comments="")
     arguments = ("identify", "scope", "--channel", "self_sensing", "--columns", "time=t,drive=B,sensor=A")
-    status, _, err = inkjet(*arguments, "--json", "-")
+    status, _, err = inkjet(*arguments, "--json", "-", "--initial-state", "demagnetised")
     assert status == 0, err
-    assert Printhead.from_json(tmp_path / "printhead.json").frequency_Hz == pytest.approx(51.69e3, rel=2e-3)
+    assert Printhead.from_json(tmp_path / "printhead.json").frequency_Hz == pytest.approx(51.69e3, rel=1e-4)
+    status, _, err = inkjet("identify", "campaign", "--initial-state", "free")
+    assert status == 0
+    assert "initial_state is 'periodic' as the descriptor says; free was not applied" in err
 
 
 @pytest.mark.parametrize(

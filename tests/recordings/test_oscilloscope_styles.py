@@ -245,3 +245,10 @@ def test_a_damaged_file_is_read_or_refused(tmp_path, style):
             assert "\n" not in message, bad
         else:
             assert len(recording.time_s) <= 40
+
+
+def test_the_initial_state_is_unknown_unless_it_is_told(tmp_path):
+    assert read_lines(tmp_path, tektronix())["scope"].initial_state == "free"
+    assert read_lines(tmp_path, tektronix(), initial_state="periodic")["scope"].initial_state == "periodic"
+    with pytest.raises(CampaignError, match="initial_state"):
+        read_lines(tmp_path, tektronix(), initial_state="periodical")
