@@ -128,24 +128,31 @@ class Identification:
         return _pooled(r.rms_of(held_out) for r in mine), _pooled(r.noise_rms for r in mine)
 
     def fit_json(self) -> dict[str, Any]:
-        """The entry "fit" of ``printhead.json``: how well the model fits, in volts where the channel has volts."""
-        main = "self_sensing" if "self_sensing" in self.gains else "displacement"
-        unit = self.unit(main)
-        heldout, noise = self.rms(main, held_out=True)
-        train, noise_train = self.rms(main, held_out=False)
-        channels = {
-            channel: {
+        """The entry "fit" of ``printhead.json``.
+
+        Residual and noise of self-sensing in volts; where only displacement was recorded, of that, divided by its gain:
+        in volts of hysteretic drive. Each channel has its own below, in its unit. None: nothing was held out.
+        """
+        channels: dict[str, dict[str, Any]] = {}
+        for channel, gain in self.gains.items():
+            heldout, noise_heldout = self.rms(channel, held_out=True)
+            train, noise_train = self.rms(channel, held_out=False)
+            channels[channel] = {
                 "unit": self.unit(channel),
                 "gain": vars(gain),
                 "offset": self.offsets[channel],
+                "noise_rms": noise_train if math.isnan(noise_heldout) else noise_heldout,
+                "heldout_rms": None if math.isnan(heldout) else heldout,
+                "train_rms": None if math.isnan(train) else train,
                 "residual_over_noise": self.misfit[channel],
             }
-            for channel, gain in self.gains.items()
+        main = "self_sensing" if "self_sensing" in self.gains else "displacement"
+        per_volt = 1.0 if self.unit(main) == "V" else abs(self.gains[main].value)
+        fit: dict[str, Any] = {
+            f"{name}_V": None if (rms := channels[main][name]) is None else rms / per_volt
+            for name in ("noise_rms", "heldout_rms", "train_rms")
         }
-        return {
-            f"noise_rms_{unit}": noise if math.isfinite(noise) else noise_train,
-            f"heldout_rms_{unit}": heldout if math.isfinite(heldout) else None,
-            f"train_rms_{unit}": train,
+        return fit | {
             "heldout": [r.name for r in self.heldout],
             "degree_by_flattening": self.joint_degree.by_flattening,
             "degree_by_strain_gauge": self.degree.by_flattening if "strain_gauge" in self.gains else None,

@@ -121,6 +121,8 @@ class _Identifier:
         if short:
             self.notes.append(f"{', '.join(short)}: too short beside how long the noise remembers; not fitted.")
         moving = [m for m in self.train if not m.still]
+        # What only rested tells noise and no gain.
+        self.train = [m for m in self.train if m.channel in {mine.channel for mine in moving}]
         self.gauge = [m for m in moving if m.channel == "strain_gauge"]
         self.fast = [m for m in moving if m.channel != "strain_gauge"]
         if not self.fast:
@@ -250,7 +252,7 @@ class _Identifier:
         """The channel whose gain the weights carry."""
         if self.gauge:
             return "strain_gauge"
-        return "self_sensing" if any(m.channel == "self_sensing" for m in self.train) else "displacement"
+        return "self_sensing" if any(m.channel == "self_sensing" for m in self.fast) else "displacement"
 
     def _gain(self, channel: str, start: Model) -> float:
         """Gain of a channel by itself on the start's branch law."""

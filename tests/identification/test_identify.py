@@ -89,7 +89,9 @@ def test_displacement_alone_leaves_b1_to_convention_and_says_so(other_head):
     assert found.dynamics["b1"].value == math.sqrt(found.dynamics["a0"].value)
     assert any(note.startswith("b1, the gain of self-sensing, is not observable") for note in found.notes)
     assert found.unit("displacement") == "um"
-    assert "noise_rms_um" in found.fit_json()
+    fit = found.fit_json()
+    assert fit["channels"]["displacement"]["unit"] == "um"
+    assert fit["noise_rms_V"] * found.gains["displacement"].value == fit["channels"]["displacement"]["noise_rms"]
 
 
 def test_two_fast_channels_tell_more_than_either(other_head):
@@ -237,3 +239,9 @@ def test_in_convention_changes_no_answer(other_head):
     assert float(put.branch_law.Q(1.0)) == pytest.approx(conventional_swing(150.0))
     again = in_convention(PUBLISHED)
     assert again.b1 == pytest.approx(PUBLISHED.b1, rel=1e-14)
+
+
+def test_a_channel_that_was_only_recorded_at_rest_has_no_gain(published_campaign):
+    kept = [r for r in published_campaign.recordings if r.channel == "self_sensing" or np.ptp(r.drive_V) == 0]
+    found = identify(Campaign("at-rest", tuple(replace(r, repeat_of=None) for r in kept)))
+    assert list(found.gains) == ["self_sensing"]
