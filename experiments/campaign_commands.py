@@ -1,4 +1,4 @@
-"""The commands that measure: record (with the virtual rig) and identify."""
+"""The commands that measure: record (with the virtual rig), identify, evaluate."""
 
 from __future__ import annotations
 
@@ -17,6 +17,18 @@ if TYPE_CHECKING:
     from inkjet_env.recordings import Campaign
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the campaign", show_default=False)]
+ScopeChannel = Annotated[
+    str | None, typer.Option("--channel", help="of oscilloscope files: self_sensing, strain_gauge or displacement")
+]
+ScopeColumns = Annotated[
+    str | None,
+    typer.Option(
+        "--columns", help="of oscilloscope files: time=NAME,drive=NAME,sensor=NAME (or numbers); guessed unless given"
+    ),
+]
+ScopeState = Annotated[
+    str | None, typer.Option("--initial-state", help="of oscilloscope files: demagnetised, periodic or free (free)")
+]
 Folders = Annotated[
     list[Path], typer.Argument(metavar="DIR…", help="folder of a campaign; several are identified in parallel")
 ]
@@ -91,16 +103,9 @@ def identify(
     held_out: Annotated[
         str | None, typer.Option(help="recordings that no fit may see, with commas between; every fourth unless given")
     ] = None,
-    channel: Annotated[
-        str | None, typer.Option(help="of oscilloscope files: self_sensing, strain_gauge or displacement")
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(help="of oscilloscope files: time=NAME,drive=NAME,sensor=NAME (or numbers); guessed unless given"),
-    ] = None,
-    initial_state: Annotated[
-        str | None, typer.Option(help="of oscilloscope files: demagnetised, periodic or free (free)")
-    ] = None,
+    channel: ScopeChannel = None,
+    columns: ScopeColumns = None,
+    initial_state: ScopeState = None,
     workers: Annotated[int | None, typer.Option(help="processes where there are several campaigns (all cores)")] = None,
 ) -> None:
     """Hysteresis and dynamics of a head, with 90 % intervals, from a campaign.
@@ -118,11 +123,7 @@ def identify(
         "held_out": None if held_out is None else tuple(held_out.split(",")),
     }
     announce_compiling()
-    reading = {
-        "channel": channel,
-        "columns": None if columns is None else named_values("--columns", columns),
-        "initial_state": initial_state,
-    }
+    reading = _reading(channel, columns, initial_state)
     if len(folders) > 1:
         if report is not None or json is not None:
             raise ValueError("--report and --json belong to a single campaign; give one folder.")
@@ -140,6 +141,41 @@ def identify(
     if str(json) != "-":
         _tell(campaign, found)
         print(f"{out}: ready for --printhead" + (f"; report: {report}" if report else ""))
+
+
+def evaluate(
+    folder: Folder,
+    printhead: PrintheadFile = None,
+    json: JsonFile = None,
+    channel: ScopeChannel = None,
+    columns: ScopeColumns = None,
+    initial_state: ScopeState = None,
+) -> None:
+    """How far a printhead is from a campaign: free-run simulation of every recording, the head as it is.
+
+    inkjet evaluate campaign --printhead printhead.json
+
+    Refitted are one offset a channel and, where it is free, the resonator's initial state.
+    """
+    from experiments.identification import evaluation_json
+    from experiments.tables import print_evaluation
+    from inkjet_env.storage import write_json
+
+    check_outputs((printhead,), json=json)
+    announce_compiling()
+    found = evaluation_json(folder, printhead, _reading(channel, columns, initial_state))
+    if json is not None:
+        write_json(json, found)
+    if str(json) != "-":
+        print_evaluation(found)
+
+
+def _reading(channel: str | None, columns: str | None, initial_state: str | None) -> dict[str, Any]:
+    return {
+        "channel": channel,
+        "columns": None if columns is None else named_values("--columns", columns),
+        "initial_state": initial_state,
+    }
 
 
 def _tell(campaign: Campaign, found: Identification) -> None:

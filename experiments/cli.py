@@ -1,4 +1,4 @@
-"""The command ``inkjet``: simulate, optimize, bench; record and identify are in `campaign_commands`.
+"""The command ``inkjet``: simulate, optimize, bench; record, identify and evaluate are in `campaign_commands`.
 
 Exit status: 0 done, 2 bad input (one sentence on standard error), 130 interrupted by Ctrl-C with what was done kept.
 Whatever costs time to import is imported by the command that needs it.
@@ -262,6 +262,7 @@ def bench(
 
 app.command()(campaign_commands.record)
 app.command()(campaign_commands.identify)
+app.command()(campaign_commands.evaluate)
 
 
 def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None) -> None:

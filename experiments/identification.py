@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -9,8 +11,11 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from experiments.arguments import chosen_printhead
 from experiments.progress import shown_progress, shown_steps
-from inkjet_env.identification import Identification, identify
+from inkjet_env.identification import Identification, evaluate, identify
 from inkjet_env.recordings import Campaign, CampaignError, check_campaign, read_campaign
 from inkjet_env.storage import write_json
 
@@ -45,6 +50,38 @@ def identify_one(
         found = identify(campaign, progress=told, **options)
     _warn([*warned, *(w for w in _checked(campaign, found.printhead.frequency_Hz) if w not in warned)])
     return campaign, found
+
+
+def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, Any]) -> dict[str, Any]:
+    """The ``evaluation/1`` of a printhead on the campaign of a folder; warnings go to standard error.
+
+    The ``rms`` of the whole is over all samples of the fast channel: self-sensing, else displacement, else the gauge.
+    """
+    campaign = read_campaign(folder, **reading)
+    head = chosen_printhead(head_file)
+    _warn(_checked(campaign, head.frequency_Hz))
+    found, refitted = evaluate(campaign, head, {} if head_file is None else _gains(head_file))
+    for channel in refitted:
+        print(f"warning: the printhead tells no gain of {channel}; it was fitted here.", file=sys.stderr)
+    channels = {e.recording.channel for e in found}
+    main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in channels)
+    left = np.concatenate([e.recording.sensor - e.modelled for e in found if e.recording.channel == main])
+    recordings = {e.recording.name: {"rms": e.rms, "output_rms": e.output_rms, "unit": e.recording.unit} for e in found}
+    return {"format": "evaluation/1", "recordings": recordings, "rms": float(np.sqrt(np.mean(left**2)))}
+
+
+def _gains(head_file: Path) -> dict[str, float]:
+    """Gains of the channels that a ``printhead.json`` was identified from; empty where it does not tell."""
+    channels = json.loads(head_file.read_text(encoding="utf-8")).get("fit", {}).get("channels", {})
+    gains = {}
+    for channel, entry in channels.items() if isinstance(channels, dict) else ():
+        try:
+            gains[channel] = float(entry["gain"]["value"])
+        except (KeyError, TypeError, ValueError):
+            raise ValueError(f"{head_file}: fit.channels.{channel}.gain.value must be a number.") from None
+        if not math.isfinite(gains[channel]):
+            raise ValueError(f"{head_file}: fit.channels.{channel}.gain.value must be finite; got {gains[channel]}.")
+    return gains
 
 
 def _checked(campaign: Campaign, frequency_Hz: float | None) -> list[str]:

@@ -88,3 +88,13 @@ def print_identification(name: str, found: Identification) -> None:
     _table(("residual (RMS)", "residual", "noise", "ratio"), rows)
     for note in found.notes:
         print(f"- {note}")
+
+
+def print_evaluation(found: dict[str, Any]) -> None:
+    """Print an ``evaluation/1``."""
+    rows = [
+        (name, f"{entry['rms']:.4g} {entry['unit']}", f"{entry['output_rms']:.4g} {entry['unit']}")
+        for name, entry in found["recordings"].items()
+    ]
+    _table(("recording", "residual (RMS)", "signal (RMS)"), rows)
+    print(f"RMS of the fast channel's residual: {found['rms']:.6g}")

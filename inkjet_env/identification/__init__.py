@@ -2,8 +2,19 @@
 
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.identification.degree import DegreeChoice
+from inkjet_env.identification.evaluate import Evaluation, evaluate
 from inkjet_env.identification.identification import Estimate, Identification, Residual
 from inkjet_env.identification.identify import identify
 from inkjet_env.identification.noise import NoiseModel
 
-__all__ = ["DegreeChoice", "Estimate", "Identification", "NoiseModel", "Residual", "identify", "in_convention"]
+__all__ = [
+    "DegreeChoice",
+    "Estimate",
+    "Evaluation",
+    "Identification",
+    "NoiseModel",
+    "Residual",
+    "evaluate",
+    "identify",
+    "in_convention",
+]

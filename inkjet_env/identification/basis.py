@@ -90,9 +90,14 @@ class DriveBasis:
         return columns if channel == "self_sensing" else self.hysteretic_V() - columns
 
     def free_states(self, a0: float, a1: float) -> Real:
-        """What an unknown initial state of the resonator adds: two columns, shape (n, 2), of unit size at the start."""
-        ringing = np.exp(pole(a0, a1) * self.step_s * np.arange(self.samples))
-        return np.column_stack([ringing.real, ringing.imag])
+        """`free_ringing` at the samples of this drive."""
+        return free_ringing(self.samples, self.step_s, a0, a1)
+
+
+def free_ringing(samples: int, step_s: float, a0: float, a1: float) -> Real:
+    """What an unknown initial state of the resonator adds: two columns, shape (n, 2), of unit size at the start."""
+    ringing = np.exp(pole(a0, a1) * step_s * np.arange(samples))
+    return np.column_stack([ringing.real, ringing.imag])
 
 
 def drive_basis(drive_V: Real, step_s: float, full_scale_V: float, degree: int, initial_state: str) -> DriveBasis:

@@ -42,6 +42,25 @@ def test_four_commands_lead_from_a_head_to_its_waveform(inkjet, tmp_path):
     assert (tmp_path / "page.html").read_text().startswith("<!DOCTYPE html>")
 
 
+def test_evaluate_tells_the_residual_of_each_recording_and_finds_a_wrong_head(inkjet, tmp_path):
+    inkjet("record", "campaign", "--seed", "1")
+    inkjet("identify", "campaign", "--out", "head.json")
+    status, out, err = inkjet("evaluate", "campaign", "--printhead", "head.json", "--json", "-")
+    assert (status, err) == (0, "")
+    found = json.loads(out)
+    assert found["format"] == "evaluation/1"
+    assert list(found["recordings"]) == [r.name for r in read_campaign(tmp_path / "campaign").recordings]
+    assert list(found["recordings"]["r001"]) == ["rms", "output_rms", "unit"]
+    noise = json.loads((tmp_path / "head.json").read_text())["fit"]["noise_rms_V"]
+    assert found["rms"] == pytest.approx(noise, rel=0.05)
+    Printhead.published().varied(damping_ratio=0.06).to_json(tmp_path / "wrong.json")
+    status, out, err = inkjet("evaluate", "campaign", "--printhead", "wrong.json", "--json", "wrong-found.json")
+    assert status == 0
+    assert "r001" in out
+    assert "tells no gain of strain_gauge" in err
+    assert json.loads((tmp_path / "wrong-found.json").read_text())["rms"] > 20 * noise
+
+
 def test_the_same_seed_records_the_same_campaign(inkjet, tmp_path):
     for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
         assert inkjet("record", folder, "--seed", seed)[0] == 0
@@ -109,6 +128,8 @@ def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_pat
         (("identify", "campaign", "other", "--json", "x.json"), "belong to a single campaign"),
         (("record", "campaign", "--seed", "-1"), "--seed must be at least 0"),
         (("record", "plan", "--plan", "--snr-db", "40"), "leave out --snr-db"),
+        (("evaluate", "campaign", "--printhead", "odd.json"), "fit.channels.strain_gauge.gain.value must be a number"),
+        (("evaluate", "nowhere"), "nowhere"),
         (("record", "head.txt"), "is not a folder"),
         (("record", "full"), "holds files and no campaign"),
         (("record", "campaign", "--printhead", "head.txt"), "head.txt: is not JSON"),
@@ -117,6 +138,8 @@ def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_pat
 def test_bad_input_is_one_sentence_and_leaves_everything_as_it_was(arguments, told, inkjet, tmp_path):
     inkjet("record", "campaign")
     (tmp_path / "head.txt").write_text("no head")
+    odd = Printhead.published().as_json(fit={"channels": {"strain_gauge": {"gain": {"value": "much"}}}})
+    (tmp_path / "odd.json").write_text(json.dumps(odd))
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "diary.txt").write_text("mine")
     before = files_below(tmp_path)
@@ -149,7 +172,7 @@ def test_a_unit_that_cannot_be_meant_stops_identification_and_a_doubtful_one_is_
 
 
 def test_help_shows_an_example(inkjet):
-    for command in ("record", "identify"):
+    for command in ("record", "identify", "evaluate"):
         status, out, _ = inkjet(command, "--help")
         assert status == 0
         assert f"\n  inkjet {command} " in out
