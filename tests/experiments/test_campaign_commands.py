@@ -19,7 +19,8 @@ def test_four_commands_lead_from_a_head_to_its_waveform(inkjet, tmp_path):
     status, out, err = inkjet(
         "identify", "campaign", "--out", "head.json", "--report", "page.html", "--json", "found.json"
     )
-    assert (status, err) == (0, "")
+    assert status == 0
+    assert "warning" not in err  # on a slow machine it says what it is doing
     assert "Resonance 44 kHz" in out
     status, out, _ = inkjet("optimize", "--printhead", "head.json", "--optimizer", "cma-es", "--budget", "300")
     assert status == 0
@@ -146,8 +147,9 @@ def test_bad_input_is_one_sentence_and_leaves_everything_as_it_was(arguments, to
     status, out, err = inkjet(*arguments)
     assert status == 2
     assert out == ""
-    assert err.startswith("inkjet: ")
-    assert err.count("\n") == 1
+    said = [line for line in err.splitlines() if not line.startswith(("identify ", "compiling "))]
+    assert len(said) == 1
+    assert said[0].startswith("inkjet: ")
     assert told in err
     assert files_below(tmp_path) == before
 
