@@ -62,7 +62,7 @@ def identified_head(seed: int, snr_dB: float = SNR_dB) -> HeadResult:
     begun = time.perf_counter()
     found = identify(campaign)
     seconds = time.perf_counter() - begun
-    truth = in_convention(head)
+    truth = in_convention(head, found.printhead.full_scale_V)
     pairs = [(found.dynamics[name], getattr(truth, name)) for name in PARAMETERS]
     residual, noise = found.rms("self_sensing", held_out=True)
     return HeadResult(

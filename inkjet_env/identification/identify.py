@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.constrained import density_constraints
 from inkjet_env.identification.convention import conventional_swing
-from inkjet_env.identification.degree import HIGHEST_DEGREE, DegreeChoice, choose_degree
+from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE, DegreeChoice, choose_degree
 from inkjet_env.identification.identification import Estimate, Identification, Residual
 from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
 from inkjet_env.identification.noise import NoiseModel
@@ -27,7 +27,7 @@ DEGREE_RULES = ("flattening", "strain_gauge", "held_out")
 STARTING_DEGREE = 5
 """Of the branch law while the search for the resonator begins."""
 DEGREES_UNSEEN = 2
-"""Without a strain gauge the intervals allow for so many more powers than the law has."""
+"""Dynamics and gains allow for so many more powers than the law has."""
 MOST_DEGREE_ROUNDS = 4
 MOST_NOISE_ROUNDS = 5
 RESIDUAL = "the residual of the fit"
@@ -93,10 +93,25 @@ def identify(
         raise ValueError(f"degree must be 1 to {HIGHEST_DEGREE}; got {degree}.")
     if full_scale_V is not None and not 1e-3 <= full_scale_V <= 1e6:
         raise ValueError(f"full_scale_V must be a voltage of 1e-3 to 1e6 V; got {full_scale_V!r}.")
-    identifier = _Identifier(campaign, degree, degree_rule, valid_density, full_scale_V, held_out)
-    if progress is not None:
-        identifier.progress = progress
-    return identifier.run()
+
+    def identifier(swing_V: float | None) -> _Identifier:
+        return _Identifier(
+            campaign, degree, degree_rule, valid_density, swing_V, held_out, progress or (lambda _: None)
+        )
+
+    first = identifier(full_scale_V)
+    first.solve()
+    if full_scale_V is None and first.reached_V > 1.01 * first.full_scale_V:
+        # The fast drives go beyond the gauge's: does the law go straight on there, or does it bend on?
+        wider = identifier(first.reached_V)
+        wider.solve(first.solution.model)
+        if wider.deviance < first.deviance - CHANCE_F:
+            wider.notes.append(
+                f"The law bends on beyond the strain gauge's {first.full_scale_V:g} V, as the fast recordings tell; "
+                f"full scale is {wider.full_scale_V:g} V."
+            )
+            return wider.finished()
+    return first.finished()
 
 
 class _Identifier:
@@ -110,6 +125,7 @@ class _Identifier:
         valid_density: bool,
         full_scale_V: float | None,
         held_out: Sequence[str] | None,
+        progress: Callable[[str], None],
     ) -> None:
         self.degree_given, self.degree_rule, self.valid_density = degree, degree_rule, valid_density
         self.all = measurements(campaign, held_out)
@@ -136,36 +152,47 @@ class _Identifier:
                 raise ValueError(
                     f"channel {channel} shows one value throughout while the drive moves; is its sensor connected?"
                 )
-        source = self.gauge or self.fast
-        # A sampled sine may miss its top by a hair: three digits say what was meant.
-        self.full_scale_V = full_scale_V or float(f"{max(map(_largest_change_V, source)):.3g}")
+        self.full_scale_V = full_scale_V or _largest_change_V(self.gauge or self.fast)
+        self.reached_V = _largest_change_V(moving)
         self.least = least_noise(self.all)
-        self.progress: Callable[[str], None] = lambda step: None
+        self.progress = progress
         self.loudness: dict[str, float] = {}
         self.coloured: set[str] = set()  # channels whose residual is no white noise once it is whitened
         self.correlation: dict[str, float] = {}
 
-    def run(self) -> Identification:
+    def solve(self, start: Model | None = None) -> None:
+        """The fit of everything, its resonator begun with that of ``start``; residuals may exceed the noise."""
         unseen = {m.noise_key for m in self.train} - set(self.noise)
         for key in unseen:
             level = 0.01 * max(float(np.std(m.mean)) for m in self.train if m.noise_key == key)
             level = max(level, self.least[key[0]])
             self.noise[key] = NoiseModel(np.ones(1), level, level, "a first guess")
-        model = self._start()
+        model = Model(start.a0, start.a1, np.ones(1), {}, {}) if start else self._start()
         if unseen:
             model = self._noise_from_residuals(model, unseen)
-        solution, alone, joint = self._with_degree(model)
-        misfit = dict(solution.rms)
+        self.solution, alone, self.joint = self._with_degree(model)
+        self.alone = alone or self.joint
+
+    @property
+    def deviance(self) -> float:
+        """Minus twice the logarithm of the likelihood, but for a constant; and what chance would gain by each power."""
+        fitted = self.fitted(self.train, 1)
+        scale = sum(f.samples // len(f.measurement.signals) * math.log(f.noise.innovation) for f in fitted)
+        return self.solution.chi_square + 2 * scale + CHANCE_F * self.solution.model.weights.size
+
+    def finished(self) -> Identification:
+        """What was identified, intervals widened where residuals exceed the noise."""
+        misfit = dict(self.solution.rms)
         self.loudness = {channel: rms for channel, rms in misfit.items() if rms > self._tolerance(channel)}
         if self.loudness:
             self.coloured |= set(self.loudness)
-            solution = self.refined(solution.model, solution.model.weights.size)
+            self.solution = self.refined(self.solution.model, self.solution.model.weights.size)
             for channel, rms in self.loudness.items():
                 self.notes.append(
                     f"{channel}: the residual is {rms:.3g} times the noise, so the model leaves something out; the "
                     "channel's weight and the intervals follow the residual."
                 )
-        return self.result(solution, alone or joint, joint, misfit)
+        return self.result(self.solution, self.alone, self.joint, misfit)
 
     def _tolerance(self, channel: str) -> float:
         """Residual over noise up to which a channel is explained; few samples scatter more."""
@@ -317,45 +344,48 @@ class _Identifier:
         return math.sqrt(shared / power) if power > 0 else 1.0
 
     def _richer(self, solution: Solution) -> Solution:
-        """The solution that the intervals follow from.
+        """The fit with a law of more powers than these recordings tell, which dynamics and gains are taken from.
 
-        A strain gauge tells the law by itself. Without one it has more powers here than the recordings tell: one that
-        was left out because it was not seen may still be there, and pulls everything else.
+        A power that was left out because it was not seen may still be there, and would pull everything else.
         """
         degree = solution.model.weights.size
         richer = min(HIGHEST_DEGREE, degree + DEGREES_UNSEEN)
-        if self.gauge or self.degree_given is not None or richer == degree:
+        if self.degree_given is not None or richer == degree:
             return solution
-        return self.refined(solution.model, richer, most_steps=0)
+        return self.refined(solution.model, richer)
+
+    def _gain_of_reference(self, model: Model) -> float:
+        """Of the law's swing over the convention's."""
+        swing = float(model.weights.sum())
+        if not math.isfinite(swing) or abs(swing) < 1e-12 * float(np.abs(model.weights).sum()):
+            raise ValueError(f"channel {self.reference} does not follow the drive at all; is its sensor connected?")
+        return swing / conventional_swing(self.full_scale_V)
 
     def result(
         self, solution: Solution, choice: DegreeChoice, joint: DegreeChoice, misfit: Mapping[str, float]
     ) -> Identification:
         """The printhead, its intervals, and the residual of every recording."""
-        model, d = solution.model, solution.model.weights.size
-        unsure = self._richer(solution)
-        swing = float(model.weights.sum())
-        convention = conventional_swing(self.full_scale_V)
-        gain_of_reference = swing / convention
-        if not math.isfinite(gain_of_reference) or abs(swing) < 1e-12 * float(np.abs(model.weights).sum()):
-            raise ValueError(f"channel {self.reference} does not follow the drive at all; is its sensor connected?")
-        coefficients = model.weights / gain_of_reference
-        place = {name: i for i, name in enumerate(unsure.names)}
-        swings = np.array([float(name.startswith("w")) for name in unsure.names])
+        law, d = solution.model.weights, solution.model.weights.size
+        coefficients = law / self._gain_of_reference(solution.model)
+        richer = self._richer(solution)
+        gain_of_reference = self._gain_of_reference(richer.model)
+        model = replace(richer.model, weights=coefficients * gain_of_reference)
+        place = {name: i for i, name in enumerate(richer.names)}
+        swings = np.array([float(name.startswith("w")) for name in richer.names])
         gains = {}
         for channel, ratio in model.ratios.items():
-            gradient = ratio * swings / convention
+            gradient = ratio * swings / conventional_swing(self.full_scale_V)
             if channel != self.reference:
                 gradient[place[f"ratio {channel}"]] = gain_of_reference
             value = ratio * gain_of_reference
-            error = QUANTILE_90 * unsure.error_of(gradient)
+            error = QUANTILE_90 * richer.error_of(gradient)
             gains[channel] = Estimate(value, value - error, value + error)
         fast = self.fitted(self.fast, d)
         if ringing_gain(fast, model.a0, model.a1) < LEAST_RINGING_GAIN:
             raise ValueError(f"a head without any resonance fits these recordings as well: {NOTHING_RINGS}")
         dynamics = {}
         for name, value in (("a0", model.a0), ("a1", model.a1)):
-            error = QUANTILE_90 * unsure.error_of(np.eye(len(place))[place[f"ln {name}"]])
+            error = QUANTILE_90 * richer.error_of(np.eye(len(place))[place[f"ln {name}"]])
             if not error < LARGEST_UNCERTAINTY:
                 raise ValueError(
                     f"these recordings do not tell {name} to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: "
@@ -371,7 +401,7 @@ class _Identifier:
                 "b1, the gain of self-sensing, is not observable without a self_sensing recording. It was set to √a0: "
                 "the signal then is the deflection's speed over √a0 in hysteretic volts, a convention."
             )
-        shape = (np.eye(d) - np.outer(model.weights, np.ones(d)) / swing) / gain_of_reference
+        shape = (np.eye(d) - np.outer(law, np.ones(d)) / law.sum()) / self._gain_of_reference(solution.model)
         printhead = Printhead(
             model.a0,
             model.a1,
@@ -442,9 +472,14 @@ class _Identifier:
         return tuple(sorted(rows, key=lambda r: r.name))
 
 
-def _largest_change_V(measurement: Measurement) -> float:
-    """The largest argument of the branch law, in volts; the virgin curve's is twice the drive."""
-    swing = float(np.ptp(measurement.drive_V))
-    if measurement.initial_state == "periodic":
-        return swing
-    return max(swing, 2 * float(np.abs(measurement.drive_V).max()))
+def _largest_change_V(measured: Sequence[Measurement]) -> float:
+    """The largest argument of the branch law, in volts, to three digits: a sampled sine misses its top by a hair.
+
+    The virgin curve's is twice the drive; of a periodic drive only a level shows it, and self-sensing has none.
+    """
+    changes = []
+    for m in measured:
+        changes.append(float(np.ptp(m.drive_V)))
+        if m.initial_state != "periodic" or m.channel != "self_sensing":
+            changes.append(2 * float(np.abs(m.drive_V).max()))
+    return float(f"{max(changes):.3g}")

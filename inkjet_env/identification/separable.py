@@ -81,12 +81,10 @@ class Model:
         signal = self.ratios[measurement.channel] * (psi @ self.weights) + self.offsets[measurement.channel]
         if has_free_state(measurement):
             states = basis.free_states(self.a0, self.a1)
-            left = (measurement.mean - signal)[:, None]
-            if noise is not None:
-                fit = np.linalg.lstsq(noise.whitened(states), noise.whitened(left)[:, 0], rcond=None)[0]
-            else:
-                fit = np.linalg.lstsq(states, left[:, 0], rcond=None)[0]
-            signal = signal + states @ fit
+            seen = measurement.fitted or measurement.drive_V.size  # what is held out of a recording tells nothing
+            pair = np.column_stack([states, measurement.mean - signal])[:seen]
+            pair = pair if noise is None else noise.whitened(pair)
+            signal = signal + states @ np.linalg.lstsq(pair[:, :2], pair[:, 2], rcond=None)[0]
         return signal
 
 

@@ -35,7 +35,8 @@ def covered(prepared, **options):
     hits = dict.fromkeys(("a0", "a1", "b1"), 0)
     for seed in range(HEADS):
         head, campaign = small_campaign(seed)
-        truth, found = in_convention(head), identify(prepared(campaign), **options)
+        found = identify(prepared(campaign), **options)
+        truth = in_convention(head, found.printhead.full_scale_V)
         for name in hits:
             estimate = found.dynamics[name]
             hits[name] += estimate.low <= getattr(truth, name) <= estimate.high
