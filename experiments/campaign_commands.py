@@ -64,8 +64,8 @@ def record(
     if displacement:
         battery += displacement_battery(head.frequency_Hz)
     if plan:
-        if snr_db is not None:
-            raise ValueError("--plan writes drives, which have no noise; leave out --snr-db.")
+        if snr_db is not None or seed is not None:
+            raise ValueError("--plan writes drives, which have no noise and no order; leave out --snr-db and --seed.")
         plan_csvs(folder, battery)
         said = f"{folder}: {len(battery)} drives, and plan.csv that says how to record each and what it is for"
     else:
@@ -120,16 +120,20 @@ def identify(
         "degree_rule": degree_rule,
         "valid_density": valid_density,
         "full_scale_V": full_scale,
-        "held_out": None if held_out is None else tuple(held_out.split(",")),
+        "held_out": None if held_out is None else tuple(name.strip() for name in held_out.split(",")),
     }
     announce_compiling()
     reading = _reading(channel, columns, initial_state)
+    if workers is not None and workers < 1:
+        raise ValueError(f"--workers must be at least 1; got {workers}.")
     if len(folders) > 1:
         if report is not None or json is not None:
             raise ValueError("--report and --json belong to a single campaign; give one folder.")
         identify_folders(folders, out, reading, options, workers)
         return
-    check_outputs(out=out, report=report, json=json)
+    check_outputs(_files_of(folders[0]), out=out, report=report, json=json)
+    if report is not None and report.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"--report must end in .html; got {report}.")
     campaign, found = identify_one(folders[0], reading, options)
     write_json(out, found.as_json())
     if report is not None:
@@ -161,13 +165,18 @@ def evaluate(
     from experiments.tables import print_evaluation
     from inkjet_env.storage import write_json
 
-    check_outputs((printhead,), json=json)
+    check_outputs((printhead, *_files_of(folder)), json=json)
     announce_compiling()
     found = evaluation_json(folder, printhead, _reading(channel, columns, initial_state))
     if json is not None:
         write_json(json, found)
     if str(json) != "-":
         print_evaluation(found)
+
+
+def _files_of(folder: Path) -> tuple[Path, ...]:
+    """What a campaign's folder holds: no result may replace it."""
+    return tuple(path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else ()
 
 
 def _reading(channel: str | None, columns: str | None, initial_state: str | None) -> dict[str, Any]:

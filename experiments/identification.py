@@ -47,7 +47,11 @@ def identify_one(
             told("reading")
         campaign = read_campaign(folder, **reading)
         warned = _checked(campaign, None)
-        found = identify(campaign, progress=told, **options)
+        try:
+            found = identify(campaign, progress=told, **options)
+        except ValueError:
+            _warn(warned)  # what is doubtful may be why
+            raise
     _warn([*warned, *(w for w in _checked(campaign, found.printhead.frequency_Hz) if w not in warned)])
     return campaign, found
 
@@ -132,8 +136,6 @@ def identify_folders(
     name, count = Counter(names).most_common(1)[0]
     if count > 1:
         raise ValueError(f"{count} folders are called {name!r}, and each gives {out / name}.json. Rename one.")
-    if workers is not None and workers < 1:
-        raise ValueError(f"--workers must be at least 1; got {workers}.")
     out.mkdir(parents=True, exist_ok=True)
     jobs = (
         delayed(_written)(folder, out / f"{name}.json", reading, options)

@@ -59,9 +59,11 @@ def print_ranking(summary: Summary, problems: Sequence[str], unavailable: dict[s
 
 def print_identification(name: str, found: Identification) -> None:
     """Print what was identified, with intervals, how well it fits, and what a reader must know."""
+    from experiments.identification_report import interval_text
+
     head = found.printhead
     rows = [
-        (label, f"{estimate.value:.6g}", f"{estimate.low:.6g} … {estimate.high:.6g}", unit)
+        (label, *interval_text(estimate), unit)
         for label, estimate, unit in (
             ("a0", found.dynamics["a0"], "1/s²"),
             ("a1", found.dynamics["a1"], "1/s"),

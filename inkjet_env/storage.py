@@ -48,6 +48,9 @@ def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None
     except OSError as error:
         unfinished.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from None
+    except BaseException:  # Ctrl-C
+        unfinished.unlink(missing_ok=True)
+        raise
 
 
 def remove_unfinished(folder: Path) -> None:

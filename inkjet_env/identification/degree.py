@@ -85,7 +85,7 @@ def choose_degree(
         excess = per_drive - per_drive[best]
         uncertain = excess.std(axis=1, ddof=1) / np.sqrt(len(blocks))
         by_held_out = int(np.argmax(excess.mean(axis=1) <= uncertain)) + 1
-        left_out = tuple(float(v) for v in np.sqrt(mean))
+        left_out = tuple(float(v) for v in np.sqrt(per_drive @ np.array(samples) / total))
     return DegreeChoice(
         degrees,
         tuple(float(v) for v in np.sqrt(errors / total)),

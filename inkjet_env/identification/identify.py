@@ -314,8 +314,8 @@ class _Identifier:
             if changed < 1.02:
                 break
         self.notes.append(
-            f"No repeats and no recording at rest tell the noise of {' and '.join(channels)}; it was taken from the "
-            "fit's own residual, so what the model leaves out counts as noise there."
+            f"No exact repeats and no recording at rest tell the noise of {' and '.join(channels)}; it was taken from "
+            "the fit's own residual, so what the model leaves out counts as noise there."
         )
         return model
 

@@ -42,8 +42,8 @@ def write_campaign(folder: str | os.PathLike[str], campaign: Campaign) -> None:
             os.rename(target, replaced)
         try:
             os.rename(unfinished, target)
-        except OSError:
-            if replaced.exists():
+        except BaseException:  # Ctrl-C too
+            if replaced.exists() and not target.exists():
                 os.rename(replaced, target)
             raise
     finally:
