@@ -361,6 +361,17 @@ class _Identifier:
             raise ValueError(f"channel {self.reference} does not follow the drive at all; is its sensor connected?")
         return swing / conventional_swing(self.full_scale_V)
 
+    def _chi_square(self, model: Model) -> float:
+        """Of the whitened residuals of the fitted samples."""
+        return sum(
+            float(
+                np.sum(
+                    f.whitened((f.measurement.mean - model.predicted(f.measurement, f.basis, f.noise))[:, None]) ** 2
+                )
+            )
+            for f in self.fitted(self.train, model.weights.size)
+        )
+
     def result(
         self, solution: Solution, choice: DegreeChoice, joint: DegreeChoice, misfit: Mapping[str, float]
     ) -> Identification:
@@ -370,6 +381,9 @@ class _Identifier:
         richer = self._richer(solution)
         gain_of_reference = self._gain_of_reference(richer.model)
         model = replace(richer.model, weights=coefficients * gain_of_reference)
+        if self._chi_square(model) > solution.chi_square + 2 * CHANCE_F:
+            # These recordings do not tell how far the law swings: law and gains only go together.
+            model, gain_of_reference = solution.model, self._gain_of_reference(solution.model)
         place = {name: i for i, name in enumerate(richer.names)}
         swings = np.array([float(name.startswith("w")) for name in richer.names])
         gains = {}
