@@ -76,7 +76,8 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
 
 def _gains(head_file: Path) -> dict[str, float]:
     """Gains of the channels that a ``printhead.json`` was identified from; empty where it does not tell."""
-    channels = json.loads(head_file.read_text(encoding="utf-8")).get("fit", {}).get("channels", {})
+    fit = json.loads(head_file.read_text(encoding="utf-8")).get("fit")
+    channels = fit.get("channels") if isinstance(fit, dict) else None
     gains = {}
     for channel, entry in channels.items() if isinstance(channels, dict) else ():
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from inkjet_env.printhead.compiled_gradient import moments as fill_moments
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
 MAX_DEGREE = 16
@@ -17,33 +18,6 @@ for _j in range(MAX_DEGREE):
         _row = _row * (_j - _k) / (_k + 1)
 
 _jit = kernel_jit(__file__)
-
-
-@_jit
-def fill_moments(z, result):
-    """``m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds`` for k = 0 …, as `resonator.moments`."""
-    count = result.shape[0]
-    size = abs(z)
-    forward = 0
-    if size >= 1.0:
-        forward = min(count, int(size) + 1)
-        total = (np.exp(z) - 1.0) / z
-        result[0] = total
-        for k in range(1, forward):
-            total = (k * total - 1.0) / z
-            result[k] = total
-    if forward < count:
-        term = 1.0 / count + 0j
-        total = term
-        j = 0
-        while abs(term) > 1e-18 / count:
-            j += 1
-            term = term * z / (count + j)
-            total += term
-        for k in range(count - 1, forward - 1, -1):
-            result[k] = total
-            if k > 0:
-                total = (z * total + 1.0) / k
 
 
 @_jit
@@ -76,7 +50,7 @@ def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns)
     part = np.empty(degree, dtype=np.complex128)
     forced = np.empty(degree, dtype=np.complex128)
     powers = np.empty(degree)
-    fill_moments(pole * step_s, moments)
+    fill_moments(pole * step_s, degree, moments)
     inverse = 1.0 / pole.imag
     at = 0
     count = pieces.shape[0]
@@ -94,7 +68,7 @@ def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns)
                 m = moments
             else:
                 decay = np.exp(pole * step_s * length)
-                fill_moments(pole * step_s * length, part)
+                fill_moments(pole * step_s * length, degree, part)
                 m = part
             scale *= inverse
             if x >= 1.0:  # the tangent

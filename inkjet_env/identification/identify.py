@@ -16,7 +16,7 @@ from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE, DegreeCho
 from inkjet_env.identification.identification import Estimate, Identification, Residual
 from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.identification.separable import MOST_STEPS, Fitted, Model, Solution, fit_everything, linearised_blocks
+from inkjet_env.identification.separable import Fitted, Model, Solution, fit_everything, linearised_blocks
 from inkjet_env.identification.starting_point import best_start, ringing_gain
 from inkjet_env.printhead import Printhead, check_name
 from inkjet_env.recordings import Campaign
@@ -76,8 +76,8 @@ def identify(
     valid_density : bool
         Whether to enforce ``p(r) ≥ 0``.
     full_scale_V : float, optional
-        Change of drive at ``x = 1``; unless given, the largest change that the hysteresis is identified from
-        (the virgin curve after demagnetising counts twice its drive).
+        Change of drive at ``x = 1``, beyond which the law goes on along its tangent. Unless given, the largest that the
+        strain gauge has seen (a virgin curve counts twice its drive), or any recording where that fits better.
     held_out : sequence of str, optional
         Recordings that no fit sees; see `measurements`.
     progress : callable, optional
@@ -257,7 +257,7 @@ class _Identifier:
         blocks = linearised_blocks(fitted, model)
         return choose_degree(blocks, samples, correlation, blocks[0].shape[1] - HIGHEST_DEGREE - 1, leave_out)
 
-    def refined(self, start: Model, degree: int, most_steps: int = MOST_STEPS) -> Solution:
+    def refined(self, start: Model, degree: int) -> Solution:
         """The fit of everything from a start whose weights may have another degree."""
         self.progress(f"fitting all recordings, degree {degree}")
         fitted = self.fitted(self.train, degree)
@@ -272,7 +272,7 @@ class _Identifier:
         offsets = {channel: start.offsets.get(channel, 0.0) for channel in ratios}
         constraints = density_constraints(degree) if self.valid_density else None
         begin = replace(start, weights=weights, ratios=ratios, offsets=offsets)
-        return fit_everything(fitted, begin, constraints, self.coloured, most_steps)
+        return fit_everything(fitted, begin, constraints, self.coloured)
 
     @property
     def reference(self) -> str:

@@ -149,7 +149,6 @@ def fit_everything(
     start: Model,
     constraints: Real | None = None,
     coloured: Collection[str] = (),
-    most_steps: int = MOST_STEPS,
 ) -> Solution:
     """Least squares over all parameters together.
 
@@ -163,14 +162,13 @@ def fit_everything(
         ``constraints @ weights ≥ 0``, or ``≤ 0`` where the first channel's gain is negative.
     coloured : collection of str
         Channels whose whitened residual is not white, so that its spectrum must enter the covariance.
-    most_steps : int
     """
     problem = _Problem(fitted, constraints)
     model = start
     blocks = problem.blocks(model)
     objective, model = problem.best_linear(blocks, model)
     converged = False
-    for _ in range(most_steps):
+    for _ in range(MOST_STEPS):
         blocks = problem.blocks(model)
         step = problem.step(blocks, model)
         if step.promise < CONVERGED:
@@ -210,7 +208,6 @@ def linearised_blocks(fitted: Sequence[Fitted], model: Model) -> list[Real]:
 class _Step:
     logarithms: Real
     ratios: Real
-    weights: Real
     promise: float
 
 
@@ -321,7 +318,6 @@ class _Problem:
         return _Step(
             solution[d : d + moving],
             solution[d + moving : d + moving + len(self.channels) - 1],
-            solution[:d],
             promise,
         )
 

@@ -72,3 +72,4 @@ def test_the_measured_actuator_is_cut_where_it_repeats_and_told_in_micrometres(c
     told = capsys.readouterr().out
     assert "period-3: 0.1" in told
     assert "um held out" in told
+    assert "ring-down: 0.2" in told  # alone, where nothing tells how far the law swings
