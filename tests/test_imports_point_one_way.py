@@ -10,9 +10,17 @@ ROOT = Path(__file__).parents[1]
 ALLOWED = {
     "inkjet_env.printhead": ("inkjet_env.storage",),
     "inkjet_env.recordings": ("inkjet_env.printhead", "inkjet_env.storage"),
+    "inkjet_env.plant": ("inkjet_env.printhead", "inkjet_env.storage"),
     "inkjet_env.rig": ("inkjet_env.printhead", "inkjet_env.recordings", "inkjet_env.storage"),
-    "inkjet_env.identification": ("inkjet_env.printhead", "inkjet_env.recordings"),
-    "inkjet_env.envs": ("inkjet_env.printhead",),
+    "inkjet_env.identification": ("inkjet_env.printhead", "inkjet_env.plant", "inkjet_env.recordings"),
+    "inkjet_env.mismatch": (
+        "inkjet_env.printhead",
+        "inkjet_env.plant",
+        "inkjet_env.recordings",
+        "inkjet_env.identification",
+        "inkjet_env.storage",
+    ),
+    "inkjet_env.envs": ("inkjet_env.printhead", "inkjet_env.plant"),
     "optimizers": ("inkjet_env.printhead",),
     "experiments": ("inkjet_env", "optimizers"),
 }

@@ -1,0 +1,1 @@
+"""Where recordings and model differ, and which physics was left out."""

@@ -1,0 +1,21 @@
+"""The printhead with the effects that its base model leaves out, on sampled signals."""
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effects import catalogue
+from inkjet_env.plant.resonance import Echo, Force, Mode, Resonance, compiled_force
+from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.stages import Plant
+
+__all__ = [
+    "Echo",
+    "Effect",
+    "Force",
+    "Mode",
+    "Parameter",
+    "Plant",
+    "Resonance",
+    "Shot",
+    "Values",
+    "catalogue",
+    "compiled_force",
+]

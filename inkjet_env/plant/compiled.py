@@ -1,0 +1,192 @@
+"""Compiled kernels of the plant, over signals at nodes."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from typing import Any
+
+import numpy as np
+from numba.core.errors import NumbaExperimentalFeatureWarning
+
+from inkjet_env.printhead.compiled import branch_pieces
+from inkjet_env.printhead.compiled_gradient import moments as fill_moments
+from inkjet_env.printhead.kernel_cache import kernel_jit
+
+warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning)  # functions as arguments
+
+_jit = kernel_jit(__file__)
+
+
+@_jit
+def hysteretic_levels(drive_V, full_scale_V, laws, periodic, memory, pieces, levels):
+    """Hysteretic drive at every node, for several branch laws.
+
+    Parameters
+    ----------
+    drive_V : ndarray, shape (n,)
+        Linear between nodes; where periodic, with the way back to the first node at its end.
+    full_scale_V : float
+    laws : ndarray, shape (k, d + 1)
+        Coefficients, lowest power first.
+    periodic : bool
+    memory, pieces : ndarray, shapes (≥ 2 n + 2,), (≥ 4 n + 32, 6)
+        Scratch.
+    levels : ndarray, shape (n, k)
+        Filled, in volts.
+    """
+    x = 2.0 * abs(drive_V[0]) / full_scale_V
+    for j in range(laws.shape[0]):
+        virgin = _branch(laws[j], x) * 0.5 * full_scale_V
+        levels[0, j] = virgin if drive_V[0] >= 0.0 else -virgin
+    last = drive_V.shape[0] - 1
+    for lap in range(2 if periodic else 1):
+        if lap > 0:
+            levels[0] = levels[last]
+        count = branch_pieces(drive_V, full_scale_V, lap, False, memory, pieces)
+        at = 0
+        for node in range(1, last + 1):
+            levels[node] = levels[node - 1]
+            while at < count and pieces[at, 0] == node - 1:
+                x, dx, scale = pieces[at, 3], pieces[at, 4], pieces[at, 5]
+                for j in range(laws.shape[0]):
+                    levels[node, j] += scale * (_branch(laws[j], x + dx) - _branch(laws[j], x))
+                at += 1
+
+
+@_jit
+def _branch(law, x):
+    inside = min(x, 1.0)
+    value, slope = 0.0, 0.0
+    for k in range(law.shape[0] - 1, -1, -1):
+        slope = slope * inside + value
+        value = value * inside + law[k]
+    return value + slope * (x - inside)
+
+
+@_jit
+def linear_motion(forcing_V, pole, gain, step_s, pairs, start, deflection, speed):
+    """Motion under a forcing that is quadratic between every second node; returns the last amplitude.
+
+    Parameters
+    ----------
+    forcing_V : ndarray, shape ((m - 1) · 2 · pairs + 1,)
+    pole, gain : complex, float
+        λ and ``a0 / ω_d``.
+    step_s : float
+        Two nodes.
+    pairs : int
+        Such steps a sample.
+    start : complex
+    deflection, speed : ndarray, shape (m,)
+        Filled at the samples.
+    """
+    decay = np.exp(pole * step_s)
+    m = np.empty(3, dtype=np.complex128)
+    fill_moments(pole * step_s, 3, m)
+    scale = gain * step_s
+    # weights of the three nodes of a step
+    first = scale * (m[0] - 3.0 * m[1] + 2.0 * m[2])
+    middle = scale * (4.0 * m[1] - 4.0 * m[2])
+    last = scale * (2.0 * m[2] - m[1])
+    state = start
+    deflection[0], speed[0] = state.imag, (pole * state).imag
+    at = 0
+    for i in range(1, deflection.shape[0]):
+        for _ in range(pairs):
+            state = state * decay + (first * forcing_V[at] + middle * forcing_V[at + 1] + last * forcing_V[at + 2])
+            at += 2
+        deflection[i], speed[i] = state.imag, (pole * state).imag
+    return state
+
+
+@_jit
+def forced_motion(
+    forcing_V, pole, gain, omega0, step_s, pairs, start, laws, values, softening, stiffness, deflection, speed
+):
+    """`linear_motion` with forces that depend on the motion and a stiffness that depends on time.
+
+    Parameters
+    ----------
+    laws : tuple of compiled functions
+        Each ``(x_V, speed_V, values) -> V``.
+    values : ndarray, shape (len(laws), k)
+    softening : ndarray, shape (nodes,) or (0,)
+        Relative change of stiffness at the nodes.
+    stiffness : float
+        Of the spring that softens, over the one that the forcing acts against.
+    """
+    decay = np.exp(pole * step_s)
+    m = np.empty(3, dtype=np.complex128)
+    fill_moments(pole * step_s, 3, m)
+    scale = gain * step_s
+    first = scale * (m[0] - 3.0 * m[1] + 2.0 * m[2])
+    middle = scale * (4.0 * m[1] - 4.0 * m[2])
+    last = scale * (2.0 * m[2] - m[1])
+    whole, ramp = scale * m[0], scale * m[1]
+    soft = softening.shape[0] > 0
+    state = start
+    deflection[0], speed[0] = state.imag, (pole * state).imag
+    inverse = 1.0 / omega0
+    at = 0
+    for i in range(1, deflection.shape[0]):
+        for _ in range(pairs):
+            x, p = state.imag, (pole * state).imag * inverse
+            before = 0.0
+            for k, law in enumerate(laws):
+                before += law(x, p, values[k])
+            if soft:
+                before += stiffness * softening[at] * x
+            state = state * decay + (first * forcing_V[at] + middle * forcing_V[at + 1] + last * forcing_V[at + 2])
+            state -= whole * before
+            x, p = state.imag, (pole * state).imag * inverse
+            after = 0.0
+            for k, law in enumerate(laws):
+                after += law(x, p, values[k])
+            at += 2
+            if soft:
+                after += stiffness * softening[at] * x
+            state -= ramp * (after - before)
+        deflection[i], speed[i] = state.imag, (pole * state).imag
+        if not abs(state.imag) < 1e9:
+            return complex(np.nan, np.nan)
+    return state
+
+
+@_jit
+def lagged(signal, keep, old, new, start, result):
+    """First-order lag of a signal that is linear between nodes; returns the last value."""
+    value = start
+    result[0] = value
+    for i in range(1, signal.shape[0]):
+        value = keep * value + old * signal[i - 1] + new * signal[i]
+        result[i] = value
+    return value
+
+
+@_jit
+def slew_limited(signal, largest_step, start, result):
+    """A signal followed by no more than ``largest_step`` a node; returns the last value."""
+    value = start
+    result[0] = value
+    for i in range(1, signal.shape[0]):
+        change = signal[i] - value
+        if change > largest_step:
+            change = largest_step
+        elif change < -largest_step:
+            change = -largest_step
+        value += change
+        result[i] = value
+    return value
+
+
+@functools.cache
+def no_force() -> Any:
+    """A force law that never pushes, for a head whose stiffness alone changes."""
+    from inkjet_env.plant.resonance import compiled_force
+
+    return compiled_force(_nothing)
+
+
+def _nothing(x_V, speed_V, values):
+    return 0.0

@@ -1,0 +1,160 @@
+"""What an effect of the catalogue is: a sentence, an equation, parameters, and what it does in its stage."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.resonance import Resonance
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+Values = Mapping[str, float]
+"""Values of an effect's parameters by name, in their units."""
+
+STAGES = ("drive", "hysteresis", "resonator", "sensing")
+SCALES = ("linear", "log", "reciprocal")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Parameters
+    ----------
+    name : str
+        With its unit at the end, as ``frequency_Hz``.
+    unit : str
+        As a reader would write it; "1" where it has none.
+    low, high : float
+        Bounds.
+    scale : {"linear", "log", "reciprocal"}
+        In what it is fitted: itself, its logarithm, or one over itself (a bandwidth that is infinite where nothing is
+        left out).
+    meaning : str
+        What it is, in words.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    scale: str = "linear"
+    meaning: str = ""
+
+    def coordinate(self, value: float) -> float:
+        """What is fitted, from the value."""
+        if self.scale == "log":
+            return math.log(value)
+        return 1 / value if self.scale == "reciprocal" else value
+
+    def value(self, coordinate: float) -> float:
+        """The value, from what is fitted."""
+        if self.scale == "log":
+            return math.exp(coordinate)
+        if self.scale == "reciprocal":
+            return math.inf if coordinate == 0 else 1 / coordinate
+        return coordinate
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Of the coordinate, lower first."""
+        a, b = self.coordinate(self.low), self.coordinate(self.high)
+        return min(a, b), max(a, b)
+
+
+class Effect:
+    """Physics that the base model leaves out, as one stage of the plant does it.
+
+    An effect overrides the method of its stage. The value of each ``strength`` parameter at which nothing happens is
+    zero (infinity for a reciprocal one), so that the base model is the plant with every effect off.
+
+    Attributes
+    ----------
+    id : str
+    stage : {"drive", "hysteresis", "resonator", "sensing"}
+    sentence : str
+        What the base model leaves out, in plain words.
+    equation, source : str
+    parameters : tuple of Parameter
+    strengths : tuple of str
+        Names of the parameters that are zero (or infinite) when the effect is off.
+    signature : str
+        What sets it apart.
+    confusable_with : tuple of str
+        Ids of effects it may be mistaken for.
+    shown_by : str
+        The recording that would show it.
+    """
+
+    id: ClassVar[str]
+    stage: ClassVar[str]
+    sentence: ClassVar[str]
+    equation: ClassVar[str]
+    source: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    strengths: ClassVar[tuple[str, ...]]
+    signature: ClassVar[str]
+    confusable_with: ClassVar[tuple[str, ...]] = ()
+    shown_by: ClassVar[str]
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        """Starting points for a fit on these shots: complete values of middling strength, one for each guess of shape.
+
+        Of an effect with several strengths each gets starts of its own, with the others off.
+        """
+        raise NotImplementedError
+
+    def untestable(self, shots: Sequence[Shot]) -> str | None:
+        """Why these shots cannot show the effect, as the end of a sentence after "because"; None where they can."""
+        return None
+
+    def told(self, values: Values) -> str:
+        """The effect with its values, in plain words for a reader who knows printheads and not this program."""
+        return self.sentence
+
+    def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
+        """Voltage at the ceramic from what came so far, both at the nodes."""
+        return drive_V
+
+    def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+        """Hysteretic drive from what the law gives for the voltage at the ceramic, all at the nodes."""
+        return hysteretic_V
+
+    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+        """How the head rings in this shot."""
+        return resonance
+
+    def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+        """The sensor's signal, offset included, at the samples; the voltage at the ceramic is given at the nodes."""
+        return signal
+
+    def nuisances(self, values: Values, shot: Shot) -> Real | None:
+        """Columns, shape (n, k), of what differs from recording to recording by chance: the phase of a hum.
+
+        Their amplitudes are fitted to each recording by itself, so that such an effect explains a recording, but no
+        simulation foretells it. None where there are no such.
+        """
+        return None
+
+
+def coordinates(effect: Effect, values: Values) -> Real:
+    """What is fitted of an effect, shape (k,), from its values."""
+    return np.array([p.coordinate(values[p.name]) for p in effect.parameters])
+
+
+def values_at(effect: Effect, point: Real) -> dict[str, float]:
+    """Values of an effect from what is fitted, shape (k,)."""
+    return {p.name: p.value(float(z)) for p, z in zip(effect.parameters, point, strict=True)}
+
+
+def switched_off(effect: Effect, values: Values) -> dict[str, float]:
+    """The values with every strength at nothing."""
+    off = {p.name: math.inf if p.scale == "reciprocal" else 0.0 for p in effect.parameters}
+    return {name: off[name] if name in effect.strengths else value for name, value in values.items()}

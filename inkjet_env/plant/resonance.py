@@ -1,0 +1,207 @@
+"""How the head rings: one resonator, its nonlinear forces, further modes, echoes; driven at the nodes.
+
+``x'' + a1 x' + a0 (1 + m(t)) x = a0 (v - Σ F(x, x'/ω0))``: the deflection ``x`` in hysteretic volts (at rest it is
+``v``). Displacement shows ``x``, self-sensing ``x'``. With the pole ``λ = -a1/2 + i ω_d`` the deflection is the
+imaginary part of an amplitude with ``A' = λ A + (a0 / ω_d) f``; ``f`` is quadratic between every second node, which the
+step integrates exactly. Forces enter by the exponential Runge–Kutta method of second order (Cox & Matthews 2002, ETD2RK).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead.resonator import pole
+
+Real = NDArray[np.float64]
+
+MOST_LAPS = 40
+STEADY = 1e-10
+"""A periodic state is steady when a lap changes it by less of its size."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A further mode in parallel: ``strength`` times the static compliance of the first."""
+
+    a0: float
+    a1: float
+    strength: float
+
+
+@dataclass(frozen=True)
+class Echo:
+    """A copy of the motion that comes back after a delay."""
+
+    delay_s: float
+    strength: float
+
+
+@dataclass(frozen=True, eq=False)
+class Force:
+    """A restoring force beside the spring's and the damper's.
+
+    Attributes
+    ----------
+    law : callable
+        ``law(x_V, speed_V, values)`` in hysteretic volts, from the deflection, the scaled speed ``x' / ω0``, and an
+        array of numbers; compiled by `compiled_force`.
+    values : ndarray
+    """
+
+    law: Callable[..., float]
+    values: Real
+
+
+@dataclass(frozen=True, eq=False)
+class Resonance:
+    """A resonator and all that rings, pushes back or returns beside it.
+
+    Attributes
+    ----------
+    a0, a1 : float
+        What rings: ``a0`` may differ from the stiffness that the drive acts against, ``drive_a0``.
+    drive_a0 : float
+        Of the head itself: the drive's force is ``drive_a0 · v``.
+    forces : tuple of Force
+    softening : ndarray, shape (nodes,), or None
+        ``m``: relative change of stiffness in time.
+    modes : tuple of Mode
+    echoes : tuple of Echo
+    """
+
+    a0: float
+    a1: float
+    drive_a0: float
+    forces: tuple[Force, ...] = ()
+    softening: Real | None = None
+    modes: tuple[Mode, ...] = ()
+    echoes: tuple[Echo, ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether superposition holds."""
+        return not self.forces and self.softening is None
+
+    def with_softening(self, change: Real) -> Resonance:
+        """With a further relative change of stiffness, shape (nodes,)."""
+        return replace(self, softening=change if self.softening is None else self.softening + change)
+
+    def motion(self, hysteretic_V: Real, shot: Shot) -> Real:
+        """What the channel shows of the motion, in hysteretic volts, at the samples, shape (n,).
+
+        Displacement: the deflection. Self-sensing: the speed over ``drive_a0``, in volt seconds, so that the gain is
+        ``b1``.
+        """
+        shown = 1 if shot.channel == "self_sensing" else 0
+        own = replace(self, modes=(), echoes=())
+        total = own._one_mode(hysteretic_V, shot)[shown]
+        for mode in self.modes:
+            other = Resonance(mode.a0, mode.a1, mode.a0)
+            total = total + mode.strength * other._one_mode(hysteretic_V, replace(shot, start=(0.0, 0.0)))[shown]
+        if shown == 1:
+            total = total / self.drive_a0
+        moved = total
+        for echo in self.echoes:
+            total = total + echo.strength * delayed(moved, echo.delay_s / shot.step_s, shot.periodic)
+        return total
+
+    def _one_mode(self, hysteretic_V: Real, shot: Shot) -> tuple[Real, Real]:
+        """Deflection in volts and its speed in V/s at the samples."""
+        from inkjet_env.plant import compiled
+
+        if not (self.a0 > 0 and self.a1 > 0 and self.a1**2 < 4 * self.a0):
+            raise FloatingPointError("a resonator that does not ring.")
+        ends = np.append(hysteretic_V, hysteretic_V[0]) if shot.periodic else hysteretic_V
+        n = shot.samples + shot.periodic
+        deflection, speed = np.empty(n), np.empty(n)
+        lam = pole(self.a0, self.a1)
+        gain = self.drive_a0 / lam.imag
+        h = 2 * shot.node_step_s
+        ends = np.ascontiguousarray(ends)
+        pairs_a_sample = shot.parts // 2
+
+        def run(start: complex) -> complex:
+            if self.linear:
+                return complex(compiled.linear_motion(ends, lam, gain, h, pairs_a_sample, start, deflection, speed))
+            softening = np.zeros(0) if self.softening is None else np.append(self.softening, self.softening[:1])
+            laws = tuple(f.law for f in self.forces) or (compiled.no_force(),)
+            values = np.zeros((len(laws), max([f.values.size for f in self.forces], default=1)))
+            for row, force in zip(values, self.forces, strict=False):
+                row[: force.values.size] = force.values
+            return complex(
+                compiled.forced_motion(
+                    ends, lam, gain, math.sqrt(self.a0), h, pairs_a_sample, start, laws, values, softening,
+                    self.a0 / self.drive_a0, deflection, speed,
+                )
+            )  # fmt: skip
+
+        state = 0j
+        if shot.initial_state == "free":
+            state = amplitude(lam, shot.start[0], shot.start[1] * math.sqrt(self.a0))
+        end = run(state)
+        if shot.periodic:
+            lap = -np.expm1(lam * shot.step_s * shot.samples)
+            for _ in range(MOST_LAPS):
+                change = (end - state) / lap
+                state = state + change
+                end = run(state)
+                if self.linear or abs(end - state) <= STEADY * max(abs(state), 1e-12):
+                    break
+            else:
+                raise FloatingPointError("no steady state under the repeated drive.")
+        if not np.isfinite(end):
+            raise FloatingPointError("the motion grows without bound.")
+        return deflection[: shot.samples], speed[: shot.samples]
+
+
+def amplitude(pole_: complex, deflection: float, speed: float) -> complex:
+    """The amplitude ``A`` with ``Im A`` the deflection and ``Im λA`` its speed."""
+    return complex((speed - pole_.real * deflection) / pole_.imag, deflection)
+
+
+def compiled_force(law: Callable[..., float]) -> Any:
+    """Decorator: a force law ``law(x_V, speed_V, values) -> float``, compiled so that every head can call it."""
+    from numba import njit, types
+
+    signature = types.float64(types.float64, types.float64, types.Array(types.float64, 1, "A", readonly=False))
+    try:
+        return njit(signature, cache=True, error_model="numpy", nogil=True)(law)
+    except RuntimeError:  # a function typed into a console has no file to keep its code beside
+        return njit(signature, error_model="numpy", nogil=True)(law)
+
+
+def delayed(signal: Real, samples: float, periodic: bool) -> Real:
+    """A signal some samples later, cubic between them; before the first sample it was what it is there.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+    samples : float
+        May be negative, and any fraction.
+    periodic : bool
+        The sample after the last is the first.
+    """
+    whole = math.floor(samples)
+    part = 1 - (samples - whole)
+    index = np.arange(signal.size) - whole - 2
+
+    def at(offset: int) -> Real:
+        places = index + offset
+        if periodic:
+            return signal[places % signal.size]
+        return signal[np.clip(places, 0, signal.size - 1)]
+
+    t = part  # Lagrange's cubic through the two samples on either side
+    return (
+        -t * (t - 1) * (t - 2) / 6 * at(0)
+        + (t + 1) * (t - 1) * (t - 2) / 2 * at(1)
+        - (t + 1) * t * (t - 2) / 2 * at(2)
+        + (t + 1) * t * (t - 1) / 6 * at(3)
+    )

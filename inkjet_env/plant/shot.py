@@ -1,0 +1,97 @@
+"""One recording as the plant sees it: what was asked of the head, on nodes between the samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A drive, how it was applied, and the nodes it is followed on: everything of a recording but what was measured.
+
+    Parameters
+    ----------
+    channel : {"self_sensing", "strain_gauge", "displacement"}
+    initial_state : {"demagnetised", "periodic", "free"}
+    step_s : float
+        Sampling step.
+    drive_V : ndarray, shape (n,)
+        What the generator was asked for; linear between samples.
+    order : int
+        When it was taken within the session.
+    neighbour_V : ndarray, shape (n,), optional
+        Drive of the neighbouring channel.
+    parts : int
+        Nodes a sampling step: even, because the resonator goes over two nodes at a time.
+    start : tuple of float
+        Deflection and its scaled speed ``x' / ω0``, in hysteretic volts, at the first sample; used where ``free``.
+    """
+
+    channel: str
+    initial_state: str
+    step_s: float
+    drive_V: Real
+    order: int = 1
+    neighbour_V: Real | None = None
+    parts: int = 2
+    start: tuple[float, float] = (0.0, 0.0)
+    kept: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.parts < 2 or self.parts % 2:
+            raise ValueError(f"parts must be an even number of nodes a sampling step, 2 or more; got {self.parts}.")
+
+    @property
+    def samples(self) -> int:
+        """Number of samples, n."""
+        return self.drive_V.size
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the drive had been repeating: the sample after the last is the first."""
+        return self.initial_state == "periodic"
+
+    @property
+    def fast(self) -> bool:
+        """Whether the resonator shows; a strain gauge is quasi-static."""
+        return self.channel != "strain_gauge"
+
+    @property
+    def node_step_s(self) -> float:
+        """Time between nodes."""
+        return self.step_s / self.parts
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes: one period without its end where periodic, else up to the last sample."""
+        return self.samples * self.parts if self.periodic else (self.samples - 1) * self.parts + 1
+
+    @property
+    def time_s(self) -> Real:
+        """Times of the nodes from 0 s, shape (nodes,)."""
+        return np.arange(self.nodes, dtype=np.float64) * np.float64(self.node_step_s)
+
+    def refined(self, samples: Real) -> Real:
+        """Values at the samples, made linear between them: shape (n,) to (nodes,)."""
+        ends = np.append(samples, samples[0]) if self.periodic else samples
+        fractions = np.arange(self.parts) / self.parts
+        between = ends[:-1, None] + np.diff(ends)[:, None] * fractions
+        return between.ravel() if self.periodic else np.append(between.ravel(), ends[-1])
+
+    @property
+    def drive_at_nodes_V(self) -> Real:
+        """The drive that was asked for at the nodes, shape (nodes,)."""
+        if "drive" not in self.kept:
+            self.kept["drive"] = self.refined(self.drive_V)
+        drive: Real = self.kept["drive"]
+        return drive
+
+    def sampled(self, at_nodes: Real) -> Real:
+        """Values at the samples from values at the nodes."""
+        return at_nodes[:: self.parts]

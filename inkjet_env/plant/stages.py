@@ -1,0 +1,111 @@
+"""The cascade on sampled signals: drive → hysteresis → resonator → sensing, each stage with its effects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Values
+from inkjet_env.plant.resonance import Resonance
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A head with its sensors and the effects that are on.
+
+    Parameters
+    ----------
+    printhead : Printhead
+    gains : mapping of str to float
+        Of strain gauge and displacement, in the channel's unit per hysteretic volt; that of self-sensing is ``b1``.
+    offsets : mapping of str to float
+        By channel, in its unit.
+    effects : tuple of (Effect, values)
+    """
+
+    printhead: Printhead
+    gains: Mapping[str, float] = field(default_factory=dict)
+    offsets: Mapping[str, float] = field(default_factory=dict)
+    effects: tuple[tuple[Effect, Values], ...] = ()
+
+    def of(self, stage: str) -> Sequence[tuple[Effect, Values]]:
+        """The effects of a stage, in the order they were given."""
+        return [(effect, values) for effect, values in self.effects if effect.stage == stage]
+
+    def gain(self, channel: str) -> float:
+        """Unit of the channel per hysteretic volt (self-sensing: of its derivative, ``b1``)."""
+        if channel == "self_sensing":
+            return self.printhead.b1
+        return self.gains.get(channel, 1.0)
+
+    def signal(self, shot: Shot) -> Real:
+        """What the sensor shows, at the samples, shape (n,), in the channel's unit; free of noise.
+
+        Raises
+        ------
+        FloatingPointError
+            A motion that grows without bound, or that never settles under the repeated drive.
+        """
+        drive_V = self.at_ceramic_V(shot)
+        signal = self.gain(shot.channel) * self.motion(drive_V, shot) + self.offsets.get(shot.channel, 0.0)
+        for effect, values in self.of("sensing"):
+            signal = effect.sensing(values, signal, drive_V, self.printhead, shot)
+        return signal
+
+    def at_ceramic_V(self, shot: Shot) -> Real:
+        """Voltage at the ceramic, at the nodes."""
+        drive_V = shot.drive_at_nodes_V
+        for effect, values in self.of("drive"):
+            drive_V = effect.drive(values, drive_V, shot)
+        return drive_V
+
+    def motion(self, drive_V: Real, shot: Shot) -> Real:
+        """What a channel shows of the motion, for a gain of 1 and no offset, at the samples."""
+        hysteretic_V = self.hysteretic_V(drive_V, shot)
+        if not shot.fast:
+            return shot.sampled(hysteretic_V)
+        resonance = Resonance(self.printhead.a0, self.printhead.a1, self.printhead.a0)
+        for effect, values in self.of("resonator"):
+            resonance = effect.resonator(values, resonance, shot)
+        return resonance.motion(hysteretic_V, shot)
+
+    def hysteretic_V(self, drive_V: Real, shot: Shot) -> Real:
+        """Hysteretic drive at the nodes."""
+        hysteretic_V = law_levels(drive_V, self.printhead, shot)
+        for effect, values in self.of("hysteresis"):
+            hysteretic_V = effect.hysteresis(values, hysteretic_V, drive_V, self.printhead, shot)
+        return hysteretic_V
+
+    def with_effects(self, effects: Sequence[tuple[Effect, Values]]) -> Plant:
+        """The same head with these effects on."""
+        return replace(self, effects=tuple(effects))
+
+
+def law_levels(drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+    """What the branch law gives for a voltage at the nodes; of the drive as asked, the shot keeps the powers."""
+    law = printhead.branch_law.ascending
+    if drive_V is not shot.drive_at_nodes_V:
+        return _levels(drive_V, printhead.full_scale_V, law[None, :], shot.periodic)[:, 0]
+    key = ("powers", printhead.full_scale_V, law.size)
+    if key not in shot.kept:
+        powers = np.eye(law.size)[1:]
+        shot.kept[key] = _levels(drive_V, printhead.full_scale_V, powers, shot.periodic)
+    levels: Real = shot.kept[key] @ law[1:]
+    return levels
+
+
+def _levels(drive_V: Real, full_scale_V: float, laws: Real, periodic: bool) -> Real:
+    from inkjet_env.plant import compiled
+
+    ends = np.append(drive_V, drive_V[0]) if periodic else np.ascontiguousarray(drive_V)
+    memory, pieces = np.empty(2 * ends.size + 4), np.empty((4 * ends.size + 32, 6))
+    levels = np.empty((ends.size, len(laws)))
+    compiled.hysteretic_levels(ends, full_scale_V, laws, periodic, memory, pieces, levels)
+    return levels[: drive_V.size]
