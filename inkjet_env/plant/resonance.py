@@ -3,7 +3,7 @@
 ``x'' + a1 x' + a0 (1 + m(t)) x = a0 (v - Σ F(x, x'/ω0))``: the deflection ``x`` in hysteretic volts (at rest it is
 ``v``). Displacement shows ``x``, self-sensing ``x'``. With the pole ``λ = -a1/2 + i ω_d`` the deflection is the
 imaginary part of an amplitude with ``A' = λ A + (a0 / ω_d) f``; ``f`` is quadratic between every second node, which the
-step integrates exactly. Forces enter by the exponential Runge–Kutta method of second order (Cox & Matthews 2002, ETD2RK).
+step integrates exactly. Forces enter by the exponential Runge–Kutta method of second order (Cox & Matthews 2002).
 """
 
 from __future__ import annotations
