@@ -76,6 +76,13 @@ class Plant:
             resonance = effect.resonator(values, resonance, shot)
         return resonance.motion(hysteretic_V, shot)
 
+    def motion_of_power(self, power: int, shot: Shot) -> Real:
+        """`motion` of the base model under one power of the law alone (0: the first), for a coefficient of 1."""
+        levels = np.ascontiguousarray(law_powers(self.printhead, shot)[:, power])
+        if not shot.fast:
+            return shot.sampled(levels)
+        return Resonance(self.printhead.a0, self.printhead.a1, self.printhead.a0).motion(levels, shot)
+
     def hysteretic_V(self, drive_V: Real, shot: Shot) -> Real:
         """Hysteretic drive at the nodes."""
         hysteretic_V = law_levels(drive_V, self.printhead, shot)
@@ -89,16 +96,22 @@ class Plant:
 
 
 def law_levels(drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
-    """What the branch law gives for a voltage at the nodes; of the drive as asked, the shot keeps the powers."""
+    """What the branch law gives for a voltage at the nodes."""
     law = printhead.branch_law.ascending
     if drive_V is not shot.drive_at_nodes_V:
         return _levels(drive_V, printhead.full_scale_V, law[None, :], shot.periodic)[:, 0]
-    key = ("powers", printhead.full_scale_V, law.size)
-    if key not in shot.kept:
-        powers = np.eye(law.size)[1:]
-        shot.kept[key] = _levels(drive_V, printhead.full_scale_V, powers, shot.periodic)
-    levels: Real = shot.kept[key] @ law[1:]
+    levels: Real = law_powers(printhead, shot) @ law[1:]
     return levels
+
+
+def law_powers(printhead: Printhead, shot: Shot) -> Real:
+    """What each power of the branch law gives for the drive as asked, shape (nodes, degree); kept with the shot."""
+    degree = len(printhead.coefficients) - 1
+    key = ("powers", printhead.full_scale_V, degree)
+    if key not in shot.kept:
+        shot.kept[key] = _levels(shot.drive_at_nodes_V, printhead.full_scale_V, np.eye(degree + 1)[1:], shot.periodic)
+    powers: Real = shot.kept[key]
+    return powers
 
 
 def _levels(drive_V: Real, full_scale_V: float, laws: Real, periodic: bool) -> Real:

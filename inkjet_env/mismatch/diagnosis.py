@@ -1,0 +1,307 @@
+"""What a diagnosis says: verdict, effects with intervals, where the mismatch is, the fit before and after."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.identification.identification import Estimate
+from inkjet_env.plant import Effect
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+VERDICTS = ("none", "named", "set", "unknown")
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """An effect that was found.
+
+    Attributes
+    ----------
+    effect : Effect
+    sentence : str
+        With its values, in plain words.
+    delta_nll : float
+        By how much it lowers the negative log-likelihood of the fitted recordings beyond the rest of the model.
+    p_value : float
+        That chance alone would give any effect of the catalogue so much.
+    parameters : dict of str to Estimate
+        With 90 % intervals.
+    """
+
+    effect: Effect
+    sentence: str
+    delta_nll: float
+    p_value: float
+    parameters: Mapping[str, Estimate]
+
+
+@dataclass(frozen=True, eq=False)
+class Attribution:
+    """How well one hypothesis explains what the base model leaves.
+
+    Attributes
+    ----------
+    ids : tuple of str
+        Of the effects that are on together.
+    gain : float
+        Of the log-likelihood of the fitted recordings over the base model's.
+    foretold, foretold_error : float
+        The same for recordings left out, condition by condition, and its standard error.
+    share : float
+        Of the mismatch that the best hypothesis of all explains, how much this one does: 0 … 1.
+    cosine : float
+        Of its signature with the winner's, base parameters projected out; NaN where there is no single winner.
+    told : str
+        The effects with their values, in words.
+    """
+
+    ids: tuple[str, ...]
+    gain: float
+    foretold: float
+    foretold_error: float
+    share: float
+    cosine: float
+    told: str
+
+
+@dataclass(frozen=True, eq=False)
+class Location:
+    """Where repeatable residual power of the base model sits; empty where it sits nowhere.
+
+    Attributes
+    ----------
+    recordings : tuple of str
+        Those with significantly more than noise.
+    time_s, frequency_Hz, drive_V : tuple of (low, high)
+        Stretches.
+    sentence : str
+    tables : dict of str to tuple of rows
+        Each view (time, frequency, amplitude, slope, sign, pulse, order, distortion): rows of (label, power over noise,
+        z), for the report.
+    """
+
+    recordings: tuple[str, ...] = ()
+    time_s: tuple[tuple[float, float], ...] = ()
+    frequency_Hz: tuple[tuple[float, float], ...] = ()
+    drive_V: tuple[tuple[float, float], ...] = ()
+    sentence: str = "Nothing is left beyond the noise."
+    tables: Mapping[str, tuple[tuple[str, float, float], ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One recording with what the base model and the augmented one make of it, in the channel's unit; arrays (n,)."""
+
+    name: str
+    channel: str
+    unit: str
+    order: int
+    step_s: float
+    drive_V: Real
+    measured: Real
+    base: Real
+    augmented: Real
+    fitted: int
+    noise_rms: float
+
+    @property
+    def held_out(self) -> bool:
+        """Whether any of it was kept from every fit and choice."""
+        return self.fitted < self.measured.size
+
+    def rms(self, which: str, held_out: bool) -> float:
+        """RMS of measured minus ``which`` ("base" or "augmented") over what was held out, or fitted; NaN of nothing."""
+        rows = slice(self.fitted, None) if held_out else slice(0, self.fitted)
+        left = (self.measured - getattr(self, which))[rows]
+        return float(np.sqrt(np.mean(left**2))) if left.size else math.nan
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """The recording that would tell the remaining candidates apart.
+
+    Attributes
+    ----------
+    sentence : str
+    channel : str
+    initial_state : str
+    step_s : float
+    drive_V : tuple of float
+    separation : float
+        Expected difference of log-likelihoods.
+    """
+
+    sentence: str
+    channel: str = ""
+    initial_state: str = ""
+    step_s: float = 0.0
+    drive_V: tuple[float, ...] = ()
+    separation: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """A flexible model of what no effect explains: it corrects, it does not explain.
+
+    Attributes
+    ----------
+    share : float
+        Of the mean square that the verdict's model leaves on held-out recordings beyond noise, how much it removes.
+    gain, gain_error : float
+        Of the log-likelihood of held-out recordings.
+    modelled : dict of str to ndarray
+        What it adds to the augmented model's signal, by recording.
+    """
+
+    share: float
+    gain: float
+    gain_error: float
+    modelled: Mapping[str, Real]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Where a campaign and the base model differ, and why; made by `diagnose`.
+
+    Attributes
+    ----------
+    campaign : str
+    verdict : {"none", "named", "set", "unknown"}
+    headline : str
+        The verdict in plain words.
+    effects : tuple of Named
+    candidates : tuple of tuple of str
+        Groups of effects that these recordings cannot tell apart.
+    location : Location
+    traces : tuple of Trace
+    closure : float
+        Share of the base model's held-out mean square beyond noise that the augmented model removes; NaN where there
+        is none to remove.
+    attributions : tuple of Attribution
+        Best first.
+    untestable : dict of str to str
+        Effects that these recordings cannot show: why not, and which would.
+    next_experiment : NextExperiment or None
+    correction : Correction or None
+    printhead : Printhead
+        The base part of the augmented model.
+    gains, offsets : dict of str to float
+    base_printhead : Printhead
+        Without any effect.
+    notes : tuple of str
+    seconds : float
+    stages : dict of str to float
+        Where the time went, in seconds.
+    """
+
+    campaign: str
+    verdict: str
+    headline: str
+    effects: tuple[Named, ...]
+    candidates: tuple[tuple[str, ...], ...]
+    location: Location
+    traces: tuple[Trace, ...]
+    closure: float
+    attributions: tuple[Attribution, ...]
+    untestable: Mapping[str, str]
+    next_experiment: NextExperiment | None
+    correction: Correction | None
+    printhead: Printhead
+    gains: Mapping[str, float]
+    offsets: Mapping[str, float]
+    base_printhead: Printhead
+    notes: tuple[str, ...]
+    seconds: float
+    stages: Mapping[str, float]
+
+    def heldout_rms(self, which: str) -> float:
+        """Pooled over held-out recordings of the main channel, in volts of its signal; NaN where nothing is held out.
+
+        ``which``: "base", "augmented" or "noise".
+        """
+        mine = [t for t in self.traces if t.held_out and t.channel == self.main_channel]
+        if which == "noise":
+            squares = [t.noise_rms**2 for t in mine]
+        else:
+            squares = [t.rms(which, held_out=True) ** 2 for t in mine]
+        if not squares:
+            return math.nan
+        per_volt = 1.0 if mine[0].unit == "V" else abs(self.gains[self.main_channel])
+        return math.sqrt(sum(squares) / len(squares)) / per_volt
+
+    @property
+    def main_channel(self) -> str:
+        """The fast channel that the figures are of."""
+        present = {t.channel for t in self.traces}
+        return next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in present)
+
+    def as_json(self, drive_csv: str | None = None) -> dict[str, Any]:
+        """The verdict as ``diagnosis/1``; ``drive_csv`` names the file of the next experiment's drive."""
+        units = {(e.effect.id, p.name): p.unit for e in self.effects for p in e.effect.parameters}
+        return {
+            "format": "diagnosis/1",
+            "verdict": self.verdict,
+            "headline": self.headline,
+            "effects": [
+                {
+                    "id": e.effect.id,
+                    "stage": e.effect.stage,
+                    "sentence": e.sentence,
+                    "evidence": {"delta_nll": e.delta_nll, "p_value": e.p_value},
+                    "parameters": {
+                        name: {
+                            "value": _finite(v.value),
+                            "low": _finite(v.low),
+                            "high": _finite(v.high),
+                            "unit": units[e.effect.id, name],
+                        }
+                        for name, v in e.parameters.items()
+                    },
+                }
+                for e in self.effects
+            ],
+            "candidates": [list(group) for group in self.candidates],
+            "location": {
+                "recordings": list(self.location.recordings),
+                "time_s": [list(pair) for pair in self.location.time_s],
+                "frequency_Hz": [list(pair) for pair in self.location.frequency_Hz],
+                "drive_V": [list(pair) for pair in self.location.drive_V],
+                "sentence": self.location.sentence,
+            },
+            "fit": {
+                "noise_rms_V": _finite(self.heldout_rms("noise")),
+                "base_heldout_rms_V": _finite(self.heldout_rms("base")),
+                "augmented_heldout_rms_V": _finite(self.heldout_rms("augmented")),
+                "closure": _finite(self.closure),
+                "heldout": [t.name for t in self.traces if t.held_out],
+            },
+            "next_experiment": None
+            if self.next_experiment is None
+            else {"sentence": self.next_experiment.sentence, "drive_csv": drive_csv},
+            "attributions": [
+                {
+                    "ids": list(a.ids),
+                    "delta_nll": a.gain,
+                    "foretold": _finite(a.foretold),
+                    "foretold_error": _finite(a.foretold_error),
+                    "share": _finite(a.share),
+                    "cosine": _finite(a.cosine),
+                }
+                for a in self.attributions
+            ],
+            "untestable": dict(self.untestable),
+            "notes": list(self.notes),
+            "seconds": self.seconds,
+        }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

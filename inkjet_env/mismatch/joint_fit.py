@@ -1,0 +1,398 @@
+"""Base model and effects fitted together: free-run output error over every recording, noise whitened.
+
+The base parameters enter by their sensitivities, which an effect hardly changes; so they are computed once, projected
+out of what is left, and Gauss–Newton steps with Levenberg's damping run in the effects' coordinates alone. The model
+itself is simulated anew with every step: only the direction of a step is approximate, never what is compared.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.identification.basis import free_ringing
+from inkjet_env.mismatch.observed import Noise, Observed
+from inkjet_env.plant import Effect, Plant, Values
+from inkjet_env.plant.effect import switched_off, values_at
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+MOST_STEPS = 25
+CONVERGED = 0.01
+"""A step that promises less of the log-likelihood is the last."""
+DIFFERENCE = 1e-4
+"""Finite-difference step of a coordinate, in parts of its scale."""
+WORST = 1e300
+
+
+@dataclass(frozen=True, eq=False)
+class Head:
+    """The base model's parameters as a vector: coefficients of the law, ln a0, ln a1, gains, offsets.
+
+    Attributes
+    ----------
+    printhead : Printhead
+    gains, offsets : dict of str to float
+        By channel, in its unit.
+    """
+
+    printhead: Printhead
+    gains: Mapping[str, float]
+    offsets: Mapping[str, float]
+
+    @property
+    def reference(self) -> str:
+        """The channel whose gain is held: law and gains share a scale."""
+        return next(c for c in ("strain_gauge", "self_sensing", "displacement") if c in self.gains)
+
+    @property
+    def free_gains(self) -> tuple[str, ...]:
+        """Channels whose gain is fitted."""
+        return tuple(c for c in self.gains if c != self.reference)
+
+    @property
+    def degree(self) -> int:
+        """Of the branch law."""
+        return len(self.printhead.coefficients) - 1
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return self.degree + 2 + len(self.free_gains) + len(self.gains)
+
+    def moved(self, step: NDArray[np.floating]) -> Head:
+        """The head after a step: absolute for the coefficients, relative for a0, a1 and the gains."""
+        d, free = self.degree, self.free_gains
+        rest = step[d + 2 :]
+        gains = dict(self.gains)
+        for channel, change in zip(free, rest, strict=False):
+            gains[channel] *= 1 + float(change)
+        offsets = {c: o + float(s) for (c, o), s in zip(self.offsets.items(), rest[len(free) :], strict=True)}
+        ascending = self.printhead.branch_law.ascending[1:] + step[:d]
+        printhead = Printhead(
+            self.printhead.a0 * math.exp(step[d]),
+            self.printhead.a1 * math.exp(step[d + 1]),
+            gains.get("self_sensing", self.printhead.b1),
+            (*(float(c) for c in ascending[::-1]), 0.0),
+            self.printhead.full_scale_V,
+        )
+        return Head(printhead, gains, offsets)
+
+    def plant(self, effects: Sequence[tuple[Effect, Values]] = ()) -> Plant:
+        """The plant of this head."""
+        return Plant(self.printhead, self.gains, self.offsets, tuple(effects))
+
+    def sensitivities(self, observed: Observed) -> Real:
+        """Derivative of a recording's signal with respect to the step of `moved`, shape (n, size)."""
+        shot, d = observed.shot, self.degree
+        plant = self.plant()
+        columns = np.zeros((shot.samples, self.size))
+        drive_V = shot.drive_at_nodes_V
+        gain = plant.gain(shot.channel)
+        total = plant.motion(drive_V, shot)
+        for j in range(d):
+            columns[:, j] = gain * plant.motion_of_power(j, shot)
+        if shot.fast:
+            for place in (0, 1):
+                for sign in (1, -1):
+                    step = np.zeros(self.size)
+                    step[d + place] = sign * 1e-5
+                    other = self.moved(step).plant().motion(drive_V, shot)
+                    columns[:, d + place] += sign * gain / 2e-5 * other
+        if shot.channel in self.free_gains:
+            columns[:, d + 2 + self.free_gains.index(shot.channel)] = gain * total
+        columns[:, d + 2 + len(self.free_gains) + list(self.offsets).index(shot.channel)] = 1.0
+        return columns
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Base model and effects at the minimum.
+
+    Attributes
+    ----------
+    head : Head
+    effects : tuple of Effect
+    point : ndarray, shape (k,)
+        Coordinates of all effects' parameters, one effect after another.
+    states : dict of str to tuple
+        Initial deflection and speed of recordings with a free initial state.
+    left : dict of str to ndarray
+        Measured minus modelled, whitened, chance differences between recordings taken out; of all samples.
+    nll : float
+        Half the sum of squares over the fitted samples.
+    slopes : ndarray, shape (rows, k)
+        Whitened sensitivities to the point, chance taken out; rows of the fitted samples in order.
+    converged : bool
+    """
+
+    head: Head
+    effects: tuple[Effect, ...]
+    point: Real
+    states: Mapping[str, tuple[float, float]]
+    left: Mapping[str, Real]
+    nll: float
+    slopes: Real
+    converged: bool
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of the effects."""
+        return tuple(effect.id for effect in self.effects)
+
+    @property
+    def with_values(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
+        """Each effect with its values."""
+        return split(self.effects, self.point)
+
+
+def split(effects: Sequence[Effect], point: Real) -> tuple[tuple[Effect, dict[str, float]], ...]:
+    """Effects with their values, from the coordinates of all one after another."""
+    result, at = [], 0
+    for effect in effects:
+        count = len(effect.parameters)
+        result.append((effect, values_at(effect, point[at : at + count])))
+        at += count
+    return tuple(result)
+
+
+class JointFit:
+    """Fits on one set of recordings with one noise.
+
+    Parameters
+    ----------
+    observed : sequence of Observed
+    noise : Noise
+    head : Head
+        The base model: where every fit begins.
+    """
+
+    def __init__(self, observed: Sequence[Observed], noise: Noise, head: Head) -> None:
+        self.observed = tuple(observed)
+        self.noise = noise
+        self.start = head
+        self.seen = tuple(o for o in self.observed if o.fitted)
+        self.ends = np.cumsum([o.fitted for o in self.seen])
+        self.base = self._base()
+
+    @cached_property
+    def basis(self) -> tuple[Real, Real]:
+        """Orthonormal columns of the base sensitivities over the fitted rows, and their triangle."""
+        columns = self.stacked({o.name: self.start.sensitivities(o) for o in self.seen})
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0] = 1.0
+        q, r = np.linalg.qr(columns / size)
+        told = np.abs(np.diag(r)) > 1e-10
+        return q[:, told], r[told] * size
+
+    def stacked(self, signals: Mapping[str, Real], effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
+        """Signals (n,) or columns (n, k), whitened, chance taken out; fitted rows one recording after another."""
+        return np.concatenate([self.whitened(o, signals[o.name], effects)[: o.fitted] for o in self.seen])
+
+    def whitened(self, o: Observed, columns: Real, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
+        """Of one recording: whitened, less whatever its own chance amplitudes can explain; all samples."""
+        white = self.noise.whitened(o, columns)
+        chance = self.chance(o, effects)
+        if chance is None:
+            return white
+        rows = o.fitted or o.shot.samples  # the held-out end of a recording tells nothing
+        q, r = np.linalg.qr(chance[:rows])
+        amplitudes = np.linalg.lstsq(r, q.T @ white[:rows], rcond=1e-12)[0]
+        return white - chance @ amplitudes
+
+    def chance(self, o: Observed, effects: Sequence[tuple[Effect, Values]] = ()) -> Real | None:
+        """Whitened columns of what is free in each recording: an unknown initial state, an effect's nuisances."""
+        columns = [c for effect, values in effects if (c := effect.nuisances(values, o.shot)) is not None]
+        if o.shot.initial_state == "free" and o.shot.fast:
+            head = self.start.printhead
+            columns.append(free_ringing(o.shot.samples, o.shot.step_s, head.a0, head.a1))
+        return self.noise.whitened(o, np.column_stack(columns)) if columns else None
+
+    def signals(
+        self,
+        head: Head,
+        effects: Sequence[tuple[Effect, Values]],
+        states: Mapping[str, tuple[float, float]],
+        chosen: Sequence[Observed],
+    ) -> dict[str, Real]:
+        """Free-run signals by recording."""
+        plant = head.plant(effects)
+        return {
+            o.name: plant.signal(replace(o.shot, start=states[o.name]) if o.name in states else o.shot) for o in chosen
+        }
+
+    def _base(self) -> Fit:
+        """The base model itself, settled on these recordings and this noise."""
+        return self.fit((), np.zeros(0))
+
+    def fit(
+        self, effects: Sequence[Effect], point: Real, head: Head | None = None, most_steps: int = MOST_STEPS
+    ) -> Fit:
+        """Least squares from a starting point.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+        point : ndarray, shape (k,)
+            Coordinates of all parameters, one effect after another.
+        head : Head, optional
+            Where the base parameters begin.
+        """
+        effects = tuple(effects)
+        head = head or self.start
+        limits = [p.bounds for effect in effects for p in effect.parameters]
+        low = np.array([a for a, _ in limits])
+        high = np.array([b for _, b in limits])
+        point = np.clip(point, low, high)
+        states = {o.name: (0.0, 0.0) for o in self.observed if o.shot.initial_state == "free" and o.shot.fast}
+        states = self._states(head, effects, point, states)
+        left, nll = self._left(head, effects, point, states)
+        q, r = self.basis
+        damping, converged = 1e-3, False
+        slopes = np.zeros((left.size, 0))
+        for _ in range(most_steps):
+            slopes = self.slopes(head, effects, point, states, low, high)
+            own = left - q @ (q.T @ left)
+            mine = slopes - q @ (q.T @ slopes)
+            accepted = False
+            for _ in range(8):
+                step = _damped(mine, own, damping, point, low, high)
+                base = np.linalg.lstsq(r, q.T @ (left - slopes @ step), rcond=1e-12)[0]
+                promise = nll - 0.5 * float(np.sum((left - slopes @ step - q @ (q.T @ (left - slopes @ step))) ** 2))
+                try:
+                    new_head, new_point = head.moved(base), np.clip(point + step, low, high)
+                    new_states = self._states(new_head, effects, new_point, states)
+                    new_left, new_nll = self._left(new_head, effects, new_point, new_states)
+                except (ValueError, FloatingPointError, OverflowError):
+                    new_nll = WORST
+                if new_nll <= nll:
+                    accepted = True
+                    break
+                if promise < CONVERGED:
+                    break
+                damping = max(damping, 1e-6) * 10
+            if not accepted:
+                converged = promise < 1.0
+                break
+            gained = nll - new_nll
+            head, point, states, left, nll = new_head, new_point, new_states, new_left, new_nll
+            damping /= 5
+            if promise < CONVERGED or gained < CONVERGED:
+                converged = True
+                break
+        told = split(effects, point)
+        everything = self.signals(head, told, states, self.observed)
+        remains = {o.name: self.whitened(o, o.measured - everything[o.name], told) for o in self.observed}
+        return Fit(head, effects, point, states, remains, nll, slopes, converged)
+
+    def _left(
+        self, head: Head, effects: tuple[Effect, ...], point: Real, states: Mapping[str, tuple[float, float]]
+    ) -> tuple[Real, float]:
+        told = split(effects, point)
+        signals = self.signals(head, told, states, self.seen)
+        left = self.stacked({o.name: o.measured - signals[o.name] for o in self.seen}, told)
+        nll = 0.5 * float(left @ left)
+        return left, nll if math.isfinite(nll) else WORST
+
+    def _states(
+        self, head: Head, effects: tuple[Effect, ...], point: Real, states: Mapping[str, tuple[float, float]]
+    ) -> dict[str, tuple[float, float]]:
+        """Unknown initial states, one linear step nearer to what each recording shows."""
+        if not states:
+            return {}
+        told = split(effects, point)
+        chosen = [o for o in self.observed if o.name in states]
+        signals = self.signals(head, told, states, chosen)
+        plant, moved = head.plant(), {}
+        for o in chosen:
+            rows = o.fitted or o.shot.samples
+            columns = state_columns(head.printhead, plant.gain(o.channel), o)
+            pair = self.noise.whitened(o, np.column_stack([columns, o.measured - signals[o.name]]))[:rows]
+            change = np.linalg.lstsq(pair[:, :2], pair[:, 2], rcond=None)[0]
+            moved[o.name] = (states[o.name][0] + float(change[0]), states[o.name][1] + float(change[1]))
+        return moved
+
+    def slopes(
+        self,
+        head: Head,
+        effects: tuple[Effect, ...],
+        point: Real,
+        states: Mapping[str, tuple[float, float]],
+        low: Real,
+        high: Real,
+    ) -> Real:
+        """Whitened sensitivities of the fitted rows to the point, shape (rows, k)."""
+        told = split(effects, point)
+        columns = np.zeros((int(self.ends[-1]), point.size))
+        if not point.size:
+            return columns
+        here = self.signals(head, told, states, self.seen)
+        for k in range(point.size):
+            size = DIFFERENCE * _scale(effects, point, k)
+            if point[k] + size > high[k]:
+                size = -size
+            there = point.copy()
+            there[k] += size
+            signals = self.signals(head, split(effects, there), states, self.seen)
+            columns[:, k] = self.stacked({o.name: (signals[o.name] - here[o.name]) / size for o in self.seen}, told)
+        return columns
+
+    def signature(self, effect: Effect, values: Values) -> Real:
+        """What switching an effect on changes in the fitted rows, base parameters fixed: whitened, shape (rows,)."""
+        states = self.base.states
+        on = self.signals(self.base.head, [(effect, values)], states, self.seen)
+        off = self.signals(self.base.head, [(effect, switched_off(effect, values))], states, self.seen)
+        return self.stacked({o.name: on[o.name] - off[o.name] for o in self.seen})
+
+
+def state_columns(printhead: Printhead, gain: float, o: Observed) -> Real:
+    """What a unit of initial deflection and of scaled speed adds to a signal, shape (n, 2); without any effect."""
+    from inkjet_env.plant.resonance import amplitude
+    from inkjet_env.printhead.resonator import pole
+
+    lam, omega0 = pole(printhead.a0, printhead.a1), math.sqrt(printhead.a0)
+    ringing = np.exp(lam * o.shot.step_s * np.arange(o.shot.samples))
+    columns = []
+    for x, p in ((1.0, 0.0), (0.0, 1.0)):
+        motion = amplitude(lam, x, p * omega0) * ringing
+        shown = (lam * motion).imag / printhead.a0 if o.channel == "self_sensing" else motion.imag
+        columns.append(gain * shown)
+    return np.column_stack(columns)
+
+
+def _scale(effects: Sequence[Effect], point: Real, k: int) -> float:
+    """Size of a coordinate for a finite difference: its own, or a small part of its range."""
+    limits = [p for effect in effects for p in effect.parameters][k]
+    if limits.scale == "log":
+        return 1.0
+    low, high = limits.bounds
+    return max(abs(float(point[k])), 1e-6 * (high - low))
+
+
+def _damped(slopes: Real, left: Real, damping: float, point: Real, low: Real, high: Real) -> Real:
+    """Levenberg–Marquardt step within the bounds: what would leave them is held at them."""
+    step = np.zeros(point.size)
+    free = np.ones(point.size, dtype=bool)
+    for _ in range(point.size):
+        columns = slopes[:, free]
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0] = 1.0
+        columns = columns / size
+        k = columns.shape[1]
+        target = left - slopes[:, ~free] @ step[~free]
+        normal = columns.T @ columns + damping * np.eye(k)
+        step[free] = np.linalg.lstsq(normal, columns.T @ target, rcond=1e-13)[0] / size
+        beyond = free & ((point + step < low) | (point + step > high))
+        if not beyond.any():
+            break
+        step[beyond] = np.clip(point[beyond] + step[beyond], low[beyond], high[beyond]) - point[beyond]
+        free &= ~beyond
+        if not free.any():
+            break
+    return step

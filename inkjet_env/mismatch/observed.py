@@ -1,0 +1,244 @@
+"""A campaign as the diagnosis sees it: each recording with its shot, its noise, its condition, and its role."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.identification.measurements import least_noise, measurements
+from inkjet_env.identification.noise import NoiseModel, colour_of, noise_model, repeat_deviations
+from inkjet_env.plant import Shot
+from inkjet_env.recordings import Campaign
+
+Real = NDArray[np.float64]
+
+REPEATS_DIFFER = 1.5
+"""Repeats whose deviations have so many times the variance of recordings at rest differ by more than noise."""
+SHORTEST_REST = 100
+"""Samples before the drive from which its noise may be seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """One recording.
+
+    Attributes
+    ----------
+    name, channel, unit : str
+        Nanometres are turned into micrometres.
+    condition : int
+        Recordings of the same drive on the same channel share one.
+    shot : Shot
+    measured : ndarray, shape (n,)
+    fitted : int
+        Samples from the start that a fit may see: n, 0 (held out) or between (its end is held out).
+    monitor_V : ndarray, shape (n,), or None
+        Voltage measured at the head.
+    """
+
+    name: str
+    channel: str
+    unit: str
+    condition: int
+    shot: Shot
+    measured: Real
+    fitted: int
+    monitor_V: Real | None = None
+
+    @property
+    def still(self) -> bool:
+        """Whether the drive never changes."""
+        return bool(np.ptp(self.shot.drive_V) == 0)
+
+    @property
+    def noise_key(self) -> tuple[str, float]:
+        """Recordings of one channel and one sampling step share a noise model."""
+        return self.channel, float(f"{self.shot.step_s:.4g}")
+
+    def rows(self, held_out: bool) -> slice:
+        """The samples that were held out, or that were fitted."""
+        return slice(self.fitted, None) if held_out else slice(0, self.fitted)
+
+
+def observe(campaign: Campaign, held_out: Sequence[str] | None = None, parts: int = 2) -> tuple[Observed, ...]:
+    """Each recording of a campaign, in its order, held out as `identification.measurements` has it."""
+    by_name = {recording.name: recording for recording in campaign.recordings}
+    found = {}
+    for condition, measurement in enumerate(measurements(campaign, held_out)):
+        for name, signal in zip(measurement.names, measurement.signals, strict=True):
+            recording = by_name[name]
+            shot = Shot(
+                measurement.channel,
+                measurement.initial_state,
+                measurement.step_s,
+                measurement.drive_V,
+                recording.order,
+                recording.neighbour_V,
+                parts,
+            )
+            shot.kept["largest"] = float(np.abs(signal).max())
+            found[name] = Observed(
+                name,
+                measurement.channel,
+                measurement.unit,
+                condition,
+                shot,
+                signal,
+                measurement.fitted,
+                recording.drive_monitor_V,
+            )
+    return tuple(found[recording.name] for recording in campaign.recordings)
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Noise of a campaign.
+
+    Attributes
+    ----------
+    models : dict
+        By `Observed.noise_key`.
+    samples : dict
+        From how many samples each was told; 0: from the residual of a fit.
+    notes : tuple of str
+    """
+
+    models: Mapping[tuple[str, float], NoiseModel]
+    samples: Mapping[tuple[str, float], int]
+    notes: tuple[str, ...] = ()
+
+    def known(self, observed: Observed) -> bool:
+        """Whether anything but a fit's own residual tells the noise."""
+        return self.samples[observed.noise_key] > 0
+
+    def whitened(self, observed: Observed, columns: Real) -> Real:
+        """Columns of shape (n, k), or (n,), filtered so that noise in them is white with unit variance.
+
+        Zeros stand where the filter has not yet seen enough, so that the shape stays.
+        """
+        model = self.models[observed.noise_key]
+        flat = columns.ndim == 1
+        table = columns[:, None] if flat else columns
+        white = model.whitened(table)
+        if model.colour != (1.0, 0.0, 0.0) and white.size:
+            levels = model.levels(white.shape[0])[: white.shape[0] // 2 + 1]
+            lines = np.fft.rfft(white, axis=0) / np.sqrt(levels)[:, None]
+            white = np.fft.irfft(lines, white.shape[0], axis=0)
+        result = np.zeros(table.shape)
+        result[table.shape[0] - white.shape[0] :] = white
+        return result[:, 0] if flat else result
+
+    def log_scale(self, observed: Observed) -> float:
+        """Mean logarithm of the noise's innovation: what a likelihood loses by larger noise, a sample."""
+        model = self.models[observed.noise_key]
+        scale = float(np.log(model.innovation))
+        if model.colour != (1.0, 0.0, 0.0):
+            scale += 0.5 * float(np.mean(np.log(model.levels(observed.shot.samples))))
+        return scale
+
+
+def noise_seen(
+    observed: Sequence[Observed], left: Mapping[str, Real], otherwise: Mapping[tuple[str, float], NoiseModel]
+) -> Noise:
+    """Noise of each channel and sampling step, from what no model of the head can explain.
+
+    Recordings at rest tell it, and the differences between repeats of what the model leaves; where repeats differ by
+    more than what is there at rest, rest alone (and that is said). Else the rest before the drive, else the channel's
+    noise at another sampling step, else what is left of the fitted recordings.
+
+    Parameters
+    ----------
+    observed : sequence of Observed
+    left : mapping of str to ndarray
+        Measured minus modelled of each recording, in the channel's unit.
+    otherwise : mapping
+        Noise models for what nothing else tells.
+    """
+    models: dict[tuple[str, float], NoiseModel] = {}
+    samples: dict[tuple[str, float], int] = {}
+    notes: list[str] = []
+    least = _least(observed)
+    whitened: dict[str, list[Real]] = {}
+    for key in sorted({o.noise_key for o in observed}):
+        mine = [o for o in observed if o.noise_key == key]
+        resting = [left[o.name] for o in mine if o.still]
+        source = ["recordings at rest"] if resting else []
+        if resting:
+            level = np.concatenate(resting).mean()
+            resting = [stretch - level for stretch in resting]
+        repeated = []
+        for condition in {o.condition for o in mine if not o.still}:
+            same = [left[o.name] for o in mine if o.condition == condition]
+            repeated.extend(repeat_deviations(same))
+        if resting and repeated:
+            ratio = _power(repeated) / max(_power(resting), least[key[0]] ** 2)
+            if ratio > REPEATS_DIFFER:
+                notes.append(
+                    f"{key[0]}: repeats of one drive differ by {np.sqrt(ratio):.2g} times the noise at rest; something "
+                    "changes from recording to recording."
+                )
+                repeated = []
+        if repeated:
+            source.append("repeats")
+        if not (resting or repeated):
+            before = [left[o.name][: _rest_before(o)] for o in mine]
+            resting = [stretch - stretch.mean() for stretch in before if stretch.size >= SHORTEST_REST]
+            source = ["what comes before the drive"]
+        stretches = resting + repeated
+        if stretches:
+            models[key] = model = noise_model(stretches, " and ".join(source), least[key[0]])
+            samples[key] = sum(stretch.size for stretch in stretches)
+            if model.rms > least[key[0]]:
+                white = [model.whitened(stretch[:, None])[:, 0] for stretch in stretches]
+                whitened.setdefault(key[0], []).extend(white)
+    for channel, stretches in whitened.items():
+        colour = colour_of(stretches)
+        for key in models:
+            if key[0] == channel:
+                models[key] = replace(models[key], colour=colour)
+    for key in {o.noise_key for o in observed} - set(models):
+        known = [other for channel, other in models if channel == key[0] and samples[channel, other]]
+        if known:
+            nearest = known[int(np.argmin(np.abs(np.log(np.array(known) / key[1]))))]
+            models[key], samples[key] = models[key[0], nearest], samples[key[0], nearest]
+        else:
+            models[key], samples[key] = otherwise[key], 0
+            notes.append(
+                f"{key[0]}: no repeats and no recording at rest tell the noise; what the model leaves was taken for it."
+            )
+    return Noise(models, samples, tuple(notes))
+
+
+def _power(stretches: Sequence[Real]) -> float:
+    return float(np.mean(np.concatenate(stretches) ** 2))
+
+
+def _rest_before(observed: Observed) -> int:
+    drive = observed.shot.drive_V
+    if observed.shot.initial_state != "demagnetised" or drive[0] != 0:
+        return 0
+    return int(np.argmax(drive != 0))
+
+
+def _least(observed: Sequence[Observed]) -> dict[str, float]:
+    """By channel, the RMS below which nothing can be told."""
+    from inkjet_env.identification.measurements import Measurement
+
+    return least_noise(
+        [
+            Measurement(
+                o.channel,
+                o.unit,
+                o.shot.initial_state,
+                o.shot.drive_V,
+                o.shot.step_s,
+                (o.measured,),
+                (o.name,),
+                o.fitted,
+            )
+            for o in observed
+        ]
+    )
