@@ -1,0 +1,51 @@
+"""An offset that differs from recording to recording and drifts within one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+DEGREE = 2
+
+
+class BaselineDrift(Effect):
+    """A parabola in time under every recording, its own in each. No simulation foretells it."""
+
+    id = "baseline_drift"
+    stage = "sensing"
+    sentence = "The sensor's baseline is another in every recording and drifts slowly, whatever the drive."
+    equation = "y = y₀ + c₀ + c₁ t + c₂ t², with c of every recording its own"
+    source = "Bendat & Piersol, Random Data, 4th edition, Wiley, 2010: trends and their removal"
+    parameters = (
+        Parameter("amplitude", "sensor's unit", 0.0, 1e6, "linear", "of the drift over a recording; 0 is none"),
+    )
+    strengths = ("amplitude",)
+    signature = "there with zero drive; much slower than the resonance; repeats differ by it"
+    confusable_with = ("mains_hum", "creep")
+    shown_by = "recordings of zero drive, some at the session's start and some at its end"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        return [{"amplitude": 1.0}]
+
+    def told(self, values: Values) -> str:
+        return (
+            "The sensor's baseline is another in every recording and drifts slowly, whatever the drive, "
+            f"by about {values['amplitude']:.2g} in the sensor's unit."
+        )
+
+    def nuisances(self, values: Values, shot: Shot) -> Real | None:
+        if values["amplitude"] == 0:
+            return None
+        if self.id not in shot.kept:
+            shot.kept[self.id] = legendre.legvander(np.linspace(-1, 1, shot.samples), DEGREE)
+        columns: Real = shot.kept[self.id]
+        return columns

@@ -1,0 +1,105 @@
+"""The neighbouring channel's drive, heard."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effects.feedthrough import rms, slopes
+from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.stages import Plant
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+MIDDLING = 0.05
+"""Of what the neighbour's drive would do to the head itself, what a fit begins with."""
+
+REFERENCE_S = 1e-6
+
+
+class Crosstalk(Effect):
+    """What the neighbour's drive adds: a motion like the head's own, its slope, and the drive itself.
+
+    The motion is what the head without effects would do under the neighbour's drive: ``b1`` times it where
+    self-sensed, and in hysteretic volts in the other channels.
+    """
+
+    id = "crosstalk"
+    stage = "sensing"
+    sentence = "The neighbouring channel's drive is heard."
+    equation = "y = y₀ + c_m H[u_n] + c_e (1 µs) du_n/dt + c_d u_n, with H the head's own answer"
+    source = (
+        "Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491(4-5), 2010: "
+        "electrical, direct and acoustic cross-talk"
+    )
+    parameters = (
+        Parameter("mechanical", "1", -10.0, 10.0, "linear", "of the head's own answer, to the neighbour's drive"),
+        Parameter("electrical", "1", -1e6, 1e6, "linear", "sensor's units for a neighbour that rises by 1 V/µs"),
+        Parameter("direct", "1", -10.0, 10.0, "linear", "sensor's units for a neighbour at 1 V"),
+    )
+    strengths = ("mechanical", "electrical", "direct")
+    signature = "coherent with the neighbour's drive; there while the head's own drive rests"
+    confusable_with = ("feedthrough",)
+    shown_by = "the neighbour alone driven, and both together (column neighbour_V)"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        heard = [shot for shot in shots if shot.neighbour_V is not None and np.any(shot.neighbour_V)]
+        answers, rises, drives = (
+            rms([part[k] for part in (_parts(printhead, shot) for shot in heard)]) for k in range(3)
+        )
+        off = dict.fromkeys(self.strengths, 0.0)
+        return [
+            off | {"mechanical": MIDDLING},
+            off | {"electrical": MIDDLING * answers / rises},
+            off | {"direct": MIDDLING * answers / drives},
+        ]
+
+    def untestable(self, shots: Sequence[Shot]) -> str | None:
+        neighbours = [shot.neighbour_V for shot in shots if shot.neighbour_V is not None]
+        if not neighbours:
+            return "no recording has the neighbouring channel's drive (column neighbour_V)"
+        if not any(np.ptp(neighbour) > 0 for neighbour in neighbours):
+            return "the neighbouring channel's drive (column neighbour_V) never moves"
+        return None
+
+    def told(self, values: Values) -> str:
+        return (
+            f"The neighbouring channel's drive is heard: {100 * values['mechanical']:.2g} % of what it would do to the "
+            f"head itself, {values['electrical']:.2g} for each V/µs of its edges and {values['direct']:.2g} for each "
+            "volt, in the sensor's unit."
+        )
+
+    def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+        strengths = [values[name] for name in self.strengths]
+        if shot.neighbour_V is None or not any(strengths):
+            return signal
+        return signal + sum(strength * part for strength, part in zip(strengths, _parts(printhead, shot), strict=True))
+
+
+def _parts(printhead: Printhead, shot: Shot) -> tuple[Real, Real, Real]:
+    """What the neighbour's drive adds at strength 1, each of shape (n,); the shot keeps that of the last head."""
+    key = (printhead.a0, printhead.a1, printhead.b1, printhead.coefficients, printhead.full_scale_V)
+    kept_key, parts = shot.kept.get("crosstalk", (None, None))
+    if kept_key != key:
+        neighbour = _neighbour(shot)
+        scale = printhead.b1 if shot.channel == "self_sensing" else 1.0
+        answer = scale * Plant(printhead).motion(neighbour.drive_at_nodes_V, neighbour)
+        rise = REFERENCE_S * slopes(neighbour.drive_at_nodes_V, neighbour)
+        parts = (answer, rise, neighbour.drive_V)
+        shot.kept["crosstalk"] = (key, parts)
+    found: tuple[Real, Real, Real] = parts
+    return found
+
+
+def _neighbour(shot: Shot) -> Shot:
+    """The neighbour's drive as if it were the head's own; kept, since it keeps what follows from the drive alone."""
+    if shot.neighbour_V is not None and "neighbour" not in shot.kept:
+        initial_state = "periodic" if shot.periodic else "demagnetised"
+        shot.kept["neighbour"] = replace(shot, drive_V=shot.neighbour_V, initial_state=initial_state, kept={})
+    neighbour: Shot = shot.kept["neighbour"]
+    return neighbour

@@ -1,0 +1,86 @@
+"""What the capacitance compensation leaves of the drive's own current in the self-sensing signal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.stages import Plant
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+MIDDLING = 0.05
+"""Of the signal's RMS, what a fit begins with."""
+
+
+class Feedthrough(Effect):
+    """A current in proportion to the drive's slope, and one in proportion to the drive, added to self-sensing."""
+
+    id = "feedthrough"
+    stage = "sensing"
+    sentence = "The capacitance compensation is imperfect: a part of the drive's own current reaches the sensor."
+    equation = "y = y₀ + k_C du/dt + k_R u"
+    source = (
+        "Dosch, Inman & Garcia, A self-sensing piezoelectric actuator for collocated control, "
+        "J. Intell. Mater. Syst. Struct. 3(1), 1992: the bridge that is out of balance"
+    )
+    parameters = (
+        Parameter("capacitive_s", "V s/V", -1.0, 1.0, "linear", "volts at the sensor for a drive that rises by 1 V/s"),
+        Parameter("lossy", "1", -10.0, 10.0, "linear", "volts at the sensor for a volt of drive"),
+    )
+    strengths = ("capacitive_s", "lossy")
+    signature = "on the edges of the drive only, a step as long as the edge; nothing of it rings on"
+    confusable_with = ("crosstalk", "second_mode")
+    shown_by = "edges of several steepnesses at the same voltage, self-sensed"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        own = [shot for shot in shots if shot.channel == "self_sensing"]
+        size = rms([Plant(printhead).signal(shot) for shot in own])
+        slope = rms([slopes(shot.drive_at_nodes_V, shot) for shot in own])
+        drive = rms([shot.drive_V for shot in own])
+        return [
+            {"capacitive_s": MIDDLING * size / slope, "lossy": 0.0},
+            {"capacitive_s": 0.0, "lossy": MIDDLING * size / drive},
+        ]
+
+    def untestable(self, shots: Sequence[Shot]) -> str | None:
+        if any(shot.channel == "self_sensing" and np.ptp(shot.drive_V) > 0 for shot in shots):
+            return None
+        return "no recording is self-sensed under a drive that moves"
+
+    def told(self, values: Values) -> str:
+        per_s = values["capacitive_s"]
+        unit, a_second = ("V/µs", 1e6) if abs(per_s) < 1e-5 else ("V/ms", 1e3)
+        return (
+            f"The capacitance compensation is imperfect: an edge of 10 {unit} is heard as "
+            f"{10 * a_second * per_s:.3g} V at the sensor, a steady drive of 100 V as {100 * values['lossy']:.3g} V."
+        )
+
+    def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+        if shot.channel != "self_sensing":
+            return signal
+        return signal + values["capacitive_s"] * slopes(drive_V, shot) + values["lossy"] * shot.sampled(drive_V)
+
+
+def slopes(at_nodes_V: Real, shot: Shot) -> Real:
+    """Slope at the samples, shape (n,), in V/s: the mean of the slopes to the nodes on either side.
+
+    At the ends of a drive that does not repeat it is the slope on the one side there is.
+    """
+    h = shot.node_step_s
+    after, before = at_nodes_V[1 :: shot.parts], at_nodes_V[shot.parts - 1 :: shot.parts]
+    if shot.periodic:
+        return (after - np.roll(before, 1)) / (2 * h)
+    first, last = at_nodes_V[1] - at_nodes_V[0], at_nodes_V[-1] - at_nodes_V[-2]
+    return np.concatenate([[first / h], (after[1:] - before[:-1]) / (2 * h), [last / h]])
+
+
+def rms(signals: Sequence[Real]) -> float:
+    """Of all values together; 1 where nothing moves."""
+    values = np.concatenate(signals) if signals else np.zeros(1)
+    return float(np.sqrt(np.mean(values**2))) or 1.0

@@ -1,0 +1,66 @@
+"""An interference at a fixed frequency that does not know of the trigger."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+MAINS_HZ = (50.0, 60.0, 100.0, 120.0, 150.0)
+MOST_STARTS = 12
+
+
+class MainsHum(Effect):
+    """A tone whose amplitude and phase differ from recording to recording.
+
+    No simulation foretells it: it explains recordings. A recording sampled less than twice a period shows none of it.
+    """
+
+    id = "mains_hum"
+    stage = "sensing"
+    sentence = "An interference at a fixed frequency is in the recordings; it is not locked to the trigger."
+    equation = "y = y₀ + a cos 2πft + b sin 2πft, with a and b of every recording its own"
+    source = "Ott, Electromagnetic Compatibility Engineering, Wiley, 2009: pick-up of the mains and its harmonics"
+    parameters = (
+        Parameter("frequency_Hz", "Hz", 0.01, 1e8, "log", "of the tone"),
+        Parameter("amplitude", "sensor's unit", 0.0, 1e6, "linear", "of the tone; 0 is none"),
+    )
+    strengths = ("amplitude",)
+    signature = "there with zero drive; its phase is another in every recording, so repeats differ by it"
+    confusable_with = ("baseline_drift",)
+    shown_by = "a recording of zero drive over several periods of the mains"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        seen = [float(line) for shot in shots for line in shot.kept.get("lines_Hz", ())]
+        usual = [f for f in MAINS_HZ if any(_shows(shot, f) for shot in shots)]
+        longest_s = max((shot.samples * shot.step_s for shot in shots), default=1.0)
+        guesses: list[float] = []
+        for frequency in (*seen, *usual, *(periods / longest_s for periods in (3, 10))):
+            if all(abs(frequency - other) * longest_s > 0.5 for other in guesses):
+                guesses.append(frequency)
+        return [{"frequency_Hz": f, "amplitude": 1.0} for f in guesses[:MOST_STARTS]]
+
+    def told(self, values: Values) -> str:
+        return (
+            f"An interference at {values['frequency_Hz']:.4g} Hz is in the recordings, not locked to the trigger; "
+            f"its amplitude is about {values['amplitude']:.2g} in the sensor's unit."
+        )
+
+    def nuisances(self, values: Values, shot: Shot) -> Real | None:
+        frequency = values["frequency_Hz"]
+        if values["amplitude"] == 0 or not 2 * frequency * shot.step_s < 1:
+            return None
+        angle = 2 * np.pi * frequency * shot.step_s * np.arange(shot.samples)
+        return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _shows(shot: Shot, frequency_Hz: float) -> bool:
+    """Whether a recording is sampled more than twice a period and lasts half a period or more."""
+    return frequency_Hz * shot.step_s < 0.5 <= frequency_Hz * shot.step_s * shot.samples

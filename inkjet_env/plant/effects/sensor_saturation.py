@@ -1,0 +1,73 @@
+"""A sensor that clips or compresses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.stages import Plant
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+GUESSES = ((0.98, 30.0), (0.8, 30.0), (0.6, 30.0), (0.98, 6.0), (0.7, 6.0), (3.0, 2.0), (1.2, 2.0))
+"""Limit over the largest signal, and hardness."""
+
+
+class SensorSaturation(Effect):
+    """An amplifier's rails, on both sides of 0: the same for every fast recording, in its channel's unit.
+
+    A campaign that mixes self-sensing with a displacement in small units has two amplifiers; this is one.
+    """
+
+    id = "sensor_saturation"
+    stage = "sensing"
+    sentence = "The sensor clips or compresses large signals."
+    equation = "y = y₀ / (1 + |y₀ / L|^h)^(1/h)"
+    source = (
+        "Rapp, Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal, Proc. 2nd European Conference on Satellite "
+        "Communications, 1991: the amplifier's limiter"
+    )
+    parameters = (
+        Parameter("limit", "sensor's unit", 1e-9, math.inf, "reciprocal", "the rail that the signal never passes"),
+        Parameter("hardness", "1", 1.5, 100.0, "log", "2 compresses softly, 20 and more clips"),
+    )
+    strengths = ("limit",)
+    signature = "flat tops at one level whatever the drive; small signals are as they should be"
+    confusable_with = ("quadratic_damping", "asymmetric_hysteresis")
+    shown_by = "the same waveform at a third of the voltage and at full voltage"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        fast = [shot for shot in shots if shot.fast]
+        largest = max((_largest(printhead, shot) for shot in fast), default=0.0) or 1.0
+        return [{"limit": part * largest, "hardness": hardness} for part, hardness in GUESSES]
+
+    def untestable(self, shots: Sequence[Shot]) -> str | None:
+        return None if any(shot.fast for shot in shots) else "no recording is of a fast sensor"
+
+    def told(self, values: Values) -> str:
+        does = "clips" if values["hardness"] > 10 else "compresses"
+        return (
+            f"The sensor {does}: it never shows more than {values['limit']:.3g}, in its own unit, on either side of 0."
+        )
+
+    def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+        limit, hardness = values["limit"], values["hardness"]
+        if not shot.fast or math.isinf(limit):
+            return signal
+        ratio = np.abs(signal) / limit
+        above = np.maximum(ratio, 1.0)
+        below = np.minimum(ratio, 1.0) / above  # the smaller of ratio and 1 / ratio, so that no power is too large
+        return signal / above * (1 + below**hardness) ** (-1 / hardness)
+
+
+def _largest(printhead: Printhead, shot: Shot) -> float:
+    """Largest magnitude: what was measured, where that is known, else what the base model shows."""
+    if "largest" in shot.kept:
+        return float(shot.kept["largest"])
+    return float(np.abs(Plant(printhead).signal(shot)).max())

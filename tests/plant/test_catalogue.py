@@ -1,0 +1,152 @@
+"""The catalogue: every effect is there, says what it is, does nothing when off, and begins within its bounds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from inkjet_env.plant import Effect, Parameter, Plant, Shot, catalogue
+from inkjet_env.plant.effect import SCALES, coordinates, switched_off, values_at
+from inkjet_env.printhead import Printhead
+
+STAGES = {
+    "drive": ["amplifier_bandwidth", "slew_limit", "trigger_delay"],
+    "hysteresis": ["asymmetric_hysteresis", "creep", "rate_dependent_hysteresis"],
+    "resonator": [
+        "air_bubble",
+        "cubic_stiffness",
+        "ferroelastic_softening",
+        "meniscus_refill",
+        "quadratic_damping",
+        "second_mode",
+        "thermal_drift",
+        "wave_echo",
+    ],
+    "sensing": [
+        "baseline_drift",
+        "crosstalk",
+        "feedthrough",
+        "mains_hum",
+        "sensor_bandwidth",
+        "sensor_saturation",
+    ],
+}
+HEAD = Printhead.published()
+EFFECTS = catalogue()
+
+
+def shots_of(head):
+    """Fast and slow recordings of a head, in every channel and initial state, two of them with a neighbour."""
+    step_s = 1 / (100 * head.frequency_Hz)
+    steps = np.arange(900)
+    bipolar = np.interp(steps, [0, 20, 70, 100, 160, 190, 900], [0, 90, 90, -60, -60, 0, 0])
+    loops = 70 * np.sin(2 * np.pi * np.arange(200) / 80) * np.linspace(0.2, 1, 200)
+    tones = 50 * np.sin(2 * np.pi * steps / 450) + 20 * np.cos(2 * np.pi * steps / 90) - 20
+    return [
+        Shot("self_sensing", "demagnetised", step_s, bipolar, 1, np.roll(bipolar, 300)),
+        Shot("self_sensing", "periodic", step_s, tones, 2),
+        Shot("self_sensing", "free", step_s, -bipolar, 3, start=(3.0, -2.0)),
+        Shot("displacement", "periodic", step_s, bipolar, 4, np.roll(bipolar, 300)),
+        Shot("displacement", "demagnetised", step_s, -tones, 5, parts=4),
+        Shot("strain_gauge", "demagnetised", 1000 * step_s, loops, 6),
+        Shot("strain_gauge", "periodic", 1000 * step_s, loops[120:], 7),
+    ]
+
+
+@pytest.fixture(params=EFFECTS, ids=lambda effect: effect.id)
+def effect(request):
+    return request.param
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_every_effect_is_in_the_catalogue_in_its_stage(stage):
+    assert [effect.id for effect in EFFECTS if effect.stage == stage] == STAGES[stage]
+
+
+def test_an_effect_says_what_it_is(effect):
+    for text in (effect.sentence, effect.equation, effect.source, effect.signature, effect.shown_by):
+        assert len(text) > 5, text
+    assert effect.sentence.endswith(".")
+    assert set(effect.confusable_with) <= {id_ for ids in STAGES.values() for id_ in ids} - {effect.id}
+
+
+def test_parameters_have_bounds_units_and_meanings(effect):
+    assert effect.strengths
+    assert set(effect.strengths) <= {p.name for p in effect.parameters}
+    for parameter in effect.parameters:
+        assert parameter.scale in SCALES
+        assert parameter.unit
+        assert parameter.meaning
+        low, high = parameter.bounds
+        assert np.isfinite([low, high]).all()
+        assert low < high
+        if parameter.name in effect.strengths:  # off must be within the bounds
+            assert low <= 0 <= high
+
+
+@pytest.mark.parametrize("frequency_Hz", [50.0, 1.7e3, 51.7e3])
+def test_starts_are_complete_and_within_the_bounds_for_any_head(effect, frequency_Hz):
+    head = HEAD.varied(frequency_Hz=frequency_Hz)
+    starts = effect.starts(head, shots_of(head))
+    assert 0 < len(starts) <= 12
+    for start in starts:
+        assert start.keys() == {p.name for p in effect.parameters}
+        assert values_at(effect, coordinates(effect, start)) == pytest.approx(start)
+        for parameter in effect.parameters:
+            low, high = parameter.bounds
+            assert low <= parameter.coordinate(start[parameter.name]) <= high, (parameter.name, start)
+
+
+def test_an_effect_that_is_off_leaves_the_base_model(effect):
+    base = Plant(HEAD, {"displacement": 0.02}, {"self_sensing": 0.1})
+    shots = shots_of(HEAD)
+    for start in effect.starts(HEAD, shots):
+        off = switched_off(effect, start)
+        for shot in shots:
+            expected = base.signal(shot)
+            assert base.with_effects([(effect, off)]).signal(shot) == pytest.approx(
+                expected, abs=1e-12 * np.abs(expected).max()
+            )
+            assert effect.nuisances(off, shot) is None
+
+
+def test_an_effect_that_is_on_changes_a_recording_or_explains_its_chance(effect):
+    shots = shots_of(HEAD)
+    base = Plant(HEAD)
+    for start in effect.starts(HEAD, shots):
+        changed = [np.abs(base.with_effects([(effect, start)]).signal(s) - base.signal(s)).max() for s in shots]
+        explains = [effect.nuisances(start, shot) is not None for shot in shots]
+        assert max(changed) > 1e-6 or any(explains), start
+
+
+def test_what_is_told_is_a_sentence_with_numbers(effect):
+    for start in effect.starts(HEAD, shots_of(HEAD)):
+        told = effect.told(start)
+        assert told.endswith(".")
+        assert any(character.isdigit() for character in told), told
+
+
+def test_why_an_effect_cannot_be_tested_ends_a_sentence(effect):
+    reason = effect.untestable([Shot("strain_gauge", "demagnetised", 0.01, np.zeros(50))])
+    assert reason is None or (reason[0].islower() and not reason.endswith("."))
+
+
+class Inverted(Effect):
+    """A user's own effect: part of the signal comes through twice inverted."""
+
+    id = "inverted"
+    stage = "sensing"
+    parameters = (Parameter("part", "1", -1.0, 1.0),)
+    strengths = ("part",)
+
+    def sensing(self, values, signal, drive_V, printhead, shot):
+        return (1 - 2 * values["part"]) * signal
+
+
+def test_an_effect_of_ones_own_works_in_the_plant_and_is_not_in_the_catalogue():
+    shot = shots_of(HEAD)[0]
+    base = Plant(HEAD)
+    own = base.with_effects([(Inverted(), {"part": 0.25})])
+    assert own.signal(shot) == pytest.approx(0.5 * base.signal(shot))
+    assert replace(own, effects=()).signal(shot) == pytest.approx(base.signal(shot))
+    assert "inverted" not in {effect.id for effect in EFFECTS}

@@ -1,0 +1,275 @@
+"""What the sensing effects add to a recording, against ways of computing it that share no code with them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant.effect import switched_off
+from inkjet_env.printhead import Printhead
+
+HEAD = Printhead.published()
+PERIOD_S = 1 / HEAD.frequency_Hz
+EFFECTS = {effect.id: effect for effect in catalogue()}
+KNOTS = np.array([0, 0.1, 0.6, 0.8, 1.3, 1.5])  # of a bipolar trapezoid, in periods
+VOLTS = np.array([0, 80.0, 80.0, -60.0, -60.0, 0])
+
+
+def trapezoid(time_s):
+    return np.interp(time_s / PERIOD_S, KNOTS, VOLTS)
+
+
+def shot_of(drive=trapezoid, per_period=100, periods=6, channel="self_sensing", initial_state="demagnetised", **kwargs):
+    step_s = PERIOD_S / per_period
+    drive_V = drive(np.arange(int(per_period * periods)) * step_s)
+    return Shot(channel, initial_state, step_s, drive_V, **kwargs)
+
+
+def added(effect_id, values, shot):
+    """What an effect adds to what the base model shows."""
+    base = Plant(HEAD)
+    return base.with_effects([(EFFECTS[effect_id], values)]).signal(shot) - base.signal(shot)
+
+
+# feedthrough
+
+
+@pytest.mark.parametrize("initial_state", ["demagnetised", "periodic"])
+@pytest.mark.parametrize("parts", [2, 4])
+def test_feedthrough_is_the_mean_slope_and_the_drive(initial_state, parts):
+    shot = shot_of(initial_state=initial_state, parts=parts)
+    slope = np.gradient(shot.drive_V, shot.step_s)
+    if initial_state == "periodic":
+        around = np.concatenate([shot.drive_V[-1:], shot.drive_V, shot.drive_V[:1]])
+        slope = (around[2:] - around[:-2]) / (2 * shot.step_s)
+    expected = 3e-9 * slope + 2e-3 * shot.drive_V
+    assert added("feedthrough", {"capacitive_s": 3e-9, "lossy": 2e-3}, shot) == pytest.approx(expected, abs=1e-12)
+
+
+def test_feedthrough_does_not_reach_a_displacement():
+    shot = shot_of(channel="displacement")
+    assert not added("feedthrough", {"capacitive_s": 3e-9, "lossy": 2e-3}, shot).any()
+
+
+def test_feedthrough_follows_a_curved_drive_with_the_nodes_not_the_samples():
+    class Rounded(type(EFFECTS["feedthrough"])):
+        stage = "drive"
+
+        def drive(self, values, drive_V, shot):
+            return np.sin(2 * np.pi * shot.time_s / (8 * shot.step_s))
+
+    effect, errors = EFFECTS["feedthrough"], []
+    for parts in (2, 4, 8):
+        shot = shot_of(parts=parts)
+        plant = Plant(HEAD, effects=((Rounded(), {}),))
+        whole = plant.with_effects([*plant.effects, (effect, {"capacitive_s": 1e-9, "lossy": 0.0})])
+        rate = 2 * np.pi / (8 * shot.step_s)
+        exact = 1e-9 * rate * np.cos(rate * np.arange(shot.samples) * shot.step_s)
+        errors.append(np.abs((whole.signal(shot) - plant.signal(shot) - exact)[1:-1]).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.1)
+
+
+# sensor bandwidth
+
+
+def low_pass_error(per_period, bandwidth_Hz, initial_state="demagnetised"):
+    """Largest error of the filtered signal, of the signal's largest, against a far finer simulation filtered."""
+    effect = (EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": bandwidth_Hz})
+    fine = 4000
+    coarse = shot_of(drive=smooth, per_period=per_period, initial_state=initial_state)
+    shot = shot_of(drive=smooth, per_period=fine, initial_state=initial_state)
+    signal = Plant(HEAD).signal(shot)
+    w = 2 * np.pi * bandwidth_Hz
+    time_s = np.arange(signal.size) * shot.step_s
+    if initial_state == "periodic":
+        tones = np.fft.rfftfreq(signal.size, shot.step_s)
+        exact = np.fft.irfft(np.fft.rfft(signal) / (1 + 1j * tones / bandwidth_Hz), signal.size)
+    else:
+        exact = lsim(([w], [1, w]), signal - signal[0], time_s)[1] + signal[0]
+    stride = fine // per_period
+    # the base model on few samples is another drive; what is compared is the filter alone
+    kept = EFFECTS["sensor_bandwidth"].sensing(effect[1], signal[::stride], None, HEAD, coarse)
+    return np.abs(kept - exact[::stride]).max() / np.abs(signal).max()
+
+
+def smooth(time_s):
+    return 80 * np.sin(2 * np.pi * time_s / (6 * PERIOD_S)) ** 3
+
+
+@pytest.mark.parametrize("initial_state", ["demagnetised", "periodic"])
+@pytest.mark.parametrize(("per_period", "allowed"), [(10, 1e-3), (20, 1e-4), (100, 1e-6)])
+def test_low_pass_of_a_fast_sensor_is_that_of_the_signal_between_samples_too(per_period, allowed, initial_state):
+    assert low_pass_error(per_period, 2 * HEAD.frequency_Hz, initial_state) < allowed
+
+
+@pytest.mark.parametrize("per_period", [9, 100])
+def test_low_pass_of_a_tone_is_wrong_by_what_is_said(per_period):
+    from inkjet_env.plant.effects.sensor_bandwidth import low_passed
+
+    angle = 2 * np.pi * np.arange(7 * per_period) / per_period
+    for bandwidth in (1.0, 2.0, 10.0, 100.0):  # over the tone's
+        exact = (np.exp(1j * angle) / (1 + 1j / bandwidth)).real
+        wrong = np.abs(low_passed(np.cos(angle), 1 / (2 * np.pi * bandwidth), 1 / per_period, True) - exact).max()
+        assert wrong < 4e-3 * (9 / per_period) ** 4
+
+
+def test_low_pass_in_steady_state_is_the_last_of_many_laps():
+    from inkjet_env.plant.effects.sensor_bandwidth import low_passed
+
+    lap = np.sin(np.linspace(0, 4, 60)) ** 2
+    steady = low_passed(lap, 40.0, 1.0, periodic=True)
+    laps = low_passed(np.tile(lap, 30), 40.0, 1.0, periodic=False)
+    assert laps[-2 * 60 : -60] == pytest.approx(steady, abs=1e-12)
+
+
+def test_moments_of_a_step_meet_where_their_formulas_change():
+    from inkjet_env.plant.effects.sensor_bandwidth import moments
+
+    s = np.polynomial.legendre.leggauss(60)
+    for z in (1e-9, 0.3, 1 - 1e-12, 1 + 1e-12, 7.0):
+        at, weight = (s[0] + 1) / 2, s[1] / 2
+        exact = [weight @ (z * np.exp(-(1 - at) * z) * at**j) for j in range(4)]
+        assert moments(z) == pytest.approx(exact, rel=1e-11)
+
+
+def test_low_pass_leaves_the_offset_and_the_strain_gauge_alone():
+    rest = shot_of(drive=np.zeros_like)
+    plant = Plant(HEAD, offsets={"self_sensing": 0.7}, effects=((EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": 1e4}),))
+    assert plant.signal(rest) == pytest.approx(0.7, abs=1e-12)
+    assert not added("sensor_bandwidth", {"bandwidth_Hz": 1e4}, shot_of(channel="strain_gauge")).any()
+
+
+# saturation
+
+
+@pytest.mark.parametrize("hardness", [1.5, 2.0, 20.0, 100.0])
+def test_saturation_never_passes_the_rail_and_leaves_small_signals(hardness):
+    effect = EFFECTS["sensor_saturation"]
+    ramp = np.array([-1e6, -3.0, -1e-3, 0.0, 1e-3, 3.0, 1e6])
+    shown = effect.sensing({"limit": 2.0, "hardness": hardness}, ramp, None, HEAD, shot_of())
+    assert np.abs(shown).max() <= 2.0
+    assert shown[[0, -1]] == pytest.approx([-2.0, 2.0], rel=1e-6)
+    assert shown[3] == 0
+    assert shown[[2, 4]] == pytest.approx(ramp[[2, 4]], rel=1e-4)
+    assert shown[::-1] == pytest.approx(-shown)
+
+
+def test_hard_saturation_is_clipping():
+    shot = shot_of()
+    signal = Plant(HEAD).signal(shot)
+    limit = 0.6 * np.abs(signal).max()
+    shown = signal + added("sensor_saturation", {"limit": limit, "hardness": 100.0}, shot)
+    assert shown == pytest.approx(np.clip(signal, -limit, limit), abs=0.01 * limit)
+
+
+def test_saturation_begins_at_what_was_measured_where_that_is_known():
+    effect, shot = EFFECTS["sensor_saturation"], shot_of()
+    largest = np.abs(Plant(HEAD).signal(shot)).max()
+    assert max(start["limit"] for start in effect.starts(HEAD, [shot])) == pytest.approx(3 * largest)
+    shot.kept["largest"] = 12.0
+    assert max(start["limit"] for start in effect.starts(HEAD, [shot])) == pytest.approx(36.0)
+
+
+# hum and drift
+
+
+def test_hum_of_any_phase_is_in_its_columns():
+    shot = shot_of()
+    frequency = 3.21 / (shot.samples * shot.step_s)
+    columns = EFFECTS["mains_hum"].nuisances({"frequency_Hz": frequency, "amplitude": 1.0}, shot)
+    time_s = np.arange(shot.samples) * shot.step_s
+    hum = 0.4 * np.sin(2 * np.pi * frequency * time_s + 1.1)
+    weights = np.linalg.lstsq(columns, hum)[0]
+    assert columns @ weights == pytest.approx(hum, abs=1e-12)
+    assert np.hypot(*weights) == pytest.approx(0.4)
+
+
+def test_hum_has_no_columns_where_it_is_off_or_sampled_too_seldom():
+    shot, effect = shot_of(), EFFECTS["mains_hum"]
+    assert effect.nuisances({"frequency_Hz": 50.0, "amplitude": 0.0}, shot) is None
+    assert effect.nuisances({"frequency_Hz": 0.51 / shot.step_s, "amplitude": 1.0}, shot) is None
+    assert effect.nuisances({"frequency_Hz": 0.49 / shot.step_s, "amplitude": 1.0}, shot) is not None
+
+
+def test_hum_begins_at_the_lines_that_were_seen_then_at_the_mains_that_show():
+    slow = Shot("strain_gauge", "demagnetised", 1e-3, np.zeros(400))
+    slow.kept["lines_Hz"] = [77.0]
+    frequencies = [start["frequency_Hz"] for start in EFFECTS["mains_hum"].starts(HEAD, [shot_of(), slow])]
+    assert frequencies[:6] == [77.0, 50.0, 60.0, 100.0, 120.0, 150.0]
+    fast_only = [start["frequency_Hz"] for start in EFFECTS["mains_hum"].starts(HEAD, [shot_of()])]
+    assert fast_only
+    assert 50.0 not in fast_only
+
+
+def test_drift_of_any_parabola_is_in_its_columns():
+    shot = shot_of()
+    columns = EFFECTS["baseline_drift"].nuisances({"amplitude": 1.0}, shot)
+    time_s = np.arange(shot.samples) * shot.step_s
+    drift = 0.3 + 2e3 * time_s - 1e7 * time_s**2
+    assert columns @ np.linalg.lstsq(columns, drift)[0] == pytest.approx(drift, abs=1e-12)
+    assert EFFECTS["baseline_drift"].nuisances({"amplitude": 0.0}, shot) is None
+
+
+# crosstalk
+
+
+@pytest.mark.parametrize("initial_state", ["demagnetised", "periodic", "free"])
+@pytest.mark.parametrize("channel", ["self_sensing", "displacement", "strain_gauge"])
+def test_mechanical_crosstalk_is_the_heads_own_answer_to_the_neighbour(channel, initial_state):
+    shot = shot_of(channel=channel, initial_state=initial_state)
+    neighbour_V = -0.5 * np.roll(shot.drive_V, 40)
+    own = Plant(HEAD).signal(replace(shot, drive_V=neighbour_V, kept={}))
+    heard = replace(shot, neighbour_V=neighbour_V, kept={})
+    assert added("crosstalk", {"mechanical": 0.2, "electrical": 0.0, "direct": 0.0}, heard) == pytest.approx(
+        0.2 * own, abs=1e-12
+    )
+
+
+def test_electrical_and_direct_crosstalk_are_the_neighbours_slope_and_drive():
+    shot = shot_of(neighbour_V=np.roll(shot_of().drive_V, 70))
+    slope = np.gradient(shot.neighbour_V, shot.step_s)
+    expected = 0.03 * 1e-6 * slope + 0.004 * shot.neighbour_V
+    assert added("crosstalk", {"mechanical": 0.0, "electrical": 0.03, "direct": 0.004}, shot) == pytest.approx(
+        expected, abs=1e-12
+    )
+
+
+def test_crosstalk_of_another_head_is_not_that_of_the_last():
+    shot = shot_of(neighbour_V=shot_of().drive_V)
+    values = {"mechanical": 0.2, "electrical": 0.0, "direct": 0.0}
+    other = HEAD.varied(frequency_Hz=1.1 * HEAD.frequency_Hz)
+    effects = [(EFFECTS["crosstalk"], values)]
+    Plant(HEAD).with_effects(effects).signal(shot)
+    assert Plant(other).with_effects(effects).signal(shot) == pytest.approx(1.2 * Plant(other).signal(shot), abs=1e-12)
+
+
+def test_crosstalk_needs_a_neighbour_that_moves():
+    silent, still = shot_of(), replace(shot_of(), neighbour_V=np.zeros(600))
+    moving = replace(shot_of(), neighbour_V=shot_of().drive_V)
+    effect = EFFECTS["crosstalk"]
+    assert "column neighbour_V" in effect.untestable([silent])
+    assert "never moves" in effect.untestable([silent, still])
+    assert effect.untestable([silent, still, moving]) is None
+    assert not added("crosstalk", {"mechanical": 0.2, "electrical": 1.0, "direct": 1.0}, silent).any()
+
+
+# starts
+
+
+@pytest.mark.parametrize("effect_id", ["feedthrough", "sensor_bandwidth", "sensor_saturation", "crosstalk"])
+@pytest.mark.parametrize("slower", [1, 1000], ids=["52 kHz", "52 Hz"])
+def test_starts_change_the_recordings_by_a_few_per_cent_whatever_the_heads_scale(effect_id, slower):
+    head = HEAD.varied(frequency_Hz=HEAD.frequency_Hz / slower)
+    head = replace(head, b1=HEAD.b1 / slower)
+    shot = shot_of(neighbour_V=np.roll(shot_of().drive_V, 70))
+    shot = replace(shot, step_s=shot.step_s * slower, kept={})
+    effect, base = EFFECTS[effect_id], Plant(head)
+    signal = base.signal(shot)
+    for start in effect.starts(head, [shot]):
+        change = base.with_effects([(effect, start)]).signal(shot) - signal
+        assert 1e-4 < np.sqrt(np.mean(change**2) / np.mean(signal**2)) < 0.6, start
+        off = base.with_effects([(effect, switched_off(effect, start))]).signal(shot)
+        assert off == pytest.approx(signal, abs=1e-12)
