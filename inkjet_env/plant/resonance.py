@@ -9,7 +9,7 @@ step integrates exactly. Forces enter by the exponential Runge–Kutta method of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,11 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.resonator import pole
 
 Real = NDArray[np.float64]
 
 MOST_LAPS = 40
+REST_STEPS = 30
+"""Enough for forces that are weak beside the spring's."""
 STEADY = 1e-10
 """A periodic state is steady when a lap changes it by less of its size."""
 
@@ -142,9 +145,9 @@ class Resonance:
                 )
             )  # fmt: skip
 
-        state = 0j
+        state = amplitude(lam, self._rest_V(float(ends[0])), 0.0)
         if shot.initial_state == "free":
-            state = amplitude(lam, shot.start[0], shot.start[1] * math.sqrt(self.a0))
+            state += amplitude(lam, shot.start[0], shot.start[1] * math.sqrt(self.a0))
         end = run(state)
         if shot.periodic:
             lap = -np.expm1(lam * shot.step_s * shot.samples)
@@ -159,6 +162,17 @@ class Resonance:
         if not np.isfinite(end):
             raise FloatingPointError("the motion grows without bound.")
         return deflection[: shot.samples], speed[: shot.samples]
+
+    def _rest_V(self, hysteretic_V: float) -> float:
+        """Deflection at which the first hysteretic drive is held."""
+        stiffness = self.a0 / self.drive_a0
+        if self.softening is not None:
+            stiffness *= 1 + float(self.softening[0])
+        rest_V = hysteretic_V / stiffness
+        for _ in range(REST_STEPS if hysteretic_V else 0):
+            pushed_V = sum(force.law(rest_V, 0.0, force.values) for force in self.forces)
+            rest_V = (hysteretic_V - pushed_V) / stiffness
+        return rest_V
 
 
 def amplitude(pole_: complex, deflection: float, speed: float) -> complex:
@@ -205,3 +219,25 @@ def delayed(signal: Real, samples: float, periodic: bool) -> Real:
         - (t + 1) * t * (t - 2) / 2 * at(2)
         + (t + 1) * t * (t - 1) / 6 * at(3)
     )
+
+
+def too_slow(shots: Sequence[Shot]) -> str | None:
+    """Why shots show nothing of the resonator, as the end of a sentence after "because"; None where they do."""
+    if any(shot.fast for shot in shots):
+        return None
+    return "every recording is of the strain gauge, which is too slow to show the head ringing"
+
+
+def reach_V(printhead: Printhead, shots: Sequence[Shot]) -> float:
+    """How far the head deflects in these shots, at most, in hysteretic volts; the hysteresis's width is left out."""
+    law = printhead.branch_law
+    reach = 0.0
+    for shot in shots:
+        drive_V = shot.drive_at_nodes_V
+        swing = float(np.ptp(drive_V))
+        if shot.fast and swing > 0:
+            slope = float(law.Q(swing / law.full_scale_V)) * law.full_scale_V / swing
+            rings = Resonance(printhead.a0, printhead.a1, printhead.a0)
+            deflection = rings.motion(slope * drive_V, replace(shot, channel="displacement"))
+            reach = max(reach, float(np.abs(deflection).max()))
+    return reach

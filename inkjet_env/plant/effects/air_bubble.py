@@ -1,0 +1,82 @@
+"""Air drawn in at the nozzle: from one recording on, the head is tuned otherwise and rings in a further mode."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.resonance import Mode, Resonance, too_slow
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+FEWEST_ORDERS = 4
+
+
+class AirBubble(Effect):
+    """A shift of the resonance and a further mode, both from ``onset_order`` on.
+
+    Between the recording before the onset and the onset the bubble fades in linearly with the order, so that a fit
+    can find the onset; orders are whole numbers, so at most one recording is between.
+    """
+
+    id = "air_bubble"
+    stage = "resonator"
+    sentence = "From one recording on, an air bubble detunes the head and adds a mode of its own."
+    equation = "from the onset on: ω0 (1 + d), and x + xb with xb'' + 2 ζb ωb xb' + ωb² xb = ωb² g v"
+    source = (
+        "J. de Jong et al., Air entrapment in piezo-driven inkjet printheads, Journal of the Acoustical Society of "
+        "America 120, 2006"
+    )
+    parameters = (
+        Parameter("onset_order", "1", 1.0, 1e5, meaning="order of the first recording with the bubble"),
+        Parameter("frequency_change", "1", -0.5, 0.5, meaning="of the head, relative, by the bubble"),
+        Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "of the bubble's mode"),
+        Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "of the bubble's mode"),
+        Parameter("bubble_strength", "1", -2.0, 2.0, meaning="static deflection by the bubble's mode over the head's"),
+    )
+    strengths = ("frequency_change", "bubble_strength")
+    signature = "recordings before the onset fit the base model, those after it all show the same other resonances"
+    confusable_with = ("thermal_drift", "second_mode")
+    shown_by = "one recording repeated through the whole session"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        orders = np.array(sorted({shot.order for shot in shots if shot.fast}), dtype=np.float64)
+        onsets = np.quantile(orders[1:], [0.1, 0.35, 0.65, 0.9]) if orders.size > 1 else orders
+        change = 0.2 * printhead.damping_ratio
+        return [
+            {
+                "onset_order": float(onset),
+                "frequency_change": sign * change,
+                "bubble_frequency_Hz": guess * printhead.frequency_Hz,
+                "bubble_damping_ratio": 0.08,
+                "bubble_strength": 0.02 / guess,
+            }
+            for onset in onsets
+            for sign, guess in ((-1, 0.5), (1, 1.7), (-1, 1.7))
+        ]
+
+    def untestable(self, shots: Sequence[Shot]) -> str | None:
+        if len({shot.order for shot in shots if shot.fast}) < FEWEST_ORDERS:
+            return too_slow(shots) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
+        return None
+
+    def told(self, values: Values) -> str:
+        change = values["frequency_change"]
+        return (
+            f"From recording {math.ceil(values['onset_order'])} on, an air bubble makes the head ring "
+            f"{abs(change):.2%} {'higher' if change > 0 else 'lower'} and adds a mode at "
+            f"{values['bubble_frequency_Hz']:.4g} Hz."
+        )
+
+    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+        present = min(max(shot.order - values["onset_order"] + 1, 0.0), 1.0)
+        detuned = 1 + present * values["frequency_change"]
+        strength = present * values["bubble_strength"]
+        omega = 2 * math.pi * values["bubble_frequency_Hz"]
+        mode = Mode(omega * omega, 2 * values["bubble_damping_ratio"] * omega, strength)
+        modes = (*resonance.modes, mode) if strength else resonance.modes
+        return replace(resonance, a0=resonance.a0 * detuned**2, modes=modes)

@@ -1,0 +1,66 @@
+"""Duffing's spring: the head grows stiffer, or softer, with the square of its deflection."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+
+class CubicStiffness(Effect):
+    """A restoring force in proportion to the cube of the deflection."""
+
+    id = "cubic_stiffness"
+    stage = "resonator"
+    sentence = "The head's stiffness changes with the square of its deflection, so large strokes ring at another pitch."
+    equation = "x'' + a1 x' + a0 (x + k x³) = a0 v; in ring-down Δf/f = 3/8 k A²"
+    source = "A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979, chapter 4"
+    parameters = (
+        Parameter(
+            "stiffening_per_V2", "1/V²", -1e3, 1e3, meaning="relative rise of stiffness, per square of deflection"
+        ),
+    )
+    strengths = ("stiffening_per_V2",)
+    signature = "the frequency shifts with the square of the amplitude; damping stays; only odd harmonics of a sine"
+    confusable_with = ("ferroelastic_softening", "quadratic_damping")
+    shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        shift = 0.1 * printhead.damping_ratio
+        stiffening = shift * 8 / 3 / max(reach_V(printhead, shots), 1e-12) ** 2
+        return [{"stiffening_per_V2": sign * stiffening} for sign in (1.0, -1.0)]
+
+    def untestable(self, shots: Sequence[Shot]) -> str | None:
+        return too_slow(shots)
+
+    def told(self, values: Values) -> str:
+        k = values["stiffening_per_V2"]
+        size_V = 100.0 if abs(k) * 1e4 < 1 else 1.0 if abs(k) < 1 else 0.01
+        change = "stiffer" if k > 0 else "softer"
+        amount = abs(k) * size_V**2
+        return f"At a deflection of {size_V:g} hysteretic volts the head is {amount:.2%} {change} than at rest."
+
+    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+        k = values["stiffening_per_V2"]
+        if k == 0:
+            return resonance
+        return replace(resonance, forces=(*resonance.forces, Force(_compiled(), np.array([k]))))
+
+
+def _law(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
+    force: float = values[0] * x_V * x_V * x_V
+    return force
+
+
+@functools.cache
+def _compiled() -> Any:
+    return compiled_force(_law)

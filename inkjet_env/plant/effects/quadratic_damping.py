@@ -1,0 +1,63 @@
+"""Damping that grows with speed, as where the ink separates at an edge."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+
+class QuadraticDamping(Effect):
+    """A drag in proportion to the square of the speed, against it."""
+
+    id = "quadratic_damping"
+    stage = "resonator"
+    sentence = "Damping grows with speed, so large strokes die away faster at first than small ones."
+    equation = "x'' + a1 x' + a0 (x + c |p| p) = a0 v, p = x'/ω0; in ring-down Δζ = 4 c A / (3 π)"
+    source = "A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979, chapter 3"
+    parameters = (
+        Parameter("damping_per_V", "1/V", -0.01, 100.0, meaning="drag, over spring force, per scaled speed x'/ω0"),
+    )
+    strengths = ("damping_per_V",)
+    signature = "the logarithmic decrement rises in proportion to the amplitude; the frequency stays"
+    confusable_with = ("ferroelastic_softening", "cubic_stiffness")
+    shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        damping = 0.1 * printhead.damping_ratio * 3 * math.pi / 4 / max(reach_V(printhead, shots), 1e-12)
+        return [{"damping_per_V": damping}]
+
+    def untestable(self, shots: Sequence[Shot]) -> str | None:
+        return too_slow(shots)
+
+    def told(self, values: Values) -> str:
+        c = values["damping_per_V"]
+        size_V = 100.0 if abs(c) * 100 < 1 else 1.0 if abs(c) < 1 else 0.01
+        rise = 4 * c * size_V / (3 * math.pi)
+        return f"Ringing with an amplitude of {size_V:g} hysteretic volts adds {rise:.4f} to the damping ratio."
+
+    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+        c = values["damping_per_V"]
+        if c == 0:
+            return resonance
+        return replace(resonance, forces=(*resonance.forces, Force(_compiled(), np.array([c]))))
+
+
+def _law(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
+    force: float = values[0] * abs(speed_V) * speed_V
+    return force
+
+
+@functools.cache
+def _compiled() -> Any:
+    return compiled_force(_law)

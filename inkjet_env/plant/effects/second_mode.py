@@ -1,0 +1,66 @@
+"""Another mode that the drive excites: refill, Helmholtz, the structure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.resonance import Mode, Resonance, too_slow
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+GUESSES = (0.25, 0.36, 0.5, 0.7, 1.3, 1.7, 2.3, 3.1, 4.3, 6.0)
+"""Frequencies over the head's."""
+RESOLVED = 0.4
+"""Of a sampling frequency: higher modes are not looked for."""
+
+
+class SecondMode(Effect):
+    """A second resonator beside the first, under the same hysteretic drive."""
+
+    id = "second_mode"
+    stage = "resonator"
+    sentence = "The head rings in a second mode beside its main one."
+    equation = "x + x2, x2'' + 2 ζ2 ω2 x2' + ω2² x2 = ω2² g v"
+    source = "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010"
+    parameters = (
+        Parameter("frequency_Hz", "Hz", 1e-2, 1e8, "log", "of the second mode, undamped"),
+        Parameter("damping_ratio", "1", 0.002, 0.5, "log", "of the second mode"),
+        Parameter("strength", "1", -2.0, 2.0, meaning="deflection of the second mode over the first's, both static"),
+    )
+    strengths = ("strength",)
+    signature = "a second peak in the spectrum at every amplitude alike; it beats with the main one"
+    confusable_with = ("wave_echo", "air_bubble")
+    shown_by = "a multisine over many octaves, and a steep step with its whole ring-down"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        fast = [shot for shot in shots if shot.fast]
+        highest_Hz = RESOLVED / min((shot.step_s for shot in fast), default=1.0)
+        speed = any(shot.channel == "self_sensing" for shot in fast)
+        return [
+            {
+                "frequency_Hz": guess * printhead.frequency_Hz,
+                "damping_ratio": 0.03,
+                "strength": min(0.02 / guess if speed else 0.02, 0.1),
+            }
+            for guess in GUESSES
+            if guess * printhead.frequency_Hz < highest_Hz
+        ]
+
+    def untestable(self, shots: Sequence[Shot]) -> str | None:
+        return too_slow(shots)
+
+    def told(self, values: Values) -> str:
+        return (
+            f"The head rings in a second mode at {values['frequency_Hz']:.4g} Hz with a damping ratio of "
+            f"{values['damping_ratio']:.3g}; held still, it adds {values['strength']:.2%} to the deflection."
+        )
+
+    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+        if values["strength"] == 0:
+            return resonance
+        omega = 2 * math.pi * values["frequency_Hz"]
+        mode = Mode(omega * omega, 2 * values["damping_ratio"] * omega, values["strength"])
+        return replace(resonance, modes=(*resonance.modes, mode))
