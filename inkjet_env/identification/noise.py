@@ -114,7 +114,7 @@ def noise_model(samples: Sequence[Real], source: str, least: float) -> NoiseMode
     return NoiseModel(filters[best], float(np.sqrt(innovations[best])), float(np.sqrt(variance)), source)
 
 
-def colour_of(whitened: Sequence[Real]) -> tuple[float, float, float]:
+def colour_of(whitened: Sequence[Real], exponents: tuple[int, ...] = (1, 2)) -> tuple[float, float, float]:
     """Power of whitened noise as ``s0 + s1/ν + s2/ν²``: white, 1/f and a random walk's.
 
     Corner frequencies of ``a (1 + ν_c/ν)`` and ``a (1 + (ν_c/ν)²)`` are weighed by Whittle's likelihood of the
@@ -130,8 +130,8 @@ def colour_of(whitened: Sequence[Real]) -> tuple[float, float, float]:
     lines = np.concatenate([np.fft.rfftfreq(stretch.size)[1:] for stretch in whitened])
     power = np.concatenate([np.abs(np.fft.rfft(stretch)[1:]) ** 2 / stretch.size for stretch in whitened])
     corners = np.geomspace(lines.min() / CORNER_MARGIN, 0.5, CORNERS)
-    likelihoods, levels = np.empty((2, CORNERS)), np.empty((2, CORNERS))
-    for i, exponent in enumerate((1, 2)):
+    likelihoods, levels = np.full((2, CORNERS), -np.inf), np.ones((2, CORNERS))
+    for i, exponent in ((exponent - 1, exponent) for exponent in exponents):
         for j, corner in enumerate(corners):
             shape = 1 + (corner / lines) ** exponent
             levels[i, j] = level = float(np.mean(power / shape))

@@ -64,7 +64,7 @@ class Head:
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return self.degree + 2 + len(self.free_gains) + len(self.gains)
+        return self.degree + 2 + len(self.free_gains) + len(self.offsets)
 
     def moved(self, step: NDArray[np.floating]) -> Head:
         """The head after a step: absolute for the coefficients, relative for a0, a1 and the gains."""
@@ -93,6 +93,9 @@ class Head:
         shot, d = observed.shot, self.degree
         plant = self.plant()
         columns = np.zeros((shot.samples, self.size))
+        columns[:, d + 2 + len(self.free_gains) + list(self.offsets).index(shot.channel)] = 1.0
+        if shot.channel == "drive_monitor":
+            return columns
         drive_V = shot.drive_at_nodes_V
         gain = plant.gain(shot.channel)
         total = plant.motion(drive_V, shot)
@@ -107,7 +110,6 @@ class Head:
                     columns[:, d + place] += sign * gain / 2e-5 * other
         if shot.channel in self.free_gains:
             columns[:, d + 2 + self.free_gains.index(shot.channel)] = gain * total
-        columns[:, d + 2 + len(self.free_gains) + list(self.offsets).index(shot.channel)] = 1.0
         return columns
 
 
@@ -208,6 +210,8 @@ class JointFit:
 
     def chance(self, o: Observed, effects: Sequence[tuple[Effect, Values]] = ()) -> Real | None:
         """Whitened columns of what is free in each recording: an unknown initial state, an effect's nuisances."""
+        if o.channel == "drive_monitor":
+            return None
         columns = [c for effect, values in effects if (c := effect.nuisances(values, o.shot)) is not None]
         if o.shot.initial_state == "free" and o.shot.fast:
             head = self.start.printhead

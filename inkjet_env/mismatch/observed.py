@@ -35,8 +35,6 @@ class Observed:
     measured : ndarray, shape (n,)
     fitted : int
         Samples from the start that a fit may see: n, 0 (held out) or between (its end is held out).
-    monitor_V : ndarray, shape (n,), or None
-        Voltage measured at the head.
     """
 
     name: str
@@ -46,7 +44,6 @@ class Observed:
     shot: Shot
     measured: Real
     fitted: int
-    monitor_V: Real | None = None
 
     @property
     def still(self) -> bool:
@@ -64,9 +61,12 @@ class Observed:
 
 
 def observe(campaign: Campaign, held_out: Sequence[str] | None = None, parts: int = 2) -> tuple[Observed, ...]:
-    """Each recording of a campaign, in its order, held out as `identification.measurements` has it."""
+    """Each recording of a campaign, in its order, held out as `identification.measurements` has it.
+
+    A voltage measured at the head counts as a recording of its own, on the channel ``drive_monitor``.
+    """
     by_name = {recording.name: recording for recording in campaign.recordings}
-    found = {}
+    found: dict[str, list[Observed]] = {}
     for condition, measurement in enumerate(measurements(campaign, held_out)):
         for name, signal in zip(measurement.names, measurement.signals, strict=True):
             recording = by_name[name]
@@ -80,17 +80,17 @@ def observe(campaign: Campaign, held_out: Sequence[str] | None = None, parts: in
                 parts,
             )
             shot.kept["largest"] = float(np.abs(signal).max())
-            found[name] = Observed(
-                name,
-                measurement.channel,
-                measurement.unit,
-                condition,
-                shot,
-                signal,
-                measurement.fitted,
-                recording.drive_monitor_V,
-            )
-    return tuple(found[recording.name] for recording in campaign.recordings)
+            found[name] = [
+                Observed(name, measurement.channel, measurement.unit, condition, shot, signal, measurement.fitted)
+            ]
+            if recording.drive_monitor_V is not None:
+                monitor = replace(shot, channel="drive_monitor", kept={"largest": shot.kept["largest"]})
+                voltage = recording.drive_monitor_V
+                label = f"{name} (drive monitor)"
+                found[name].append(
+                    Observed(label, "drive_monitor", "V", -1 - condition, monitor, voltage, measurement.fitted)
+                )
+    return tuple(o for recording in campaign.recordings for o in found[recording.name])
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +195,7 @@ def noise_seen(
                 white = [model.whitened(stretch[:, None])[:, 0] for stretch in stretches]
                 whitened.setdefault(key[0], []).extend(white)
     for channel, stretches in whitened.items():
-        colour = colour_of(stretches)
+        colour = colour_of(stretches, exponents=(1,))  # what wanders is for the diagnosis to find
         for key in models:
             if key[0] == channel:
                 models[key] = replace(models[key], colour=colour)
@@ -205,11 +205,19 @@ def noise_seen(
             nearest = known[int(np.argmin(np.abs(np.log(np.array(known) / key[1]))))]
             models[key], samples[key] = models[key[0], nearest], samples[key[0], nearest]
         else:
-            models[key], samples[key] = otherwise[key], 0
+            stretches = [left[o.name] for o in observed if o.noise_key == key]
+            models[key], samples[key] = otherwise.get(key) or _of_most(stretches, least[key[0]]), 0
             notes.append(
                 f"{key[0]}: no repeats and no recording at rest tell the noise; what the model leaves was taken for it."
             )
     return Noise(models, samples, tuple(notes))
+
+
+def _of_most(stretches: Sequence[Real], least: float) -> NoiseModel:
+    """White noise as large as what most samples show: the few where a model fails do not count."""
+    size = np.abs(np.concatenate([stretch - np.median(stretch) for stretch in stretches]))
+    rms = max(1.4826 * float(np.median(size)), least)
+    return NoiseModel(np.ones(1), rms, rms, "what most samples show")
 
 
 def _power(stretches: Sequence[Real]) -> float:

@@ -17,7 +17,8 @@ class Shot:
 
     Parameters
     ----------
-    channel : {"self_sensing", "strain_gauge", "displacement"}
+    channel : {"self_sensing", "strain_gauge", "displacement", "drive_monitor"}
+        The last is the voltage measured at the head, which shows the drive stage alone.
     initial_state : {"demagnetised", "periodic", "free"}
     step_s : float
         Sampling step.
@@ -60,7 +61,7 @@ class Shot:
     @property
     def fast(self) -> bool:
         """Whether the resonator shows; a strain gauge is quasi-static."""
-        return self.channel != "strain_gauge"
+        return self.channel in ("self_sensing", "displacement")
 
     @property
     def node_step_s(self) -> float:

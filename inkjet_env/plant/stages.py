@@ -54,6 +54,8 @@ class Plant:
             A motion that grows without bound, or that never settles under the repeated drive.
         """
         drive_V = self.at_ceramic_V(shot)
+        if shot.channel == "drive_monitor":
+            return shot.sampled(drive_V) + self.offsets.get(shot.channel, 0.0)
         signal = self.gain(shot.channel) * self.motion(drive_V, shot) + self.offsets.get(shot.channel, 0.0)
         for effect, values in self.of("sensing"):
             signal = effect.sensing(values, signal, drive_V, self.printhead, shot)

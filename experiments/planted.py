@@ -1,0 +1,171 @@
+"""Campaigns of a virtual head with effects of the catalogue switched on: what the diagnosis is tried on here.
+
+The plant that records is the plant that finds, so this shows that the diagnosis can tell its own effects apart, and no
+more; effects that are concealed from it are another matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant import Effect, Plant, Shot, Values, catalogue
+from inkjet_env.printhead import Printhead
+from inkjet_env.recordings import Campaign, Recording
+from inkjet_env.rig.battery import DriveLine, default_battery
+
+Real = NDArray[np.float64]
+
+LINES = (
+    "loop-0.5", "loop-1", "loop-5", "minor-loops", "staircase", "silence",
+    "trapezoid-20V", "trapezoid-40V", "trapezoid-60V", "trapezoid-80V", "trapezoid-100V",
+    "trapezoid-minus40V", "trapezoid-minus100V", "trapezoid-steep", "trapezoid-gentle", "trapezoid-often",
+    "bipolar-full", "bipolar-quiet", "bipolar-uneven",
+    "pulse-pair-0.50T", "pulse-pair-1.50T", "pulse-pair-3.25T",
+    "multisine-50V-a", "multisine-95V-a", "first-trapezoid", "first-bipolar", "zero",
+)  # fmt: skip
+"""Of the default battery, each once, but for `TWICE`."""
+TWICE = ("trapezoid-60V", "bipolar-full")
+SNR_dB = 50.0
+GAUGE_GAIN = 0.02
+"""Volts of the strain gauge's bridge per hysteretic volt."""
+STRONG, MEDIUM = 1.0, 0.35
+"""Of the values in `planted_values`."""
+
+
+def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
+    """Values of each effect at full strength: some per cent of the recordings."""
+    f, period = printhead.frequency_Hz, 1 / printhead.frequency_Hz
+    return {
+        "amplifier_bandwidth": {"bandwidth_Hz": 6 * f},
+        "slew_limit": {"slew_rate_V_s": 60.0 * f},
+        "trigger_delay": {"delay_s": 0.03 * period},
+        "creep": {"creep_per_decade": 0.015, "onset_s": 0.1},
+        "rate_dependent_hysteresis": {"growth": 0.06, "rate_V_s": 100.0},
+        "asymmetric_hysteresis": {"asymmetry": 0.03, "bending": 0.02},
+        "cubic_stiffness": {"stiffening_per_V2": 6e-6},
+        "quadratic_damping": {"damping_per_V": 2e-4},
+        "ferroelastic_softening": {"softening_per_V": 1.5e-4, "loss_ratio": 0.5},
+        "second_mode": {"frequency_Hz": 1.7 * f, "damping_ratio": 0.04, "strength": 0.02},
+        "wave_echo": {"delay_s": 2.6 * period, "strength": 0.06},
+        "air_bubble": {
+            "onset_order": 14.5, "frequency_change": -0.01, "bubble_frequency_Hz": 0.6 * f,
+            "bubble_damping_ratio": 0.1, "bubble_strength": 0.05,
+        },
+        "meniscus_refill": {"recovery_s": 6 * period, "stiffness_change": 0.02},
+        "thermal_drift": {
+            "frequency_drift": -0.01, "frequency_bow": 0.003, "frequency_twist": 0.0,
+            "damping_drift": -0.1, "damping_bow": 0.0, "damping_twist": 0.0,
+        },
+        "feedthrough": {"capacitive_s": 0.01 * printhead.b1 / printhead.a0, "lossy": 2e-4},
+        "sensor_bandwidth": {"bandwidth_Hz": 6 * f},
+        "sensor_saturation": {"limit": 0.0, "hardness": 6.0},
+        "mains_hum": {"frequency_Hz": 0.9 * f, "amplitude": 2.0},
+        "baseline_drift": {"amplitude": 2.0},
+        "crosstalk": {"mechanical": 0.03, "electrical": 0.0, "direct": 0.0},
+    }  # fmt: skip
+
+
+def planted(effect: Effect, strength: float, printhead: Printhead) -> dict[str, float]:
+    """Values of an effect at a strength, 1 being full."""
+    values = dict(planted_values(printhead)[effect.id])
+    for p in effect.parameters:
+        if p.name in effect.strengths:
+            values[p.name] = values[p.name] / strength if p.scale == "reciprocal" else values[p.name] * strength
+    return values
+
+
+def record_planted(
+    printhead: Printhead,
+    effects: Sequence[tuple[Effect, Values]],
+    seed: int,
+    snr_dB: float = SNR_dB,
+    monitored: bool = False,
+    lines: Sequence[DriveLine] | None = None,
+) -> Campaign:
+    """A campaign of about 29 recordings x 2,000 samples with white noise, its recordings in random order.
+
+    Parameters
+    ----------
+    printhead : Printhead
+    effects : sequence of (Effect, values)
+        A hum's and a drift's amplitude is in standard deviations of the noise; a saturation's limit, where it is 0, is
+        0.75 of the largest signal.
+    seed : int
+    snr_dB : float
+        Of the largest recording of each channel.
+    monitored : bool
+        Whether the voltage at the head is recorded too.
+    lines : sequence of DriveLine, optional
+    """
+    rng = np.random.default_rng(seed)
+    if lines is None:
+        lines = [line for line in default_battery(printhead.frequency_Hz) if line.label in LINES]
+        lines = lines + [line for line in lines if line.label in TWICE]
+    needs_neighbour = any(effect.id == "crosstalk" for effect, _ in effects)
+    chosen = [lines[i] for i in rng.permutation(len(lines))]
+    offsets = {"strain_gauge": 0.05, "self_sensing": -0.1}
+    gains = {"strain_gauge": GAUGE_GAIN}
+    shots = [
+        Shot(
+            line.channel, line.initial_state, line.step_s, line.drive_V, order,
+            _neighbour(line, rng) if needs_neighbour and line.channel == "self_sensing" else None, 4,
+        )
+        for order, line in enumerate(chosen, start=1)
+    ]  # fmt: skip
+    plain = [Plant(printhead, gains, offsets).signal(shot) for shot in shots]
+    largest, sigma = {}, {}
+    for channel in offsets:
+        mine = [signal for signal, shot in zip(plain, shots, strict=True) if shot.channel == channel]
+        largest[channel] = max(float(np.abs(signal - offsets[channel]).max()) for signal in mine)
+        sigma[channel] = max(float(np.std(signal)) for signal in mine) * 10 ** (-snr_dB / 20)
+    effects = [(e, {**v, "limit": 0.75 * largest["self_sensing"]} if v.get("limit") == 0 else v) for e, v in effects]
+    plant = Plant(printhead, gains, offsets, tuple(effects))
+    recordings = []
+    first: dict[str, str] = {}
+    for line, shot in zip(chosen, shots, strict=True):
+        name = f"r{shot.order:03d}"
+        noise = sigma[shot.channel] * rng.standard_normal(shot.samples)
+        for effect, values in effects:
+            noise = noise + sigma[shot.channel] * _by_chance(effect, values, shot, rng)
+        monitor = None
+        if monitored:
+            monitor = shot.sampled(plant.at_ceramic_V(shot)) + 0.05 * rng.standard_normal(shot.samples)
+        recordings.append(
+            Recording(
+                name, line.time_s, line.drive_V, plant.signal(shot) + noise, "V", line.channel, line.excitation,
+                line.initial_state, shot.order, first.get(line.label), {}, monitor, shot.neighbour_V,
+            )
+        )  # fmt: skip
+        first.setdefault(line.label, name)
+    return Campaign("planted", tuple(recordings))
+
+
+def _neighbour(line: DriveLine, rng: np.random.Generator) -> Real:
+    """A pulse of the neighbouring channel, at a time of its own."""
+    n = line.drive_V.size
+    if rng.random() < 0.4 or line.excitation == "zero":
+        return np.zeros(n)
+    start, edge, dwell = int(rng.integers(n // 8, n // 2)), 15, int(rng.integers(20, 60))
+    level = float(rng.uniform(40, 100))
+    at = np.cumsum([0, start, edge, dwell, edge])
+    return np.interp(np.arange(n), at, [0.0, 0.0, level, level, 0.0])
+
+
+def _by_chance(effect: Effect, values: Mapping[str, float], shot: Shot, rng: np.random.Generator) -> Real:
+    """What differs from recording to recording, in standard deviations of the noise for an amplitude of 1."""
+    columns = effect.nuisances(values, shot)
+    if columns is None:
+        return np.zeros(shot.samples)
+    amplitudes = rng.standard_normal(columns.shape[1])
+    if effect.id == "mains_hum":  # one loudness, any phase
+        amplitudes /= np.linalg.norm(amplitudes)
+    drawn: Real = values["amplitude"] * (columns @ amplitudes)
+    return drawn
+
+
+def effect_named(name: str) -> Effect:
+    """The effect of the catalogue with this id."""
+    return next(effect for effect in catalogue() if effect.id == name)

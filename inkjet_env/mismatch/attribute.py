@@ -1,0 +1,147 @@
+"""Hypotheses — effects that are on together — fitted from several starts and compared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch.foretold import Foretold, foretold, orthonormal
+from inkjet_env.mismatch.joint_fit import Fit, JointFit
+from inkjet_env.mismatch.signatures import Signatures, point_of
+from inkjet_env.plant import Effect
+
+Real = NDArray[np.float64]
+
+STARTS = 3
+"""Of each effect, fitted with a few steps each; the best goes on."""
+FIRST_STEPS = 4
+HOPELESS = 0.5
+"""After the first steps, an effect goes on if it has gained this share of what the best one has."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A fit, and what it says beside the base model's on the same recordings and noise."""
+
+    fit: Fit
+    joint: JointFit
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of the effects that are on."""
+        return self.fit.ids
+
+    @property
+    def gain(self) -> float:
+        """Of the log-likelihood of the fitted recordings over the base model's."""
+        return self.joint.base.nll - self.fit.nll
+
+    @property
+    def score(self) -> float:
+        """Gain less what so many parameters gain by chance (Schwarz's criterion)."""
+        return self.gain - 0.5 * self.fit.point.size * math.log(self.left.size)
+
+    @cached_property
+    def left(self) -> Real:
+        """Whitened residual of the fitted rows, shape (rows,)."""
+        return np.concatenate([self.fit.left[o.name][: o.fitted] for o in self.joint.seen])
+
+    @cached_property
+    def columns(self) -> Real:
+        """Orthonormal sensitivities to everything that was fitted, shape (rows, q)."""
+        return orthonormal(np.column_stack([self.joint.basis[0], self.fit.slopes]))
+
+    @cached_property
+    def foretold(self) -> Foretold:
+        """Residuals with each condition left out."""
+        return foretold(self.left, self.columns, conditions(self.joint))
+
+    @property
+    def excess(self) -> float:
+        """Sum of squares of what is left beyond noise."""
+        return 2 * self.fit.nll - (self.left.size - self.columns.shape[1])
+
+
+def conditions(joint: JointFit) -> list[NDArray[np.intp]]:
+    """Fitted rows of each condition."""
+    numbers = np.concatenate([np.full(o.fitted, o.condition) for o in joint.seen])
+    return [np.flatnonzero(numbers == number) for number in np.unique(numbers)]
+
+
+def base_hypothesis(joint: JointFit) -> Hypothesis:
+    """Nothing on."""
+    return Hypothesis(joint.base, joint)
+
+
+def attribute(
+    joint: JointFit,
+    beside: Hypothesis,
+    effects: Sequence[Effect],
+    found: Signatures,
+    pool: Executor,
+    progress: Callable[[str], None],
+    hopeless: float = HOPELESS,
+) -> list[Hypothesis]:
+    """The hypotheses that have one more effect on than ``beside``, best first.
+
+    Each is fitted with a few steps from its best starts; those that gain a fair share of what the best one does go on
+    until they settle.
+
+    Parameters
+    ----------
+    joint : JointFit
+    beside : Hypothesis
+    effects : sequence of Effect
+        Those that may be switched on.
+    found : Signatures
+        Beside ``beside``: they rank the starts.
+    pool : Executor
+        Where the fits run.
+    progress : callable
+    hopeless : float
+        Share of the best gain below which an effect is not fitted to the end.
+    """
+    given = beside.fit
+
+    def few_steps(task: tuple[Effect, dict[str, float]]) -> Fit | None:
+        effect, start = task
+        progress(f"{' + '.join((*given.ids, effect.id))}")
+        point = np.concatenate([given.point, point_of([effect], [start])])
+        return _tried(joint, (*given.effects, effect), point, given, FIRST_STEPS)
+
+    tasks = [
+        (effect, start)
+        for effect in effects
+        if effect.id not in given.ids
+        for _, start in found.ranked(effect, beside.left)[:STARTS]
+    ]
+    best: dict[str, Fit] = {}
+    for fit in pool.map(few_steps, tasks):
+        if fit is not None and (fit.ids[-1] not in best or fit.nll < best[fit.ids[-1]].nll):
+            best[fit.ids[-1]] = fit
+    most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
+
+    def to_the_end(fit: Fit) -> Fit:
+        if fit.converged or given.nll - fit.nll < hopeless * most:
+            return fit
+        progress(f"{' + '.join(fit.ids)}")
+        return _tried(joint, fit.effects, fit.point, fit) or fit
+
+    hypotheses = [Hypothesis(fit, joint) for fit in pool.map(to_the_end, best.values())]
+    return sorted(hypotheses, key=lambda h: -h.score)
+
+
+def _tried(joint: JointFit, effects: Sequence[Effect], point: Real, begin: Fit, steps: int | None = None) -> Fit | None:
+    """A fit that goes on from another's base parameters; None where the start cannot be simulated."""
+    try:
+        if steps is None:
+            return joint.fit(effects, point, begin.head)
+        return joint.fit(effects, point, begin.head, most_steps=steps)
+    except (ValueError, FloatingPointError, OverflowError):
+        return None

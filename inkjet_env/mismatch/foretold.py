@@ -1,0 +1,73 @@
+"""What a fit foretells of conditions it has not seen, from one fit of all: each left out in turn, linearised.
+
+Leaving the rows of condition g out of least squares changes the residual there from ``r_g`` to ``(I - H_gg)⁻¹ r_g``
+with ``H`` the hat matrix (Cook & Weisberg 1982). A parameter that one condition alone tells cannot be tested by leaving
+that out, and is left as fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+
+TOLD_BY_ONE = 0.9
+"""Share of what is known of a parameter's direction that one condition gives, from which on it is not tested there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Foretold:
+    """Residuals with each condition left out of the fit.
+
+    Attributes
+    ----------
+    left : ndarray, shape (rows,)
+    groups : tuple of ndarray of int
+        Rows of each condition.
+    """
+
+    left: Real
+    groups: tuple[NDArray[np.intp], ...]
+
+    def gains_of(self, other: Foretold) -> tuple[Real, Real]:
+        """How much better the other foretells each condition in log-likelihood, and the standard error, (g,) each."""
+        gains, errors = [], []
+        for rows in self.groups:
+            mine, theirs = self.left[rows], other.left[rows]
+            gains.append(0.5 * float(mine @ mine - theirs @ theirs))
+            errors.append(float(np.linalg.norm(mine - theirs)))
+        return np.array(gains), np.array(errors)
+
+
+def foretold(left: Real, columns: Real, groups: Sequence[NDArray[np.intp]]) -> Foretold:
+    """Residuals with each condition left out.
+
+    Parameters
+    ----------
+    left : ndarray, shape (rows,)
+        Whitened residual of the fit.
+    columns : ndarray, shape (rows, p)
+        Whitened sensitivities to all fitted parameters.
+    groups : sequence of ndarray of int
+        Rows of each condition.
+    """
+    q = orthonormal(columns)
+    result = left.copy()
+    for rows in groups:
+        mine = q[rows]
+        share, directions = np.linalg.eigh(mine.T @ mine)
+        factor = np.where(share < TOLD_BY_ONE, 1 / (1 - np.minimum(share, TOLD_BY_ONE)), 0.0)
+        result[rows] = left[rows] + mine @ (directions @ (factor * (directions.T @ (mine.T @ left[rows]))))
+    return Foretold(result, tuple(groups))
+
+
+def orthonormal(columns: Real) -> Real:
+    """Orthonormal columns of the same span, shape (rows, rank)."""
+    size = np.linalg.norm(columns, axis=0)
+    q, r = np.linalg.qr(columns[:, size > 0] / size[size > 0])
+    told: Real = q[:, np.abs(np.diag(r)) > 1e-9]
+    return told

@@ -1,0 +1,144 @@
+"""What each effect would add to the recordings, base parameters free to adapt: the cheap look before any fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.plant import Effect
+from inkjet_env.plant.effect import coordinates
+
+Real = NDArray[np.float64]
+
+DRAWS = 2000
+LEAST_SHARE = 1e-9
+"""A signature of which less is left beside the base parameters than this share cannot be told from them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signatures:
+    """Unit columns over the fitted rows, one for each start of each effect; what the base can say is projected out.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+        Of each column.
+    starts : tuple of dict
+        Values of each column's start.
+    columns : ndarray, shape (rows, k)
+    sizes : ndarray, shape (k,)
+        Of the projected signature before it was scaled: how many standard deviations the start's own strength shows.
+    """
+
+    effects: tuple[Effect, ...]
+    starts: tuple[dict[str, float], ...]
+    columns: Real
+    sizes: Real
+
+    def scores(self, left: Real) -> Real:
+        """Standard normal where the model that left ``left`` (rows,) is right, one a column."""
+        scores: Real = self.columns.T @ left
+        return scores
+
+    def beside(self, basis: Real) -> Signatures:
+        """What is left beside more orthonormal columns, shape (rows, q)."""
+        columns = self.columns - basis @ (basis.T @ self.columns)
+        size = np.linalg.norm(columns, axis=0)
+        told = size > math.sqrt(LEAST_SHARE)
+        chosen = np.flatnonzero(told)
+        return Signatures(
+            tuple(self.effects[i] for i in chosen),
+            tuple(self.starts[i] for i in chosen),
+            columns[:, told] / size[told],
+            self.sizes[told] * size[told],
+        )
+
+    def chance(self, score: float, rng: np.random.Generator) -> float:
+        """Probability that noise alone gives any column a score this large."""
+        if not self.sizes.size:
+            return 1.0
+        gram = self.columns.T @ self.columns
+        values, vectors = np.linalg.eigh(gram)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        largest = np.abs(rng.standard_normal((DRAWS, values.size)) @ root.T).max(axis=1)
+        above = int(np.sum(largest >= abs(score)))
+        if above >= 20:
+            return above / DRAWS
+        bound = self.sizes.size * math.erfc(abs(score) / math.sqrt(2))  # Bonferroni's, good in the tail
+        return float(min(bound, (above + 1) / DRAWS))
+
+    def ranked(self, effect: Effect, left: Real) -> list[tuple[float, dict[str, float]]]:
+        """Scores and starts of one effect, best first; strengths scaled to what the recordings show."""
+        scores = self.scores(left)
+        mine = [i for i, e in enumerate(self.effects) if e.id == effect.id]
+        mine.sort(key=lambda i: -abs(float(scores[i])))
+        return [(float(scores[i]), _scaled(effect, self.starts[i], float(scores[i] / self.sizes[i]))) for i in mine]
+
+    def best(self, left: Real) -> dict[str, float]:
+        """By effect's id, the largest score's size."""
+        found: dict[str, float] = {}
+        for effect, score in zip(self.effects, self.scores(left), strict=True):
+            found[effect.id] = max(found.get(effect.id, 0.0), abs(float(score)))
+        return found
+
+
+def signatures(
+    joint: JointFit,
+    effects: Iterable[Effect],
+    pool: Executor,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Signatures:
+    """Signatures of all effects at all their starts."""
+    shots = [o.shot for o in joint.seen if o.channel != "drive_monitor"]
+    tasks = []
+    for effect in effects:
+        progress(f"what {effect.id} would add")
+        tasks.extend((effect, start) for start in effect.starts(joint.base.head.printhead, shots))
+
+    def column(task: tuple[Effect, dict[str, float]]) -> Real | None:
+        try:
+            return joint.signature(*task)
+        except (FloatingPointError, ValueError, OverflowError):
+            return None
+
+    q, _ = joint.basis
+    kept, columns, sizes = [], [], []
+    for task, found in zip(tasks, pool.map(column, tasks), strict=True):
+        if found is None or not np.isfinite(found).all():
+            continue
+        projected = found - q @ (q.T @ found)
+        size = float(np.linalg.norm(projected))
+        if size > math.sqrt(LEAST_SHARE) * float(np.linalg.norm(found)) and size > 1e-9:
+            kept.append(task)
+            columns.append(projected / size)
+            sizes.append(size)
+    rows = int(joint.ends[-1])
+    return Signatures(
+        tuple(effect for effect, _ in kept),
+        tuple(start for _, start in kept),
+        np.column_stack(columns) if columns else np.zeros((rows, 0)),
+        np.array(sizes),
+    )
+
+
+def _scaled(effect: Effect, start: dict[str, float], factor: float) -> dict[str, float]:
+    """A start with its strengths multiplied: within bounds, and by no more than a fit may trust the linear picture."""
+    factor = math.copysign(min(max(abs(factor), 0.05), 3.0), factor)
+    values = dict(start)
+    for p in effect.parameters:
+        if p.name in effect.strengths:
+            scaled = p.coordinate(start[p.name]) * (abs(factor) if p.scale == "reciprocal" else factor)
+            low, high = p.bounds
+            values[p.name] = p.value(min(max(scaled, low), high))
+    return values
+
+
+def point_of(effects: Sequence[Effect], values: Sequence[dict[str, float]]) -> Real:
+    """Coordinates of several effects one after another."""
+    return np.concatenate([coordinates(e, v) for e, v in zip(effects, values, strict=True)] or [np.zeros(0)])
