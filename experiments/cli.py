@@ -1,4 +1,4 @@
-"""The command ``inkjet``: simulate, optimize, bench; record, identify and evaluate are in `campaign_commands`.
+"""The command ``inkjet``: simulate, optimize, bench; `campaign_commands` and `diagnosis_command` have the others.
 
 Exit status: 0 done, 2 bad input (one sentence on standard error), 130 interrupted by Ctrl-C with what was done kept.
 Whatever costs time to import is imported by the command that needs it.
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from experiments import campaign_commands
+from experiments import campaign_commands, diagnosis_command
 from experiments.arguments import (
     check_outputs,
     check_rate,
@@ -263,6 +263,7 @@ def bench(
 app.command()(campaign_commands.record)
 app.command()(campaign_commands.identify)
 app.command()(campaign_commands.evaluate)
+app.command()(diagnosis_command.diagnose)
 
 
 def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None) -> None:

@@ -1,0 +1,173 @@
+"""The command that diagnoses: where recordings and model differ, and which physics was left out."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from experiments.arguments import check_outputs, chosen_seed
+from experiments.campaign_commands import Folder, ScopeChannel, ScopeColumns, ScopeState, _files_of, _reading
+from experiments.options import JsonFile
+from experiments.progress import announce_compiling, shown_steps
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from inkjet_env.mismatch.diagnosis import Diagnosis
+
+NEXT = "next.csv"
+
+
+def diagnose(
+    folder: Folder,
+    printhead: Annotated[
+        Path | None, typer.Option(help="printhead.json to begin with; identified from the campaign unless given")
+    ] = None,
+    printhead_out: Annotated[Path | None, typer.Option(help="the augmented printhead: .json for --printhead")] = None,
+    report: Annotated[Path | None, typer.Option(help="a page with all that was found: .html")] = None,
+    json: JsonFile = None,
+    next_out: Annotated[
+        Path | None, typer.Option(help="drive of the next experiment: .csv; next.csv beside the JSON unless given")
+    ] = None,
+    hold_out: Annotated[
+        str | None,
+        typer.Option(
+            "--hold-out",
+            "--held-out",
+            help="recordings that no fit or choice may see, with commas between; chosen by condition unless given",
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,
+    workers: Annotated[int | None, typer.Option(help="processes; one a core unless given")] = None,
+    channel: ScopeChannel = None,
+    columns: ScopeColumns = None,
+    initial_state: ScopeState = None,
+) -> None:
+    """Where recordings and model differ, which physics was left out, and how the fit was before and is after.
+
+    inkjet diagnose campaign --printhead-out augmented.json --report diagnosis.html --json diagnosis.json
+    """
+    if next_out is None and json is not None and str(json) != "-":
+        next_out = json.parent / NEXT
+    files = {"printhead-out": printhead_out, "report": report, "next-out": next_out}
+    check_outputs((printhead, *_files_of(folder)), json=json, **files)
+    for (name, file), ending in zip(files.items(), (".json", ".html", ".csv"), strict=True):
+        if file is not None and file.suffix.lower() != ending:
+            raise ValueError(f"--{name} must end in {ending}; got {file}.")
+    if workers is not None and workers < 1:
+        raise ValueError(f"--workers must be at least 1; got {workers}.")
+    options: dict[str, Any] = {}
+    if hold_out is not None:
+        options["held_out"] = tuple(name.strip() for name in hold_out.split(","))
+    if workers is not None:
+        options["workers"] = workers
+    found = _diagnosed(folder, printhead, _reading(channel, columns, initial_state), chosen_seed(seed), options)
+    written = _written(found, json, files)
+    if str(json) != "-":
+        print_diagnosis(found)
+        for what, file in written.items():
+            print(f"{file}: {what}")
+
+
+def _diagnosed(
+    folder: Path, printhead: Path | None, reading: Mapping[str, Any], seed: int, options: Mapping[str, Any]
+) -> Diagnosis:
+    """Read, check and diagnose the campaign of a folder; warnings go to standard error."""
+    import numpy as np
+
+    from experiments.identification import _checked, _warn
+    from inkjet_env.mismatch.diagnose import diagnose
+    from inkjet_env.printhead import Printhead
+    from inkjet_env.recordings import read_campaign
+
+    head = None if printhead is None else Printhead.from_json(printhead)
+    announce_compiling()
+    with shown_steps(f"diagnose {folder}") as told:
+        told("reading")
+        campaign = read_campaign(folder, **reading)
+        warnings = _checked(campaign, None if head is None else head.frequency_Hz)
+        try:
+            found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=told, **options)
+        finally:
+            _warn(warnings)  # what is doubtful may be why it failed
+    for note in campaign.notes:
+        print(note, file=sys.stderr)
+    return found
+
+
+def _written(found: Diagnosis, json: Path | None, files: Mapping[str, Path | None]) -> dict[str, Path]:
+    """Write what was asked for, all of it made before the first file is touched; what each file is."""
+    import numpy as np
+
+    from experiments.diagnosis_figures import sample_times_s
+    from experiments.diagnosis_report import diagnosis_html
+    from experiments.drive_csv import write_columns
+    from inkjet_env.storage import json_text, write_atomically, write_json
+
+    head_file, report, drive_file = files.values()
+    experiment, drive_name = found.next_experiment, None
+    if experiment is not None and experiment.drive_V and drive_file is not None:
+        beside = Path() if json is None or str(json) == "-" else json.parent
+        drive_name = Path(os.path.relpath(drive_file, beside)).as_posix()
+    page = None if report is None else diagnosis_html(found)
+    head = None if head_file is None else json_text(augmented_json(found))
+    verdict = None if json is None else found.as_json(drive_name)
+    written = {}
+    if experiment is not None and drive_file is not None and drive_name is not None:
+        time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
+        write_columns(drive_file, {"time_s": time_s, "drive_V": np.array(experiment.drive_V)})
+        written["drive of the next experiment"] = drive_file
+    if head_file is not None and head is not None:
+        write_atomically(head_file, head)
+        written["the printhead with its effects, ready for --printhead"] = head_file
+    if report is not None and page is not None:
+        write_atomically(report, page)
+        written["report"] = report
+    if json is not None:
+        write_json(json, verdict)
+    return written
+
+
+def augmented_json(found: Diagnosis) -> dict[str, Any]:
+    """The base part of the augmented model as ``printhead/1``, with the effects that were found and their intervals."""
+    units = {trace.channel: trace.unit for trace in found.traces}
+    channels = {
+        channel: {"unit": units[channel], "gain": {"value": gain}, "offset": found.offsets[channel]}
+        for channel, gain in found.gains.items()
+    }
+    verdict = found.as_json()
+    effects = [{"id": e["id"], "parameters": e["parameters"]} for e in verdict["effects"]]
+    return found.printhead.as_json(fit=verdict["fit"] | {"channels": channels}) | {"effects": effects}
+
+
+def print_diagnosis(found: Diagnosis) -> None:
+    """Print the verdict, effects with intervals, the fit before and after, candidates and the next experiment."""
+    from experiments.diagnosis_report import channel_rows, parameter_rows, share_text
+    from experiments.identification_figures import unit_text
+    from experiments.identification_report import short
+    from experiments.tables import _table
+
+    print(found.headline)
+    parameters = [(e.effect.id, *row[:4]) for e in found.effects for row in parameter_rows(e)]
+    if parameters:
+        _table(("effect", "parameter", "value", "90 % interval", "unit"), parameters)
+    fits = [
+        (
+            f"{row.label}, {row.role}",
+            *(f"{short(rms)} {unit_text(row.unit)}" for rms in (row.noise, row.base, row.augmented)),
+            share_text(row.closure),
+        )
+        for row in channel_rows(found)
+    ]
+    _table(("what is left (RMS)", "noise", "base", "augmented", "closure"), fits)
+    for group in found.candidates:
+        print(f"- These recordings cannot tell apart: {', '.join(group)}.")
+    print(f"- Where: {found.location.sentence}")
+    if found.next_experiment is not None:
+        print(f"- Next: {found.next_experiment.sentence}")
+    for note in found.notes:
+        print(f"- {note}")

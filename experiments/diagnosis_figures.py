@@ -1,0 +1,204 @@
+"""Pictures of a diagnosis: recordings before and after, fits side by side, spectra of what is left, the next drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments import pictures
+from experiments.identification_figures import (
+    BAND,
+    CHANNEL_WORDS,
+    _line,
+    amplitude_densities,
+    short_name,
+    time_scale,
+    unit_text,
+)
+from inkjet_env.identification import Residual
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from inkjet_env.mismatch.diagnosis import NextExperiment, Trace
+
+Real = NDArray[np.float64]
+
+WIDTH = 5.4
+"""Inches of one picture: two stand side by side on a desk, one fills a telephone."""
+AUGMENTED, BASE, CORRECTED = pictures.COLOURS[0], pictures.COLOURS[1], pictures.COLOURS[2]
+MEASURED, NOISE = "#9a9a9a", "#444444"
+SHADE = "#f3e6bf"
+BINS = 160
+"""Of a spectrum, equally wide on a logarithmic axis."""
+LABELS = {"base": "base model", "augmented": "augmented model", "corrected": "with flexible correction"}
+COLOURS = {"base": BASE, "augmented": AUGMENTED, "corrected": CORRECTED}
+
+
+@dataclass(frozen=True)
+class Row:
+    """RMS of what is left of recordings of one kind: of a condition, a recording, or a channel.
+
+    Attributes
+    ----------
+    label, channel, unit : str
+    held_out : bool
+    names : tuple of str
+        Of the recordings.
+    drive_V : (float, float)
+        Least and largest.
+    noise, base, augmented : float
+        In the unit.
+    """
+
+    label: str
+    channel: str
+    unit: str
+    held_out: bool
+    names: tuple[str, ...]
+    drive_V: tuple[float, float]
+    noise: float
+    base: float
+    augmented: float
+
+    @property
+    def role(self) -> str:
+        """In words."""
+        return "held out" if self.held_out else "fitted"
+
+    @property
+    def closure(self) -> float:
+        """Share of the mean square beyond noise that the augmented model removes; NaN where hardly any is there."""
+        beyond = self.base**2 - self.noise**2
+        return (self.base**2 - self.augmented**2) / beyond if beyond > 0.1 * self.noise**2 else math.nan
+
+
+def view_figure(trace: Trace, models: Mapping[str, Real], samples: slice, zoom: slice | None = None) -> Figure:
+    """Drive, signal and what the models leave of some samples of a recording; the stretch ``zoom`` is shaded.
+
+    Parameters
+    ----------
+    trace : Trace
+    models : mapping of str to ndarray, shape (n,)
+        Signals by "base", "augmented", "corrected"; drawn in that order.
+    samples, zoom : slice
+    """
+    figure, axes = pictures.new_figure(WIDTH, 5.4, nrows=3, sharex=True, height_ratios=[1, 2, 2])
+    time_s = sample_times_s(trace.measured.size, trace.step_s)
+    seconds, time_unit = time_scale(float(np.ptp(time_s[samples])))
+    time, unit = time_s / seconds, unit_text(trace.unit)
+    _line(axes[0], time[samples], trace.drive_V[samples], color=pictures.GREY, lw=1.2)
+    _line(axes[1], time[samples], trace.measured[samples], color=MEASURED, lw=3.4, label="measured")
+    if math.isfinite(trace.noise_rms):
+        band = 2 * trace.noise_rms
+        axes[2].axhspan(-band, band, color=BAND, lw=0, zorder=0.5, label="± 2 × noise")
+    for which, modelled in models.items():
+        style: Any = {"color": COLOURS[which], "label": LABELS[which] if len(models) > 1 else "model"}
+        _line(axes[1], time[samples], modelled[samples], lw=0.9, **style)
+        _line(axes[2], time[samples], (trace.measured - modelled)[samples], lw=0.8, **style)
+    if zoom is not None:
+        for panel in axes:
+            panel.axvspan(time[zoom.start], time[zoom.stop - 1], color=SHADE, lw=0, zorder=0)
+    axes[0].set_ylabel("drive (V)")
+    axes[1].set_ylabel(f"{CHANNEL_WORDS[trace.channel]} ({unit})")
+    axes[2].set_ylabel(f"measured −\nmodelled ({unit})")
+    axes[2].set_xlabel(f"time ({time_unit})")
+    found = dict(zip(*axes[2].get_legend_handles_labels()[::-1], strict=True))
+    entries = dict(zip(*axes[1].get_legend_handles_labels()[::-1], strict=True)) | found
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    figure.align_ylabels()
+    return figure
+
+
+def fits_figure(rows: Sequence[Row]) -> Figure:
+    """What base and augmented model leave of each condition of a channel, beside its noise; held-out ones shaded."""
+    figure, axes = pictures.new_figure(WIDTH, 1.2 + 0.17 * max(len(rows), 4))
+    at = np.arange(len(rows))
+    noise, base, augmented = (np.array([getattr(r, name) for r in rows]) for name in ("noise", "base", "augmented"))
+    for k, row in enumerate(rows):
+        if row.held_out:
+            axes.axhspan(k - 0.5, k + 0.5, color=SHADE, lw=0, zorder=0)
+    axes.hlines(at, np.minimum(base, augmented), np.maximum(base, augmented), color=pictures.GREY, lw=0.8)
+    axes.plot(noise, at, "|", color=NOISE, ms=8, mew=1.6, label="noise")
+    axes.plot(base, at, "o", color=BASE, mfc="white", ms=5, label="base model")
+    axes.plot(augmented, at, "o", color=AUGMENTED, ms=4, label="augmented model")
+    axes.set_yticks(at, [short_name(row.label) for row in rows], fontsize=7, parse_math=False)
+    shown = np.concatenate([noise, base, augmented])
+    shown = shown[np.isfinite(shown) & (shown > 0)]
+    low, high = (float(shown.min()), float(shown.max())) if shown.size else (1.0, 1.0)
+    axes.set(ylim=(len(rows) - 0.4, -0.6), xscale="log", xlim=(low / 1.3, high * 1.3))
+    _plain_log_ticks(axes.xaxis, low / 1.3, high * 1.3)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel(f"RMS of what is left, {CHANNEL_WORDS[rows[0].channel]} ({unit_text(rows[0].unit)})")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    return figure
+
+
+def spectrum_figure(traces: Sequence[Trace]) -> Figure:
+    """Amplitude density of what base and augmented model leave, together over recordings of a channel, and noise."""
+    figure, axes = pictures.new_figure(WIDTH, 3.4)
+    frequency, base, augmented, noise = left_densities(traces)
+    scale, unit = next(((s, u) for s, u in ((1e6, "MHz"), (1e3, "kHz")) if frequency[-1] > 10 * s), (1.0, "Hz"))
+    axes.plot(frequency / scale, noise, "--", color=NOISE, lw=1.2, label="noise, if white")
+    axes.plot(frequency / scale, base, color=BASE, lw=1.3, label=LABELS["base"])
+    axes.plot(frequency / scale, augmented, color=AUGMENTED, lw=1.1, label=LABELS["augmented"])
+    axes.set(xscale="log", yscale="log")
+    axes.set_xlabel(f"frequency ({unit})")
+    axes.set_ylabel(f"left of {CHANNEL_WORDS[traces[0].channel]}\n({unit_text(traces[0].unit)}/√Hz)")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    return figure
+
+
+def left_densities(traces: Sequence[Trace]) -> tuple[Real, Real, Real, Real]:
+    """Frequencies in Hz, and amplitude densities of what base and augmented model leave, and of white noise.
+
+    Root of the mean power over all lines of all recordings in each of `BINS` stretches of frequency, empty ones left
+    out.
+    """
+    lines = []
+    for t in traces:
+        seen = Residual(t.name, t.channel, t.unit, t.step_s, t.drive_V, t.measured, t.base, t.fitted, t.noise_rms)
+        frequency, base, augmented = amplitude_densities(seen, t.measured - t.base, t.measured - t.augmented)
+        noise = np.full(frequency.size, math.sqrt(2 * t.step_s) * t.noise_rms)
+        lines.append(np.stack([frequency, base, augmented, noise])[:, 1:])
+    frequency, *densities = np.concatenate(lines, axis=1)
+    edges = np.geomspace(frequency.min(), frequency.max() * (1 + 1e-9), BINS + 1)
+    place = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, BINS - 1)
+    count = np.bincount(place, minlength=BINS)
+    full = count > 0
+    means = [np.sqrt(np.bincount(place, d**2, BINS)[full] / count[full]) for d in densities]
+    return np.sqrt(edges[:-1] * edges[1:])[full], means[0], means[1], means[2]
+
+
+def next_figure(experiment: NextExperiment) -> Figure:
+    """Drive of the next experiment."""
+    figure, axes = pictures.new_figure(WIDTH, 2.2)
+    time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
+    seconds, unit = time_scale(float(time_s[-1]))
+    _line(axes, time_s / seconds, np.array(experiment.drive_V), color=AUGMENTED, lw=1.2)
+    axes.set_xlabel(f"time ({unit})")
+    axes.set_ylabel("drive (V)")
+    return figure
+
+
+def sample_times_s(samples: int, step_s: float) -> Real:
+    """Times from 0 s, shape (samples,)."""
+    return np.arange(samples, dtype=np.float64) * np.float64(step_s)
+
+
+def _plain_log_ticks(axis: Any, low: float, high: float) -> None:
+    """Few plain numbers on a logarithmic axis, on a short range too."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    decades = math.log10(high / low)
+    if decades < 0.5:
+        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    else:
+        axis.set_major_locator(LogLocator(subs=(1, 3) if decades < 3 else (1,), numticks=8))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+    axis.set_minor_formatter(NullFormatter())

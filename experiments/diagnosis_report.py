@@ -1,0 +1,343 @@
+"""The page that a diagnosis is read from: the verdict, the recording that proves it, and everything behind it.
+
+`write_diagnosis_report` writes one HTML file that needs nothing but itself. From top to bottom: the verdict in words,
+the held-out recording before and after, what was found, the fit before and after, spectra of what is left, where the
+mismatch sits, the hypotheses, what could not be tested, the next experiment, noise, the head, the time it took.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments import diagnosis_figures as figures
+from experiments.diagnosis_figures import Row
+from experiments.identification_figures import CHANNEL_WORDS, unit_text
+from experiments.identification_report import hertz, short
+from experiments.pictures import svg_text
+from inkjet_env.identification import Estimate
+from inkjet_env.storage import write_atomically
+
+if TYPE_CHECKING:
+    from inkjet_env.mismatch.diagnosis import Diagnosis, Named, Trace
+
+Real = NDArray[np.float64]
+
+PERIODS_SHOWN = 6
+"""Of the resonance, where the difference is enlarged."""
+FEWEST_SHOWN = 60
+"""Samples, there."""
+MOST_CONDITIONS = 60
+"""In a picture; the table has all."""
+MOST_CELLS = 12
+"""Rows of one view of where the mismatch sits."""
+VIEW_WORDS = {
+    "amplitude": "Largest drive",
+    "slope": "Steepest edge",
+    "sign": "Polarity",
+    "order": "Order of recording",
+    "distortion": "Distortion",
+}
+VERDICT_WORDS = {"none": "nothing found", "named": "named", "set": "one of several", "unknown": "unknown cause"}
+PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+PREFIXABLE = re.compile(r"(Hz|V|s|A|m|N|Pa|F|W|Ω)(?=$|[ /·])")
+
+
+def write_diagnosis_report(path: str | os.PathLike[str], diagnosis: Diagnosis) -> None:
+    """Write the page, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Of the HTML file; an existing one is replaced.
+    diagnosis : Diagnosis
+
+    Raises
+    ------
+    OSError
+        The folder is missing or not writable.
+    """
+    write_atomically(path, diagnosis_html(diagnosis))
+
+
+def diagnosis_html(diagnosis: Diagnosis) -> str:
+    """The page as text."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    from inkjet_env.plant import catalogue
+
+    environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
+    environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
+    environment.filters |= {"share": share_text, "hertz": hertz, "number": number}
+    proof = proof_trace(diagnosis)
+    models = models_of(proof, diagnosis)
+    zoom = zoom_of(proof, models, diagnosis.printhead.frequency_Hz)
+    whole = slice(0, proof.measured.size)
+    conditions = condition_rows(diagnosis)
+    experiment = diagnosis.next_experiment
+    return environment.get_template("diagnosis.html").render(
+        diagnosis=diagnosis,
+        verdict=VERDICT_WORDS[diagnosis.verdict],
+        headline=diagnosis.headline.rstrip("."),
+        proof=proof,
+        models=models,
+        whole=svg_text(figures.view_figure(proof, models, whole, zoom)),
+        zoom=svg_text(figures.view_figure(proof, models, zoom)),
+        effects=[(named, parameter_rows(named)) for named in diagnosis.effects],
+        catalogue={effect.id: effect for effect in catalogue()},
+        told={a.ids[0]: a for a in diagnosis.attributions if len(a.ids) == 1},
+        channels=channel_rows(diagnosis),
+        conditions=conditions,
+        fits=[svg_text(figures.fits_figure(rows)) for rows in shown_conditions(conditions)],
+        most_conditions=MOST_CONDITIONS,
+        spectra=[svg_text(figures.spectrum_figure(traces)) for traces in spectrum_traces(diagnosis)],
+        views=view_tables(diagnosis),
+        found_ids={e.effect.id for e in diagnosis.effects},
+        next_picture=svg_text(figures.next_figure(experiment)) if experiment and len(experiment.drive_V) > 1 else None,
+        noises=noise_rows(diagnosis),
+        heads=head_rows(diagnosis),
+        stages=sorted(diagnosis.stages.items(), key=lambda item: -item[1]),
+    )
+
+
+def proof_trace(diagnosis: Diagnosis) -> Trace:
+    """The recording that shows best what the verdict rests on: held out where one is, of a drive that moves.
+
+    Where the augmented model is another than the base model, the one whose likelihood gains most; else the one that is
+    farthest from its noise.
+    """
+    changed = any(not np.array_equal(t.base, t.augmented) for t in diagnosis.traces)
+
+    def evidence(trace: Trace) -> float:
+        rows = slice(trace.fitted, None) if trace.held_out else slice(None)
+        noise = trace.noise_rms if trace.noise_rms > 0 else 1.0
+        squares = ((trace.measured - trace.base)[rows] / noise) ** 2
+        if changed:
+            squares = squares - ((trace.measured - trace.augmented)[rows] / noise) ** 2
+        return float(np.sum(squares))
+
+    moving = [t for t in diagnosis.traces if np.ptp(t.drive_V) > 0] or list(diagnosis.traces)
+    return max(moving, key=lambda t: (t.held_out, evidence(t)))
+
+
+def models_of(trace: Trace, diagnosis: Diagnosis) -> dict[str, Real]:
+    """The signals that are worth drawing: the base model's, and those of the models that differ from it."""
+    models = {"base": trace.base}
+    if not np.array_equal(trace.base, trace.augmented):
+        models["augmented"] = trace.augmented
+    if diagnosis.correction is not None and trace.name in diagnosis.correction.modelled:
+        models["corrected"] = trace.augmented + diagnosis.correction.modelled[trace.name]
+    return models
+
+
+def zoom_of(trace: Trace, models: Mapping[str, Real], frequency_Hz: float) -> slice:
+    """Where the best model differs most from the base model, or the base model from what was measured."""
+    n = trace.measured.size
+    periods = round(PERIODS_SHOWN / (frequency_Hz * trace.step_s)) if trace.channel != "strain_gauge" else n // 6
+    width = min(max(periods, FEWEST_SHOWN), n)
+    other = trace.measured if len(models) == 1 else list(models.values())[-1]
+    power = np.concatenate([[0.0], np.cumsum((other - trace.base) ** 2)])
+    first = trace.fitted if trace.held_out and n - trace.fitted >= width else 0
+    start = first + int(np.argmax(power[first + width :] - power[first : n - width + 1]))
+    return slice(start, start + width)
+
+
+def parameter_rows(named: Named) -> list[tuple[str, str, str, str, str]]:
+    """Name, value, 90 % interval, unit and meaning of an effect's parameters."""
+    known = {p.name: p for p in named.effect.parameters}
+    return [
+        (name.replace("_", " "), *engineering(estimate, known[name].unit), known[name].meaning)
+        for name, estimate in named.parameters.items()
+    ]
+
+
+def engineering(estimate: Estimate, unit: str) -> tuple[str, str, str]:
+    """Value, interval and unit with a prefix that suits all three numbers.
+
+    Two digits of the interval's half width are shown, and of the value two at least.
+
+    Examples
+    --------
+    >>> engineering(Estimate(210.4e3, 205.1e3, 216.2e3), "Hz")
+    ('210.4', '205.1 … 216.2', 'kHz')
+    >>> engineering(Estimate(-2.5e-9, -2.61e-9, -2.39e-9), "1/V²")
+    ('−2.50', '−2.61 … −2.39', '10⁻⁹/V²')
+    >>> engineering(Estimate(4e5, 1e5, float("inf")), "Hz")
+    ('400', '100 … ∞', 'kHz')
+    """
+    numbers = (estimate.value, estimate.low, estimate.high)
+    finite = [abs(v) for v in numbers if math.isfinite(v) and v != 0]
+    size = finite[0] if finite else 1.0
+    exponent = min(max(3 * math.floor(math.log10(size) / 3 + 1e-12), -12), 12)
+    shown_unit = unit_text(unit)
+    if PREFIXABLE.match(unit):
+        shown_unit = PREFIXES[exponent] + shown_unit
+    elif 1e-3 <= size < 1e4:
+        exponent = 0
+    else:
+        power = "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        shown_unit = power + (shown_unit[1:] if unit.startswith("1") else f" {shown_unit}") if exponent else shown_unit
+    half = (estimate.high - estimate.low) / 2
+    leading = [math.floor(math.log10(v / 10.0**exponent)) for v in (half, size) if 0 < v < math.inf]
+    decimals = min(max(0, *(1 - digit for digit in leading), 0), 8) if leading else 0
+    value, low, high = (number(v / 10.0**exponent, decimals) for v in numbers)
+    return value, f"{low} … {high}", "" if shown_unit == "1" else shown_unit
+
+
+def number(value: float, decimals: int = 2) -> str:
+    """A number with so many decimals, a true minus and a sign for infinity; a dash where there is none.
+
+    Examples
+    --------
+    >>> number(-0.126), number(float("inf"), 0), number(float("nan")), number(3.2e9, 0)
+    ('−0.13', '∞', '–', '3.20e9')
+    """
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return short(value) if abs(value) >= 1e6 else f"{value:.{decimals}f}".replace("-", "−")
+
+
+def share_text(share: float) -> str:
+    """A share in per cent; a dash where there is none.
+
+    Examples
+    --------
+    >>> share_text(0.9312), share_text(0.99961), share_text(-0.02), share_text(float("nan"))
+    ('93 %', '99.96 %', '−2 %', '–')
+    """
+    if not math.isfinite(share):
+        return "–"
+    decimals = 0 if share <= 0.99 or share >= 1 else min(-math.floor(math.log10(1 - share)) - 1, 4)
+    return f"{100 * share:.{decimals}f} %".replace("-", "−")
+
+
+def pooled_row(label: str, traces: Sequence[Trace], held_out: bool) -> Row:
+    """Root mean squares over recordings of one channel, of what was held out or fitted."""
+    weights = np.array([t.measured.size - t.fitted if held_out else t.fitted for t in traces], dtype=np.float64)
+
+    def pooled(values: Sequence[float]) -> float:
+        return math.sqrt(float(np.average(np.square(values), weights=weights)))
+
+    return Row(
+        label,
+        traces[0].channel,
+        traces[0].unit,
+        held_out,
+        tuple(t.name for t in traces),
+        (min(float(t.drive_V.min()) for t in traces), max(float(t.drive_V.max()) for t in traces)),
+        pooled([t.noise_rms for t in traces]),
+        pooled([t.rms("base", held_out) for t in traces]),
+        pooled([t.rms("augmented", held_out) for t in traces]),
+    )
+
+
+def _having(traces: Sequence[Trace], held_out: bool) -> list[Trace]:
+    """Those of which anything was held out, or fitted."""
+    return [t for t in traces if (t.held_out if held_out else t.fitted > 0)]
+
+
+def channel_rows(diagnosis: Diagnosis) -> list[Row]:
+    """The fit of each channel before and after: held-out recordings, then fitted ones."""
+    rows = []
+    for channel in CHANNEL_WORDS:
+        mine = [t for t in diagnosis.traces if t.channel == channel]
+        rows += [
+            pooled_row(CHANNEL_WORDS[channel], some, held_out)
+            for held_out in (True, False)
+            if (some := _having(mine, held_out))
+        ]
+    return rows
+
+
+def condition_rows(diagnosis: Diagnosis) -> list[tuple[Row, list[Row]]]:
+    """The fit of each condition before and after, with the recordings that repeat it: one drive on one channel.
+
+    The channel's held-out conditions come first.
+    """
+    found = []
+    for channel in CHANNEL_WORDS:
+        by_drive: dict[tuple[float, bytes], list[Trace]] = {}
+        for trace in diagnosis.traces:
+            if trace.channel == channel:
+                by_drive.setdefault((trace.step_s, trace.drive_V.tobytes()), []).append(trace)
+        for held_out in (True, False):
+            for traces in by_drive.values():
+                if some := _having(traces, held_out):
+                    label = some[0].name if len(some) == 1 else f"{some[0].name} + {len(some) - 1} more"
+                    each = [pooled_row(t.name, [t], held_out) for t in some] if len(some) > 1 else []
+                    found.append((pooled_row(label, some, held_out), each))
+    return found
+
+
+def shown_conditions(conditions: Sequence[tuple[Row, list[Row]]]) -> list[list[Row]]:
+    """Rows of each picture: a channel's conditions, those that gain most where there are very many."""
+    pictures = []
+    for channel in CHANNEL_WORDS:
+        mine = [row for row, _ in conditions if row.channel == channel]
+        kept = sorted(range(len(mine)), key=lambda k: -abs(mine[k].base ** 2 - mine[k].augmented ** 2))[
+            :MOST_CONDITIONS
+        ]
+        if kept:
+            pictures.append([mine[k] for k in sorted(kept)])
+    return pictures
+
+
+def spectrum_traces(diagnosis: Diagnosis) -> list[list[Trace]]:
+    """Recordings whose spectra are shown together: of each channel the held-out ones under a drive, else all."""
+    chosen = []
+    for channel in CHANNEL_WORDS:
+        mine = [t for t in diagnosis.traces if t.channel == channel and np.ptp(t.drive_V) > 0]
+        if mine:
+            chosen.append([t for t in mine if t.held_out] or mine)
+    return chosen
+
+
+def view_tables(diagnosis: Diagnosis) -> list[tuple[str, int, list[tuple[str, float, float, float]]]]:
+    """Title, number of cells and rows of each view of where the mismatch sits.
+
+    A row is a label, power over noise, the length of its bar in per cent, and z. Of a view with many cells those with
+    the largest z, in the view's order.
+    """
+    tables = []
+    for view, cells in diagnosis.location.tables.items():
+        kept = sorted(range(len(cells)), key=lambda k: -np.nan_to_num(cells[k][2], nan=-math.inf))[:MOST_CELLS]
+        rows = [cells[k] for k in sorted(kept)]
+        largest = max((_decades(ratio) for _, ratio, _ in rows), default=0.0) or 1.0
+        bars = [(label, ratio, round(100 * _decades(ratio) / largest, 1), z) for label, ratio, z in rows]
+        if bars:
+            tables.append((VIEW_WORDS.get(view, view.capitalize()), len(cells), bars))
+    return tables
+
+
+def _decades(ratio: float) -> float:
+    return math.log10(1 + ratio) if 0 < ratio < math.inf else 0.0
+
+
+def noise_rows(diagnosis: Diagnosis) -> list[tuple[str, str, float, int, str]]:
+    """Channel, sampling step, RMS, number of recordings and unit of each noise."""
+    groups: dict[tuple[str, str], list[Trace]] = {}
+    for trace in diagnosis.traces:
+        step = " ".join(engineering(Estimate(trace.step_s, trace.step_s, trace.step_s), "s")[::2])
+        groups.setdefault((CHANNEL_WORDS[trace.channel], step), []).append(trace)
+    return [
+        (channel, step, float(np.sqrt(np.mean([t.noise_rms**2 for t in some]))), len(some), unit_text(some[0].unit))
+        for (channel, step), some in groups.items()
+    ]
+
+
+def head_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    """What, of the head without effects and with them: base parameters take in what a model leaves out."""
+    base, augmented = diagnosis.base_printhead, diagnosis.printhead
+    return [
+        ("resonance", hertz(base.frequency_Hz), hertz(augmented.frequency_Hz)),
+        ("damping ratio", short(base.damping_ratio, 4), short(augmented.damping_ratio, 4)),
+        ("gain of self-sensing b1, 1/s", short(base.b1, 4), short(augmented.b1, 4)),
+    ]
