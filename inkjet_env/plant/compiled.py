@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-import warnings
-from typing import Any
-
 import numpy as np
-from numba.core.errors import NumbaExperimentalFeatureWarning
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
 from inkjet_env.printhead.compiled import branch_pieces
 from inkjet_env.printhead.compiled_gradient import moments as fill_moments
 from inkjet_env.printhead.kernel_cache import kernel_jit
-
-warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning)  # functions as arguments
 
 _jit = kernel_jit(__file__)
 
@@ -100,21 +96,40 @@ def linear_motion(forcing_V, pole, gain, step_s, pairs, start, deflection, speed
     return state
 
 
+@intrinsic
+def _force(typing_context, law, x_V, speed_V, values):
+    """Call a law compiled by `compiled_force`: its address and that of its values are numbers, which cost nothing to
+    hand over; a function as an argument costs 70 µs a call of the kernel."""
+
+    def call(context, builder, signature, arguments):
+        number = ir.DoubleType()
+        law_type = ir.FunctionType(number, [number, number, number.as_pointer()])
+        law = builder.inttoptr(arguments[0], law_type.as_pointer())
+        values = builder.inttoptr(arguments[3], number.as_pointer())
+        return builder.call(law, [arguments[1], arguments[2], values])
+
+    return types.float64(types.int64, types.float64, types.float64, types.int64), call
+
+
 @_jit
 def forced_motion(
-    forcing_V, pole, gain, omega0, step_s, pairs, start, laws, values, softening, stiffness, deflection, speed
+    forcing_V, pole, gain, omega0, step_s, pairs, start, forces, softening, stiffness, past, deflection, speed
 ):
     """`linear_motion` with forces that depend on the motion and a stiffness that depends on time.
 
+    The forces are taken as quadratic in time: through the step's end, as foretold by the line through the two values
+    before, its beginning, and the step before; one evaluation a step, third order.
+
     Parameters
     ----------
-    laws : tuple of compiled functions
-        Each ``(x_V, speed_V, values) -> V``.
-    values : ndarray, shape (len(laws), k)
+    forces : ndarray of int64, shape (k, 2)
+        Addresses of each law and of its values.
     softening : ndarray, shape (nodes,) or (0,)
         Relative change of stiffness at the nodes.
     stiffness : float
         Of the spring that softens, over the one that the forcing acts against.
+    past : ndarray, shape (2,)
+        Forces in all, a step before the start and at the start; those at the end afterwards.
     """
     decay = np.exp(pole * step_s)
     m = np.empty(3, dtype=np.complex128)
@@ -123,33 +138,30 @@ def forced_motion(
     first = scale * (m[0] - 3.0 * m[1] + 2.0 * m[2])
     middle = scale * (4.0 * m[1] - 4.0 * m[2])
     last = scale * (2.0 * m[2] - m[1])
-    whole, ramp = scale * m[0], scale * m[1]
+    whole, ramp, bend = scale * m[0], scale * m[1], 0.5 * scale * (m[1] + m[2])
     soft = softening.shape[0] > 0
     state = start
     deflection[0], speed[0] = state.imag, (pole * state).imag
     inverse = 1.0 / omega0
+    earlier, now = past[0], past[1]
     at = 0
     for i in range(1, deflection.shape[0]):
         for _ in range(pairs):
-            x, p = state.imag, (pole * state).imag * inverse
-            before = 0.0
-            for k, law in enumerate(laws):
-                before += law(x, p, values[k])
-            if soft:
-                before += stiffness * softening[at] * x
             state = state * decay + (first * forcing_V[at] + middle * forcing_V[at + 1] + last * forcing_V[at + 2])
-            state -= whole * before
+            state -= whole * now + ramp * (now - earlier)
+            at += 2
             x, p = state.imag, (pole * state).imag * inverse
             after = 0.0
-            for k, law in enumerate(laws):
-                after += law(x, p, values[k])
-            at += 2
+            for k in range(forces.shape[0]):
+                after += _force(forces[k, 0], x, p, forces[k, 1])  # type: ignore[call-arg]
             if soft:
                 after += stiffness * softening[at] * x
-            state -= ramp * (after - before)
+            state -= bend * (after - 2.0 * now + earlier)
+            earlier, now = now, after
         deflection[i], speed[i] = state.imag, (pole * state).imag
         if not abs(state.imag) < 1e9:
             return complex(np.nan, np.nan)
+    past[0], past[1] = earlier, now
     return state
 
 
@@ -178,15 +190,3 @@ def slew_limited(signal, largest_step, start, result):
         value += change
         result[i] = value
     return value
-
-
-@functools.cache
-def no_force() -> Any:
-    """A force law that never pushes, for a head whose stiffness alone changes."""
-    from inkjet_env.plant.resonance import compiled_force
-
-    return compiled_force(_nothing)
-
-
-def _nothing(x_V, speed_V, values):
-    return 0.0

@@ -3,7 +3,7 @@
 ``x'' + a1 x' + a0 (1 + m(t)) x = a0 (v - Σ F(x, x'/ω0))``: the deflection ``x`` in hysteretic volts (at rest it is
 ``v``). Displacement shows ``x``, self-sensing ``x'``. With the pole ``λ = -a1/2 + i ω_d`` the deflection is the
 imaginary part of an amplitude with ``A' = λ A + (a0 / ω_d) f``; ``f`` is quadratic between every second node, which the
-step integrates exactly. Forces enter by the exponential Runge–Kutta method of second order (Cox & Matthews 2002).
+step integrates exactly. Forces enter as quadratic in time (exponential Adams method, Cox & Matthews 2002): third order.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Real = NDArray[np.float64]
 MOST_LAPS = 40
 REST_STEPS = 30
 """Enough for forces that are weak beside the spring's."""
-STEADY = 1e-10
+STEADY = 1e-8
 """A periodic state is steady when a lap changes it by less of its size."""
 
 
@@ -52,13 +52,13 @@ class Force:
 
     Attributes
     ----------
-    law : callable
+    law : compiled law
         ``law(x_V, speed_V, values)`` in hysteretic volts, from the deflection, the scaled speed ``x' / ω0``, and an
         array of numbers; compiled by `compiled_force`.
     values : ndarray
     """
 
-    law: Callable[..., float]
+    law: Any
     values: Real
 
 
@@ -130,30 +130,36 @@ class Resonance:
         ends = np.ascontiguousarray(ends)
         pairs_a_sample = shot.parts // 2
 
-        def run(start: complex) -> complex:
-            if self.linear:
-                return complex(compiled.linear_motion(ends, lam, gain, h, pairs_a_sample, start, deflection, speed))
-            softening = np.zeros(0) if self.softening is None else np.append(self.softening, self.softening[:1])
-            laws = tuple(f.law for f in self.forces) or (compiled.no_force(),)
-            values = np.zeros((len(laws), max([f.values.size for f in self.forces], default=1)))
-            for row, force in zip(values, self.forces, strict=False):
-                row[: force.values.size] = force.values
-            return complex(
-                compiled.forced_motion(
-                    ends, lam, gain, math.sqrt(self.a0), h, pairs_a_sample, start, laws, values, softening,
-                    self.a0 / self.drive_a0, deflection, speed,
-                )
-            )  # fmt: skip
-
-        state = amplitude(lam, self._rest_V(float(ends[0])), 0.0)
+        rest = amplitude(lam, self._rest_V(float(ends[0])), 0.0)
+        state = rest
         if shot.initial_state == "free":
             state += amplitude(lam, shot.start[0], shot.start[1] * math.sqrt(self.a0))
+        if self.linear:
+
+            def run(start: complex) -> complex:
+                return complex(compiled.linear_motion(ends, lam, gain, h, pairs_a_sample, start, deflection, speed))
+
+        else:
+            softening = np.zeros(0) if self.softening is None else np.append(self.softening, self.softening[:1])
+            values = [np.ascontiguousarray(force.values, dtype=np.float64) for force in self.forces]
+            addresses = [(f.law.address, v.ctypes.data) for f, v in zip(self.forces, values, strict=True)]
+            forces = np.array(addresses, dtype=np.int64).reshape(-1, 2)
+            before = rest + (state - rest) * np.exp(-lam * h)  # of a drive that had been constant
+            past = np.array([self._pushed_V(before, lam), self._pushed_V(state, lam)])
+
+            def run(start: complex) -> complex:
+                return complex(
+                    compiled.forced_motion(
+                        ends, lam, gain, math.sqrt(self.a0), h, pairs_a_sample, start, forces, softening,
+                        self.a0 / self.drive_a0, past, deflection, speed,
+                    )
+                )  # fmt: skip
+
         end = run(state)
         if shot.periodic:
-            lap = -np.expm1(lam * shot.step_s * shot.samples)
+            lap = complex(-np.expm1(lam * shot.step_s * shot.samples))  # what a lap takes away from a change, linearly
             for _ in range(MOST_LAPS):
-                change = (end - state) / lap
-                state = state + change
+                state += (end - state) / lap
                 end = run(state)
                 if self.linear or abs(end - state) <= STEADY * max(abs(state), 1e-12):
                     break
@@ -162,6 +168,14 @@ class Resonance:
         if not np.isfinite(end):
             raise FloatingPointError("the motion grows without bound.")
         return deflection[: shot.samples], speed[: shot.samples]
+
+    def _pushed_V(self, state: complex, pole_: complex) -> float:
+        """All forces in a state of the resonator at the first sample, in hysteretic volts."""
+        x_V, speed_V = state.imag, (pole_ * state).imag / math.sqrt(self.a0)
+        pushed_V = sum(float(force.law(x_V, speed_V, force.values)) for force in self.forces)
+        if self.softening is not None:
+            pushed_V += self.a0 / self.drive_a0 * float(self.softening[0]) * x_V
+        return pushed_V
 
     def _rest_V(self, hysteretic_V: float) -> float:
         """Deflection at which the first hysteretic drive is held."""
@@ -182,13 +196,13 @@ def amplitude(pole_: complex, deflection: float, speed: float) -> complex:
 
 def compiled_force(law: Callable[..., float]) -> Any:
     """Decorator: a force law ``law(x_V, speed_V, values) -> float``, compiled so that every head can call it."""
-    from numba import njit, types
+    from numba import cfunc, types
 
-    signature = types.float64(types.float64, types.float64, types.Array(types.float64, 1, "A", readonly=False))
+    signature = types.float64(types.float64, types.float64, types.CPointer(types.float64))
     try:
-        return njit(signature, cache=True, error_model="numpy", nogil=True)(law)
+        return cfunc(signature, cache=True, error_model="numpy")(law)
     except RuntimeError:  # a function typed into a console has no file to keep its code beside
-        return njit(signature, error_model="numpy", nogil=True)(law)
+        return cfunc(signature, error_model="numpy")(law)
 
 
 def delayed(signal: Real, samples: float, periodic: bool) -> Real:

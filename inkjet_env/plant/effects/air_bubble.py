@@ -46,14 +46,14 @@ class AirBubble(Effect):
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         orders = np.array(sorted({shot.order for shot in shots if shot.fast}), dtype=np.float64)
         onsets = np.quantile(orders[1:], [0.1, 0.35, 0.65, 0.9]) if orders.size > 1 else orders
-        change = 0.2 * printhead.damping_ratio
+        change = 0.1 * printhead.damping_ratio
         return [
             {
                 "onset_order": float(onset),
                 "frequency_change": sign * change,
                 "bubble_frequency_Hz": guess * printhead.frequency_Hz,
                 "bubble_damping_ratio": 0.08,
-                "bubble_strength": 0.02 / guess,
+                "bubble_strength": 0.01 / guess,
             }
             for onset in onsets
             for sign, guess in ((-1, 0.5), (1, 1.7), (-1, 1.7))
