@@ -1,0 +1,268 @@
+"""Where repeatable residual power of a fitted model sits, without knowing of any effect.
+
+Every view cuts what is left into cells and sets each against the noise; one rule for all cells of all views together
+keeps the chance that a right model is pointed at anywhere below `FALSE_ALARMS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch.diagnosis import Location
+from inkjet_env.mismatch.joint_fit import Fit
+from inkjet_env.mismatch.locate_cells import FEWEST, Cell, line_rows, sample_rows, taken_by_fit
+from inkjet_env.mismatch.locate_drift import Trend, shifts, trends
+from inkjet_env.mismatch.locate_views import largest_V, span_told, views, with_prefix
+from inkjet_env.mismatch.observed import Noise, Observed
+
+Real = NDArray[np.float64]
+
+FALSE_ALARMS = 0.05
+MOST_RECORDINGS = 10
+STRONG = 0.5
+"""Stretches with at least this part of the strongest one's surplus are where it sits."""
+APART = 2.0
+"""A part of the waveform stands out that has so many times the surplus of all others together, sample by sample."""
+WEAK_FOR_ITS_DRIVE = 0.1
+"""Drives are left out whose surplus is below this part of what a mismatch in proportion to the drive would leave."""
+STANDING_OUT = {
+    "time in the waveform": "mostly ",
+    "pulse": "most with ",
+    "sign": "most under ",
+    "order": "most in the ",
+}
+CHANNELS = {
+    "self_sensing": "the self-sensing signal",
+    "displacement": "the displacement",
+    "strain_gauge": "the strain gauge",
+}
+
+
+def locate(observed: Sequence[Observed], noise: Noise, fit: Fit, q: Real) -> Location:
+    """Where what a fitted model leaves is more than noise.
+
+    Parameters
+    ----------
+    observed : sequence of Observed
+    noise : Noise
+        Where nothing told it (``samples`` 0), cells are set against everything that is left instead.
+    fit : Fit
+    q : ndarray, shape (rows, k)
+        Orthonormal columns of the fitted rows, as `JointFit.basis` has them: what the fit took from noise, too.
+
+    Returns
+    -------
+    Location
+        Empty where nothing is significantly more than noise.
+
+    Raises
+    ------
+    ValueError
+        ``q`` of other recordings.
+    """
+    columns = [noise.whitened(o, fit.head.sensitivities(o)) for o in observed]
+    taken = taken_by_fit(observed, noise, fit, columns, q)
+    rows, lines = sample_rows(observed, noise, fit, taken), line_rows(observed, noise, fit, taken)
+    cells = views(observed, rows, lines) + repeats(observed, noise, fit, taken)
+    moved = shifts(observed, noise, fit, columns)
+    lines_of_drift = trends(observed, moved)
+    tests = len(cells) + 2 * len(lines_of_drift)
+    sure = NormalDist().inv_cdf(1 - FALSE_ALARMS / max(tests, 1))
+    told = [cell for cell in cells if cell.z > sure]
+    drift = [trend for trend in lines_of_drift if abs(trend.z) > sure]
+    tables = _tables(cells, lines_of_drift, moved)
+    if not told and not drift:
+        return Location(tables=tables)
+    recordings = _recordings(told)
+    if not recordings and drift:
+        strongest = sorted(moved, key=lambda name: -float(np.max(np.abs(moved[name][:, 0] / moved[name][:, 1]))))
+        recordings = tuple(strongest[:MOST_RECORDINGS])
+    drive_V = _drives(told)
+    sentence = _sentence(observed, noise, fit, told, cells, drift, recordings, drive_V)
+    return Location(
+        recordings,
+        _stretches([c for c in told if c.view == "time"]),
+        _stretches([c for c in told if c.view == "frequency"]),
+        drive_V,
+        sentence,
+        tables,
+    )
+
+
+def repeats(observed: Sequence[Observed], noise: Noise, fit: Fit, taken: Sequence[Real]) -> list[Cell]:
+    """What repeats of one drive leave in common: the mean product of two, for noise of one unit's variance."""
+    found = []
+    for condition in sorted({o.condition for o in observed if not o.still}):
+        same = [i for i, o in enumerate(observed) if o.condition == condition]
+        if len(same) < 2:
+            continue
+        left = np.array([fit.left[observed[i].name] for i in same])
+        first = observed[same[0]]
+        k, n = len(same), first.shot.samples - noise.models[first.noise_key].lost
+        if n < FEWEST:
+            continue
+        products = (float(np.sum(left.sum(axis=0) ** 2)) - float(np.sum(left**2))) / (k * (k - 1))
+        shared = float(np.mean([np.sum(taken[i] ** 2) for i in same]))
+        common = products + (shared if first.fitted else -shared)
+        names = tuple(observed[i].name for i in same)
+        own = max(float(np.mean(left**2)), 1e-300) * n
+        alone = max(own - max(common, 0.0), 1e-300) / n  # what the repeats do not share is their noise
+        z = common / (alone * math.sqrt(2 * n / (k * (k - 1))))
+        found.append(Cell("repeats", " = ".join(names), 1 + common / (n * alone), z, names=names))
+    return found
+
+
+def _recordings(told: Sequence[Cell]) -> tuple[str, ...]:
+    """Recordings that stand out, strongest first."""
+    strength: dict[str, float] = {}
+    for cell in told:
+        if cell.view in ("recording", "repeats"):
+            for name in cell.names:
+                strength[name] = max(strength.get(name, 0.0), cell.power)
+    return tuple(sorted(strength, key=lambda name: (-strength[name], name))[:MOST_RECORDINGS])
+
+
+def _stretches(told: Sequence[Cell]) -> tuple[tuple[float, float], ...]:
+    """The strongest cells' stretches, those that touch made one."""
+    if not told:
+        return ()
+    least = STRONG * (max(c.power for c in told) - 1)
+    strong = sorted((c for c in told if c.power - 1 >= least), key=lambda c: (c.group, c.span))
+    merged: list[tuple[str, float, float]] = []
+    for c in strong:
+        low, high = c.span
+        if merged and merged[-1][0] == c.group and low <= merged[-1][2] * (1 + 1e-9):
+            merged[-1] = (c.group, merged[-1][1], high)
+        else:
+            merged.append((c.group, low, high))
+    return tuple((low, high) for _, low, high in merged)
+
+
+def _drives(told: Sequence[Cell]) -> tuple[tuple[float, float], ...]:
+    """Ranges of the largest drive, of the channel that shows most."""
+    mine = [c for c in told if c.view == "amplitude"]
+    if not mine:
+        return ()
+    strongest = max(mine, key=lambda c: c.power)
+    most = strongest.span[1] or 1.0
+    ranges = [
+        c.span
+        for c in mine
+        if c.group == strongest.group
+        and c.power - 1 >= WEAK_FOR_ITS_DRIVE * (strongest.power - 1) * min(c.span[1] / most, 1.0) ** 2
+    ]
+    return ((min(low for low, _ in ranges), max(high for _, high in ranges)),)
+
+
+def _tables(
+    cells: Sequence[Cell], lines: Sequence[Trend], moved: dict[str, Real]
+) -> dict[str, tuple[tuple[str, float, float], ...]]:
+    tables: dict[str, list[tuple[str, float, float]]] = {}
+    for cell in cells:
+        tables.setdefault(cell.view, []).append((cell.label, cell.power, cell.z))
+    for trend in lines:
+        told = f"{trend.what} against {trend.against}: {100 * trend.change:+.2g} % over all"
+        tables.setdefault("drift", []).append((told, trend.power, trend.z))
+    for name, table in moved.items():
+        for (value, error), what in zip(table, ("frequency", "damping"), strict=True):
+            told = f"{name}: {what} {100 * value:+.2g} ± {100 * error:.1g} %"
+            tables.setdefault("drift", []).append((told, float((value / error) ** 2), float(value / error)))
+    return {view: tuple(table) for view, table in tables.items()}
+
+
+def _sentence(
+    observed: Sequence[Observed],
+    noise: Noise,
+    fit: Fit,
+    told: Sequence[Cell],
+    cells: Sequence[Cell],
+    drift: Sequence[Trend],
+    recordings: Sequence[str],
+    drive_V: Sequence[tuple[float, float]],
+) -> str:
+    parts = []
+    by_name = {o.name: o for o in observed}
+    fast = [o for o in observed if o.shot.fast]
+    if recordings:
+        o = by_name[recordings[0]]
+        least, most = drive_V[0] if drive_V else (0.0, 0.0)
+        largest = max(largest_V(other) for other in observed)
+        start = ""
+        if most >= 0.99 * largest and any(0 < largest_V(other) < 0.99 * least for other in observed):
+            start = f"from {with_prefix(least, 'V')} on, "
+        elif 0 < most < 0.99 * largest:
+            start = f"at {span_told(least, most, 'V')}, "
+        parts.append(f"{start}{CHANNELS[o.channel]} differs from the model{_amount(o, noise, fit)}")
+    else:
+        o = fast[0] if fast else observed[0]
+        parts.append(f"{CHANNELS[o.channel]} differs from the model, in no recording by itself more than noise would")
+    several = len({other.channel for other in observed}) > 1
+    prefix = f"{o.channel}: " if several else ""
+    for view, words in STANDING_OUT.items():
+        stands = _standing_out(cells, told, view, o.channel)
+        if stands and (len(recordings) != 1 or view == "time in the waveform"):
+            parts.append(words + stands.label.removeprefix(prefix))
+    bands = _stretches([c for c in told if c.view == "frequency"])
+    if bands:
+        parts.append("at " + " and ".join(span_told(low, high, "Hz") for low, high in bands[:2]))
+    parity = [c for c in told if c.view == "distortion"]
+    if parity and max(parity, key=lambda c: c.power).label.startswith("even"):
+        parts.append("strongest at even multiples of the repetition rate, where this drive holds nothing")
+    growth = _growth(told, o.channel)
+    if growth:
+        parts.append(growth)
+    if drift:
+        most_sure = max(drift, key=lambda trend: abs(trend.z))
+        over = (
+            "from the first to the last recording"
+            if most_sure.against == "order"
+            else "from the least drive to the largest"
+        )
+        way = "rose" if most_sure.change > 0 else "fell"
+        name = "the resonance frequency" if most_sure.what == "frequency" else "the damping"
+        parts.append(f"as if {name} {way} by {100 * abs(most_sure.change):.2g} % {over[most_sure.against]}")
+    unknown = sorted({other.channel for other in observed if not noise.known(other)})
+    if o.channel in unknown:
+        parts.append("compared with the rest of what is left, for nothing tells its noise")
+    sentence = ", ".join(parts)
+    return sentence[0].upper() + sentence[1:] + "."
+
+
+def _amount(o: Observed, noise: Noise, fit: Fit) -> str:
+    """By how much one recording differs, in its unit."""
+    shot = replace(o.shot, start=fit.states[o.name]) if o.name in fit.states else o.shot
+    left = o.measured - fit.head.plant(fit.with_values).signal(shot)
+    beyond = float(np.mean(left**2)) - noise.models[o.noise_key].rms ** 2
+    if beyond <= 0:
+        return f" in {o.name}"
+    scale, unit = (1e-6, "m") if o.unit == "um" else (1.0, o.unit)
+    return f" by {with_prefix(scale * math.sqrt(beyond), unit)} (RMS, noise apart) in {o.name}"
+
+
+def _standing_out(cells: Sequence[Cell], told: Sequence[Cell], view: str, channel: str) -> Cell | None:
+    """The cell of a view that has much more than the next."""
+    mine = sorted((c for c in cells if c.view == view and c.group == channel), key=lambda c: -c.power)
+    if not mine or mine[0] not in told:
+        return None
+    if len(mine) > 1 and mine[0].power - 1 < APART * max(mine[1].power - 1, 0.0):
+        return None
+    return mine[0] if len(mine) > 1 else None
+
+
+def _growth(told: Sequence[Cell], channel: str) -> str:
+    """How the surplus goes with the largest drive."""
+    mine = [c for c in told if c.view == "amplitude" and c.group == channel and c.span[1] > 0]
+    if len(mine) < 3 or mine[-1].span[1] < 1.5 * mine[0].span[1]:
+        return ""
+    drive = np.log([c.span[1] for c in mine])
+    size = 0.5 * np.log([c.power - 1 for c in mine])
+    exponent = float(np.polyfit(drive, size, 1)[0])
+    if exponent > 1.5:
+        return "growing faster than the drive"
+    return "growing with the drive" if exponent > 0.5 else "much the same at every drive"

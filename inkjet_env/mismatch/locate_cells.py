@@ -1,0 +1,238 @@
+"""What a fitted model leaves against what noise alone would leave: sample by sample, line by line, cell by cell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.identification.basis import free_ringing
+from inkjet_env.mismatch.joint_fit import Fit
+from inkjet_env.mismatch.observed import Noise, Observed
+
+Real = NDArray[np.float64]
+Whole = NDArray[np.intp]
+
+FEWEST = 10.0
+"""A cell has at least so many degrees of freedom."""
+INDEPENDENT = 0.5
+"""Share of the samples that told the noise which are independent: of two repeats one goes to their mean."""
+
+SMOOTH = 4.0
+"""One line's noise is told as well as by one of so many samples, for each coefficient of the noise model."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A part of what is left.
+
+    Attributes
+    ----------
+    view, label : str
+    power : float
+        Mean square over what noise alone leaves; 1 is noise.
+    z : float
+        How surely it is more than noise, in standard deviations.
+    span : tuple of float
+        Its stretch of time, frequency or drive; empty where it has none.
+    group : str
+        Channel, or channel and sampling step, of whose axis the span is.
+    names : tuple of str
+        The recordings it is about.
+    """
+
+    view: str
+    label: str
+    power: float
+    z: float
+    span: tuple[float, ...] = ()
+    group: str = ""
+    names: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Squares of what is left, and what noise alone leaves of them; arrays (rows,), one recording after another.
+
+    Attributes
+    ----------
+    power, expected : ndarray
+        Fitted rows have lost to the fit what it took from them, foretold ones have gained its error.
+    key, record : ndarray of int
+        Which noise, which recording.
+    told : ndarray, shape (keys,)
+        Independent samples that told each noise.
+    by_line : bool
+        Rows are lines of a spectrum: of the noise's samples only the cell's share tells its noise.
+    smooth : ndarray, shape (keys,)
+        That share is never less: a smooth noise spectrum is told by its neighbours, too.
+    axis : ndarray
+        Time within the recording in seconds, or frequency in hertz.
+    """
+
+    power: Real
+    expected: Real
+    key: Whole
+    record: Whole
+    told: Real
+    by_line: bool
+    smooth: Real
+    axis: Real
+
+    def cells(
+        self,
+        view: str,
+        place: Whole,
+        labels: Sequence[str],
+        spans: Sequence[tuple[float, ...]] = (),
+        groups: Sequence[str] = (),
+        names: Sequence[tuple[str, ...]] = (),
+    ) -> list[Cell]:
+        """Cells of a view: ``place``, shape (rows,), is each row's index into ``labels``, or −1."""
+        count, keys = len(labels), self.told.size
+        seen = place >= 0
+        flat = place[seen] * keys + self.key[seen]
+        power = np.bincount(flat, self.power[seen], count * keys).reshape(count, keys)
+        expected = np.bincount(flat, self.expected[seen], count * keys).reshape(count, keys)
+        told = np.broadcast_to(self.told, expected.shape)
+        if self.by_line:
+            every = np.bincount(self.key, self.expected, keys)
+            told = np.maximum(told * np.maximum(expected / np.maximum(every, 1e-300), self.smooth), 1.0)
+        total = expected.sum(axis=1)
+        found = []
+        for i in np.flatnonzero(total >= FEWEST):
+            doubt = float(np.sum(expected[i] ** 2 / told[i])) / total[i] ** 2
+            ratio = float(power[i].sum() / total[i])
+            found.append(
+                Cell(
+                    view,
+                    labels[i],
+                    ratio,
+                    surplus(ratio, float(total[i]), 1 / doubt),
+                    spans[i] if spans else (),
+                    groups[i] if groups else "",
+                    names[i] if names else (),
+                )
+            )
+        return found
+
+
+def surplus(ratio: float, samples: float, told: float) -> float:
+    """Standard deviations by which a ratio of variances of so many samples is above 1.
+
+    Paulson's normal approximation of Fisher's distribution (Ann. Math. Stat. 13, 1942).
+    """
+    a, b = 2 / (9 * samples), 2 / (9 * told)
+    root = ratio ** (1 / 3)
+    return float(((1 - b) * root - (1 - a)) / np.sqrt(b * root**2 + a))
+
+
+def sample_rows(observed: Sequence[Observed], noise: Noise, fit: Fit, taken: Sequence[Real]) -> Rows:
+    """What is left of each sample; ``taken`` as from `taken_by_fit`."""
+    keys = sorted({o.noise_key for o in observed})
+    power, expected = [], []
+    for o, columns in zip(observed, taken, strict=True):
+        power.append(fit.left[o.name] ** 2)
+        leverage = np.sum(columns**2, axis=1)
+        kept = np.where(np.arange(leverage.size) < o.fitted, 1 - leverage, 1 + leverage)
+        kept[: noise.models[o.noise_key].lost] = 0.0
+        expected.append(kept)
+    sizes = [o.shot.samples for o in observed]
+    axis = np.concatenate([o.shot.step_s * np.arange(o.shot.samples) for o in observed])
+    return _rows(observed, noise, keys, power, expected, sizes, axis, by_line=False)
+
+
+def line_rows(observed: Sequence[Observed], noise: Noise, fit: Fit, taken: Sequence[Real]) -> Rows:
+    """What is left at each line of each recording's spectrum, the mean apart."""
+    keys = sorted({o.noise_key for o in observed})
+    power, expected, axis = [], [], []
+    for o, columns in zip(observed, taken, strict=True):
+        n, lost = o.shot.samples, noise.models[o.noise_key].lost
+        weight = np.full(n // 2 + 1, 2.0)
+        if n % 2 == 0:
+            weight[-1] = 1.0
+        foretold = np.zeros_like(columns)
+        foretold[o.fitted :] = columns[o.fitted :]
+        change = _spectrum(foretold, weight).sum(axis=1) - _spectrum(columns - foretold, weight).sum(axis=1)
+        power.append(_spectrum(fit.left[o.name][:, None], weight)[:, 0])
+        expected.append(np.maximum(weight[1:] * (n - lost) / n + change, 0.0))
+        axis.append(np.fft.rfftfreq(n, o.shot.step_s)[1:])
+    sizes = [p.size for p in power]
+    return _rows(observed, noise, keys, power, expected, sizes, np.concatenate(axis), by_line=True)
+
+
+def _spectrum(rows: Real, weight: Real) -> Real:
+    return (weight[:, None] * np.abs(np.fft.rfft(rows, axis=0)) ** 2 / rows.shape[0])[1:]
+
+
+def _rows(
+    observed: Sequence[Observed],
+    noise: Noise,
+    keys: Sequence[tuple[str, float]],
+    power: Sequence[Real],
+    expected: Sequence[Real],
+    sizes: Sequence[int],
+    axis: Real,
+    by_line: bool,
+) -> Rows:
+    key = np.repeat([keys.index(o.noise_key) for o in observed], sizes)
+    record = np.repeat(np.arange(len(observed)), sizes)
+    squares, alone = np.concatenate(power), np.concatenate(expected)
+    told = np.array([max(INDEPENDENT * noise.samples[k], 1.0) for k in keys])
+    smooth = np.array([1 / (SMOOTH * (1 + noise.models[k].lost)) for k in keys])
+    for i, k in enumerate(keys):
+        if noise.samples[k]:
+            continue
+        mine = key == i  # nothing but the residual tells this noise: each cell is set against all of it
+        level = squares[mine].sum() / max(alone[mine].sum(), 1e-300)
+        squares[mine] /= level or 1.0
+        told[i] = max(alone[mine].sum(), 1.0)
+    return Rows(squares, alone, key, record, told, by_line, smooth, axis)
+
+
+def taken_by_fit(observed: Sequence[Observed], noise: Noise, fit: Fit, columns: Sequence[Real], q: Real) -> list[Real]:
+    """For each recording columns (n, k) whose squares, summed, are the share of a sample's noise that the fit takes.
+
+    Of foretold rows it is what the fit's error adds.
+
+    Parameters
+    ----------
+    observed, noise, fit
+    columns : sequence of ndarray, shape (n, size)
+        Whitened sensitivities of each recording to the base parameters.
+    q : ndarray, shape (rows, k)
+        Orthonormal columns of the fitted rows, as `JointFit.basis` has them.
+    """
+    rows = np.concatenate([c[: o.fitted] for o, c in zip(observed, columns, strict=True) if o.fitted])
+    if rows.shape[0] != q.shape[0]:
+        raise ValueError(
+            f"q must have a row for each fitted sample, {rows.shape[0]}; got {q.shape[0]}. It belongs to other "
+            "recordings."
+        )
+    size = np.linalg.norm(rows, axis=0)
+    size[size == 0] = 1.0
+    back = np.linalg.pinv(q.T @ (rows / size), rcond=1e-10)
+    found, at = [], 0
+    for o, own in zip(observed, columns, strict=True):
+        taken = (own / size) @ back
+        taken[: o.fitted] = q[at : at + o.fitted]
+        at += o.fitted
+        free = _chance(o, noise, fit)
+        if free is not None:
+            told = o.fitted or o.shot.samples
+            extra = np.zeros((o.shot.samples, free.shape[1]))
+            extra[:told] = np.linalg.qr(free[:told])[0]
+            taken = np.column_stack([taken, extra])
+        found.append(taken)
+    return found
+
+
+def _chance(o: Observed, noise: Noise, fit: Fit) -> Real | None:
+    """Whitened columns of what is fitted to a recording by itself."""
+    columns = [c for effect, values in fit.with_values if (c := effect.nuisances(values, o.shot)) is not None]
+    if o.shot.initial_state == "free" and o.shot.fast:
+        head = fit.head.printhead
+        columns.append(free_ringing(o.shot.samples, o.shot.step_s, head.a0, head.a1))
+    return noise.whitened(o, np.column_stack(columns)) if columns else None

@@ -1,0 +1,105 @@
+"""Whether the resonance seems to move from recording to recording: each one's own frequency and damping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch.joint_fit import Fit
+from inkjet_env.mismatch.observed import Noise, Observed
+
+Real = NDArray[np.float64]
+
+FEWEST = 4
+"""Recordings that make a trend."""
+SURE = 0.05
+"""A recording whose shift is not told to this part takes no part in a trend."""
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A straight line through the recordings' own values.
+
+    Attributes
+    ----------
+    what : str
+        "frequency" or "damping".
+    against : str
+        "order" or "drive".
+    change : float
+        From the least to the largest of ``against``, relative.
+    z : float
+        Standard deviations from no trend; scatter beyond what noise makes counts as noise.
+    power : float
+        Mean square of the recordings' shifts over what noise makes.
+    """
+
+    what: str
+    against: str
+    change: float
+    z: float
+    power: float
+
+
+def shifts(observed: Sequence[Observed], noise: Noise, fit: Fit, columns: Sequence[Real]) -> dict[str, Real]:
+    """Relative shift of each fast recording's frequency and damping, and their standard errors: shape (2, 2).
+
+    Parameters
+    ----------
+    observed, noise, fit
+    columns : sequence of ndarray, shape (n, size)
+        Whitened sensitivities of each recording to the base parameters.
+
+    Returns
+    -------
+    dict of str to ndarray
+        By recording, rows (frequency, its error) and (damping, its error). Recordings that do not ring are absent.
+    """
+    ratios = np.array([[0.5, 0.0], [-0.5, 1.0]])  # f = √a0 / 2π, ζ = a1 / 2√a0
+    place = fit.head.degree
+    found = {}
+    for o, own in zip(observed, columns, strict=True):
+        if not o.shot.fast or o.still:
+            continue
+        normal = own[:, place : place + 2]
+        square = normal.T @ normal
+        if np.linalg.matrix_rank(square) < 2:
+            continue
+        inverse = np.linalg.inv(square)
+        moved = ratios @ inverse @ (normal.T @ fit.left[o.name])
+        error = np.sqrt(np.diag(ratios @ inverse @ ratios.T))
+        found[o.name] = np.column_stack([moved, error])
+    return found
+
+
+def trends(observed: Sequence[Observed], moved: Mapping[str, Real]) -> list[Trend]:
+    """Lines through the shifts, against the order of the recordings and against their largest drive."""
+    mine = [o for o in observed if o.name in moved]
+    axes: dict[str, Callable[[Observed], float]] = {
+        "order": lambda o: float(o.shot.order),
+        "drive": lambda o: float(np.abs(o.shot.drive_V).max()),
+    }
+    found = []
+    for row, what in enumerate(("frequency", "damping")):
+        told = [o for o in mine if moved[o.name][row, 1] < SURE]
+        if len(told) < FEWEST:
+            continue
+        value = np.array([moved[o.name][row, 0] for o in told])
+        error = np.array([moved[o.name][row, 1] for o in told])
+        for against, of in axes.items():
+            axis = np.array([of(o) for o in told])
+            width = float(np.ptp(axis))
+            if not width:
+                continue
+            weight = 1 / error**2
+            centred = axis - np.sum(weight * axis) / weight.sum()
+            spread = float(np.sum(weight * centred**2))
+            slope = float(np.sum(weight * centred * value)) / spread
+            level = float(np.sum(weight * value)) / weight.sum()
+            scatter = float(np.sum(((value - level - slope * centred) / error) ** 2)) / max(len(told) - 2, 1)
+            z = slope * np.sqrt(spread / max(scatter, 1.0))
+            found.append(Trend(what, against, slope * width, float(z), float(np.mean((value / error) ** 2))))
+    return found

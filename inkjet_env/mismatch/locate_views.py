@@ -1,0 +1,280 @@
+"""How recordings are cut into cells: by what their drives do, by time, by frequency, by their order."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch.locate_cells import Cell, Rows
+from inkjet_env.mismatch.observed import Observed
+
+Real = NDArray[np.float64]
+Whole = NDArray[np.intp]
+
+PHASES = ("on the edges", "in the dwells", "in the ring-down", "while the drive moves on", "with no drive")
+PULSES = ("the first pulse", "the second pulse", "the third pulse")
+SIGNS = ("positive drives", "negative drives", "drives of both signs")
+STRETCHES = 64
+"""Of a recording's time."""
+BANDS_AN_OCTAVE = 6
+LEVELS = 10
+"""Of the largest drive."""
+QUARTERS = ("first quarter of the session", "second quarter", "third quarter", "last quarter of the session")
+STILL = 1e-6
+"""A step of the drive below this part of its swing is none."""
+SETTLED = 0.05
+"""A drive that stands still for less of its time moves on and on."""
+REST = 3
+"""Samples at rest between two pulses, at least."""
+EMPTY = 1e-6
+"""Lines of a drive that hold less of its power are empty."""
+DISTORTED = 3
+"""Distortion is looked for up to so many times the drive's last line."""
+
+
+def views(observed: Sequence[Observed], rows: Rows, lines: Rows) -> list[Cell]:
+    """Every cell of every view."""
+    several = len({o.channel for o in observed}) > 1
+    found = rows.cells("recording", rows.record, [o.name for o in observed], names=[(o.name,) for o in observed])
+    found += _by_sample("time in the waveform", PHASES, phases, observed, rows, several)
+    found += _by_sample("pulse", PULSES, pulses, observed, rows, several)
+    found += by_time(observed, rows)
+    found += by_frequency(lines)
+    found += by_level(observed, rows, several)
+    found += by_slope(observed, rows, several)
+    found += _by_recording("sign", SIGNS, sign, observed, rows, several)
+    quarter = _quarters(observed)
+    found += _by_recording("order", QUARTERS, lambda o: quarter[o.name], observed, rows, several)
+    found += by_parity(observed, lines)
+    return found
+
+
+def phases(o: Observed) -> Whole:
+    """Of each sample the index into `PHASES`, shape (n,)."""
+    drive, n = o.shot.drive_V, o.shot.samples
+    if o.still:
+        return np.full(n, 4)
+    moving = _moving(o)
+    if moving.mean() > 1 - SETTLED:
+        return np.full(n, 3)
+    at_rest = ~moving & (np.abs(drive - rest_V(o)) <= STILL * np.ptp(drive))
+    result = np.where(moving, 0, np.where(at_rest, 2, 1))
+    if not o.shot.periodic:
+        result[: int(np.argmax(moving))] = 4
+    return result
+
+
+def _moving(o: Observed) -> NDArray[np.bool_]:
+    """Whether the drive moves in the step before each sample."""
+    drive = o.shot.drive_V
+    before = drive[-1] if o.shot.periodic else drive[0]
+    return np.abs(np.diff(drive, prepend=before)) > STILL * np.ptp(drive)
+
+
+def rest_V(o: Observed) -> float:
+    """The level at which the drive stands still longest."""
+    still = o.shot.drive_V[~_moving(o)]
+    levels, counts = np.unique(np.round(still / (STILL * np.ptp(o.shot.drive_V))), return_counts=True)
+    return float(levels[np.argmax(counts)]) * STILL * float(np.ptp(o.shot.drive_V))
+
+
+def pulses(o: Observed) -> Whole:
+    """Of each sample the pulse that it belongs to, with what rings after it; −1 where there are not two or three."""
+    n = o.shot.samples
+    none = np.full(n, -1)
+    moving = _moving(o)
+    if o.still or moving.mean() > 1 - SETTLED:
+        return none
+    away = np.abs(o.shot.drive_V - rest_V(o)) > 10 * STILL * np.ptp(o.shot.drive_V)
+    starts = np.flatnonzero(np.diff(away.astype(np.int8), prepend=0) == 1)
+    begun = [int(start) for start in starts if not away[max(start - REST, 0) : start].any()]
+    if not 2 <= len(begun) <= len(PULSES):
+        return none
+    result = none.copy()
+    for k, start in enumerate(begun):
+        result[start:] = k
+    return result
+
+
+def sign(o: Observed) -> int:
+    """Index into `SIGNS`; −1 of a drive that rests."""
+    high, low = float(o.shot.drive_V.max()), float(o.shot.drive_V.min())
+    if o.still:
+        return -1
+    size = max(high, -low)
+    return 2 if min(high, -low) > 0.01 * size else int(high < -low)
+
+
+def steepest_V_s(o: Observed) -> float:
+    """Largest rate of the drive."""
+    return float(np.abs(np.diff(o.shot.drive_V)).max(initial=0.0)) / o.shot.step_s
+
+
+def largest_V(o: Observed) -> float:
+    """Largest magnitude of the drive."""
+    return float(np.abs(o.shot.drive_V).max())
+
+
+def _by_sample(
+    view: str,
+    labels: Sequence[str],
+    of: Callable[[Observed], Whole],
+    observed: Sequence[Observed],
+    rows: Rows,
+    several: bool,
+) -> list[Cell]:
+    channels = sorted({o.channel for o in observed})
+    place = np.concatenate(
+        [np.where((k := of(o)) < 0, -1, k + len(labels) * channels.index(o.channel)) for o in observed]
+    )
+    return rows.cells(
+        view,
+        place,
+        [_labelled(label, c, several) for c in channels for label in labels],
+        groups=[c for c in channels for _ in labels],
+    )
+
+
+def _by_recording(
+    view: str,
+    labels: Sequence[str],
+    of: Callable[[Observed], int],
+    observed: Sequence[Observed],
+    rows: Rows,
+    several: bool,
+) -> list[Cell]:
+    return _by_sample(view, labels, lambda o: np.full(o.shot.samples, of(o)), observed, rows, several)
+
+
+def _labelled(label: str, channel: str, several: bool) -> str:
+    return f"{channel}: {label}" if several else label
+
+
+def by_time(observed: Sequence[Observed], rows: Rows) -> list[Cell]:
+    """Equal stretches of the longest recording of a channel and a sampling step."""
+    place = np.full(rows.record.size, -1)
+    labels: list[str] = []
+    spans: list[tuple[float, ...]] = []
+    groups: list[str] = []
+    sizes = np.array([o.shot.samples for o in observed])
+    index = np.arange(rows.record.size) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    for key in sorted({o.noise_key for o in observed}):
+        mine = [i for i, o in enumerate(observed) if o.noise_key == key and not o.still]
+        if not mine:
+            continue
+        longest = int(sizes[mine].max())
+        count = min(STRETCHES, max(longest // 16, 1))
+        own = np.isin(rows.record, mine)
+        place[own] = len(labels) + index[own] * count // longest
+        step_s = observed[mine[0]].shot.step_s
+        edges = [step_s * -(-longest * k // count) for k in range(count + 1)]
+        for low, high in itertools.pairwise(edges):
+            labels.append(f"{with_prefix(low, 's')} to {with_prefix(high, 's')}")
+            spans.append((low, high))
+            groups.append(f"{key[0]} {key[1]:g}")
+    return rows.cells("time", place, labels, spans, groups)
+
+
+def by_frequency(lines: Rows) -> list[Cell]:
+    """Bands of a sixth of an octave."""
+    band = np.floor(BANDS_AN_OCTAVE * np.log2(lines.axis)).astype(np.intp)
+    kinds, place = np.unique(band, return_inverse=True)
+    spans = [(float(2 ** (k / BANDS_AN_OCTAVE)), float(2 ** ((k + 1) / BANDS_AN_OCTAVE))) for k in kinds]
+    labels = [f"{with_prefix(low, 'Hz')} to {with_prefix(high, 'Hz')}" for low, high in spans]
+    return lines.cells("frequency", place, labels, spans)
+
+
+def by_level(observed: Sequence[Observed], rows: Rows, several: bool) -> list[Cell]:
+    """Recordings by the largest magnitude of their drive, in tenths of the largest of all."""
+    values = {o.name: largest_V(o) for o in observed}
+    most = max(values.values()) or 1.0
+    bins = {name: math.ceil(round(LEVELS * value / most, 6)) for name, value in values.items()}
+    return _by_value("amplitude", "V", values, bins, observed, rows, several)
+
+
+def by_slope(observed: Sequence[Observed], rows: Rows, several: bool) -> list[Cell]:
+    """Recordings by the largest rate of their drive, in octaves."""
+    values = {o.name: steepest_V_s(o) for o in observed if not o.still}
+    bins = {name: math.floor(round(math.log2(value), 6)) for name, value in values.items()}
+    return _by_value("slope", "V/s", values, bins, observed, rows, several)
+
+
+def _by_value(
+    view: str,
+    unit: str,
+    values: dict[str, float],
+    bins: dict[str, int],
+    observed: Sequence[Observed],
+    rows: Rows,
+    several: bool,
+) -> list[Cell]:
+    kinds = sorted({(o.channel, bins[o.name]) for o in observed if o.name in bins})
+    members = [[o.name for o in observed if o.name in bins and (o.channel, bins[o.name]) == kind] for kind in kinds]
+    of = {name: i for i, names in enumerate(members) for name in names}
+    place = np.array([of.get(o.name, -1) for o in observed])[rows.record]
+    spans = [(min(values[n] for n in names), max(values[n] for n in names)) for names in members]
+    labels = [
+        _labelled(span_told(low, high, unit), c, several) for (c, _), (low, high) in zip(kinds, spans, strict=True)
+    ]
+    return rows.cells(view, place, labels, spans, [c for c, _ in kinds], [tuple(names) for names in members])
+
+
+def _quarters(observed: Sequence[Observed]) -> dict[str, int]:
+    """Of each recording the quarter of its channel's part of the session."""
+    result = {}
+    for channel in {o.channel for o in observed}:
+        mine = sorted((o for o in observed if o.channel == channel), key=lambda o: o.shot.order)
+        result.update({o.name: len(QUARTERS) * i // len(mine) for i, o in enumerate(mine)})
+    return result
+
+
+def by_parity(observed: Sequence[Observed], lines: Rows) -> list[Cell]:
+    """Even and odd multiples of the repetition rate, under periodic drives that hold odd ones alone."""
+    place = np.full(lines.record.size, -1)
+    for i, o in enumerate(observed):
+        last = last_odd_line(o)
+        if last:
+            mine = np.flatnonzero(lines.record == i)
+            line = np.round(lines.axis[mine] * o.shot.samples * o.shot.step_s).astype(np.intp)
+            place[mine] = np.where(line <= DISTORTED * last, line % 2, -1)
+    labels = ["even multiples of the repetition rate", "odd multiples of the repetition rate"]
+    return lines.cells("distortion", place, labels)
+
+
+def last_odd_line(o: Observed) -> int:
+    """The highest line of a periodic drive that holds odd lines alone; 0 of any other."""
+    if not o.shot.periodic or o.still:
+        return 0
+    power = np.abs(np.fft.rfft(o.shot.drive_V - o.shot.drive_V.mean())) ** 2
+    if power[::2].sum() > EMPTY * power.sum():
+        return 0
+    return int(np.flatnonzero(power > EMPTY * power.max())[-1])
+
+
+PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+
+def with_prefix(value: float, unit: str, digits: int = 2) -> str:
+    """A value with its unit, as it is read aloud: 48 kHz."""
+    if value == 0:
+        return f"0 {unit}"
+    if unit == "V/s":  # the edges of pulses are told in volts a microsecond
+        scale, name = next(((s, p) for s, p in ((1e6, "V/µs"), (1e3, "V/ms")) if abs(value) >= s / 10), (1.0, "V/s"))
+        return f"{value / scale:.{digits}g} {name}"
+    scale, prefix = next((p for p in PREFIXES if abs(value) >= 0.9995 * p[0]), PREFIXES[-1])
+    number = f"{value / scale:.{digits}g}"
+    return f"{float(number):g} {prefix}{unit}"
+
+
+def span_told(low: float, high: float, unit: str) -> str:
+    """A stretch in words."""
+    first, last = with_prefix(low, unit), with_prefix(high, unit)
+    if first == last:
+        return first
+    if first.split()[1] == last.split()[1]:
+        first = first.split()[0]
+    return f"{first} to {last}"
