@@ -1,0 +1,188 @@
+"""The plant's motion against the closed form, against integrators that share nothing with it, and against itself."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from inkjet_env.identification.basis import drive_basis
+from inkjet_env.plant import Force, Mode, Plant, Resonance, Shot, compiled_force
+from inkjet_env.plant.resonance import delayed, reach_V
+from inkjet_env.printhead import Printhead
+
+HEAD = Printhead.published()
+STEP_S = 2e-7
+"""About a hundred a period of the head."""
+
+
+@compiled_force
+def cubic_and_drag(x_V, speed_V, values):
+    """A force of both kinds."""
+    return values[0] * x_V**3 + values[1] * abs(speed_V) * speed_V
+
+
+PUSHED = Force(cubic_and_drag, np.array([2e-6, 3e-4]))
+
+
+def pulse(samples=1000, offset_V=0.0):
+    """A bipolar pulse whose corners are samples, and rest."""
+    corners = [0, 20, 70, 110, 160, 200]
+    return offset_V + np.interp(np.arange(samples), corners, [0.0, 80.0, 80.0, -60.0, -60.0, 0.0])
+
+
+def tones(samples=1000):
+    """A smooth drive, repeated every ``samples``."""
+    phase = 2 * np.pi * np.arange(samples) / samples
+    return 40 * np.sin(7 * phase) + 25 * np.cos(11 * phase + 1) - 25 * math.cos(1)
+
+
+def error_of(motion, expected):
+    """Largest error over the largest value."""
+    return np.abs(motion - expected).max() / np.abs(expected).max()
+
+
+def closed_form(shot, head):
+    """Motion by the closed form that identification uses."""
+    basis = drive_basis(shot.drive_V, shot.step_s, head.full_scale_V, 8, shot.initial_state)
+    return basis.response(shot.channel, head.a0, head.a1) @ head.branch_law.ascending[1:]
+
+
+def integrated(resonance, shot, hysteretic_V, start, rtol=1e-11):
+    """Deflection and speed at the samples by an integrator for any equation, piece by piece; drive linear between."""
+    ends = np.append(hysteretic_V, hysteretic_V[0]) if shot.periodic else hysteretic_V
+    h = shot.node_step_s
+    omega0 = math.sqrt(resonance.a0)
+    states = [np.array(start, dtype=float)]
+    softening = np.zeros(ends.size) if resonance.softening is None else np.resize(resonance.softening, ends.size)
+
+    def slopes(t, y, i):
+        part = t / h
+        v = ends[i] + part * (ends[i + 1] - ends[i])
+        m = softening[i] + part * (softening[i + 1] - softening[i])
+        pushed = sum(force.law(y[0], y[1] / omega0, force.values) for force in resonance.forces)
+        inward = resonance.a0 * (1 + m) * y[0] + resonance.drive_a0 * pushed
+        return [y[1], resonance.drive_a0 * v - inward - resonance.a1 * y[1]]
+
+    for i in range(ends.size - 1):
+        found = solve_ivp(slopes, (0, h), states[-1], "DOP853", rtol=rtol, atol=1e-9, args=(i,))
+        states.append(found.y[:, -1])
+    return np.array(states)[:: shot.parts].T
+
+
+@pytest.mark.parametrize("channel", ["self_sensing", "displacement", "strain_gauge"])
+@pytest.mark.parametrize("initial_state", ["demagnetised", "periodic", "free"])
+@pytest.mark.parametrize("frequency_Hz", [50.0, 51.7e3])
+def test_no_effect_is_the_closed_form(channel, initial_state, frequency_Hz):
+    head = HEAD.varied(frequency_Hz=frequency_Hz)
+    shot = Shot(channel, initial_state, 0.01 / frequency_Hz, pulse())
+    assert error_of(Plant(head).motion(shot.drive_at_nodes_V, shot), closed_form(shot, head)) < 3e-7
+
+
+def test_a_constant_drive_leaves_the_head_at_rest_where_it_holds_it():
+    shot = Shot("displacement", "demagnetised", STEP_S, pulse(offset_V=30.0))
+    expected = closed_form(shot, HEAD)
+    assert expected[0] > 10
+    assert error_of(Plant(HEAD).motion(shot.drive_at_nodes_V, shot), expected) < 3e-7
+    held = Shot("self_sensing", "demagnetised", STEP_S, np.full(50, 40.0))
+    stiff = Resonance(1.1 * HEAD.a0, HEAD.a1, HEAD.a0, forces=(PUSHED,), softening=np.full(held.nodes, 0.05))
+    moved = stiff.motion(np.full(held.nodes, 40.0), held) * HEAD.a0 / math.sqrt(HEAD.a0)
+    assert np.abs(moved).max() < 1e-9 * 40
+
+
+def test_the_closed_form_is_met_with_fourth_order_where_corners_are_samples():
+    errors = []
+    for parts in (2, 4, 8):
+        shot = Shot("self_sensing", "demagnetised", STEP_S, pulse(), parts=parts)
+        errors.append(error_of(Plant(HEAD).motion(shot.drive_at_nodes_V, shot), closed_form(shot, HEAD)))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.3)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(4, abs=0.3)
+
+
+@pytest.mark.parametrize("initial_state", ["demagnetised", "free"])
+def test_forced_motion_is_what_a_general_integrator_finds(initial_state):
+    shot = Shot("displacement", initial_state, STEP_S, pulse(500), start=(9.0, -14.0))
+    resonance = Resonance(0.95 * HEAD.a0, HEAD.a1, HEAD.a0, forces=(PUSHED,))
+    start = (0.0, 0.0) if initial_state == "demagnetised" else (9.0, -14.0 * math.sqrt(resonance.a0))
+    deflection, speed = integrated(resonance, shot, shot.drive_at_nodes_V, start)
+    linear = replace(resonance, forces=()).motion(shot.drive_at_nodes_V, shot)
+    assert error_of(linear, deflection) > 0.01  # the forces show
+    assert error_of(resonance.motion(shot.drive_at_nodes_V, shot), deflection) < 2e-6
+    sensed = resonance.motion(shot.drive_at_nodes_V, replace(shot, channel="self_sensing"))
+    assert error_of(sensed * HEAD.a0, speed) < 5e-6
+
+
+def test_a_stiffness_that_changes_in_time_is_what_a_general_integrator_finds():
+    shot = Shot("displacement", "demagnetised", STEP_S, pulse(500))
+    softening = 0.1 * np.sin(np.arange(shot.nodes) / 150)
+    resonance = Resonance(HEAD.a0, HEAD.a1, HEAD.a0, softening=softening)
+    expected = integrated(resonance, shot, shot.drive_at_nodes_V, (0.0, 0.0))[0]
+    assert error_of(replace(resonance, softening=None).motion(shot.drive_at_nodes_V, shot), expected) > 0.01
+    assert error_of(resonance.motion(shot.drive_at_nodes_V, shot), expected) < 2e-6
+
+
+@pytest.mark.parametrize("initial_state", ["demagnetised", "periodic", "free"])
+def test_forces_are_followed_with_third_order(initial_state):
+    resonance = Resonance(HEAD.a0, HEAD.a1, HEAD.a0, forces=(PUSHED,))
+    found = []
+    for parts in (2, 4, 8, 16):
+        shot = Shot("displacement", initial_state, 6 * STEP_S, tones(300), parts=parts, start=(9.0, -14.0))
+        # The forcing itself is smooth here, so that its interpolation is of higher order.
+        phase = 2 * np.pi * np.arange(shot.nodes) / (300 * parts)
+        found.append(resonance.motion(40 * np.sin(7 * phase) + 25 * (np.cos(11 * phase) - 1), shot))
+    changes = [np.abs(a - b).max() for a, b in zip(found[:-1], found[1:], strict=True)]
+    orders = np.log2(np.array(changes[:-1]) / changes[1:])
+    assert ((orders > 2.6) & (orders < 4.4)).all(), orders
+
+
+@pytest.mark.parametrize("forced", [False, True])
+def test_periodic_is_the_last_of_many_laps(forced):
+    samples, laps = 500, 40
+    resonance = Resonance(HEAD.a0, HEAD.a1, HEAD.a0)
+    if forced:
+        rising = 0.05 * np.sin(2 * np.pi * np.arange(2 * samples) / (2 * samples))
+        resonance = replace(resonance, forces=(PUSHED,), softening=rising)
+    once = Shot("self_sensing", "periodic", STEP_S, tones(samples))
+    many = Shot("self_sensing", "demagnetised", STEP_S, np.append(np.tile(tones(samples), laps), tones(samples)[0]))
+    lap = resonance.motion(once.drive_at_nodes_V, once)
+    repeated = resonance
+    if forced:
+        repeated = replace(resonance, softening=np.resize(resonance.softening, many.nodes))
+    last = repeated.motion(many.drive_at_nodes_V, many)[-samples - 1 : -1]
+    assert error_of(lap, last) < 1e-8
+
+
+def test_a_second_mode_superposes():
+    shot = Shot("displacement", "periodic", STEP_S, pulse())
+    other = HEAD.varied(frequency_Hz=2.2 * HEAD.frequency_Hz, damping_ratio=0.02)
+    both = Resonance(HEAD.a0, HEAD.a1, HEAD.a0, modes=(Mode(other.a0, other.a1, 0.3),))
+    drive_V = shot.drive_at_nodes_V
+    alone = [Resonance(h.a0, h.a1, h.a0).motion(drive_V, shot) for h in (HEAD, other)]
+    assert both.motion(drive_V, shot) == pytest.approx(alone[0] + 0.3 * alone[1], abs=1e-9)
+
+
+def test_a_delay_of_whole_samples_is_exact_and_any_other_cubic():
+    signal = np.random.default_rng(1).normal(size=40)
+    assert delayed(signal, 3.0, True) == pytest.approx(np.roll(signal, 3), abs=1e-15)
+    assert delayed(signal, -2.0, True) == pytest.approx(np.roll(signal, -2), abs=1e-15)
+    assert delayed(signal, 3.0, False) == pytest.approx(np.append(np.full(3, signal[0]), signal[:-3]), abs=1e-15)
+    t = np.linspace(-1, 1, 40)
+    moved = delayed(2 * t**3 - t, 2.3, False)
+    earlier = t - 2.3 * (t[1] - t[0])
+    assert moved[6:] == pytest.approx((2 * earlier**3 - earlier)[6:], abs=1e-13)
+
+
+def test_a_motion_that_grows_without_bound_is_told():
+    shot = Shot("displacement", "demagnetised", STEP_S, pulse())
+    runaway = Force(cubic_and_drag, np.array([-1e-2, 0.0]))
+    with pytest.raises(FloatingPointError, match="grows without bound"):
+        Resonance(HEAD.a0, HEAD.a1, HEAD.a0, forces=(runaway,)).motion(shot.drive_at_nodes_V, shot)
+    with pytest.raises(FloatingPointError, match="does not ring"):
+        Resonance(HEAD.a0, 3 * math.sqrt(HEAD.a0), HEAD.a0).motion(shot.drive_at_nodes_V, shot)
+
+
+def test_reach_is_the_largest_deflection_up_to_the_width_of_the_hysteresis():
+    shots = [Shot("self_sensing", "periodic", STEP_S, tones()), Shot("strain_gauge", "periodic", 1.0, 9 * tones())]
+    seen = Plant(HEAD).motion(shots[0].drive_at_nodes_V, replace(shots[0], channel="displacement"))
+    assert reach_V(HEAD, shots) == pytest.approx(np.abs(seen).max(), rel=0.3)
