@@ -28,7 +28,9 @@ MOST_RECORDINGS = 10
 STRONG = 0.5
 """Stretches with at least this part of the strongest one's surplus are where it sits."""
 APART = 2.0
-"""A part of the waveform stands out that has so many times the surplus of all others together, sample by sample."""
+"""A part of the waveform stands out that has so many times the surplus, sample by sample, of the next."""
+FAR_APART = 4.0
+"""The same for groups of recordings, which differ in more than what they are grouped by."""
 WEAK_FOR_ITS_DRIVE = 0.1
 """Drives are left out whose surplus is below this part of what a mismatch in proportion to the drive would leave."""
 STANDING_OUT = {
@@ -219,11 +221,7 @@ def _sentence(
         parts.append(growth)
     if drift:
         most_sure = max(drift, key=lambda trend: abs(trend.z))
-        over = (
-            "from the first to the last recording"
-            if most_sure.against == "order"
-            else "from the least drive to the largest"
-        )
+        over = {"order": "from the first to the last recording", "drive": "from the least drive to the largest"}
         way = "rose" if most_sure.change > 0 else "fell"
         name = "the resonance frequency" if most_sure.what == "frequency" else "the damping"
         parts.append(f"as if {name} {way} by {100 * abs(most_sure.change):.2g} % {over[most_sure.against]}")
@@ -248,11 +246,10 @@ def _amount(o: Observed, noise: Noise, fit: Fit) -> str:
 def _standing_out(cells: Sequence[Cell], told: Sequence[Cell], view: str, channel: str) -> Cell | None:
     """The cell of a view that has much more than the next."""
     mine = sorted((c for c in cells if c.view == view and c.group == channel), key=lambda c: -c.power)
-    if not mine or mine[0] not in told:
+    apart = APART if view in ("time in the waveform", "pulse") else FAR_APART
+    if len(mine) < 2 or mine[0] not in told or mine[0].power - 1 < apart * max(mine[1].power - 1, 0.0):
         return None
-    if len(mine) > 1 and mine[0].power - 1 < APART * max(mine[1].power - 1, 0.0):
-        return None
-    return mine[0] if len(mine) > 1 else None
+    return mine[0]
 
 
 def _growth(told: Sequence[Cell], channel: str) -> str:
