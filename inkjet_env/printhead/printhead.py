@@ -94,28 +94,28 @@ class Printhead:
     @classmethod
     def from_json(cls, path: str | os.PathLike[str]) -> Printhead:
         """Read a ``printhead/1`` file; ``ValueError`` names the file and the rule it breaks."""
+        data = printhead_data(path)
+        if ids := effect_ids(data):
+            raise ValueError(
+                f"{path}: has effects beyond the base model ({', '.join(ids)}), which cannot be left out here. "
+                "Use what takes them along: inkjet simulate, optimize, evaluate, gymnasium.make, or "
+                "inkjet_env.plant.printhead_file.read_printhead."
+            )
         try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise ValueError(f"{path}: cannot be read: {reason}. Check the file's name.") from None
-        try:
-            data: Any = json.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise ValueError(f"{path}: is not JSON ({error}). Is this a printhead file?") from None
-        if not isinstance(data, dict) or data.get("format") != "printhead/1":
-            got = data.get("format") if isinstance(data, dict) else type(data).__name__
-            raise ValueError(f'{path}: "format" must be "printhead/1"; got {got!r}. Is this a printhead file?')
-        try:
-            values = {name: _number(data, "dynamics", name, "value") for name in ("a0", "a1", "b1")}
-            values["full_scale_V"] = _number(data, "hysteresis", "full_scale_V")
-            coefficients = _entry(data, "hysteresis", "coefficients")
-            if not isinstance(coefficients, list):
-                raise ValueError(f"hysteresis.coefficients must be a list of numbers; got {coefficients!r}.")
-            numbers = (_number({"coefficients": c}, "coefficients") for c in coefficients)
-            return cls(coefficients=tuple(numbers), **values)
+            return cls.from_data(data)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Printhead:
+        """The head that a ``printhead/1`` file's content describes, without effects; ``ValueError`` names the rule."""
+        values = {name: _number(data, "dynamics", name, "value") for name in ("a0", "a1", "b1")}
+        values["full_scale_V"] = _number(data, "hysteresis", "full_scale_V")
+        coefficients = _entry(data, "hysteresis", "coefficients")
+        if not isinstance(coefficients, list):
+            raise ValueError(f"hysteresis.coefficients must be a list of numbers; got {coefficients!r}.")
+        numbers = (_number({"coefficients": c}, "coefficients") for c in coefficients)
+        return cls(coefficients=tuple(numbers), **values)
 
     def to_json(
         self,
@@ -214,6 +214,31 @@ class Printhead:
         """
         time_s, drive_V = waveform.knots()
         return Response(self, time_s, drive_V, initial_state, check_window(window_s), hysteresis)
+
+
+def printhead_data(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Content of a ``printhead/1`` file; ``ValueError`` names the file where it is none."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise ValueError(f"{path}: cannot be read: {reason}. Check the file's name.") from None
+    try:
+        data: Any = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: is not JSON ({error}). Is this a printhead file?") from None
+    if not isinstance(data, dict) or data.get("format") != "printhead/1":
+        got = data.get("format") if isinstance(data, dict) else type(data).__name__
+        raise ValueError(f'{path}: "format" must be "printhead/1"; got {got!r}. Is this a printhead file?')
+    return data
+
+
+def effect_ids(data: Mapping[str, Any]) -> list[str]:
+    """Names of the effects in a ``printhead/1`` file; empty for the base model."""
+    effects = data.get("effects") or []
+    if not isinstance(effects, list):
+        return ["effects"]
+    return [str(entry.get("id")) if isinstance(entry, dict) else "?" for entry in effects]
 
 
 def _entry(data: Any, *keys: str) -> Any:

@@ -1,0 +1,272 @@
+"""The printhead with the effects that a diagnosis found: what it answers to a waveform or any drive, and its file."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inkjet_env.plant.effect import Effect, Values
+from inkjet_env.plant.extrema import extrema
+from inkjet_env.plant.resonance import Resonance
+from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.stages import Plant
+from inkjet_env.printhead import PeakCost, Printhead, SampledResponse, Waveform, as_waveform_array, check_name
+from inkjet_env.printhead.hysteresis import laps_before_recording
+from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, check_window
+from inkjet_env.printhead.sampled import check_samples
+from inkjet_env.storage import write_json
+
+Real = NDArray[np.float64]
+
+STEPS_A_PERIOD = 200
+STEPS_A_WINDOW = 1000
+MOST_STEPS = 2_000_000
+PARTS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class AugmentedPrinthead:
+    """A printhead with effects that its base model leaves out; what was measured by itself is what it shows.
+
+    It answers as `Printhead` does, on a grid of 200 steps a period, whose nodes a waveform's corners fall between:
+    peaks are right to 3e-4 of the largest where edges last a twentieth of the period, to 2e-2 where they are jumps. A
+    pulse shorter than a node, a 400th of the period, may be missed.
+    Effects of chance (hum, drift of the baseline) and crosstalk add nothing: there is no recording and no neighbour.
+
+    Parameters
+    ----------
+    printhead : Printhead
+    effects : tuple of (Effect, values)
+    gains : mapping of str to float
+        By channel, in its unit per hysteretic volt.
+    order : int
+        Effects that change with the order of the recordings are taken as they were at this one, the last.
+    """
+
+    printhead: Printhead
+    effects: tuple[tuple[Effect, Values], ...]
+    gains: Mapping[str, float] = field(default_factory=dict)
+    order: int = 1
+
+    @property
+    def frequency_Hz(self) -> float:
+        """Of the base model."""
+        return self.printhead.frequency_Hz
+
+    @property
+    def damping_ratio(self) -> float:
+        """Of the base model."""
+        return self.printhead.damping_ratio
+
+    @property
+    def plant(self) -> Plant:
+        """Head, sensors and effects on recordings."""
+        return Plant(self.printhead, self.gains, effects=self.effects)
+
+    def respond(
+        self,
+        waveform: Waveform,
+        initial_state: str = "periodic",
+        window_s: float = DEFAULT_WINDOW_S,
+        hysteresis: str = "full_memory",
+    ) -> AugmentedResponse:
+        """Response to one waveform, the resonator being at rest when it starts.
+
+        Parameters
+        ----------
+        waveform : Waveform
+        initial_state : {"periodic", "demagnetised"}
+            Of all that remembers but the resonator: the waveform had been repeating, once a window; or it is the first.
+        window_s : float
+            Peaks later than this after the waveform's start do not count; finite.
+        hysteresis : {"full_memory"}
+
+        Raises
+        ------
+        ValueError
+            An option that is not offered with effects; a motion that grows without bound.
+        """
+        check_name("hysteresis of a printhead with effects", hysteresis, ("full_memory",))
+        window_s = _finite_window(window_s)
+        knots_s, knots_V = waveform.knots()
+        step_s = self._step_s(window_s)
+        steps = _steps(max(window_s, waveform.duration_s), step_s)
+        times_s = np.arange(steps * PARTS) * (step_s / PARTS)
+        at_nodes_V = waveform.drive_V(times_s)
+        at_nodes_V[0] = 0.0  # a jump at the start begins there
+        hysteretic_V, sensor_V = self._answer(at_nodes_V, step_s, initial_state)
+        peak_times_s, peaks_V = extrema(sensor_V, step_s)
+        counts = peak_times_s <= window_s
+        return AugmentedResponse(
+            self, knots_s, knots_V, window_s, step_s, hysteretic_V, sensor_V, peak_times_s[counts], peaks_V[counts]
+        )
+
+    def respond_sampled(
+        self,
+        time_s: ArrayLike,
+        drive_V: ArrayLike,
+        initial_state: str = "periodic",
+        hysteresis: str = "full_memory",
+        window_s: float | None = None,
+    ) -> SampledResponse:
+        """Response to a sampled drive, as `inkjet_env.printhead.respond_sampled` with the resonator at rest."""
+        check_name("hysteresis of a printhead with effects", hysteresis, ("full_memory",))
+        time, drive = check_samples(time_s, drive_V)
+        since = time - time[0]
+        end_s = float(since[-1]) if window_s is None else max(_finite_window(window_s), float(since[-1]))
+        sampling_s = float(since[-1]) / (since.size - 1)
+        step_s = sampling_s / math.ceil(sampling_s / self._step_s(end_s))  # so that uniform samples are on the grid
+        back_s = since[-1] - since[-2]
+        steps = _steps(end_s + back_s, step_s)
+        times_s = np.arange(steps * PARTS) * (step_s / PARTS)
+        last_s = max(end_s, float(times_s[-1]) - back_s)
+        at_nodes_V = np.interp(times_s, [*since, last_s, last_s + back_s], [*drive, drive[-1], drive[0]])
+        _, sensor_V = self._answer(at_nodes_V, step_s, initial_state)
+        peak_times_s, peaks_V = extrema(sensor_V, step_s)
+        counts = peak_times_s <= end_s
+        shown_V = np.interp(since, np.arange(steps) * step_s, sensor_V)
+        return SampledResponse(time, drive, shown_V, peak_times_s[counts] + time[0], peaks_V[counts])
+
+    def costs(
+        self,
+        waveforms: ArrayLike,
+        cost: PeakCost | None = None,
+        initial_state: str = "periodic",
+        window_s: float = DEFAULT_WINDOW_S,
+    ) -> Real:
+        """Peak costs in volts, shape (n,), of waveforms (n, 7); each some hundred times slower than the base model."""
+        rows = as_waveform_array(waveforms)
+        found = (self.respond(Waveform.from_array(row), initial_state, window_s).cost(cost) for row in rows)
+        return np.fromiter(found, dtype=np.float64, count=len(rows))
+
+    def _step_s(self, window_s: float) -> float:
+        return min(1 / (STEPS_A_PERIOD * self.frequency_Hz), window_s / STEPS_A_WINDOW)
+
+    def _answer(self, at_nodes_V: Real, step_s: float, initial_state: str) -> tuple[Real, Real]:
+        """Hysteretic drive since the start, and the self-sensed signal, both shape (steps,)."""
+        plant = self.plant
+        first = Shot("self_sensing", "demagnetised", step_s, at_nodes_V[::PARTS], self.order, parts=PARTS)
+        first.kept["drive"] = at_nodes_V[: first.nodes]
+        before = first
+        if laps_before_recording(initial_state) > 0:
+            before = replace(first, initial_state="periodic", kept={"drive": at_nodes_V})
+        try:
+            drive_V = plant.at_ceramic_V(before)
+            # a copy: of the drive as asked, the powers of the law would be kept, which costs more and serves fits
+            hysteretic_V = plant.hysteretic_V(drive_V.copy(), before)[: first.nodes]
+            hysteretic_V = hysteretic_V - hysteretic_V[0]  # where the head rests
+            head = self.printhead
+            resonance = Resonance(head.a0, head.a1, head.a0)
+            for effect, values in plant.of("resonator"):
+                resonance = effect.resonator(values, resonance, before)
+            if resonance.softening is not None:
+                resonance = replace(resonance, softening=resonance.softening[: first.nodes])
+            signal = head.b1 * resonance.motion(hysteretic_V, first)
+            for effect, values in plant.of("sensing"):
+                signal = effect.sensing(values, signal, drive_V[: first.nodes], head, first)
+        except FloatingPointError as error:
+            raise ValueError(
+                f"the printhead with its effects has no answer to a drive of up to {np.abs(at_nodes_V).max():.3g} V: "
+                f"{str(error).rstrip('.')}. The effects were fitted to other drives; stay within those."
+            ) from None
+        return first.sampled(hysteretic_V), signal
+
+    def to_json(self, path: str | os.PathLike[str], **options: Any) -> None:
+        """Write a ``printhead/1`` file, whole or not at all; options as `as_json`."""
+        write_json(path, self.as_json(**options))
+
+    def as_json(
+        self,
+        intervals: Mapping[str, tuple[float, float]] | None = None,
+        fit: Mapping[str, Any] | None = None,
+        effect_intervals: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
+    ) -> dict[str, Any]:
+        """A ``printhead/1`` with the keys "effects" and "order".
+
+        Parameters
+        ----------
+        intervals, fit
+            As `Printhead.as_json`.
+        effect_intervals : mapping, optional
+            By effect and parameter, (low, high); a point unless given. Infinite numbers are written as null.
+        """
+        channels = {channel: {"gain": {"value": gain}} for channel, gain in self.gains.items()}
+        effects = []
+        for effect, values in self.effects:
+            parameters = {}
+            for p in effect.parameters:
+                low, high = (effect_intervals or {}).get(effect.id, {}).get(p.name, (values[p.name], values[p.name]))
+                numbers = {"value": values[p.name], "low": low, "high": high}
+                finite = {name: v if math.isfinite(v) else None for name, v in numbers.items()}
+                parameters[p.name] = finite | {"unit": p.unit}
+            effects.append({"id": effect.id, "parameters": parameters})
+        base = self.printhead.as_json(intervals, {"channels": channels} | dict(fit or {}))
+        return base | {"effects": effects, "order": self.order}
+
+
+@dataclass(frozen=True, eq=False)
+class AugmentedResponse:
+    """What a head with effects answers to a waveform; made by `AugmentedPrinthead.respond`.
+
+    Attributes
+    ----------
+    peak_times_s, peaks_V : ndarray, shape (k,)
+        Every local extremum of the self-sensed signal within the window, signed, in time order.
+    tail_V : float
+        0: the window is finite.
+    """
+
+    printhead: AugmentedPrinthead
+    knot_times_s: Real
+    knot_drive_V: Real
+    window_s: float
+    step_s: float
+    hysteretic_at_steps_V: Real
+    sensor_at_steps_V: Real
+    peak_times_s: Real
+    peaks_V: Real
+    tail_V: float = 0.0
+
+    def drive_V(self, time_s: ArrayLike) -> Real:
+        """Drive in volts at any times, same shape: as asked for."""
+        return np.interp(np.asarray(time_s, dtype=np.float64), self.knot_times_s, self.knot_drive_V, left=0.0)
+
+    def hysteretic_V(self, time_s: ArrayLike) -> Real:
+        """Hysteretic drive in volts at any times, same shape; zero at the start, linear between steps."""
+        return self._between(time_s, self.hysteretic_at_steps_V)
+
+    def sensor_V(self, time_s: ArrayLike) -> Real:
+        """Self-sensed signal in volts at any times, same shape; linear between steps."""
+        return self._between(time_s, self.sensor_at_steps_V)
+
+    def _between(self, time_s: ArrayLike, at_steps: Real) -> Real:
+        steps_s = np.arange(at_steps.size) * self.step_s
+        return np.interp(np.asarray(time_s, dtype=np.float64), steps_s, at_steps, left=0.0)
+
+    def cost(self, peak_cost: PeakCost | None = None) -> float:
+        """Peak cost in volts; the default is `PeakCost()`."""
+        return (peak_cost or PeakCost())(self.peaks_V)
+
+
+def _finite_window(window_s: float) -> float:
+    window_s = check_window(window_s)
+    if math.isinf(window_s):
+        raise ValueError("an infinite window needs a printhead without effects; give a time, such as 350e-6.")
+    return window_s
+
+
+def _steps(duration_s: float, step_s: float) -> int:
+    """Steps of the grid: a few more than the duration, so that an extremum at its end is seen."""
+    steps = math.ceil(duration_s / step_s) + 3
+    if steps > MOST_STEPS:
+        raise ValueError(
+            f"{duration_s:g} s are {steps} steps of {step_s:.3g} s, which a head of this frequency with effects needs; "
+            f"at most {MOST_STEPS} are followed. Shorten the drive or the window."
+        )
+    return steps
