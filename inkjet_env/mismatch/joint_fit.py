@@ -173,9 +173,18 @@ class JointFit:
     noise : Noise
     head : Head
         The base model: where every fit begins.
+    standing : sequence of (Effect, values)
+        Effects by chance that are known to be there: what their nuisances can explain is taken out everywhere.
     """
 
-    def __init__(self, observed: Sequence[Observed], noise: Noise, head: Head) -> None:
+    def __init__(
+        self,
+        observed: Sequence[Observed],
+        noise: Noise,
+        head: Head,
+        standing: Sequence[tuple[Effect, Values]] = (),
+    ) -> None:
+        self.standing = tuple(standing)
         self.observed = tuple(observed)
         self.noise = noise
         self.start = head
@@ -212,7 +221,8 @@ class JointFit:
         """Whitened columns of what is free in each recording: an unknown initial state, an effect's nuisances."""
         if o.channel == "drive_monitor":
             return None
-        columns = [c for effect, values in effects if (c := effect.nuisances(values, o.shot)) is not None]
+        on = (*self.standing, *effects)
+        columns = [c for effect, values in on if (c := effect.nuisances(values, o.shot)) is not None]
         if o.shot.initial_state == "free" and o.shot.fast:
             head = self.start.printhead
             columns.append(free_ringing(o.shot.samples, o.shot.step_s, head.a0, head.a1))
@@ -230,6 +240,19 @@ class JointFit:
         return {
             o.name: plant.signal(replace(o.shot, start=states[o.name]) if o.name in states else o.shot) for o in chosen
         }
+
+    def modelled(self, fit: Fit) -> dict[str, Real]:
+        """What a fit makes of every recording, in the channel's unit: free-run, with the recording's own chance."""
+        told = fit.with_values
+        signals = self.signals(fit.head, told, fit.states, self.observed)
+        for o in self.observed:
+            on = (*self.standing, *told)
+            columns = [c for effect, values in on if (c := effect.nuisances(values, o.shot)) is not None]
+            if columns and o.channel != "drive_monitor":
+                table = np.column_stack(columns)
+                pair = self.noise.whitened(o, np.column_stack([table, o.measured - signals[o.name]]))
+                signals[o.name] = signals[o.name] + table @ np.linalg.lstsq(pair[:, :-1], pair[:, -1], rcond=1e-12)[0]
+        return signals
 
     def _base(self) -> Fit:
         """The base model itself, settled on these recordings and this noise."""

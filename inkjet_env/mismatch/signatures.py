@@ -96,7 +96,7 @@ def signatures(
 ) -> Signatures:
     """Signatures of all effects at all their starts."""
     shots = [o.shot for o in joint.seen if o.channel != "drive_monitor"]
-    tasks = []
+    tasks: list[tuple[Effect, dict[str, float]]] = []
     for effect in effects:
         progress(f"what {effect.id} would add")
         tasks.extend((effect, start) for start in effect.starts(joint.base.head.printhead, shots))

@@ -1,0 +1,196 @@
+"""Effects that differ from recording to recording by chance — a hum, a drift — told from noise by likelihood.
+
+Their amplitudes are drawn anew in every recording, so no simulation foretells them and repeats differ by them: without
+them they pass for noise. Both sides are compared whole, noise model and all: noise alone as coloured as the recordings
+show it, against less noise with amplitudes drawn from one normal distribution (its variance by maximum likelihood).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.identification.noise import NoiseModel
+from inkjet_env.mismatch.observed import Noise, Observed, noise_seen
+from inkjet_env.plant import Effect
+from inkjet_env.plant.effect import coordinates, values_at
+
+Real = NDArray[np.float64]
+
+LINES = 4
+"""Strongest lines of the pooled periodogram that are offered as starts."""
+LEAST_GAIN = 12.0
+"""Of the log-likelihood, for such an effect to count as there: the noise model has had its say before."""
+
+
+@dataclass(frozen=True, eq=False)
+class ByChance:
+    """An effect by chance on one channel.
+
+    Attributes
+    ----------
+    effect : Effect
+    channel : str
+    values : dict of str to float
+        The amplitude is the root mean square over the recordings of what it adds at its strongest.
+    gain : float
+        Of the log-likelihood over noise alone.
+    """
+
+    effect: Effect
+    channel: str
+    values: dict[str, float]
+    gain: float
+
+
+def by_chance(
+    observed: Sequence[Observed],
+    left: dict[str, Real],
+    noise: Noise,
+    effects: Sequence[Effect],
+) -> list[ByChance]:
+    """How well each such effect does on each channel, best first; only those that gain enough.
+
+    Parameters
+    ----------
+    observed : sequence of Observed
+        The recordings to look at: those at rest, or all where the model explains them.
+    left : dict of str to ndarray
+        Measured minus modelled, in the channel's unit.
+    noise : Noise
+        With nothing of the kind.
+    effects : sequence of Effect
+        Those that have nuisances.
+    """
+    found = []
+    for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):
+        mine = [o for o in observed if o.channel == channel]
+        level = float(np.mean(np.concatenate([left[o.name] for o in mine])))  # an offset is no drift
+        left = left | {o.name: left[o.name] - level for o in mine}
+        lines = _lines_Hz(mine, left)
+        for o in mine:
+            o.shot.kept["lines_Hz"] = lines
+        before = _noise_alone(mine, left, noise)
+        for effect in effects:
+            best = _best(effect, mine, left, noise, before)
+            if best is not None and best.gain > LEAST_GAIN:
+                found.append(best)
+        for o in mine:
+            del o.shot.kept["lines_Hz"]
+    return sorted(found, key=lambda c: -c.gain)
+
+
+def without(
+    effect: Effect, values: dict[str, float], observed: Sequence[Observed], left: dict[str, Real]
+) -> dict[str, Real]:
+    """What is left of each recording when the effect's amplitudes have been fitted to it."""
+    result = dict(left)
+    for o in observed:
+        columns = None if o.channel == "drive_monitor" else effect.nuisances(values, o.shot)
+        if columns is not None:
+            result[o.name] = left[o.name] - columns @ np.linalg.lstsq(columns, left[o.name], rcond=None)[0]
+    return result
+
+
+def _best(
+    effect: Effect, observed: Sequence[Observed], left: dict[str, Real], noise: Noise, before: float
+) -> ByChance | None:
+    from scipy.optimize import minimize_scalar
+
+    free = [p for p in effect.parameters if p.name not in effect.strengths]
+    quick = []
+    for start in effect.starts(None, [o.shot for o in observed]):  # type: ignore[arg-type]
+        if any(effect.nuisances(start, o.shot) is not None for o in observed):
+            quick.append((_with_amplitudes(effect, start, observed, left, noise)[0], start))
+    quick.sort(key=lambda pair: pair[0])
+    best: ByChance | None = None
+    for _, start in quick[:2]:
+        values = dict(start)
+        if len(free) == 1:  # refine a frequency within the width of a line
+            place = [p.name for p in effect.parameters].index(free[0].name)
+            point = coordinates(effect, values)
+            longest = max(o.shot.samples * o.shot.step_s for o in observed)
+            width = 1 / max(values[free[0].name] * longest, 1.0)
+
+            def worse(z: float, point: Real = point, place: int = place) -> float:
+                there = point.copy()
+                there[place] = z
+                return _with_amplitudes(effect, values_at(effect, there), observed, left, noise)[0]
+
+            bounds = (point[place] - width, point[place] + width)
+            refined = minimize_scalar(worse, bounds=bounds, method="bounded", options={"xatol": 1e-3 * width})
+            point[place] = refined.x
+            values = values_at(effect, point)
+        models: dict[tuple[str, float], NoiseModel] = dict(noise.models)
+        less = noise_seen(observed, without(effect, values, observed, left), models)
+        after, amplitude = _with_amplitudes(effect, values, observed, left, less)
+        for name in effect.strengths:
+            values[name] = amplitude
+        if best is None or before - after > best.gain:
+            best = ByChance(effect, observed[0].channel, values, before - after)
+    return best
+
+
+def _noise_alone(observed: Sequence[Observed], left: dict[str, Real], noise: Noise) -> float:
+    """Negative log-likelihood of what is left as noise."""
+    total = 0.0
+    for o in observed:
+        white = noise.whitened(o, left[o.name])
+        total += o.shot.samples * noise.log_scale(o) + 0.5 * float(white @ white)
+    return total
+
+
+def _with_amplitudes(
+    effect: Effect, values: dict[str, float], observed: Sequence[Observed], left: dict[str, Real], noise: Noise
+) -> tuple[float, float]:
+    """Negative log-likelihood with random amplitudes of the likeliest variance; and their root mean square."""
+    squares, sizes = [], []
+    explained = []
+    for o in observed:
+        columns = effect.nuisances(values, o.shot)
+        if columns is None:
+            continue
+        white = noise.whitened(o, np.column_stack([columns, left[o.name]]))
+        q, r = np.linalg.qr(white[:, :-1])
+        amplitudes = q.T @ white[:, -1]
+        squares.append(amplitudes**2)
+        sizes.append(np.full(amplitudes.size, float(np.mean(np.diag(r) ** 2))))
+        explained.append(columns @ np.linalg.lstsq(r, amplitudes, rcond=1e-12)[0])
+    total = _noise_alone(observed, left, noise)
+    if not squares:
+        return total, 0.0
+    a, size = np.concatenate(squares), np.concatenate(sizes)
+    variances = np.geomspace(1e-3, 1e9, 200) / float(np.median(size))
+    share = variances[:, None] * size
+    gains = 0.5 * np.sum(a * share / (1 + share) - np.log1p(share), axis=1)
+    peak = math.sqrt(float(np.mean([np.max(np.abs(e)) ** 2 for e in explained])))
+    return total - max(float(gains.max()), 0.0), peak
+
+
+def _lines_Hz(observed: Sequence[Observed], left: dict[str, Real]) -> list[float]:
+    """Frequencies of the strongest lines in the pooled periodogram of what is left."""
+    by_step: dict[float, list[Observed]] = {}
+    for o in observed:
+        by_step.setdefault(o.noise_key[1], []).append(o)
+    step_s, mine = max(by_step.items(), key=lambda pair: sum(o.shot.samples for o in pair[1]))
+    longest = max(o.shot.samples for o in mine)
+    length = 4 * longest
+    power = np.zeros(length // 2 + 1)
+    for o in mine:
+        signal = left[o.name] - left[o.name].mean()
+        lines = np.abs(np.fft.rfft(signal * np.hanning(signal.size), length)) ** 2
+        power += lines / max(float(np.median(lines)), 1e-300)
+    frequency = np.fft.rfftfreq(length, mine[0].shot.step_s)
+    found: list[float] = []
+    for at in np.argsort(power)[::-1]:
+        if frequency[at] * longest * step_s < 1.5:
+            continue
+        if all(abs(frequency[at] - other) * longest * step_s > 3 for other in found):
+            found.append(float(frequency[at]))
+        if len(found) == LINES:
+            break
+    return found

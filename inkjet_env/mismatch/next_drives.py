@@ -1,0 +1,284 @@
+"""Drives that a next recording could have: what each is in words, and as a shot; scaled to the head and the campaign."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch.locate_views import largest_V, with_prefix
+from inkjet_env.mismatch.observed import Observed
+from inkjet_env.plant import Shot
+
+Real = NDArray[np.float64]
+
+WINDOW = 16
+"""Resonance periods of a pulse with its ring-down."""
+MULTISINE = 40
+"""Resonance periods of one repetition of a multisine."""
+HIGHEST = 0.2
+"""Cycles a sample of a multisine's highest line, at most."""
+SLOW_SAMPLES = 1200
+HOLD_SAMPLES = 2000
+MOST_SAMPLES = 20_000
+REACHES = 0.01
+"""A campaign drives a sign if it reaches so much of its largest drive there."""
+
+
+@dataclass(frozen=True)
+class Train:
+    """Trapezoids one after another, each from rest.
+
+    Attributes
+    ----------
+    levels_V : tuple of float
+    edge_s, dwell_s : float
+        Of every pulse.
+    gap_s : float
+        From one pulse's end to the next one's start; 0: from level to level without rest.
+    """
+
+    levels_V: tuple[float, ...]
+    edge_s: float
+    dwell_s: float
+    gap_s: float = 0.0
+
+    @property
+    def corners(self) -> tuple[list[float], list[float]]:
+        """Times from the first edge's start and voltages."""
+        time_s, drive_V, now_s = [0.0], [0.0], 0.0
+        for k, level in enumerate(self.levels_V):
+            for length_s, value in ((self.edge_s, level), (self.dwell_s, level)):
+                now_s += length_s
+                time_s.append(now_s)
+                drive_V.append(value)
+            if self.gap_s or k == len(self.levels_V) - 1:
+                for length_s in (self.edge_s, self.gap_s):
+                    now_s += length_s
+                    time_s.append(now_s)
+                    drive_V.append(0.0)
+        return time_s, drive_V
+
+    @property
+    def words(self) -> str:
+        """The pulses as they are set at a generator."""
+        shape = f"(edges {with_prefix(self.edge_s, 's')}, dwell {with_prefix(self.dwell_s, 's')})"
+        first, *more = (with_prefix(level, "V") for level in self.levels_V)
+        if not more:
+            return f"a pulse of {first} {shape}"
+        if self.gap_s:
+            return (
+                f"pulses of {first} and {' and '.join(more)} with {with_prefix(self.gap_s, 's')} between them {shape}"
+            )
+        return f"a pulse from {first} to {' to '.join(more)} {shape}"
+
+    @property
+    def rounded(self) -> Train:
+        """To two digits, as it would be set."""
+        levels = tuple(float(f"{level:.2g}") for level in self.levels_V)
+        return Train(levels, *(float(f"{v:.2g}") for v in (self.edge_s, self.dwell_s, self.gap_s)))
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A recording that could be taken.
+
+    Attributes
+    ----------
+    words : str
+        "under a pulse of …".
+    shot : Shot
+    train : Train or None
+        The pulses that it is made of, which may still be changed.
+    """
+
+    words: str
+    shot: Shot
+    train: Train | None = None
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What a campaign has dared and could do on one channel.
+
+    Attributes
+    ----------
+    channel, initial_state : str
+    step_s, period_s : float
+        Sampling step; of the head's resonance.
+    high_V, low_V : float
+        The largest drive of each sign.
+    order : int
+        Of the next recording.
+    neighbour : bool
+        Whether the neighbouring channel can be driven.
+    """
+
+    channel: str
+    initial_state: str
+    step_s: float
+    period_s: float
+    high_V: float
+    low_V: float
+    order: int
+    neighbour: bool
+
+    def shot(self, drive_V: Real, initial_state: str = "", neighbour_V: Real | None = None) -> Shot:
+        """A shot of this channel."""
+        if neighbour_V is None and self.neighbour:
+            neighbour_V = np.zeros(drive_V.size)
+        return Shot(
+            self.channel, initial_state or self.initial_state, self.step_s, drive_V, self.order, neighbour_V=neighbour_V
+        )
+
+    def samples(self, periods: float) -> int:
+        """In so many periods of the resonance."""
+        return min(max(round(periods * self.period_s / self.step_s), 16), MOST_SAMPLES)
+
+    def pulses(self, train: Train, periods: float = WINDOW) -> Proposal:
+        """A train in a window of so many resonance periods, longer where it needs to be."""
+        train = train.rounded
+        time_s, drive_V = train.corners
+        samples = max(self.samples(periods), math.ceil((time_s[-1] + self.period_s) / self.step_s))
+        before_s = min(0.2 * self.period_s, 0.02 * samples * self.step_s)
+        drive = np.interp(self.step_s * np.arange(samples), before_s + np.array(time_s), drive_V)
+        return Proposal(f"under {train.words}{self._told(samples)}", self.shot(drive), train)
+
+    def changed(self, train: Train, periods: float, height: float, times: Sequence[float]) -> Proposal | None:
+        """With height and times (edges, dwell, gap if there is one) multiplied; None beyond what the campaign dared."""
+        edge, dwell, gap = (*times, 1.0)[:3]
+        levels = tuple(height * level for level in train.levels_V)
+        train = Train(levels, edge * train.edge_s, dwell * train.dwell_s, gap * train.gap_s).rounded
+        within = self.low_V <= min(train.levels_V) and max(train.levels_V) <= self.high_V
+        long_s = train.corners[0][-1]
+        if not within or min(train.edge_s, train.dwell_s) < self.step_s or long_s > MOST_SAMPLES * self.step_s / 2:
+            return None
+        return self.pulses(train, periods)
+
+    def _told(self, samples: int) -> str:
+        if self.initial_state == "periodic":
+            return f", repeated every {with_prefix(samples * self.step_s, 's')}"
+        return f", once, recorded for {with_prefix(samples * self.step_s, 's')}"
+
+
+def benches(observed: Sequence[Observed], frequency_Hz: float) -> list[Bench]:
+    """One for each channel of a campaign, at its most frequent sampling step."""
+    high = max(float(o.shot.drive_V.max()) for o in observed)
+    low = min(float(o.shot.drive_V.min()) for o in observed)
+    most = max(largest_V(o) for o in observed)
+    found = []
+    for channel in sorted({o.channel for o in observed}):
+        mine = [o for o in observed if o.channel == channel]
+        keys = [o.noise_key for o in mine]
+        usual = max(sorted(set(keys)), key=keys.count)
+        shot = next(o.shot for o in mine if o.noise_key == usual)
+        states = {o.shot.initial_state for o in mine}
+        found.append(
+            Bench(
+                channel,
+                "periodic" if "periodic" in states else "demagnetised",
+                shot.step_s,
+                1 / frequency_Hz,
+                high if high > REACHES * most else 0.0,
+                low if low < -REACHES * most else 0.0,
+                1 + max(o.shot.order for o in observed),
+                any(o.shot.neighbour_V is not None for o in mine),
+            )
+        )
+    return found
+
+
+def library(bench: Bench) -> list[Proposal]:
+    """Drives that show, one or the other, whatever a head may do."""
+    return fast_library(bench) if bench.channel != "strain_gauge" else slow_library(bench)
+
+
+def fast_library(bench: Bench) -> list[Proposal]:
+    """Pulses, pairs, rates, multisines, a step, silence."""
+    period_s, most = bench.period_s, max(bench.high_V, -bench.low_V)
+    steep = max(0.03 * period_s, bench.step_s)
+    usual = max(0.15 * period_s, bench.step_s)
+    found = []
+    levels = [v for v in (bench.high_V, bench.low_V) if v]
+    for level in levels:
+        for height in (1.0, 0.4):
+            for edge_s in (steep, usual, 1.5 * period_s):
+                found.append(bench.pulses(Train((height * level,), edge_s, 0.35 * period_s)))
+        found.append(bench.pulses(Train((level,), usual, 3 * period_s)))
+        for gap in (0.5, 1.0, 1.5, 3.25):
+            for second in (1.0, 0.5):
+                pair = Train((level, second * level), usual, 0.35 * period_s, gap * period_s)
+                found.append(bench.pulses(pair))
+        for window in (3, 6, 40):
+            found.append(bench.pulses(Train((0.6 * level,), usual, 0.35 * period_s), window))
+    if len(levels) == 2:
+        for first, second in (levels, levels[::-1]):
+            for edge_s in (steep, usual):
+                found.append(bench.pulses(Train((first, second), edge_s, 0.35 * period_s)))
+        for level in (0.95 * min(map(abs, levels)), 0.4 * min(map(abs, levels))):
+            for last in (2.5, 8.0):
+                found.append(_multisine(bench, float(f"{level:.2g}"), last))
+    n = bench.samples(WINDOW)
+    for level in levels:
+        drive = np.interp(np.arange(n) * bench.step_s, [0.2 * period_s, 0.2 * period_s + usual], [0, level])
+        told = (
+            f"under a step to {with_prefix(level, 'V')} in {with_prefix(usual, 's')}, held, from the demagnetised state"
+        )
+        found.append(Proposal(told, bench.shot(drive, "demagnetised")))
+    silence = np.zeros(bench.samples(MULTISINE))
+    told = f"with zero drive for {with_prefix(silence.size * bench.step_s, 's')}"
+    found.append(Proposal(told, bench.shot(silence, "demagnetised")))
+    if bench.neighbour:
+        pulse = bench.pulses(Train((most if bench.high_V else -most,), usual, 0.35 * period_s))
+        alone = replace(pulse.shot, drive_V=np.zeros(pulse.shot.samples), neighbour_V=pulse.shot.drive_V, kept={})
+        told = f"with this channel at 0 V and the neighbouring one {pulse.words}"
+        found.append(Proposal(told, alone))
+    return found
+
+
+def slow_library(bench: Bench) -> list[Proposal]:
+    """Loops at three rates, nested loops, step and hold, silence."""
+    most = max(bench.high_V, -bench.low_V)
+    phase = 2 * np.pi * np.arange(SLOW_SAMPLES) / SLOW_SAMPLES
+    middle, half = (bench.high_V + bench.low_V) / 2, (bench.high_V - bench.low_V) / 2
+    found = []
+    for turns in (1, 4, 16):
+        drive = middle - half * np.cos(turns * phase)
+        step_s = bench.step_s
+        told = (
+            f"under a sine from {with_prefix(bench.low_V, 'V')} to {with_prefix(bench.high_V, 'V')} with a period of "
+        )
+        found.append(Proposal(told + with_prefix(step_s * SLOW_SAMPLES / turns, "s"), bench.shot(drive, "periodic")))
+    for level in (v for v in (bench.high_V, bench.low_V) if v):
+        for height in (1.0, 0.5):
+            drive = np.full(HOLD_SAMPLES, height * level)
+            drive[:10] = 0.0
+            held_s = (HOLD_SAMPLES - 10) * bench.step_s
+            told = f"under a step to {with_prefix(height * level, 'V')}, held for {with_prefix(held_s, 's')}"
+            found.append(Proposal(told, bench.shot(drive, "demagnetised")))
+    corners = np.array([0, bench.high_V, bench.low_V, bench.high_V, middle, bench.high_V, 0])
+    nested = np.interp(np.linspace(0, corners.size - 1, SLOW_SAMPLES), np.arange(corners.size), corners)
+    told = f"under nested loops up to {with_prefix(most, 'V')} in {with_prefix(SLOW_SAMPLES * bench.step_s, 's')}"
+    found.append(Proposal(told, bench.shot(nested, "demagnetised")))
+    silence_s = with_prefix(SLOW_SAMPLES * bench.step_s, "s")
+    found.append(Proposal(f"with zero drive for {silence_s}", bench.shot(np.zeros(SLOW_SAMPLES), "demagnetised")))
+    return found
+
+
+def _multisine(bench: Bench, peak_V: float, last: float) -> Proposal:
+    """Odd lines of equal amplitude up to so many times the resonance; Schroeder's phases keep the peak low."""
+    n = bench.samples(MULTISINE)
+    highest = max(min(int(last * n * bench.step_s / bench.period_s), int(HIGHEST * n)), 3)
+    line = np.arange(3, highest + 1, 2)
+    spectrum = np.zeros(n // 2 + 1, dtype=np.complex128)
+    spectrum[line] = np.exp(-1j * np.pi * np.arange(line.size) * np.arange(1, line.size + 1) / line.size)
+    drive = np.fft.irfft(spectrum, n)
+    lowest_Hz, highest_Hz = line[0] / (n * bench.step_s), line[-1] / (n * bench.step_s)
+    told = (
+        f"under a multisine of {with_prefix(peak_V, 'V')} peak with lines from {with_prefix(lowest_Hz, 'Hz')} to "
+        f"{with_prefix(highest_Hz, 'Hz')}, every {with_prefix(2 / (n * bench.step_s), 'Hz')}"
+    )
+    return Proposal(told, bench.shot(peak_V * drive / np.abs(drive).max(), "periodic"))

@@ -1,0 +1,273 @@
+"""The recording that would tell apart what a campaign leaves alike: T-optimal (Atkinson & Fedorov, Biometrika 62, 1975).
+
+Rivals may adapt: whatever base and effect parameters can still move within what the campaign tells of them is allowed
+for before two predictions are compared.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch.diagnosis import NextExperiment
+from inkjet_env.mismatch.joint_fit import DIFFERENCE, Fit, split
+from inkjet_env.mismatch.locate_views import largest_V, with_prefix
+from inkjet_env.mismatch.next_drives import Proposal, benches, library
+from inkjet_env.mismatch.observed import Noise, Observed
+from inkjet_env.plant import Effect, Shot, catalogue
+
+Real = NDArray[np.float64]
+
+ENOUGH = 5.0
+"""Log-likelihood by which two candidates are told apart."""
+MOST_REPEATS = 50
+REFINED = 40
+"""Evaluations spent on a pulse's height and times."""
+SPREAD = 0.5
+"""First step of their logarithms."""
+MONITOR = 0.005
+"""Noise (RMS) of a voltage measured at the head, in parts of the largest drive: an 8-bit oscilloscope's probe."""
+
+CHANNELS = {
+    "self_sensing": "the self-sensing signal",
+    "displacement": "the displacement",
+    "strain_gauge": "the strain gauge",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """What the candidates would say of a proposal: by pair, half the squared distance; and the largest difference."""
+
+    proposal: Proposal
+    separations: tuple[float, ...]
+    differences: tuple[float, ...]
+
+    @property
+    def worth(self) -> float:
+        """Grows with every pair that is told apart, less and less."""
+        return math.fsum(math.log1p(s) for s in self.separations)
+
+    @property
+    def least(self) -> int:
+        """The pair that is told apart worst."""
+        return int(np.argmin(self.separations))
+
+
+def next_experiment(fits: Sequence[Fit], noise: Noise, observed: Sequence[Observed]) -> NextExperiment | None:
+    """The recording that best separates the candidates that explain a campaign equally well.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        Two or more candidates. Of one, what shows its effects best is told in words; of none, which effects the
+        campaign could not show and what would.
+    noise : Noise
+    observed : sequence of Observed
+
+    Returns
+    -------
+    NextExperiment or None
+        None where there is nothing to add. Its ``separation`` is the expected difference of log-likelihoods between
+        the two candidates that it separates worst.
+    """
+    if len(fits) < 2:
+        return _in_words([effect for fit in fits for effect in fit.effects], observed)
+    judge = _Judge(fits, noise, observed)
+    tried = [
+        judged
+        for bench in benches(observed, fits[0].head.printhead.frequency_Hz)
+        for proposal in library(bench)
+        if (judged := judge.judged(proposal)) is not None
+    ]
+    best = max(tried, key=lambda judged: judged.worth, default=None)
+    if best is None:
+        return _in_words([effect for fit in fits for effect in fit.effects], observed)
+    best = _refined(best, judge)
+    separation = best.separations[best.least]
+    if separation < ENOUGH:
+        monitored = judge.monitored(tried)
+        if monitored is not None and monitored.separations[monitored.least] > separation:
+            return _proposed(monitored, judge, at_head=True)
+    if MOST_REPEATS * separation < ENOUGH:
+        return _in_words([effect for fit in fits for effect in fit.effects], observed)
+    return _proposed(best, judge, at_head=False)
+
+
+class _Judge:
+    """Predictions of the candidates, and how far what the campaign tells lets each adapt."""
+
+    def __init__(self, fits: Sequence[Fit], noise: Noise, observed: Sequence[Observed]) -> None:
+        self.fits, self.noise, self.observed = tuple(fits), noise, tuple(observed)
+        self.pairs = tuple(itertools.combinations(range(len(fits)), 2))
+        seen = [o for o in observed if o.fitted]
+        base = np.concatenate([noise.whitened(o, fits[0].head.sensitivities(o))[: o.fitted] for o in seen])
+        self.told = []
+        for fit in fits:
+            columns = np.column_stack([base, fit.slopes])
+            self.told.append(columns.T @ columns)
+
+    def judged(self, proposal: Proposal) -> _Judged | None:
+        """How well a proposal separates each pair; None where a candidate cannot be simulated."""
+        shot = proposal.shot
+        like = next(o for o in self.observed if o.channel == shot.channel)
+        o = Observed("next", shot.channel, like.unit, -1, shot, np.zeros(shot.samples), shot.samples)
+        if o.noise_key not in self.noise.models:
+            return None
+        try:
+            signals = [fit.head.plant(fit.with_values).signal(shot) for fit in self.fits]
+            columns = [np.column_stack([fit.head.sensitivities(o), _slopes(fit, shot)]) for fit in self.fits]
+        except (ValueError, FloatingPointError, OverflowError):
+            return None
+        white = [self.noise.whitened(o, c) for c in columns]
+        separations, differences = [], []
+        for i, j in self.pairs:
+            difference = signals[i] - signals[j]
+            d = self.noise.whitened(o, difference)
+            found = []
+            for k in (i, j):
+                step = _adapted(self.told[k], white[k], d)
+                found.append((float(d @ d - d @ (white[k] @ step)), difference - columns[k] @ step))
+            square, remains = min(found, key=lambda pair: pair[0])
+            separations.append(max(0.5 * square, 0.0))
+            differences.append(float(np.abs(remains).max()))
+        if not np.isfinite(separations).all():
+            return None
+        return _Judged(proposal, tuple(separations), tuple(differences))
+
+    def monitored(self, tried: Sequence[_Judged]) -> _Judged | None:
+        """The proposal under which the voltages at the head differ most; None where it is recorded anyway."""
+        if all(o.monitor_V is not None for o in self.observed if o.shot.fast):
+            return None
+        noise_V = self.monitor_noise_V
+        best = None
+        for judged in tried:
+            shot = judged.proposal.shot
+            if not shot.fast:
+                continue
+            voltages = [shot.sampled(fit.head.plant(fit.with_values).at_ceramic_V(shot)) for fit in self.fits]
+            apart = [voltages[i] - voltages[j] for i, j in self.pairs]
+            found = _Judged(
+                judged.proposal,
+                tuple(0.5 * float(d @ d) / noise_V**2 for d in apart),
+                tuple(float(np.abs(d).max()) for d in apart),
+            )
+            if best is None or found.worth > best.worth:
+                best = found
+        return best
+
+    @property
+    def monitor_noise_V(self) -> float:
+        """Of a voltage measured at the head."""
+        return MONITOR * max(largest_V(o) for o in self.observed)
+
+
+def _adapted(told: Real, columns: Real, difference: Real) -> Real:
+    """Step of a candidate's parameters towards its rival: the campaign's information holds it back, shape (size,)."""
+    normal = told + columns.T @ columns
+    size = np.sqrt(np.diag(normal))
+    size[size == 0] = 1.0
+    step = np.linalg.lstsq(normal / np.outer(size, size), columns.T @ difference / size, rcond=1e-12)[0]
+    return np.asarray(step / size)
+
+
+def _slopes(fit: Fit, shot: Shot) -> Real:
+    """Derivatives of a signal with respect to the coordinates of a candidate's effects, shape (n, k)."""
+    parameters = [p for effect in fit.effects for p in effect.parameters]
+    columns = np.zeros((shot.samples, len(parameters)))
+    if not parameters:
+        return columns
+    here = fit.head.plant(fit.with_values).signal(shot)
+    for k, parameter in enumerate(parameters):
+        low, high = parameter.bounds
+        wide = 1.0 if parameter.scale == "log" else max(abs(float(fit.point[k])), 1e-6 * (high - low))
+        size = DIFFERENCE * wide
+        there = fit.point.copy()
+        there[k] += -size if there[k] + size > high else size
+        columns[:, k] = (fit.head.plant(split(fit.effects, there)).signal(shot) - here) / (there[k] - fit.point[k])
+    return columns
+
+
+def _refined(best: _Judged, judge: _Judge) -> _Judged:
+    """The best pulses with height, edges, dwell and gap improved; as they are where they are no pulses."""
+    from scipy.optimize import minimize
+
+    train, shot = best.proposal.train, best.proposal.shot
+    if train is None:
+        return best
+    bench = next(
+        b for b in benches(judge.observed, judge.fits[0].head.printhead.frequency_Hz) if b.channel == shot.channel
+    )
+    periods = shot.samples * shot.step_s / bench.period_s
+    found = best
+
+    def loss(point: Real) -> float:
+        nonlocal found
+        height, *times = (float(factor) for factor in np.exp(point))
+        proposal = bench.changed(train, periods, height, times)
+        judged = judge.judged(proposal) if proposal is not None else None
+        if judged is None:
+            return math.inf
+        if judged.worth > found.worth:
+            found = judged
+        return -judged.worth
+
+    size = 4 if train.gap_s else 3
+    simplex = np.vstack([np.zeros(size), SPREAD * np.diag([-1.0, *np.ones(size - 1)])])
+    minimize(loss, np.zeros(size), method="Nelder-Mead", options={"maxfev": REFINED, "initial_simplex": simplex})
+    return found
+
+
+def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
+    """A proposal in words, with what the candidates that it separates worst would say."""
+    shot = judged.proposal.shot
+    separation, difference = judged.separations[judged.least], judged.differences[judged.least]
+    like = next(o for o in judge.observed if o.channel == shot.channel)
+    i, j = judge.pairs[judged.least]
+    if at_head:
+        unit, noise = "V", judge.monitor_noise_V
+        start = f"Record the voltage at the head as well (column drive_monitor_V), {judged.proposal.words}"
+        place = "there "
+    else:
+        key = next(
+            key
+            for key in judge.noise.models
+            if key == Observed("", like.channel, "", 0, shot, shot.drive_V, 0).noise_key
+        )
+        unit, noise = like.unit, judge.noise.models[key].rms
+        start = f"Record {CHANNELS[shot.channel]} {judged.proposal.words}"
+        place = ""
+    scale, unit = (1e-6, "m") if unit == "um" else (1.0, unit)
+    said = (
+        f"{start}: {_named(judge.fits[i])} and {_named(judge.fits[j])} would differ {place}by up to "
+        f"{with_prefix(scale * difference, unit)}, {difference / noise:.2g} times the noise"
+    )
+    if separation < ENOUGH:
+        said += f"; take it {math.ceil(ENOUGH / max(separation, 1e-300))} times"
+    drive = tuple(float(v) for v in shot.drive_V)
+    return NextExperiment(said + ".", shot.channel, shot.initial_state, shot.step_s, drive, separation)
+
+
+def _named(fit: Fit) -> str:
+    return " with ".join(name.replace("_", " ") for name in fit.ids) or "no effect at all"
+
+
+def _in_words(effects: Sequence[Effect], observed: Sequence[Observed]) -> NextExperiment | None:
+    """What shows some effects, or those that the campaign cannot show, where no drive can be computed."""
+    if effects:
+        ways = list(dict.fromkeys(effect.shown_by for effect in effects))
+        return NextExperiment(f"Record {'; and '.join(ways)}.")
+    shots = [o.shot for o in observed]
+    unseen: dict[str, list[str]] = {}
+    for effect in catalogue():
+        if effect.untestable(shots):
+            unseen.setdefault(effect.shown_by, []).append(effect.id.replace("_", " "))
+    if not unseen:
+        return None
+    told = "; ".join(f"{way}, to see {' or '.join(names)}" for way, names in unseen.items())
+    return NextExperiment(f"These recordings cannot show some effects. Record {told}.")

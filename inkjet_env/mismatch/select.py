@@ -1,0 +1,189 @@
+"""None, one, or several: which hypothesis the recordings support, and what they cannot tell apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis
+from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.signatures import Signatures, point_of
+from inkjet_env.plant import Effect
+
+MOST_EFFECTS = 3
+BEAM = 3
+"""Hypotheses of one size that are carried on."""
+CHANCE = 1e-3
+"""Probability of a score by noise alone from which on an effect is looked for."""
+STANDARD_ERRORS = 2.0
+"""By so many, conditions left out must be foretold better."""
+CONDITIONS_GAIN = 0.5
+"""Share of the conditions an effect touches that must be foretold better."""
+TOUCHED = 2.0
+"""Standard deviations by which an effect changes a condition that it touches."""
+LEAST_OF_LEFTOVER = 0.5
+"""Share of what is left beyond noise that a further effect must explain."""
+SAME_SHARE = 0.98
+"""An effect that is nearly the winner's equal in signature, and explains this share of what it does, is not told apart
+from it: equations are never that exact."""
+SAME_COSINE = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """What was selected.
+
+    Attributes
+    ----------
+    chosen : Hypothesis
+        The base model where no effect is supported.
+    alternatives : dict of str to tuple of str
+        By effect of the chosen hypothesis, others that would do as well.
+    compared : tuple of Hypothesis
+        All that were fitted, best first.
+    p_values : dict of str to float
+        Of each chosen effect, when it was added.
+    """
+
+    chosen: Hypothesis
+    alternatives: dict[str, tuple[str, ...]]
+    compared: tuple[Hypothesis, ...]
+    p_values: dict[str, float]
+
+
+def select(
+    joint: JointFit,
+    effects: Sequence[Effect],
+    found: Signatures,
+    pool: Executor,
+    rng: np.random.Generator,
+    progress: Callable[[str], None],
+) -> Selection:
+    """Forward from the base model in a beam, then deletions and swaps; each addition must foretell the unseen."""
+    base = base_hypothesis(joint)
+    beam, chosen = [base], base
+    compared: dict[frozenset[str], Hypothesis] = {frozenset(): base}
+    p_values: dict[str, float] = {}
+    for _ in range(MOST_EFFECTS):
+        added: list[Hypothesis] = []
+        for parent in beam:
+            beside = found.beside(parent.columns)
+            scores = beside.best(parent.left)
+            p_value = beside.chance(max(scores.values(), default=0.0), rng)
+            if parent is chosen:
+                p_now = p_value
+            if p_value > CHANCE:
+                continue
+            promising = sorted(scores, key=lambda name: -scores[name])
+            tried = [e for e in effects if e.id in promising and frozenset((*parent.ids, e.id)) not in compared]
+            if parent is not base:  # the wide look has been done; deeper down only what shows at all
+                worth = 0.3 * scores[promising[0]]
+                tried = [e for e in tried if scores[e.id] > worth]
+            for hypothesis in attribute(joint, parent, tried, beside, pool, progress):
+                compared[frozenset(hypothesis.ids)] = hypothesis
+                if supported(parent, hypothesis):
+                    added.append(hypothesis)
+        added.sort(key=lambda h: -h.score)
+        if not added or not worth_adding(chosen, added[0]):
+            break
+        for name in set(added[0].ids) - set(chosen.ids):
+            p_values[name] = p_now
+        chosen = added[0]
+        beam = added[:BEAM]
+        if not leftover(chosen, found, rng):
+            break
+    chosen = _without_idle(joint, chosen, compared)
+    alternatives = {
+        name: _as_good(joint, chosen, name, effects, found, compared, pool, progress) for name in chosen.ids
+    }
+    ranked = sorted(compared.values(), key=lambda h: -h.score)
+    return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), p_values)
+
+
+def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
+    """Whether conditions left out are foretold better with the further effect, by more than chance and mostly."""
+    gains, errors = without.foretold.gains_of(with_it.foretold)
+    if gains.sum() <= STANDARD_ERRORS * math.sqrt(float(np.sum(errors**2))) or with_it.score <= without.score:
+        return False
+    touched = errors > TOUCHED
+    return not touched.any() or float(np.mean(gains[touched] > 0)) >= CONDITIONS_GAIN
+
+
+def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
+    """Whether a further effect explains a good part of what is left beyond noise; the first one always may."""
+    if not without.ids:
+        return True
+    over = max(without.excess, 1.0)
+    return 2 * (without.fit.nll - with_it.fit.nll) >= LEAST_OF_LEFTOVER * over
+
+
+def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:
+    """Whether any effect's signature still shows in what a hypothesis leaves."""
+    beside = found.beside(hypothesis.columns)
+    return beside.chance(max(beside.best(hypothesis.left).values(), default=0.0), rng) <= CHANCE
+
+
+def _without_idle(joint: JointFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:
+    """The hypothesis less whatever effect it does not need."""
+    while len(chosen.ids) > 1:
+        for effect in chosen.fit.effects:
+            rest = [(e, v) for e, v in chosen.fit.with_values if e is not effect]
+            key = frozenset(e.id for e, _ in rest)
+            if key not in compared:
+                point = point_of([e for e, _ in rest], [v for _, v in rest])
+                compared[key] = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
+            smaller = compared[key]
+            if not (supported(smaller, chosen) and worth_adding(smaller, chosen)):
+                chosen = smaller
+                break
+        else:
+            return chosen
+    return chosen
+
+
+def _as_good(
+    joint: JointFit,
+    chosen: Hypothesis,
+    name: str,
+    effects: Sequence[Effect],
+    found: Signatures,
+    compared: dict[frozenset[str], Hypothesis],
+    pool: Executor,
+    progress: Callable[[str], None],
+) -> tuple[str, ...]:
+    """Effects that could stand in for one of the chosen: swaps, judged by likelihood and by signature."""
+    rest = [(e, v) for e, v in chosen.fit.with_values if e.id != name]
+    ids = frozenset(e.id for e, _ in rest)
+    without = compared.get(ids)
+    if without is None:
+        point = point_of([e for e, _ in rest], [v for _, v in rest])
+        without = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
+        compared[ids] = without
+    missing = [e for e in effects if e.id not in chosen.ids and ids | {e.id} not in compared]
+    if missing and rest:
+        beside = found.beside(without.columns)
+        for hypothesis in attribute(joint, without, missing, beside, pool, progress):
+            compared[frozenset(hypothesis.ids)] = hypothesis
+    gained = without.fit.nll - chosen.fit.nll
+    same = []
+    for effect in effects:
+        other = compared.get(ids | {effect.id})
+        if other is None or effect.id == name or effect.id in chosen.ids:
+            continue
+        behind = other.fit.nll - chosen.fit.nll
+        apart = float(np.linalg.norm(other.left - chosen.left))
+        alike = abs(cosine(without, chosen, other)) > SAME_COSINE and behind < (1 - SAME_SHARE) * gained
+        if behind <= STANDARD_ERRORS * apart or alike:
+            same.append((behind, effect.id))
+    return tuple(name for _, name in sorted(same))
+
+
+def cosine(without: Hypothesis, one: Hypothesis, other: Hypothesis) -> float:
+    """Between what two hypotheses add to a third, whitened, base parameters adapted."""
+    a, b = without.left - one.left, without.left - other.left
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size else 0.0
