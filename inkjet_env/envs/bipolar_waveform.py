@@ -10,6 +10,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from inkjet_env.envs.task import make_task
+from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead, check_name
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         self._window: Window | None = None
 
     @property
-    def printhead(self) -> Printhead:
+    def printhead(self) -> Printhead | AugmentedPrinthead:
         """The head on the bench in this episode."""
         return self.task.head(self._context)
 

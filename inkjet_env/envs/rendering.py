@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from inkjet_env.plant.augmented import AugmentedResponse
 from inkjet_env.printhead import PeakCost, Response
 
 if TYPE_CHECKING:
@@ -22,12 +23,14 @@ PICTURE_SIZE = (960, 640)
 DRIVE_COLOUR, HYSTERETIC_COLOUR, SENSOR_COLOUR = "#555555", "#D55E00", "#0072B2"
 EFFECTIVE_COLOUR, NEXT_COLOUR = "#009E73", "#CC79A7"
 
+AnyResponse = Response | AugmentedResponse
+
 POINTS = 2000
 FAINTEST_SHOWN = 1e-3
 """Of the largest peak: where the whole tail counts, it is drawn as far as its peaks are larger than this."""
 
 
-def _ended_s(response: Response) -> float:
+def _ended_s(response: AnyResponse) -> float:
     """When the drive ends, in seconds."""
     return float(response.knot_times_s[-1])
 
@@ -59,7 +62,7 @@ def _leave_room(axes: Axes, which: str) -> None:
             getattr(axes, f"set_{axis}lim")(min(low, -1.0), max(high, 1.0))
 
 
-def _shown_s(response: Response) -> float:
+def _shown_s(response: AnyResponse) -> float:
     """Until when the response is drawn, in seconds: the window, or as long as there is something to see."""
     if np.isfinite(response.window_s):
         return response.window_s
@@ -68,13 +71,13 @@ def _shown_s(response: Response) -> float:
     return max(float(seen.max(initial=0.0)), 1.25 * _ended_s(response))
 
 
-def _times_s(response: Response, end_s: float) -> NDArray[np.float64]:
+def _times_s(response: AnyResponse, end_s: float) -> NDArray[np.float64]:
     """Times to draw lines through: even ones, the drive's corners and the peaks."""
     own = np.concatenate([response.knot_times_s, response.peak_times_s])
     return np.union1d(np.linspace(0.0, end_s, POINTS), own[own <= end_s])
 
 
-def draw_drive(axes: Axes, response: Response | None) -> None:
+def draw_drive(axes: Axes, response: AnyResponse | None) -> None:
     """Draw the drive and what the hysteresis makes of it, against time in µs."""
     if response is not None:
         time_s = _times_s(response, _ended_s(response) * 1.08)
@@ -91,7 +94,7 @@ def draw_drive(axes: Axes, response: Response | None) -> None:
     axes.set(title="Drive", xlabel="Time (µs)", ylabel="Drive (V)")
 
 
-def draw_loop(axes: Axes, response: Response | None) -> None:
+def draw_loop(axes: Axes, response: AnyResponse | None) -> None:
     """Draw the hysteretic drive against the drive, with its departure from a straight line made visible by one."""
     if response is not None:
         time_s = _times_s(response, _ended_s(response))
@@ -102,7 +105,7 @@ def draw_loop(axes: Axes, response: Response | None) -> None:
     axes.set(title="Hysteresis", xlabel="Drive (V)", ylabel="Hysteretic drive (V)")
 
 
-def draw_response(axes: Axes, response: Response | None, cost: PeakCost) -> None:
+def draw_response(axes: Axes, response: AnyResponse | None, cost: PeakCost) -> None:
     """Draw the self-sensed signal and its peaks against time in µs; the effective peak and the next one stand out."""
     axes.set(title="Self-sensed response", xlabel="Time (µs); grey: driven", ylabel="Signal (V)")
     if response is None:
@@ -132,14 +135,14 @@ def draw_response(axes: Axes, response: Response | None, cost: PeakCost) -> None
         _legend_above(axes)
 
 
-def _heading(response: Response, cost: PeakCost) -> str:
+def _heading(response: AnyResponse, cost: PeakCost) -> str:
     """The cost, and the waveform's seven parameters."""
     volts = " and ".join(_text(float(u), 1) for u in (response.knot_drive_V[1], response.knot_drive_V[3]))
     durations = ", ".join(_text(float(t), 2) for t in np.diff(response.knot_times_s) * 1e6)
     return f"Peak cost {_text(response.cost(cost), 2)} V\nU {volts} V,  t {durations} µs"
 
 
-def picture(response: Response | None, cost: PeakCost) -> NDArray[np.uint8]:
+def picture(response: AnyResponse | None, cost: PeakCost) -> NDArray[np.uint8]:
     """Picture of a response, shape (640, 960, 3); of empty axes where there is none yet."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg

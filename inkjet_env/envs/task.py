@@ -17,6 +17,8 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from inkjet_env.envs.parallel import simulated_costs
+from inkjet_env.plant.augmented import AugmentedPrinthead, AugmentedResponse
+from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Response, Waveform, check_name
 from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S
 
@@ -32,7 +34,7 @@ Value = TypeVar("Value", PeakCost, Bounds)
 
 
 def make_task(
-    printhead: Printhead | str | os.PathLike[str] | None = None,
+    printhead: Printhead | AugmentedPrinthead | str | os.PathLike[str] | None = None,
     cost: PeakCost | Mapping[str, Any] | None = None,
     bounds: Bounds | Mapping[str, Any] | None = None,
     context: str = "fixed",
@@ -46,15 +48,15 @@ def make_task(
 
     Parameters
     ----------
-    printhead : Printhead or path, optional
-        The head, or its ``printhead.json``; the published one unless given.
+    printhead : Printhead, AugmentedPrinthead or path, optional
+        The head, or its ``printhead.json``, with effects or without; the published one unless given.
     cost : PeakCost or dict, optional
         A dict holds the arguments of `PeakCost`, for example ``{"A": -10, "effective": "first"}``.
     bounds : Bounds or dict, optional
         The search box that ``[-1, 1]⁷`` maps to; a dict holds ``lower`` and ``upper``, 7 values each (V, V, s …).
     context : {"fixed", "random"}
         ``random``: every reset draws a head, uniformly: resonance 35…70 kHz, damping ratio 0.03…0.08, gain ±30 % and
-        strength of the hysteresis ×0.6…1.4 (both relative to ``printhead``).
+        strength of the hysteresis ×0.6…1.4 (both relative to ``printhead``, which must be one without effects).
     noise : float
         Standard deviation in volts of an independent Gaussian error on the reading of every peak. The reward is minus
         the cost *of the readings*, the effective peak being chosen among them: what a measurement would give. A peak
@@ -70,17 +72,23 @@ def make_task(
     ValueError
         An option has a value that is not offered; the message suggests the nearest name.
     """
+    head: Printhead | AugmentedPrinthead
     if printhead is None:
         head = Printhead.published()
-    elif isinstance(printhead, Printhead):
+    elif isinstance(printhead, (Printhead, AugmentedPrinthead)):
         head = printhead
     elif isinstance(printhead, (str, os.PathLike)):
-        head = Printhead.from_json(printhead)
+        head = read_printhead(printhead)
     else:
         raise ValueError(
             f"printhead must be a Printhead, the path of a printhead.json, or None; got {type(printhead).__name__}."
         )
     check_name("context", context, CONTEXTS)
+    if context == "random" and isinstance(head, AugmentedPrinthead):
+        raise ValueError(
+            'context="random" varies a printhead without effects; this one has '
+            f'{", ".join(effect.id for effect, _ in head.effects)}, fitted to one head. Use context="fixed".'
+        )
     if isinstance(noise, bool) or not (isinstance(noise, (int, float, np.number)) and 0 <= noise <= 1e6):
         raise ValueError(f"noise must be a standard deviation of 0 to 1e6 V; got {noise!r}.")
     if not isinstance(clip_actions, (bool, np.bool_)):
@@ -124,7 +132,7 @@ def _value_of(option: str, kind: type[Value], keys: tuple[str, ...], given: obje
 class WaveformTask:
     """One printhead, cost, search box and way of measuring; made by `make_task`, which tells what each field is."""
 
-    printhead: Printhead
+    printhead: Printhead | AugmentedPrinthead
     cost: PeakCost
     bounds: Bounds
     context: str
@@ -142,6 +150,8 @@ class WaveformTask:
         """Checked settings of the compiled simulator, and room for the most extrema that an episode can have."""
         from inkjet_env.printhead import batch
 
+        if isinstance(self.printhead, AugmentedPrinthead):
+            self.respond(np.array([0.0, 0.0, *self.bounds.upper[2:]]), self.fixed_context)
         heads = self._fixed_head if self.context == "fixed" else self.heads(np.array([[1.0, -1.0, 0.0, 0.0]]))
         (_, _, *settings), capacity, _ = batch.prepare(
             self.bounds.upper, heads, self.cost, self.initial_state, self.window_s, self.hysteresis
@@ -156,7 +166,12 @@ class WaveformTask:
     def _fixed_head(self) -> Real:
         from inkjet_env.printhead import batch
 
-        return batch.head_table(self.printhead)
+        return batch.head_table(self._base)
+
+    @property
+    def _base(self) -> Printhead:
+        head = self.printhead
+        return head.printhead if isinstance(head, AugmentedPrinthead) else head
 
     def action_space(self) -> spaces.Box:
         """The seven parameters, scaled."""
@@ -192,16 +207,16 @@ class WaveformTask:
             return self._fixed_head
         from inkjet_env.printhead import batch
 
-        return batch.varied_head_table(self.printhead, *self.head_values(contexts).T)
+        return batch.varied_head_table(self._base, *self.head_values(contexts).T)
 
-    def head(self, context: ArrayLike) -> Printhead:
+    def head(self, context: ArrayLike) -> Printhead | AugmentedPrinthead:
         """The printhead of one observation, shape (4,)."""
         if self.context == "fixed":
             return self.printhead
         values = self.head_values(context)
-        return self.printhead.varied(**{name: float(v) for name, v in zip(CONTEXT_NAMES, values, strict=True)})
+        return self._base.varied(**{name: float(v) for name, v in zip(CONTEXT_NAMES, values, strict=True)})
 
-    def respond(self, waveform: Real | None, context: ArrayLike) -> Response | None:
+    def respond(self, waveform: Real | None, context: ArrayLike) -> Response | AugmentedResponse | None:
         """Response of one observation's head to physical parameters, shape (7,); None to None."""
         if waveform is None:
             return None
@@ -254,6 +269,8 @@ class WaveformTask:
 
         Without noise the two are one array, and no generator is used.
         """
+        if isinstance(self.printhead, AugmentedPrinthead):
+            return self._measure_with_effects(waveforms, generators)
         settings, capacity = self._prepared
         if self.noise == 0:
             costs = simulated_costs(waveforms, heads, settings, capacity)
@@ -273,4 +290,19 @@ class WaveformTask:
         for row, count, generator in zip(errors, counts.tolist(), generators, strict=True):
             generator.standard_normal(out=row[:count])
         costs_of_readings(peaks + self.noise * errors, counts, tails, A, B, effective, threshold, read)
+        return read, costs
+
+    def _measure_with_effects(self, waveforms: Real, generators: Sequence[np.random.Generator]) -> tuple[Real, Real]:
+        """`measure` of the task's own head, one waveform at a time."""
+        responses = [
+            self.printhead.respond(Waveform.from_array(row), self.initial_state, self.window_s, self.hysteresis)
+            for row in waveforms
+        ]
+        costs = np.array([response.cost(self.cost) for response in responses])
+        if self.noise == 0:
+            return costs, costs
+        read = np.empty(len(costs))
+        for i, (response, generator) in enumerate(zip(responses, generators, strict=True)):
+            errors = self.noise * generator.standard_normal(response.peaks_V.size)
+            read[i] = self.cost(response.peaks_V + errors)
         return read, costs
