@@ -42,7 +42,7 @@ def diagnose(
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,
-    workers: Annotated[int | None, typer.Option(help="processes; one a core unless given")] = None,
+    workers: Annotated[int | None, typer.Option(help="threads (2)")] = None,
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
@@ -134,14 +134,22 @@ def _written(found: Diagnosis, json: Path | None, files: Mapping[str, Path | Non
 
 def augmented_json(found: Diagnosis) -> dict[str, Any]:
     """The base part of the augmented model as ``printhead/1``, with the effects that were found and their intervals."""
+    from inkjet_env.plant.augmented import AugmentedPrinthead
+
     units = {trace.channel: trace.unit for trace in found.traces}
     channels = {
-        channel: {"unit": units[channel], "gain": {"value": gain}, "offset": found.offsets[channel]}
+        channel: {"unit": units[channel], "gain": {"value": gain}, "offset": found.offsets.get(channel, 0.0)}
         for channel, gain in found.gains.items()
+        if channel in units
     }
-    verdict = found.as_json()
-    effects = [{"id": e["id"], "parameters": e["parameters"]} for e in verdict["effects"]]
-    return found.printhead.as_json(fit=verdict["fit"] | {"channels": channels}) | {"effects": effects}
+    fit = found.as_json()["fit"] | {"channels": channels}
+    if not found.effects:
+        return found.printhead.as_json(fit=fit)
+    values = tuple((e.effect, {name: p.value for name, p in e.parameters.items()}) for e in found.effects)
+    intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in found.effects}
+    last = max(trace.order for trace in found.traces)
+    augmented = AugmentedPrinthead(found.printhead, values, found.gains, last)
+    return augmented.as_json(fit=fit, effect_intervals=intervals)
 
 
 def print_diagnosis(found: Diagnosis) -> None:

@@ -78,6 +78,11 @@ class Row:
         return (self.base**2 - self.augmented**2) / beyond if beyond > 0.1 * self.noise**2 else math.nan
 
 
+def augmented(traces: Sequence[Trace]) -> bool:
+    """Whether the augmented model is another than the base model on any of these recordings."""
+    return any(not np.array_equal(t.base, t.augmented) for t in traces)
+
+
 def view_figure(trace: Trace, models: Mapping[str, Real], samples: slice, zoom: slice | None = None) -> Figure:
     """Drive, signal and what the models leave of some samples of a recording; the stretch ``zoom`` is shaded.
 
@@ -108,9 +113,8 @@ def view_figure(trace: Trace, models: Mapping[str, Real], samples: slice, zoom: 
     axes[1].set_ylabel(f"{CHANNEL_WORDS[trace.channel]} ({unit})")
     axes[2].set_ylabel(f"measured −\nmodelled ({unit})")
     axes[2].set_xlabel(f"time ({time_unit})")
-    found = dict(zip(*axes[2].get_legend_handles_labels()[::-1], strict=True))
-    entries = dict(zip(*axes[1].get_legend_handles_labels()[::-1], strict=True)) | found
-    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    legend = {label: line for panel in axes[1:] for line, label in zip(*panel.get_legend_handles_labels(), strict=True)}
+    _above(figure, list(legend.values()), list(legend))
     figure.align_ylabels()
     return figure
 
@@ -119,38 +123,41 @@ def fits_figure(rows: Sequence[Row]) -> Figure:
     """What base and augmented model leave of each condition of a channel, beside its noise; held-out ones shaded."""
     figure, axes = pictures.new_figure(WIDTH, 1.2 + 0.17 * max(len(rows), 4))
     at = np.arange(len(rows))
-    noise, base, augmented = (np.array([getattr(r, name) for r in rows]) for name in ("noise", "base", "augmented"))
+    noise, base, after = (np.array([getattr(r, name) for r in rows]) for name in ("noise", "base", "augmented"))
     for k, row in enumerate(rows):
         if row.held_out:
             axes.axhspan(k - 0.5, k + 0.5, color=SHADE, lw=0, zorder=0)
-    axes.hlines(at, np.minimum(base, augmented), np.maximum(base, augmented), color=pictures.GREY, lw=0.8)
+    axes.hlines(at, np.minimum(base, after), np.maximum(base, after), color=pictures.GREY, lw=0.8)
     axes.plot(noise, at, "|", color=NOISE, ms=8, mew=1.6, label="noise")
     axes.plot(base, at, "o", color=BASE, mfc="white", ms=5, label="base model")
-    axes.plot(augmented, at, "o", color=AUGMENTED, ms=4, label="augmented model")
+    if not np.array_equal(base, after):
+        axes.plot(after, at, "o", color=AUGMENTED, ms=4, label="augmented model")
     axes.set_yticks(at, [short_name(row.label) for row in rows], fontsize=7, parse_math=False)
-    shown = np.concatenate([noise, base, augmented])
+    shown = np.concatenate([noise, base, after])
     shown = shown[np.isfinite(shown) & (shown > 0)]
     low, high = (float(shown.min()), float(shown.max())) if shown.size else (1.0, 1.0)
     axes.set(ylim=(len(rows) - 0.4, -0.6), xscale="log", xlim=(low / 1.3, high * 1.3))
     _plain_log_ticks(axes.xaxis, low / 1.3, high * 1.3)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(f"RMS of what is left, {CHANNEL_WORDS[rows[0].channel]} ({unit_text(rows[0].unit)})")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    _above(figure, *axes.get_legend_handles_labels())
     return figure
 
 
 def spectrum_figure(traces: Sequence[Trace]) -> Figure:
     """Amplitude density of what base and augmented model leave, together over recordings of a channel, and noise."""
     figure, axes = pictures.new_figure(WIDTH, 3.4)
-    frequency, base, augmented, noise = left_densities(traces)
+    frequency, base, after, noise = left_densities(traces)
     scale, unit = next(((s, u) for s, u in ((1e6, "MHz"), (1e3, "kHz")) if frequency[-1] > 10 * s), (1.0, "Hz"))
     axes.plot(frequency / scale, noise, "--", color=NOISE, lw=1.2, label="noise, if white")
     axes.plot(frequency / scale, base, color=BASE, lw=1.3, label=LABELS["base"])
-    axes.plot(frequency / scale, augmented, color=AUGMENTED, lw=1.1, label=LABELS["augmented"])
+    if augmented(traces):
+        axes.plot(frequency / scale, after, color=AUGMENTED, lw=1.1, label=LABELS["augmented"])
     axes.set(xscale="log", yscale="log")
+    _plain_log_ticks(axes.xaxis, *(frequency[[0, -1]] / scale))
     axes.set_xlabel(f"frequency ({unit})")
     axes.set_ylabel(f"left of {CHANNEL_WORDS[traces[0].channel]}\n({unit_text(traces[0].unit)}/√Hz)")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    _above(figure, *axes.get_legend_handles_labels())
     return figure
 
 
@@ -163,9 +170,9 @@ def left_densities(traces: Sequence[Trace]) -> tuple[Real, Real, Real, Real]:
     lines = []
     for t in traces:
         seen = Residual(t.name, t.channel, t.unit, t.step_s, t.drive_V, t.measured, t.base, t.fitted, t.noise_rms)
-        frequency, base, augmented = amplitude_densities(seen, t.measured - t.base, t.measured - t.augmented)
+        frequency, base, after = amplitude_densities(seen, t.measured - t.base, t.measured - t.augmented)
         noise = np.full(frequency.size, math.sqrt(2 * t.step_s) * t.noise_rms)
-        lines.append(np.stack([frequency, base, augmented, noise])[:, 1:])
+        lines.append(np.stack([frequency, base, after, noise])[:, 1:])
     frequency, *densities = np.concatenate(lines, axis=1)
     edges = np.geomspace(frequency.min(), frequency.max() * (1 + 1e-9), BINS + 1)
     place = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, BINS - 1)
@@ -191,13 +198,19 @@ def sample_times_s(samples: int, step_s: float) -> Real:
     return np.arange(samples, dtype=np.float64) * np.float64(step_s)
 
 
+def _above(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> None:
+    """The legend, above everything, in one line where it fits."""
+    style: Any = {"frameon": False, "fontsize": 8, "handlelength": 1.4, "columnspacing": 1.2}
+    figure.legend(handles, labels, loc="outside upper center", ncols=4 if len(labels) <= 4 else 3, **style)
+
+
 def _plain_log_ticks(axis: Any, low: float, high: float) -> None:
     """Few plain numbers on a logarithmic axis, on a short range too."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     decades = math.log10(high / low)
     if decades < 0.5:
-        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+        axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     else:
         axis.set_major_locator(LogLocator(subs=(1, 3) if decades < 3 else (1,), numticks=8))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))

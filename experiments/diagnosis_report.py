@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import diagnosis_figures as figures
-from experiments.diagnosis_figures import Row
+from experiments.diagnosis_figures import Row, augmented
 from experiments.identification_figures import CHANNEL_WORDS, unit_text
 from experiments.identification_report import hertz, short
 from experiments.pictures import svg_text
@@ -74,7 +74,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
 
     environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
-    environment.filters |= {"share": share_text, "hertz": hertz, "number": number}
+    environment.filters |= {"share": share_text, "hertz": hertz, "number": number, "probability": probability}
     proof = proof_trace(diagnosis)
     models = models_of(proof, diagnosis)
     zoom = zoom_of(proof, models, diagnosis.printhead.frequency_Hz)
@@ -85,12 +85,15 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         diagnosis=diagnosis,
         verdict=VERDICT_WORDS[diagnosis.verdict],
         headline=diagnosis.headline.rstrip("."),
+        augmented=augmented(diagnosis.traces),
+        heldout=[t.name for t in diagnosis.traces if t.held_out and t.channel == diagnosis.main_channel],
         proof=proof,
         models=models,
         whole=svg_text(figures.view_figure(proof, models, whole, zoom)),
         zoom=svg_text(figures.view_figure(proof, models, zoom)),
         effects=[(named, parameter_rows(named)) for named in diagnosis.effects],
         catalogue={effect.id: effect for effect in catalogue()},
+        uncertain={effect_id for group in diagnosis.candidates for effect_id in group},
         told={a.ids[0]: a for a in diagnosis.attributions if len(a.ids) == 1},
         channels=channel_rows(diagnosis),
         conditions=conditions,
@@ -112,7 +115,7 @@ def proof_trace(diagnosis: Diagnosis) -> Trace:
     Where the augmented model is another than the base model, the one whose likelihood gains most; else the one that is
     farthest from its noise.
     """
-    changed = any(not np.array_equal(t.base, t.augmented) for t in diagnosis.traces)
+    changed = augmented(diagnosis.traces)
 
     def evidence(trace: Trace) -> float:
         rows = slice(trace.fitted, None) if trace.held_out else slice(None)
@@ -129,7 +132,7 @@ def proof_trace(diagnosis: Diagnosis) -> Trace:
 def models_of(trace: Trace, diagnosis: Diagnosis) -> dict[str, Real]:
     """The signals that are worth drawing: the base model's, and those of the models that differ from it."""
     models = {"base": trace.base}
-    if not np.array_equal(trace.base, trace.augmented):
+    if augmented([trace]):
         models["augmented"] = trace.augmented
     if diagnosis.correction is not None and trace.name in diagnosis.correction.modelled:
         models["corrected"] = trace.augmented + diagnosis.correction.modelled[trace.name]
@@ -152,7 +155,7 @@ def parameter_rows(named: Named) -> list[tuple[str, str, str, str, str]]:
     """Name, value, 90 % interval, unit and meaning of an effect's parameters."""
     known = {p.name: p for p in named.effect.parameters}
     return [
-        (name.replace("_", " "), *engineering(estimate, known[name].unit), known[name].meaning)
+        (name, *engineering(estimate, known[name].unit), known[name].meaning)
         for name, estimate in named.parameters.items()
     ]
 
@@ -205,17 +208,28 @@ def number(value: float, decimals: int = 2) -> str:
     return short(value) if abs(value) >= 1e6 else f"{value:.{decimals}f}".replace("-", "−")
 
 
+def probability(p: float) -> str:
+    """A probability as far as it means anything.
+
+    Examples
+    --------
+    >>> probability(0.0123), probability(1e-40)
+    ('0.012', 'below 10⁻⁶')
+    """
+    return short(p, 2) if p >= 1e-6 else "below 10⁻⁶"
+
+
 def share_text(share: float) -> str:
     """A share in per cent; a dash where there is none.
 
     Examples
     --------
-    >>> share_text(0.9312), share_text(0.99961), share_text(-0.02), share_text(float("nan"))
-    ('93 %', '99.96 %', '−2 %', '–')
+    >>> share_text(0.9312), share_text(0.9961), share_text(-0.02), share_text(float("nan"))
+    ('93 %', '99.6 %', '−2 %', '–')
     """
     if not math.isfinite(share):
         return "–"
-    decimals = 0 if share <= 0.99 or share >= 1 else min(-math.floor(math.log10(1 - share)) - 1, 4)
+    decimals = 1 if 0.99 < share < 0.9995 else 0
     return f"{100 * share:.{decimals}f} %".replace("-", "−")
 
 
@@ -278,13 +292,11 @@ def condition_rows(diagnosis: Diagnosis) -> list[tuple[Row, list[Row]]]:
 
 
 def shown_conditions(conditions: Sequence[tuple[Row, list[Row]]]) -> list[list[Row]]:
-    """Rows of each picture: a channel's conditions, those that gain most where there are very many."""
+    """Rows of each picture: a channel's conditions, those farthest from their noise where there are very many."""
     pictures = []
     for channel in CHANNEL_WORDS:
         mine = [row for row, _ in conditions if row.channel == channel]
-        kept = sorted(range(len(mine)), key=lambda k: -abs(mine[k].base ** 2 - mine[k].augmented ** 2))[
-            :MOST_CONDITIONS
-        ]
+        kept = sorted(range(len(mine)), key=lambda k: -mine[k].base / max(mine[k].noise, 1e-300))[:MOST_CONDITIONS]
         if kept:
             pictures.append([mine[k] for k in sorted(kept)])
     return pictures
