@@ -1,5 +1,6 @@
 """The plant's motion against the closed form, against integrators that share nothing with it, and against itself."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -131,7 +132,7 @@ def test_forces_are_followed_with_third_order(initial_state):
         # The forcing itself is smooth here, so that its interpolation is of higher order.
         phase = 2 * np.pi * np.arange(shot.nodes) / (300 * parts)
         found.append(resonance.motion(40 * np.sin(7 * phase) + 25 * (np.cos(11 * phase) - 1), shot))
-    changes = [np.abs(a - b).max() for a, b in zip(found[:-1], found[1:], strict=True)]
+    changes = [np.abs(a - b).max() for a, b in itertools.pairwise(found)]
     orders = np.log2(np.array(changes[:-1]) / changes[1:])
     assert ((orders > 2.6) & (orders < 4.4)).all(), orders
 

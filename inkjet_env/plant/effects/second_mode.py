@@ -13,6 +13,8 @@ from inkjet_env.printhead import Printhead
 
 GUESSES = (0.25, 0.36, 0.5, 0.7, 1.3, 1.7, 2.3, 3.1, 4.3, 6.0)
 """Frequencies over the head's."""
+WIDE = 0.1
+"""Damping ratio of a start: a wide resonance meets a truth between two guesses, however narrow that is."""
 RESOLVED = 0.4
 """Of a sampling frequency: higher modes are not looked for."""
 
@@ -42,8 +44,8 @@ class SecondMode(Effect):
         return [
             {
                 "frequency_Hz": guess * printhead.frequency_Hz,
-                "damping_ratio": 0.03,
-                "strength": min(0.02 / guess if speed else 0.02, 0.1),
+                "damping_ratio": WIDE,
+                "strength": min(0.05 / guess if speed else 0.05, 0.2),
             }
             for guess in GUESSES
             if guess * printhead.frequency_Hz < highest_Hz
