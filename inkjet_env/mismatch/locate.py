@@ -18,7 +18,7 @@ from inkjet_env.mismatch.diagnosis import Location
 from inkjet_env.mismatch.joint_fit import Fit
 from inkjet_env.mismatch.locate_cells import FEWEST, Cell, line_rows, sample_rows, taken_by_fit
 from inkjet_env.mismatch.locate_drift import Trend, shifts, trends
-from inkjet_env.mismatch.locate_views import largest_V, span_told, views, with_prefix
+from inkjet_env.mismatch.locate_views import CHANNELS, MONITOR, largest_V, span_told, views, with_prefix
 from inkjet_env.mismatch.observed import Noise, Observed
 
 Real = NDArray[np.float64]
@@ -38,11 +38,6 @@ STANDING_OUT = {
     "pulse": "most with ",
     "sign": "most under ",
     "order": "most in the ",
-}
-CHANNELS = {
-    "self_sensing": "the self-sensing signal",
-    "displacement": "the displacement",
-    "strain_gauge": "the strain gauge",
 }
 
 
@@ -126,6 +121,7 @@ def _recordings(told: Sequence[Cell]) -> tuple[str, ...]:
     for cell in told:
         if cell.view in ("recording", "repeats"):
             for name in cell.names:
+                name = name.removesuffix(MONITOR)
                 strength[name] = max(strength.get(name, 0.0), cell.power)
     return tuple(sorted(strength, key=lambda name: (-strength[name], name))[:MOST_RECORDINGS])
 
@@ -189,10 +185,11 @@ def _sentence(
     drive_V: Sequence[tuple[float, float]],
 ) -> str:
     parts = []
-    by_name = {o.name: o for o in observed}
     fast = [o for o in observed if o.shot.fast]
     if recordings:
-        o = by_name[recordings[0]]
+        alike = [o for o in observed if o.name.removesuffix(MONITOR) == recordings[0]]
+        surplus = {c.names[0]: c.power for c in cells if c.view == "recording"}
+        o = max(alike, key=lambda o: surplus.get(o.name, 0.0))
         least, most = drive_V[0] if drive_V else (0.0, 0.0)
         largest = max(largest_V(other) for other in observed)
         start = ""
@@ -238,9 +235,9 @@ def _amount(o: Observed, noise: Noise, fit: Fit) -> str:
     left = o.measured - fit.head.plant(fit.with_values).signal(shot)
     beyond = float(np.mean(left**2)) - noise.models[o.noise_key].rms ** 2
     if beyond <= 0:
-        return f" in {o.name}"
+        return f" in {o.name.removesuffix(MONITOR)}"
     scale, unit = (1e-6, "m") if o.unit == "um" else (1.0, o.unit)
-    return f" by {with_prefix(scale * math.sqrt(beyond), unit)} (RMS, noise apart) in {o.name}"
+    return f" by {with_prefix(scale * math.sqrt(beyond), unit)} (RMS, noise apart) in {o.name.removesuffix(MONITOR)}"
 
 
 def _standing_out(cells: Sequence[Cell], told: Sequence[Cell], view: str, channel: str) -> Cell | None:

@@ -231,6 +231,8 @@ def taken_by_fit(observed: Sequence[Observed], noise: Noise, fit: Fit, columns: 
 
 def _chance(o: Observed, noise: Noise, fit: Fit) -> Real | None:
     """Whitened columns of what is fitted to a recording by itself."""
+    if o.channel == "drive_monitor":
+        return None
     columns = [c for effect, values in fit.with_values if (c := effect.nuisances(values, o.shot)) is not None]
     if o.shot.initial_state == "free" and o.shot.fast:
         head = fit.head.printhead

@@ -15,6 +15,14 @@ from inkjet_env.mismatch.observed import Observed
 Real = NDArray[np.float64]
 Whole = NDArray[np.intp]
 
+CHANNELS = {
+    "self_sensing": "the self-sensing signal",
+    "displacement": "the displacement",
+    "strain_gauge": "the strain gauge",
+    "drive_monitor": "the voltage at the head",
+}
+MONITOR = " (drive monitor)"
+"""Ends the name under which a voltage measured at the head is observed."""
 PHASES = ("on the edges", "in the dwells", "in the ring-down", "while the drive moves on", "with no drive")
 PULSES = ("the first pulse", "the second pulse", "the third pulse")
 SIGNS = ("positive drives", "negative drives", "drives of both signs")

@@ -1,4 +1,4 @@
-"""Drives that a next recording could have: what each is in words, and as a shot; scaled to the head and the campaign."""
+"""Drives that a next recording could have, in words and as a shot; scaled to the head and to what a campaign dared."""
 
 from __future__ import annotations
 
@@ -77,9 +77,15 @@ class Train:
 
     @property
     def rounded(self) -> Train:
-        """To two digits, as it would be set."""
-        levels = tuple(float(f"{level:.2g}") for level in self.levels_V)
+        """To two digits, as it would be set; levels towards zero."""
+        levels = tuple(_towards_zero(level) for level in self.levels_V)
         return Train(levels, *(float(f"{v:.2g}") for v in (self.edge_s, self.dwell_s, self.gap_s)))
+
+
+def _towards_zero(level_V: float) -> float:
+    """To two digits."""
+    unit = 10.0 ** (math.floor(math.log10(abs(level_V))) - 1)
+    return float(f"{math.trunc(level_V / unit * (1 + 1e-12)) * unit:.2g}")
 
 
 @dataclass(frozen=True, eq=False)

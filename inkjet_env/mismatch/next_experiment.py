@@ -1,4 +1,6 @@
-"""The recording that would tell apart what a campaign leaves alike: T-optimal (Atkinson & Fedorov, Biometrika 62, 1975).
+"""The recording that would tell apart what a campaign leaves alike.
+
+T-optimal: the largest distance between the rivals' predictions (Atkinson & Fedorov, Biometrika 62, 1975).
 
 Rivals may adapt: whatever base and effect parameters can still move within what the campaign tells of them is allowed
 for before two predictions are compared.
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.mismatch.diagnosis import NextExperiment
 from inkjet_env.mismatch.joint_fit import DIFFERENCE, Fit, split
-from inkjet_env.mismatch.locate_views import largest_V, with_prefix
+from inkjet_env.mismatch.locate_views import CHANNELS, largest_V, with_prefix
 from inkjet_env.mismatch.next_drives import Proposal, benches, library
 from inkjet_env.mismatch.observed import Noise, Observed
 from inkjet_env.plant import Effect, Shot, catalogue
@@ -32,12 +34,6 @@ SPREAD = 0.5
 """First step of their logarithms."""
 MONITOR = 0.005
 """Noise (RMS) of a voltage measured at the head, in parts of the largest drive: an 8-bit oscilloscope's probe."""
-
-CHANNELS = {
-    "self_sensing": "the self-sensing signal",
-    "displacement": "the displacement",
-    "strain_gauge": "the strain gauge",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +108,15 @@ class _Judge:
             columns = np.column_stack([base, fit.slopes])
             self.told.append(columns.T @ columns)
 
+    def recording(self, shot: Shot) -> Observed:
+        """A shot as a recording still to be taken."""
+        unit = next(o.unit for o in self.observed if o.channel == shot.channel)
+        return Observed("next", shot.channel, unit, -1, shot, np.zeros(shot.samples), shot.samples)
+
     def judged(self, proposal: Proposal) -> _Judged | None:
         """How well a proposal separates each pair; None where a candidate cannot be simulated."""
         shot = proposal.shot
-        like = next(o for o in self.observed if o.channel == shot.channel)
-        o = Observed("next", shot.channel, like.unit, -1, shot, np.zeros(shot.samples), shot.samples)
+        o = self.recording(shot)
         if o.noise_key not in self.noise.models:
             return None
         try:
@@ -142,7 +142,7 @@ class _Judge:
 
     def monitored(self, tried: Sequence[_Judged]) -> _Judged | None:
         """The proposal under which the voltages at the head differ most; None where it is recorded anyway."""
-        if all(o.monitor_V is not None for o in self.observed if o.shot.fast):
+        if any(o.channel == "drive_monitor" for o in self.observed):
             return None
         noise_V = self.monitor_noise_V
         best = None
@@ -227,26 +227,18 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
     """A proposal in words, with what the candidates that it separates worst would say."""
     shot = judged.proposal.shot
     separation, difference = judged.separations[judged.least], judged.differences[judged.least]
-    like = next(o for o in judge.observed if o.channel == shot.channel)
     i, j = judge.pairs[judged.least]
     if at_head:
         unit, noise = "V", judge.monitor_noise_V
-        start = f"Record the voltage at the head as well (column drive_monitor_V), {judged.proposal.words}"
-        place = "there "
+        start, place = "Record the voltage at the head as well (column drive_monitor_V)", "there "
     else:
-        key = next(
-            key
-            for key in judge.noise.models
-            if key == Observed("", like.channel, "", 0, shot, shot.drive_V, 0).noise_key
-        )
-        unit, noise = like.unit, judge.noise.models[key].rms
-        start = f"Record {CHANNELS[shot.channel]} {judged.proposal.words}"
-        place = ""
+        o = judge.recording(shot)
+        unit, noise = o.unit, judge.noise.models[o.noise_key].rms
+        start, place = f"Record {CHANNELS[shot.channel]}", ""
     scale, unit = (1e-6, "m") if unit == "um" else (1.0, unit)
-    said = (
-        f"{start}: {_named(judge.fits[i])} and {_named(judge.fits[j])} would differ {place}by up to "
-        f"{with_prefix(scale * difference, unit)}, {difference / noise:.2g} times the noise"
-    )
+    names = f"{_named(judge.fits[i])} and {_named(judge.fits[j])}"
+    size = f"{with_prefix(scale * difference, unit)}, {difference / noise:.2g} times the noise"
+    said = f"{start} {judged.proposal.words}: {names} would differ {place}by up to {size}"
     if separation < ENOUGH:
         said += f"; take it {math.ceil(ENOUGH / max(separation, 1e-300))} times"
     drive = tuple(float(v) for v in shot.drive_V)
@@ -261,7 +253,7 @@ def _in_words(effects: Sequence[Effect], observed: Sequence[Observed]) -> NextEx
     """What shows some effects, or those that the campaign cannot show, where no drive can be computed."""
     if effects:
         ways = list(dict.fromkeys(effect.shown_by for effect in effects))
-        return NextExperiment(f"Record {'; and '.join(ways)}.")
+        return NextExperiment(f"What would tell: {'; and '.join(ways)}.")
     shots = [o.shot for o in observed]
     unseen: dict[str, list[str]] = {}
     for effect in catalogue():
@@ -269,5 +261,5 @@ def _in_words(effects: Sequence[Effect], observed: Sequence[Observed]) -> NextEx
             unseen.setdefault(effect.shown_by, []).append(effect.id.replace("_", " "))
     if not unseen:
         return None
-    told = "; ".join(f"{way}, to see {' or '.join(names)}" for way, names in unseen.items())
-    return NextExperiment(f"These recordings cannot show some effects. Record {told}.")
+    told = "; ".join(f"{way}, for {' and '.join(names)}" for way, names in unseen.items())
+    return NextExperiment(f"These recordings cannot show some effects. What would show them: {told}.")
