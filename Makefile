@@ -44,6 +44,7 @@ figures: $(READY)    ## draw the pictures of README and docs again
 
 speed: $(READY)      ## evaluations per second against SciPy, environment steps against Gymnasium's, one run
 	$(PY) -m experiments.speed
+	$(PY) -m experiments.plant_speed
 
 accuracy: $(READY)   ## the closed form against an 80-digit reference
 	$(PY) -m experiments.accuracy

@@ -1,0 +1,140 @@
+"""Speed of the plant, in one run on one core: against SciPy's integrator at the same accuracy, and what effects cost.
+
+``python -m experiments.plant_speed`` prints both. The rivals answer the same question: the speed of a head with a cubic
+spring at the samples of a bipolar pulse, from rest, the hysteretic drive being given and linear between nodes. Errors
+are against SciPy's integrator at the tightest tolerance; a rival's tolerance is the loosest of a ladder that is as good
+as the plant. It goes from corner to corner of the drive, as it does best; its equation is Python, as its users write it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.speed import best_seconds
+from inkjet_env.plant import Plant, Resonance, Shot, catalogue
+from inkjet_env.printhead import Printhead
+
+REPETITIONS = 15
+SAMPLES = 2000
+SAMPLES_A_PERIOD = 100
+STIFFENING_PER_V2 = 2e-6
+LADDER = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7)
+FINEST = 3e-13
+EFFECTS = ("cubic_stiffness", "wave_echo", "second_mode")
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """What the plant was compared with: method, its tolerance, both errors over the largest value, seconds of both."""
+
+    method: str
+    rtol: float
+    error: float
+    plant_error: float
+    seconds: float
+    plant_seconds: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times faster the plant is."""
+        return self.seconds / self.plant_seconds
+
+
+def standard_shot(head: Printhead, initial_state: str) -> Shot:
+    """A bipolar pulse, 20 periods long, whose corners are samples."""
+    corners = [0, 10, 65, 95, 160, 180]
+    drive_V = np.interp(np.arange(SAMPLES), corners, [0.0, 90.0, 90.0, -80.0, -80.0, 0.0])
+    return Shot("self_sensing", initial_state, 1 / (SAMPLES_A_PERIOD * head.frequency_Hz), drive_V)
+
+
+def integrated(method: str, rtol: float, head: Printhead, shot: Shot) -> Real:
+    """Speed at the samples over ``a0``, by `scipy.integrate.solve_ivp` from corner to corner of the drive."""
+    from scipy.integrate import solve_ivp
+
+    a0, a1, k = head.a0, head.a1, STIFFENING_PER_V2
+    drive_V, step_s = shot.drive_V, shot.step_s
+    bends = np.flatnonzero(np.abs(np.diff(drive_V, 2)) > 1e-9) + 1
+    state, speed = np.zeros(2), np.zeros(shot.samples)
+    for begin, end in zip([0, *bends], [*bends, shot.samples - 1], strict=True):
+        level, rate = drive_V[begin], (drive_V[end] - drive_V[begin]) / ((end - begin) * step_s)
+
+        def slopes(t: float, y: Real, level: float = level, rate: float = rate) -> list[float]:
+            x, p = y
+            return [p, a0 * (level + rate * t - x - k * x * x * x) - a1 * p]
+
+        times_s = step_s * np.arange(end - begin + 1)
+        found = solve_ivp(
+            slopes, (0.0, times_s[-1]), state, method, times_s, rtol=rtol, atol=rtol * np.array([1.0, math.sqrt(a0)])
+        )
+        speed[begin : end + 1], state = found.y[1], found.y[:, -1]
+    return speed / a0
+
+
+def rivals(head: Printhead) -> list[Rival]:
+    """The plant's resonator against SciPy's integrators, each at the accuracy of the plant."""
+    shot = standard_shot(head, "demagnetised")
+    effect = next(effect for effect in catalogue() if effect.id == "cubic_stiffness")
+    base = Resonance(head.a0, head.a1, head.a0)
+    resonance = effect.resonator({"stiffening_per_V2": STIFFENING_PER_V2}, base, shot)
+    drive_V = shot.drive_at_nodes_V
+    exact = integrated("DOP853", FINEST, head, shot)
+
+    def error(signal: Real) -> float:
+        return float(np.abs(signal - exact).max() / np.abs(exact).max())
+
+    plant_error = error(resonance.motion(drive_V, shot))
+    ours: Callable[[], Any] = partial(resonance.motion, drive_V, shot)
+    found = []
+    for method in ("RK45", "DOP853", "LSODA"):
+        rtol = next((r for r in LADDER if error(integrated(method, r, head, shot)) <= plant_error), LADDER[-1])
+        theirs = partial(integrated, method, rtol, head, shot)
+        seconds = best_seconds({"plant": ours, method: theirs}, REPETITIONS)
+        error_there = error(integrated(method, rtol, head, shot))
+        found.append(Rival(method, rtol, error_there, plant_error, seconds[method], seconds["plant"]))
+    return found
+
+
+def costs(head: Printhead) -> dict[str, float]:
+    """Nanoseconds a sample of the whole plant by what is on, in steady state under a repeated pulse."""
+    shot = standard_shot(head, "periodic")
+    plants = {"base": Plant(head)}
+    for effect in catalogue():
+        if effect.id in EFFECTS:
+            plants[effect.id] = Plant(head, effects=((effect, effect.starts(head, [shot])[-1]),))
+    calls: dict[str, Callable[[], Any]] = {name: partial(plant.signal, shot) for name, plant in plants.items()}
+    return {name: 1e9 * seconds / SAMPLES for name, seconds in best_seconds(calls, 200).items()}
+
+
+def main() -> None:
+    """Print the tables."""
+    argparse.ArgumentParser(prog="python -m experiments.plant_speed", description=__doc__).parse_args()
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+        print("On one core.")
+    head = Printhead.published()
+    print(f"\nA cubic spring, {SAMPLES} samples, from rest")
+    for rival in rivals(head):
+        print(
+            f"  solve_ivp {rival.method:8s} rtol {rival.rtol:.0e}  error {rival.error:.1e} {1e3 * rival.seconds:8.2f} ms"
+            f"   plant: error {rival.plant_error:.1e}  {1e3 * rival.plant_seconds:.3f} ms   {rival.ratio:7.0f} ×"
+        )
+    print("\nThe whole plant, in steady state under a repeated pulse")
+    for name, ns in costs(head).items():
+        print(f"  {name:20s} {ns:8.0f} ns/sample")
+
+
+if __name__ == "__main__":
+    main()
