@@ -161,7 +161,7 @@ def evaluate(
 
     Refitted are one offset a channel and, where it is free, the resonator's initial state.
     """
-    from experiments.identification import evaluation_json
+    from experiments.evaluation import evaluation_json
     from experiments.tables import print_evaluation
     from inkjet_env.storage import write_json
 

@@ -17,7 +17,6 @@ from experiments.arguments import (
     check_outputs,
     check_rate,
     chosen_cost,
-    chosen_printhead,
     chosen_problem,
     chosen_seed,
     swarm_options,
@@ -35,7 +34,6 @@ from experiments.options import (
 from experiments.progress import announce_compiling
 
 if TYPE_CHECKING:
-    from inkjet_env.printhead import Response, SampledResponse
     from optimizers.loop import Run
 
 INTERRUPTED = 130
@@ -97,15 +95,17 @@ def simulate(
     inkjet simulate --drive drive.csv --out response.csv
     """
     from experiments.drive_csv import read_drive, write_columns
+    from experiments.problems import chosen_head
+    from inkjet_env.plant.augmented import AugmentedPrinthead
     from inkjet_env.printhead import Waveform, respond_sampled
     from inkjet_env.storage import write_json
 
     check_outputs((drive, printhead), out=out, plot=plot, json=json)
     if waveform is not None and drive is not None:
         raise ValueError("give --waveform or --drive, not both.")
-    head, cost = chosen_printhead(printhead), chosen_cost((cost_a, cost_b, effective))
+    head, cost = chosen_head(printhead), chosen_cost((cost_a, cost_b, effective))
     state = initial_state or "periodic"
-    response: Response | SampledResponse
+    response: Any  # of a head with effects or without, to a waveform or samples
     if waveform is not None:
         if out is not None:
             raise ValueError("--out belongs to --drive. To sample a waveform's response, give the waveform as a CSV.")
@@ -114,7 +114,11 @@ def simulate(
         samples = read_drive(drive)
         announce_compiling()
         try:
-            response = respond_sampled(head, *samples, state, hysteresis, window_s=350e-6 if window is None else window)
+            window_s = 350e-6 if window is None else window
+            if isinstance(head, AugmentedPrinthead):
+                response = head.respond_sampled(*samples, state, hysteresis, window_s)
+            else:
+                response = respond_sampled(head, *samples, state, hysteresis, window_s=window_s)
         except ValueError as error:
             raise ValueError(f"{drive}: {error}") from None
     else:
@@ -170,7 +174,10 @@ def optimize(
 
     Ctrl-C keeps the best so far and the record to --resume from.
     """
+    from dataclasses import replace
+
     from experiments.optimisation import Optimisation, read_record
+    from experiments.problems import chosen_head
 
     check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
     check_rate(sample_rate)
@@ -196,7 +203,9 @@ def optimize(
     else:
         name = "pso" if optimizer is None else optimizer
         options, evaluations = swarm_options(name, particles, generations, budget)
-        chosen = chosen_problem(problem, printhead, (cost_a, cost_b, effective), window, initial_state)
+        chosen = chosen_problem(problem, None, (cost_a, cost_b, effective), window, initial_state)
+        if printhead is not None:
+            chosen = replace(chosen, name="custom", printhead=chosen_head(printhead))
         plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
     announce_compiling()
     run = plan.carry_out(recorded)

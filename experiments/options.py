@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 PrintheadFile = Annotated[
-    Path | None, typer.Option("--printhead", help="printhead.json; the published head unless given")
+    Path | None,
+    typer.Option("--printhead", help="printhead.json, of identify or diagnose; the published head unless given"),
 ]
 CostA = Annotated[float | None, typer.Option("--cost-a", help="weight of the effective peak (-5)")]
 CostB = Annotated[float | None, typer.Option("--cost-b", help="weight of the peak after it (5)")]

@@ -6,12 +6,15 @@ import functools
 import json
 from dataclasses import dataclass, field
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inkjet_env.printhead import Bounds, PeakCost, Printhead, Response, Waveform
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.printhead_file import printhead_of, read_printhead
+from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
 from inkjet_env.printhead.naming import check_name
 
 BEST_KNOWN_FILE = "best_known.json"
@@ -44,7 +47,8 @@ class Problem:
     ----------
     name : str
         Its name in tables and on the command line.
-    printhead : Printhead
+    printhead : Printhead or AugmentedPrinthead
+        One with effects is simulated on a grid, some hundred times slower, and has no gradients.
     cost : PeakCost
     bounds : Bounds
         The box in volts and seconds that ``[-1, 1]⁷`` maps to.
@@ -54,7 +58,7 @@ class Problem:
     """
 
     name: str
-    printhead: Printhead = field(default_factory=Printhead.published)
+    printhead: Printhead | AugmentedPrinthead = field(default_factory=Printhead.published)
     cost: PeakCost = field(default_factory=PeakCost)
     bounds: Bounds = field(default_factory=Bounds)
     initial_state: str = "periodic"
@@ -64,6 +68,8 @@ class Problem:
     def _head(self) -> NDArray[np.float64]:
         from inkjet_env.printhead import batch
 
+        if isinstance(self.printhead, AugmentedPrinthead):
+            raise ValueError("a printhead with effects has no gradients. Take an optimiser that needs none, as pso.")
         return batch.head_table(self.printhead)
 
     def evaluate(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -71,6 +77,8 @@ class Problem:
         from inkjet_env.printhead import batch
 
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
+        if isinstance(self.printhead, AugmentedPrinthead):
+            return self.printhead.costs(waveforms, self.cost, self.initial_state, self.window_s)
         return batch.costs(waveforms, self._head, self.cost, self.initial_state, self.window_s)
 
     def evaluate_with_gradient(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -83,8 +91,11 @@ class Problem:
         )
         return costs, gradients * self.bounds.half_width
 
-    def respond(self, point: ArrayLike) -> Response:
-        """Response of the printhead to the waveform of one point in ``[-1, 1]``, shape (7,)."""
+    def respond(self, point: ArrayLike) -> Any:
+        """Response of the printhead to the waveform of one point in ``[-1, 1]``, shape (7,).
+
+        A `Response`, or an `AugmentedResponse`, which has what pictures and costs need of one.
+        """
         waveform = Waveform.from_array(self.bounds.from_unit(point))
         return self.printhead.respond(waveform, self.initial_state, self.window_s)
 
@@ -102,7 +113,7 @@ class Problem:
         head = settings["printhead"] | {"coefficients": tuple(settings["printhead"]["coefficients"])}
         return cls(
             name,
-            Printhead(**head),
+            printhead_of(settings["augmented"]) if "augmented" in settings else Printhead(**head),
             PeakCost(**settings["cost"]),
             Bounds(**settings["bounds"]),
             settings["initial_state"],
@@ -112,7 +123,10 @@ class Problem:
     def settings(self) -> dict[str, Any]:
         """Everything that decides the numbers, as plain JSON values."""
         head = self.printhead
-        return {
+        augmented = {}
+        if isinstance(head, AugmentedPrinthead):
+            augmented, head = {"augmented": head.as_json()}, head.printhead
+        settings = {
             "printhead": {
                 "a0": head.a0,
                 "a1": head.a1,
@@ -125,6 +139,12 @@ class Problem:
             "initial_state": self.initial_state,
             "window_s": self.window_s if np.isfinite(self.window_s) else "inf",
         }
+        return settings | augmented
+
+
+def chosen_head(path: Path | None) -> Printhead | AugmentedPrinthead:
+    """The head of a printhead.json, with its effects where it has such; or the published one."""
+    return Printhead.published() if path is None else read_printhead(path)
 
 
 @functools.cache

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import drive_basis, free_ringing
+from inkjet_env.plant import Plant, Shot
+from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
 
 Real = NDArray[np.float64]
+
+MOST_ROUNDS = 12
+SETTLED = 1e-6
+"""Of the full scale: a change of a free initial state that is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +49,7 @@ class Evaluation:
 
 
 def evaluate(
-    campaign: Campaign, printhead: Printhead, gains: Mapping[str, float] | None = None
+    campaign: Campaign, printhead: Printhead | AugmentedPrinthead, gains: Mapping[str, float] | None = None
 ) -> tuple[tuple[Evaluation, ...], tuple[str, ...]]:
     """Simulate every recording of a campaign with a printhead.
 
@@ -53,9 +59,11 @@ def evaluate(
     Parameters
     ----------
     campaign : Campaign
-    printhead : Printhead
+    printhead : Printhead or AugmentedPrinthead
+        Effects of chance, as a hum, explain nothing here.
     gains : mapping of str to float, optional
-        By channel, in its unit per hysteretic volt; displacement in micrometres. `Identification.gains` has them.
+        By channel, in its unit per hysteretic volt; displacement in micrometres. `Identification.gains` has them, and
+        an augmented head has its own.
 
     Returns
     -------
@@ -64,15 +72,24 @@ def evaluate(
     refitted : tuple of str
         Channels whose gain was fitted.
     """
-    known = {"self_sensing": printhead.b1} | {c: g for c, g in (gains or {}).items() if c != "self_sensing"}
+    if isinstance(printhead, AugmentedPrinthead):
+        base, known = printhead.printhead, {**printhead.gains, **(gains or {})}
+    else:
+        base, known = printhead, dict(gains or {})
+    known["self_sensing"] = base.b1
     refitted = []
     found: dict[str, Evaluation] = {}
     for channel in sorted({recording.channel for recording in campaign.recordings}):
         mine = campaign.select(channel)
-        shapes = [_shape(printhead, recording) for recording in mine]
         if channel not in known:
             refitted.append(channel)
-        found |= {e.recording.name: e for e in _fitted_along(mine, shapes, printhead, known.get(channel))}
+        if isinstance(printhead, AugmentedPrinthead):
+            evaluations = _with_effects(mine, printhead, known.get(channel))
+        else:
+            shapes = [_shape(base, recording) for recording in mine]
+            states = [_free_states(recording, base) for recording in mine]
+            evaluations, _ = _fitted_along(mine, shapes, states, known.get(channel))
+        found |= {e.recording.name: e for e in evaluations}
     return tuple(found[recording.name] for recording in campaign.recordings), tuple(refitted)
 
 
@@ -90,11 +107,10 @@ def _shape(printhead: Printhead, recording: Recording) -> Real:
 
 
 def _fitted_along(
-    recordings: Sequence[Recording], shapes: Sequence[Real], printhead: Printhead, gain: float | None
-) -> list[Evaluation]:
-    """Least squares for the offset, the free states, and the gain where it is None; of one channel."""
-    scales = [1e-3 if recording.unit == "nm" else 1.0 for recording in recordings]
-    states = [_free_states(recording, printhead) for recording in recordings]
+    recordings: Sequence[Recording], shapes: Sequence[Real], states: Sequence[Real], gain: float | None
+) -> tuple[list[Evaluation], float]:
+    """Least squares for the offset, the free states, and the gain where it is None; of one channel. And the gain."""
+    scales = [_scale(recording) for recording in recordings]
     rows = []
     for recording, shape, scale, q in zip(recordings, shapes, scales, states, strict=True):
         block = np.column_stack([np.ones(shape.size), shape, scale * recording.sensor])
@@ -111,7 +127,12 @@ def _fitted_along(
         modelled = offset + gain * shape
         modelled = modelled + q @ (q.T @ (scale * recording.sensor - modelled))
         evaluations.append(Evaluation(recording, modelled / scale, float(offset) / scale))
-    return evaluations
+    return evaluations, float(gain)
+
+
+def _scale(recording: Recording) -> float:
+    """What a displacement in its unit is in micrometres."""
+    return 1e-3 if recording.unit == "nm" else 1.0
 
 
 def _free_states(recording: Recording, printhead: Printhead) -> Real:
@@ -120,3 +141,55 @@ def _free_states(recording: Recording, printhead: Printhead) -> Real:
     if recording.initial_state != "free" or recording.channel == "strain_gauge":
         return np.zeros((n, 0))
     return np.linalg.qr(free_ringing(n, recording.step_s, printhead.a0, printhead.a1)).Q
+
+
+def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gain: float | None) -> list[Evaluation]:
+    """`_fitted_along` for a head with effects, whose free states are found by Gauss–Newton: they need not superpose.
+
+    Where the gain is None it is fitted first, as if the sensor's effects were in proportion to it.
+    """
+    plant = Plant(head.printhead, {recordings[0].channel: 1.0 if gain is None else gain}, effects=head.effects)
+    shots = [_shot(recording, plant) for recording in recordings]
+    small_V = 1e-4 * head.printhead.full_scale_V
+    for _ in range(MOST_ROUNDS):
+        shapes = [plant.signal(shot) for shot in shots]
+        slopes = [_start_slopes(plant, shot, shape, small_V) for shot, shape in zip(shots, shapes, strict=True)]
+        states = [np.linalg.qr(slope).Q for slope in slopes]
+        if gain is None:
+            return _with_effects(recordings, head, _fitted_along(recordings, shapes, states, None)[1])
+        evaluations, _ = _fitted_along(recordings, shapes, states, 1.0)
+        changes = []
+        for i, (found, slope) in enumerate(zip(evaluations, slopes, strict=True)):
+            if slope.size:
+                moved = _scale(found.recording) * (found.modelled - found.offset) - shapes[i]
+                change = np.linalg.lstsq(slope, moved, rcond=None)[0]
+                x, p = shots[i].start
+                shots[i] = replace(shots[i], start=(x + float(change[0]), p + float(change[1])))
+                changes.append(float(np.abs(change).max()))
+        if max(changes, default=0.0) <= SETTLED * head.printhead.full_scale_V:
+            break
+    return evaluations
+
+
+def _shot(recording: Recording, plant: Plant) -> Shot:
+    """A recording as the plant sees it; a free resonator begins at rest under the drive's first value."""
+    shot = Shot(
+        recording.channel,
+        recording.initial_state,
+        recording.step_s,
+        recording.drive_V,
+        recording.order,
+        recording.neighbour_V,
+    )
+    if shot.initial_state != "free":
+        return shot
+    return replace(shot, start=(float(plant.hysteretic_V(plant.at_ceramic_V(shot), shot)[0]), 0.0))
+
+
+def _start_slopes(plant: Plant, shot: Shot, signal: Real, small_V: float) -> Real:
+    """How the signal changes with a free initial state, shape (n, 2), per volt; no columns where it is known."""
+    if shot.initial_state != "free" or not shot.fast:
+        return np.zeros((shot.samples, 0))
+    x, p = shot.start
+    moved = [plant.signal(replace(shot, start=start)) for start in ((x + small_V, p), (x, p + small_V))]
+    return np.column_stack([(other - signal) / small_V for other in moved])

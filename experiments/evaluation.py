@@ -1,0 +1,38 @@
+"""A given printhead, with effects or without, on a campaign: the ``evaluation/1``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.identification import _checked, _gains, _warn
+from experiments.problems import chosen_head
+from inkjet_env.identification import evaluate
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.recordings import read_campaign
+
+
+def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, Any]) -> dict[str, Any]:
+    """The ``evaluation/1`` of a printhead on the campaign of a folder; warnings go to standard error.
+
+    The ``rms`` of the whole is over all samples of the fast channel: self-sensing, else displacement, else the gauge.
+    """
+    campaign = read_campaign(folder, **reading)
+    head = chosen_head(head_file)
+    _warn(_checked(campaign, head.frequency_Hz))
+    gains = {} if head_file is None or isinstance(head, AugmentedPrinthead) else _gains(head_file)
+    try:
+        found, refitted = evaluate(campaign, head, gains)
+    except FloatingPointError as error:
+        raise ValueError(f"{head_file}: the head cannot follow these recordings: {error}") from None
+    for channel in refitted:
+        print(f"warning: the printhead tells no gain of {channel}; it was fitted here.", file=sys.stderr)
+    channels = {e.recording.channel for e in found}
+    main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in channels)
+    left = np.concatenate([e.recording.sensor - e.modelled for e in found if e.recording.channel == main])
+    recordings = {e.recording.name: {"rms": e.rms, "output_rms": e.output_rms, "unit": e.recording.unit} for e in found}
+    return {"format": "evaluation/1", "recordings": recordings, "rms": float(np.sqrt(np.mean(left**2)))}

@@ -1,0 +1,104 @@
+"""The commands on a printhead with effects."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.optimisation import Optimisation, read_record, write_record
+from experiments.problems import Problem
+from inkjet_env.plant import catalogue
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.printhead import Printhead, Waveform
+from inkjet_env.recordings import Campaign, Recording, write_campaign
+
+HEAD = Printhead.published()
+EFFECTS = {effect.id: effect for effect in catalogue()}
+AUGMENTED = AugmentedPrinthead(HEAD, ((EFFECTS["sensor_saturation"], {"limit": 5.0, "hardness": 20.0}),))
+WAVEFORM = (90.0, -70.0, 3e-6, 9e-6, 5e-6, 8e-6, 7e-6)
+
+
+def run(*arguments):
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    return ended.value.code
+
+
+@pytest.fixture
+def head_file(tmp_path):
+    AUGMENTED.to_json(tmp_path / "head.json")
+    return tmp_path / "head.json"
+
+
+def test_simulate_shows_the_head_with_its_effects(tmp_path, head_file):
+    out = tmp_path / "simulation.json"
+    status = run(
+        "simulate", "--waveform", *WAVEFORM, "--printhead", head_file, "--json", out, "--plot", tmp_path / "p.png"
+    )
+    assert status == 0
+    found, expected = json.loads(out.read_text()), AUGMENTED.respond(Waveform(*WAVEFORM))
+    assert found["peaks_V"] == expected.peaks_V.tolist()
+    assert found["cost"] == expected.cost()
+    assert max(map(abs, found["peaks_V"])) < 5.0
+    assert (tmp_path / "p.png").stat().st_size > 1000
+
+
+def test_simulate_follows_any_drive(tmp_path, head_file):
+    time_s = 2e-7 * np.arange(600)
+    drive_V = Waveform(*WAVEFORM).drive_V(time_s)
+    rows = "\n".join(f"{t:.9g},{u:.9g}" for t, u in zip(time_s, drive_V, strict=True))
+    (tmp_path / "drive.csv").write_text(f"time_s,drive_V\n{rows}\n")
+    out = tmp_path / "out.csv"
+    assert run("simulate", "--drive", tmp_path / "drive.csv", "--printhead", head_file, "--out", out) == 0
+    shown = np.loadtxt(out, delimiter=",", skiprows=1)[:, 2]
+    assert shown == pytest.approx(AUGMENTED.respond_sampled(time_s, drive_V).sensor_V, abs=1e-6)
+
+
+def test_optimize_finds_a_waveform_for_the_head_with_its_effects(tmp_path, head_file):
+    found_file, out = tmp_path / "optimum.json", tmp_path / "optimum.csv"
+    settings = ("--particles", 6, "--generations", 3, "--printhead", head_file, "--window", 2e-4)
+    assert run("optimize", *settings, "--json", found_file, "--out", out, "--plot", tmp_path / "p.png") == 0
+    found = json.loads(found_file.read_text())
+    assert found["problem"] == "custom"
+    assert found["cost"] == AUGMENTED.costs([found["waveform"]], window_s=2e-4)[0]
+
+
+def test_an_interrupted_run_on_such_a_head_goes_on_from_its_record(tmp_path):
+    plan = Optimisation(Problem("custom", AUGMENTED), "random", 12, 3, {})
+    whole = plan.carry_out()
+    write_record(tmp_path / "record.npz", plan, whole)
+    again, recorded = read_record(tmp_path / "record.npz")
+    assert again.problem.settings() == plan.problem.settings()
+    assert again.carry_out(recorded).best_cost == whole.best_cost
+
+
+def test_evaluate_takes_the_effects_along(tmp_path, head_file, capsys):
+    time_s = 2e-7 * np.arange(1000)
+    drive_V = Waveform(*WAVEFORM).drive_V(time_s)
+    signal = AUGMENTED.respond_sampled(time_s, drive_V, "demagnetised").sensor_V
+    recording = Recording("r", time_s, drive_V, signal, "V", "self_sensing", initial_state="demagnetised")
+    write_campaign(tmp_path / "campaign", Campaign("c", (recording,)))
+    HEAD.to_json(tmp_path / "base.json")
+    rms = {}
+    for name in ("head", "base"):
+        out = tmp_path / f"{name}-evaluation.json"
+        assert run("evaluate", tmp_path / "campaign", "--printhead", tmp_path / f"{name}.json", "--json", out) == 0
+        rms[name] = json.loads(out.read_text())["rms"]
+    assert rms["head"] < 1e-3 < 0.05 < rms["base"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("simulate", "--waveform", *WAVEFORM, "--window", "inf"), "infinite window needs a printhead without effects"),
+        (("simulate", "--waveform", *WAVEFORM, "--hysteresis", "one_point"), "must be one of full_memory"),
+        (("optimize", "--optimizer", "lbfgsb-multistart", "--budget", 10), "has no gradients"),
+        (("record", "campaign"), "has effects beyond the base model (sensor_saturation)"),
+    ],
+)
+def test_what_such_a_head_cannot_do_is_one_sentence(tmp_path, head_file, capsys, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    assert run(*arguments, "--printhead", head_file) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert message in told[-1]
