@@ -1,0 +1,46 @@
+"""A drive amplifier that low-passes what it was asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from numpy import float64
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.lag import lagged
+from inkjet_env.plant.resonance import too_slow
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[float64]
+
+
+class AmplifierBandwidth(Effect):
+    """First-order low-pass of the drive before it reaches the ceramic."""
+
+    id = "amplifier_bandwidth"
+    stage = "drive"
+    sentence = "The amplifier low-passes the drive before it reaches the ceramic."
+    equation = "u' / (2π f) + u = u_asked"
+    source = "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapter 1: the RC low-pass"
+    parameters = (Parameter("bandwidth_Hz", "Hz", 0.1, math.inf, "reciprocal", "where it passes half the power"),)
+    strengths = ("bandwidth_Hz",)
+    signature = "edges of the drive are rounded and late, steep and gentle ones, small and large ones alike"
+    confusable_with = ("sensor_bandwidth", "trigger_delay", "slew_limit")
+    shown_by = "the voltage at the head, recorded along (column drive_monitor_V)"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        return [{"bandwidth_Hz": ratio * printhead.frequency_Hz} for ratio in (20.0, 6.0, 2.0)]
+
+    def untestable(self, shots: Sequence[Shot]) -> str | None:
+        return too_slow(shots)
+
+    def told(self, values: Values) -> str:
+        return f"The amplifier passes only up to {values['bandwidth_Hz'] / 1e3:.3g} kHz."
+
+    def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
+        if math.isinf(values["bandwidth_Hz"]):
+            return drive_V
+        return lagged(drive_V, 1 / (2 * math.pi * values["bandwidth_Hz"]), shot.node_step_s, shot.periodic)

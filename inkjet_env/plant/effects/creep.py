@@ -1,0 +1,93 @@
+"""Creep: the ceramic goes on with the logarithm of time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.lag import lagged
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+SPACING = 0.8
+"""Of the relaxations' rates, in their logarithm; the error falls as exp(-π² / spacing)."""
+SLOWEST = 5e-3
+"""Rate times the recording's duration; what relaxes more slowly grows in proportion to time."""
+FASTEST = 20.0
+"""Rate times the onset: of faster ones there is next to nothing, exp(-20)."""
+
+
+class Creep(Effect):
+    """Logarithmic creep of every change of the hysteretic drive, changes superposed.
+
+    In steady state the mean has crept for ever; where to is unknown, and a constant offset tells it from nothing: it
+    is left where it was.
+    """
+
+    id = "creep"
+    stage = "hysteresis"
+    sentence = "Displacement goes on with the logarithm of time after the drive has changed."
+    equation = "v(t) + γ ∫ lg(1 + (t - s) / t0) dv(s)"
+    source = (
+        "K. Kuhnen, Modeling, identification and compensation of complex hysteretic and log(t)-type creep "
+        "nonlinearities, Control and Intelligent Systems 33(2), 2005"
+    )
+    parameters = (
+        Parameter("creep_per_decade", "1", -0.2, 0.2, meaning="of a change, once more in every decade of time"),
+        Parameter("onset_s", "s", 1e-4, 10.0, "log", "time after which creep is counted in decades"),
+    )
+    strengths = ("creep_per_decade",)
+    signature = "after a step the displacement follows a line over the logarithm of time, for decades"
+    confusable_with = ("baseline_drift", "meniscus_refill", "rate_dependent_hysteresis")
+    shown_by = "a slow recording of a step that is held for three decades of time"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        return [{"creep_per_decade": 0.02, "onset_s": onset_s} for onset_s in (0.1, 0.01, 1.0)]
+
+    def told(self, values: Values) -> str:
+        part, onset_s = values["creep_per_decade"], values["onset_s"]
+        return (
+            f"After a change of the drive the head goes on by {abs(part):.2%} of it with every tenfold time, "
+            f"{'back' if part < 0 else 'on'} from about {onset_s:.2g} seconds."
+        )
+
+    def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+        if values["creep_per_decade"] == 0:
+            return hysteretic_V
+        creep_V = crept(hysteretic_V, values["onset_s"], shot.node_step_s, shot.periodic)
+        return hysteretic_V + values["creep_per_decade"] * creep_V
+
+
+def crept(signal: Real, onset_s: float, step_s: float, periodic: bool) -> Real:
+    """``∫ lg(1 + (t - s) / t0) dv(s)`` of a signal that is linear between its values, shape (n,).
+
+    By ``lg(1 + t / t0) = ∫ (1 - exp(-r t)) exp(-r t0) d(ln r) / ln 10``: a sum of first-order lags.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        At rest before; or in the steady state of its repetition, where the mean does not creep.
+    onset_s, step_s : float
+    periodic : bool
+    """
+    duration_s = step_s * signal.size
+    moved = signal - (signal.mean() if periodic else signal[0])
+    first = math.floor(math.log(1e-9 * duration_s / max(duration_s, onset_s)) / SPACING)
+    last = math.ceil(math.log(FASTEST * duration_s / onset_s) / SPACING)
+    rates = np.exp(SPACING * np.arange(first, last + 1)) / duration_s
+    weights = SPACING / math.log(10) * np.exp(-rates * onset_s)
+    slow = rates * duration_s < SLOWEST
+
+    # So slow that 1 - exp(-r t) = r t
+    area = np.zeros(signal.size)
+    np.cumsum(0.5 * step_s * (moved[1:] + moved[:-1]), out=area[1:])
+    result: Real = float(weights[slow] @ rates[slow]) * (area - area.mean() if periodic else area)
+    for rate, weight in zip(rates[~slow], weights[~slow], strict=True):
+        result += weight * lagged(moved, 1 / rate, step_s, periodic)
+    return result

@@ -1,0 +1,90 @@
+"""Hysteresis loops that widen with the drive's rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+from inkjet_env.printhead.hysteresis import PlayOperators
+
+Real = NDArray[np.float64]
+
+PLAYS = 32
+MIDDLING = 0.15
+"""By how much the thresholds of a start grow at the highest of the channels' usual rates."""
+
+
+class RateDependentHysteresis(Effect):
+    """Thresholds of all plays grow with the logarithm of the drive's rate."""
+
+    id = "rate_dependent_hysteresis"
+    stage = "hysteresis"
+    sentence = "The hysteresis loop widens with the drive's rate."
+    equation = "thresholds r [1 + β ln(1 + |u'| / ρ)], not below 0"
+    source = (
+        "M. Al Janaideh, S. Rakheja, C.-Y. Su, Experimental characterization and modeling of rate-dependent hysteresis "
+        "of a piezoceramic actuator, Mechatronics 19(5), 2009: plays whose thresholds depend on the rate"
+    )
+    parameters = (
+        Parameter("growth", "1", -0.5, 2.0, meaning="of the thresholds, relative, for an e-fold rate"),
+        Parameter("rate_V_s", "V/s", 1e-1, 1e9, "log", "rate at which growth begins"),
+    )
+    strengths = ("growth",)
+    signature = "loops of one amplitude are wider at a higher rate, beyond what the resonance does"
+    confusable_with = ("creep", "quadratic_damping")
+    shown_by = "slow loops of one amplitude at rates over several decades"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        usual = []
+        for channel in sorted({shot.channel for shot in shots}):
+            rates = np.concatenate([np.abs(np.diff(s.drive_V)) / s.step_s for s in shots if s.channel == channel])
+            if rates.any():
+                usual.append(float(np.median(rates[rates > 0])))
+        highest = max(usual, default=0.0) or printhead.full_scale_V * printhead.frequency_Hz
+        begins = np.clip([ratio * rate for rate in usual or [highest] for ratio in (0.1, 1.0, 10.0)], 0.1, 1e9)
+        return [{"growth": MIDDLING / float(np.log1p(highest / rate)), "rate_V_s": float(rate)} for rate in begins]
+
+    def told(self, values: Values) -> str:
+        growth = values["growth"] * np.log(10)
+        return (
+            f"From about {values['rate_V_s']:.2g} volts a second on, the hysteresis loop is {abs(growth):.1%} "
+            f"{'wider' if growth > 0 else 'narrower'} with every tenfold rate of the drive."
+        )
+
+    def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+        if values["growth"] == 0:
+            return hysteretic_V
+        ends_V = np.append(drive_V, drive_V[0]) if shot.periodic else np.ascontiguousarray(drive_V)
+        rates = np.abs(np.diff(ends_V)) / shot.node_step_s
+        widening = np.maximum(1 + values["growth"] * np.log1p(rates / values["rate_V_s"]), 0.0)
+        return hysteretic_V + plays_change_V(ends_V, widening, printhead, shot.periodic)[: drive_V.size]
+
+
+def plays_change_V(ends_V: Real, widening: Real, printhead: Printhead, periodic: bool, plays: int = PLAYS) -> Real:
+    """By how much the hysteretic drive differs where all thresholds are wider by a factor, shape (n,).
+
+    Parameters
+    ----------
+    ends_V : ndarray, shape (n,)
+        Drive at the nodes; where periodic, with the first one again at its end.
+    widening : ndarray, shape (n - 1,)
+        Between nodes.
+    printhead : Printhead
+    periodic : bool
+    plays : int
+        That stand for the law; the difference falls with their square.
+    """
+    from inkjet_env.plant import compiled_hysteresis
+
+    law = PlayOperators.of_branch_law(printhead.branch_law, plays)
+    thresholds_V, weights = law.thresholds_V[1:].copy(), law.weights[1:].copy()  # the first is linear
+    change_V = np.empty(ends_V.size)
+    states = np.zeros((2, plays))
+    laps = 2 if periodic else 1
+    compiled_hysteresis.widened_plays(ends_V, widening, thresholds_V, weights, laps, states[0], states[1], change_V)
+    return change_V

@@ -1,0 +1,68 @@
+"""Drive and sensor that are not aligned in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+PERIODS = (0.02, 0.1, 0.3)
+SAMPLES = (0.5, 2.0)
+
+
+class TriggerDelay(Effect):
+    """The ceramic sees what was asked for some time earlier, or later."""
+
+    id = "trigger_delay"
+    stage = "drive"
+    sentence = "Drive and sensor are not aligned in time."
+    equation = "u(t) = u_asked(t - delay)"
+    source = "Ljung, System Identification: Theory for the User, 2nd edition, 1999: the input's delay"
+    parameters = (Parameter("delay_s", "s", -1.0, 1.0, meaning="by which the drive reaches the ceramic late"),)
+    strengths = ("delay_s",)
+    signature = "every drive's answer comes late or early by the same time, its shape unchanged"
+    confusable_with = ("amplifier_bandwidth", "sensor_bandwidth")
+    shown_by = "a steep step, sampled as finely as the instrument can"
+
+    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        step_s = min((shot.step_s for shot in shots if shot.fast), default=shots[0].step_s if shots else 0.0)
+        period_s = 1 / printhead.frequency_Hz
+        sizes = {periods * period_s for periods in PERIODS} | {samples * step_s for samples in SAMPLES}
+        return [{"delay_s": sign * size} for size in sorted(sizes - {0.0}) for sign in (1, -1)]
+
+    def told(self, values: Values) -> str:
+        delay_s = values["delay_s"]
+        when = "later" if delay_s > 0 else "earlier"
+        return f"The drive reaches the ceramic {1e6 * abs(delay_s):.4g} microseconds {when} than the recording says."
+
+    def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
+        if values["delay_s"] == 0:
+            return drive_V
+        return late(drive_V, values["delay_s"] / shot.node_step_s, shot.periodic)
+
+
+def late(signal: Real, nodes: float, periodic: bool) -> Real:
+    """A signal that is linear between its values, some nodes later, shape (n,).
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+    nodes : float
+        May be negative, and any fraction.
+    periodic : bool
+        The value after the last is the first; else the signal stands still before its first value and after its last.
+    """
+    whole = math.floor(nodes)
+    part = nodes - whole
+    index = np.arange(-1, signal.size) - whole
+    moved = signal[index % signal.size if periodic else np.clip(index, 0, signal.size - 1)]
+    result: Real = moved[1:] + part * (moved[:-1] - moved[1:])
+    return result
