@@ -213,6 +213,13 @@ def test_drift_of_any_parabola_is_in_its_columns():
     assert EFFECTS["baseline_drift"].nuisances({"amplitude": 0.0}, shot) is None
 
 
+@pytest.mark.parametrize("effect_id", ["mains_hum", "baseline_drift"])
+def test_what_chance_adds_to_the_sensor_is_not_in_the_voltage_at_the_head(effect_id):
+    values = {"frequency_Hz": 2e4, "amplitude": 1.0}
+    assert EFFECTS[effect_id].nuisances(values, shot_of()) is not None
+    assert EFFECTS[effect_id].nuisances(values, shot_of(channel="drive_monitor")) is None
+
+
 # crosstalk
 
 

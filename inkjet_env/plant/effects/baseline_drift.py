@@ -43,7 +43,7 @@ class BaselineDrift(Effect):
         )
 
     def nuisances(self, values: Values, shot: Shot) -> Real | None:
-        if values["amplitude"] == 0:
+        if values["amplitude"] == 0 or shot.channel == "drive_monitor":
             return None
         if self.id not in shot.kept:
             shot.kept[self.id] = legendre.legvander(np.linspace(-1, 1, shot.samples), DEGREE)

@@ -48,7 +48,7 @@ class Crosstalk(Effect):
     shown_by = "the neighbour alone driven, and both together (column neighbour_V)"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        heard = [shot for shot in shots if shot.neighbour_V is not None and np.any(shot.neighbour_V)]
+        heard = [s for s in shots if s.channel != "drive_monitor" and s.neighbour_V is not None]
         answers, rises, drives = (
             rms([part[k] for part in (_parts(printhead, shot) for shot in heard)]) for k in range(3)
         )

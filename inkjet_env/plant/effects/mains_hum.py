@@ -55,7 +55,7 @@ class MainsHum(Effect):
 
     def nuisances(self, values: Values, shot: Shot) -> Real | None:
         frequency = values["frequency_Hz"]
-        if values["amplitude"] == 0 or not 2 * frequency * shot.step_s < 1:
+        if values["amplitude"] == 0 or shot.channel == "drive_monitor" or not 2 * frequency * shot.step_s < 1:
             return None
         angle = 2 * np.pi * frequency * shot.step_s * np.arange(shot.samples)
         return np.column_stack([np.cos(angle), np.sin(angle)])
