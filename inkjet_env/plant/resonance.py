@@ -243,7 +243,10 @@ def too_slow(shots: Sequence[Shot]) -> str | None:
 
 
 def reach_V(printhead: Printhead, shots: Sequence[Shot]) -> float:
-    """How far the head deflects in these shots, at most, in hysteretic volts; the hysteresis's width is left out."""
+    """How far the head deflects in these shots, at most, in hysteretic volts; 1 V where no shot moves it.
+
+    The width of the hysteresis is left out.
+    """
     law = printhead.branch_law
     reach = 0.0
     for shot in shots:
@@ -254,4 +257,4 @@ def reach_V(printhead: Printhead, shots: Sequence[Shot]) -> float:
             rings = Resonance(printhead.a0, printhead.a1, printhead.a0)
             deflection = rings.motion(slope * drive_V, replace(shot, channel="displacement"))
             reach = max(reach, float(np.abs(deflection).max()))
-    return reach
+    return reach or 1.0

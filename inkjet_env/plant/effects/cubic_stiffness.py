@@ -36,7 +36,7 @@ class CubicStiffness(Effect):
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         shift = 0.1 * printhead.damping_ratio
-        stiffening = shift * 8 / 3 / max(reach_V(printhead, shots), 1e-12) ** 2
+        stiffening = shift * 8 / 3 / reach_V(printhead, shots) ** 2
         return [{"stiffening_per_V2": sign * stiffening} for sign in (1.0, -1.0)]
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:

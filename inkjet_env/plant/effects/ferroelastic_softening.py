@@ -40,7 +40,7 @@ class FerroelasticSoftening(Effect):
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        shift = 0.1 * printhead.damping_ratio / max(reach_V(printhead, shots), 1e-12)
+        shift = 0.1 * printhead.damping_ratio / reach_V(printhead, shots)
         return [{"softening_per_V": shift / max(1.0, ratio), "loss_ratio": ratio} for ratio in (0.3, 1.0, 3.0)]
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:

@@ -34,7 +34,7 @@ class QuadraticDamping(Effect):
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        damping = 0.1 * printhead.damping_ratio * 3 * math.pi / 4 / max(reach_V(printhead, shots), 1e-12)
+        damping = 0.1 * printhead.damping_ratio * 3 * math.pi / 4 / reach_V(printhead, shots)
         return [{"damping_per_V": damping}]
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
