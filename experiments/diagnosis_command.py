@@ -133,7 +133,7 @@ def _written(found: Diagnosis, json: Path | None, files: Mapping[str, Path | Non
 
 
 def augmented_json(found: Diagnosis) -> dict[str, Any]:
-    """The base part of the augmented model as ``printhead/1``, with the effects that were found and their intervals."""
+    """The augmented model as ``printhead/1``, effects with their intervals; the base model where none was found."""
     from inkjet_env.plant.augmented import AugmentedPrinthead
 
     units = {trace.channel: trace.unit for trace in found.traces}
@@ -144,7 +144,7 @@ def augmented_json(found: Diagnosis) -> dict[str, Any]:
     }
     fit = found.as_json()["fit"] | {"channels": channels}
     if not found.effects:
-        return found.printhead.as_json(fit=fit)
+        return found.base_printhead.as_json(fit=fit)
     values = tuple((e.effect, {name: p.value for name, p in e.parameters.items()}) for e in found.effects)
     intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in found.effects}
     last = max(trace.order for trace in found.traces)

@@ -35,7 +35,7 @@ FEWEST_SHOWN = 60
 """Samples, there."""
 MOST_CONDITIONS = 60
 """In a picture; the table has all."""
-MOST_CELLS = 12
+MOST_CELLS = 8
 """Rows of one view of where the mismatch sits."""
 VIEW_WORDS = {
     "amplitude": "Largest drive",
@@ -148,6 +148,8 @@ def zoom_of(trace: Trace, models: Mapping[str, Real], frequency_Hz: float) -> sl
     power = np.concatenate([[0.0], np.cumsum((other - trace.base) ** 2)])
     first = trace.fitted if trace.held_out and n - trace.fitted >= width else 0
     start = first + int(np.argmax(power[first + width :] - power[first : n - width + 1]))
+    half = (power[start] + power[start + width]) / 2
+    start = min(max(int(np.searchsorted(power, half)) - 1 - width // 4, 0), n - width)  # what came before is seen too
     return slice(start, start + width)
 
 
@@ -323,10 +325,16 @@ def view_tables(diagnosis: Diagnosis) -> list[tuple[str, int, list[tuple[str, fl
         kept = sorted(range(len(cells)), key=lambda k: -np.nan_to_num(cells[k][2], nan=-math.inf))[:MOST_CELLS]
         rows = [cells[k] for k in sorted(kept)]
         largest = max((_decades(ratio) for _, ratio, _ in rows), default=0.0) or 1.0
-        bars = [(label, ratio, round(100 * _decades(ratio) / largest, 1), z) for label, ratio, z in rows]
+        bars = [(_in_words(label), ratio, round(100 * _decades(ratio) / largest, 1), z) for label, ratio, z in rows]
         if bars:
             tables.append((VIEW_WORDS.get(view, view.capitalize()), len(cells), bars))
     return tables
+
+
+def _in_words(label: str) -> str:
+    for channel, words in CHANNEL_WORDS.items():
+        label = label.replace(channel, words)
+    return label
 
 
 def _decades(ratio: float) -> float:

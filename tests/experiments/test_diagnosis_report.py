@@ -1,0 +1,355 @@
+import html
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.diagnosis_figures import augmented, left_densities
+from experiments.diagnosis_report import (
+    channel_rows,
+    condition_rows,
+    diagnosis_html,
+    engineering,
+    models_of,
+    parameter_rows,
+    proof_trace,
+    view_tables,
+    write_diagnosis_report,
+    zoom_of,
+)
+from inkjet_env.identification import Estimate
+from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Location, Named, NextExperiment, Trace
+from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.printhead import Printhead
+from inkjet_env.rig import default_battery, record_campaign
+
+HEAD = Printhead.published()
+LABELS = {
+    "strain_gauge": ("loop-1", "minor-loops", "zero"),
+    "self_sensing": ("trapezoid-60V", "bipolar-full", "multisine-50V-a", "zero"),
+}
+HELD_OUT = {line.drive_V.tobytes() for line in default_battery() if line.label == "multisine-50V-a"}
+EFFECTS = {effect.id: effect for effect in catalogue()}
+VALUES = {"capacitive_s": 2.1e-8, "lossy": 4e-4}
+
+
+def shown_by_effect(recording):
+    """What feedthrough adds to a recording."""
+    shot = Shot(recording.channel, recording.initial_state, recording.step_s, recording.drive_V)
+    on = Plant(HEAD, effects=((EFFECTS["feedthrough"], VALUES),)).signal(shot)
+    return on - Plant(HEAD).signal(shot)
+
+
+@pytest.fixture(scope="module")
+def named():
+    """Feedthrough in a small virtual campaign; the base model is the head without it."""
+    battery = [line for line in default_battery() if line.label in LABELS[line.channel]]
+    noisy, calm = (record_campaign(HEAD, 1, battery=battery, snr_dB=snr_dB) for snr_dB in (50, math.inf))
+    traces = []
+    for recording, silent in zip(noisy.recordings, calm.recordings, strict=True):
+        added = shown_by_effect(recording)
+        noise = [
+            r.sensor - s.sensor
+            for r, s in zip(noisy.recordings, calm.recordings, strict=True)
+            if r.channel == recording.channel
+        ]
+        traces.append(
+            Trace(
+                recording.name,
+                recording.channel,
+                "V",
+                recording.order,
+                recording.time_s[1] - recording.time_s[0],
+                recording.drive_V,
+                recording.sensor + added,
+                silent.sensor,
+                silent.sensor + added,
+                0 if recording.drive_V.tobytes() in HELD_OUT else recording.drive_V.size,
+                float(np.std(np.concatenate(noise))),
+            )
+        )
+    effect = EFFECTS["feedthrough"]
+    found = Named(
+        effect,
+        effect.told(VALUES),
+        5312.4,
+        0.005,
+        {"capacitive_s": Estimate(2.1e-8, 2.07e-8, 2.13e-8), "lossy": Estimate(4e-4, 3.1e-4, 4.9e-4)},
+    )
+    tables = {
+        "time in the waveform": (("on the edges", 46.0, 210.0), ("in the dwells", 1.1, 2.3)),
+        "frequency": tuple((f"{k} kHz to {k + 5} kHz", 1 + k / 10, k / 3) for k in range(5, 205, 5)),
+        "sign": (("positive drives", 3.1, 14.0), ("negative drives", 2.9, 12.0)),
+    }
+    return Diagnosis(
+        campaign="head-17",
+        verdict="named",
+        headline=effect.told(VALUES),
+        effects=(found,),
+        candidates=(),
+        location=Location(
+            ("r005", "r007"), ((1e-6, 3e-6),), ((9e4, 1.1e5),), ((60, 100),), "On the edges of the drive.", tables
+        ),
+        traces=tuple(traces),
+        closure=0.9712,
+        attributions=(
+            Attribution(("feedthrough",), 5312.4, 1711.0, 160.0, 1.0, 1.0, effect.told(VALUES)),
+            Attribution(("sensor_bandwidth",), 612.0, 90.0, 130.0, 0.11, 0.21, "The sensor passes up to 900 kHz."),
+            Attribution(
+                ("sensor_bandwidth", "sensor_saturation"), 613.0, 80.0, 130.0, 0.11, math.nan, "Both <i>together</i>."
+            ),
+        ),
+        untestable={"crosstalk": "no recording has the neighbouring channel's drive (column neighbour_V)"},
+        next_experiment=None,
+        correction=None,
+        printhead=HEAD,
+        gains={"self_sensing": HEAD.b1, "strain_gauge": 0.01},
+        offsets={"self_sensing": 0.0, "strain_gauge": 0.1},
+        base_printhead=HEAD.varied(damping_ratio=0.05),
+        notes=("self_sensing: noise from recordings at rest and repeats.",),
+        seconds=61.2,
+        stages={"base model": 8.1, "bootstrap": 40.2, "attribution": 12.9},
+    )
+
+
+@pytest.fixture(scope="module")
+def one(named):
+    """The same with a single recording, held out."""
+    return replace(named, traces=tuple(t for t in named.traces if t.held_out))
+
+
+@pytest.fixture(scope="module")
+def diagnoses(named):
+    """One of each verdict."""
+    calm = tuple(replace(t, measured=t.measured - t.augmented + t.base, augmented=t.base) for t in named.traces)
+    same = tuple(replace(t, augmented=t.base) for t in named.traces)
+    drive = tuple(np.repeat([0.0, 80.0, 0.0], (40, 200, 400)))
+    experiment = NextExperiment(
+        "Record the voltage at the head along with the drive.", "self_sensing", "periodic", 1e-7, drive, 84.0
+    )
+    flexible = {t.name: 0.6 * (t.measured - t.base) for t in named.traces if t.channel == "self_sensing"}
+    nothing = {"effects": (), "closure": math.nan, "attributions": ()}
+    return {
+        "named": named,
+        "set": replace(
+            named,
+            verdict="set",
+            headline="One of two: the capacitance compensation or the sensing amplifier's bandwidth",
+            effects=(),
+            candidates=(("feedthrough", "sensor_bandwidth"),),
+            next_experiment=experiment,
+        ),
+        "unknown": replace(
+            named,
+            verdict="unknown",
+            headline="Structure is left that no effect of the catalogue explains.",
+            effects=(),
+            traces=same,
+            closure=0.0,
+            correction=Correction(0.84, 410.0, 30.0, flexible),
+        ),
+        "none": replace(
+            named,
+            verdict="none",
+            headline="The base model explains the recordings to their noise",
+            traces=calm,
+            location=Location(),
+            **nothing,
+        ),
+    }
+
+
+@pytest.fixture(scope="module")
+def pages(diagnoses):
+    return {verdict: diagnosis_html(found) for verdict, found in diagnoses.items()}
+
+
+@pytest.fixture(params=["named", "set", "unknown", "none"])
+def any_of_them(request, diagnoses, pages):
+    return diagnoses[request.param], pages[request.param]
+
+
+def text_of(page):
+    """What a reader reads: no pictures, no tags."""
+    plain = re.sub(r"<style>.*?</style>|<svg.*?</svg>|<[^>]*>", " ", page, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", html.unescape(plain))
+
+
+def test_the_page_stands_alone(any_of_them):
+    page = any_of_them[1]
+    assert not re.search(r"https?:|url\((?!#)|<script|<link|@import", page)
+    assert all(target.startswith("#") for target in re.findall(r'(?:src|href)="([^"]*)"', page))
+    assert len(page) < 3e6
+    assert page.endswith("</html>")
+
+
+def test_the_verdict_comes_first_in_plain_words(any_of_them):
+    diagnosis, page = any_of_them
+    told = text_of(re.search(r"<h1>.*?</h1>", page, re.DOTALL).group())
+    assert told.strip() == f"Head ‘head-17’: {diagnosis.headline.rstrip('.')}."
+
+
+def test_every_recording_hypothesis_and_note_is_on_the_page(any_of_them):
+    diagnosis, page = any_of_them
+    text = text_of(page)
+    assert all(re.search(rf"\b{t.name}\b", text) for t in diagnosis.traces)
+    assert all(" + ".join(a.ids) in text and a.told in text for a in diagnosis.attributions)
+    assert all(note in text for note in diagnosis.notes)
+    assert all(stage in text for stage in diagnosis.stages)
+    assert all(f"{effect_id} {reason}" in text for effect_id, reason in diagnosis.untestable.items())
+    assert "nan" not in text.lower().split()
+
+
+def test_each_verdict_shows_what_belongs_to_it_alone(pages):
+    belongs = {
+        "named": "nV s/V",
+        "set": "One of these, and these recordings cannot tell which",
+        "unknown": "corrects, it does not explain",
+        "none": "How small an effect would have been seen is not claimed",
+    }
+    for verdict, page in pages.items():
+        shown = {other for other, words in belongs.items() if words in text_of(page)}
+        assert shown == {verdict}
+
+
+def test_candidates_are_told_with_what_sets_them_apart(diagnoses, pages):
+    text = text_of(pages["set"])
+    for candidate in diagnoses["set"].candidates[0]:
+        assert EFFECTS[candidate].signature in text
+    assert "expected difference of the candidates’ log-likelihoods 84.0" in text
+
+
+def test_only_a_model_with_effects_is_called_augmented(diagnoses, pages):
+    for verdict, found in diagnoses.items():
+        assert augmented(found.traces) == (verdict in ("named", "set"))
+        assert ("Fit before and after" in pages[verdict]) == augmented(found.traces)
+
+
+def test_the_same_diagnosis_gives_the_same_page(one):
+    assert diagnosis_html(one) == diagnosis_html(one)
+
+
+def test_special_characters_are_escaped_and_harm_no_picture(tmp_path, one):
+    strange = tuple(replace(t, name=f"{t.name}$\\frac$<i>&") for t in one.traces)
+    path = tmp_path / "page.html"
+    write_diagnosis_report(path, replace(one, campaign="<script>alert(1)</script>", traces=strange))
+    page = path.read_text(encoding="utf-8")
+    assert list(tmp_path.iterdir()) == [path]
+    assert "<script" not in page
+    assert "<i>" not in page
+    assert "$\\frac$&lt;i&gt;&amp;" in page
+
+
+def test_the_proof_is_the_held_out_recording_that_gains_most(named):
+    proof = proof_trace(named)
+    assert proof.held_out
+
+    def gain(t):
+        return np.sum((t.measured - t.base) ** 2 - (t.measured - t.augmented) ** 2) / t.noise_rms**2
+
+    assert gain(proof) == max(gain(t) for t in named.traces if t.held_out)
+
+
+def test_without_held_out_recordings_the_page_says_so(one):
+    seen = tuple(replace(t, fitted=t.measured.size) for t in one.traces)
+    text = text_of(diagnosis_html(replace(one, traces=seen)))
+    assert "No recording was held out" in text
+    assert "fitted (none was held out)" in text
+
+
+def test_the_zoom_holds_the_largest_difference_and_six_periods(named):
+    trace = proof_trace(named)
+    for where in (0, 700, trace.measured.size - 1):
+        after = trace.base.copy()
+        after[where] += 1.0
+        models = {"base": trace.base, "augmented": after}
+        zoom = zoom_of(trace, models, HEAD.frequency_Hz)
+        assert zoom.start <= where < zoom.stop
+        assert zoom.start >= 0
+        assert zoom.stop <= trace.measured.size
+        assert (zoom.stop - zoom.start) * trace.step_s == pytest.approx(6 / HEAD.frequency_Hz, rel=0.01)
+
+
+def test_a_flexible_correction_is_drawn_upon_the_augmented_model(diagnoses):
+    found = diagnoses["unknown"]
+    trace = proof_trace(found)
+    models = models_of(trace, found)
+    assert list(models) == ["base", "corrected"]
+    left = np.std(trace.measured - models["corrected"])
+    assert left == pytest.approx(0.4 * np.std(trace.measured - trace.base), rel=1e-6)
+
+
+def test_rows_of_a_channel_pool_its_recordings(named):
+    for row in channel_rows(named):
+        mine = [t for t in named.traces if t.channel == row.channel and t.held_out == row.held_out]
+        assert row.names == tuple(t.name for t in mine)
+        every = np.concatenate([t.measured - t.base for t in mine])
+        assert row.base == pytest.approx(np.sqrt(np.mean(every**2)))
+    row = next(r for r in channel_rows(named) if r.held_out)
+    assert row.base == pytest.approx(named.heldout_rms("base"))
+    expected = (row.base**2 - row.augmented**2) / (row.base**2 - row.noise**2)
+    assert row.closure == pytest.approx(expected)
+
+
+def test_a_recording_that_leaves_noise_alone_has_no_closure(diagnoses):
+    assert all(math.isnan(row.closure) for row in channel_rows(diagnoses["none"]))
+
+
+def test_repeats_share_a_condition_and_every_sample_is_in_one(named):
+    conditions = condition_rows(named)
+    assert sorted(name for row, _ in conditions for name in row.names) == sorted(t.name for t in named.traces)
+    drives = {t.name: t.drive_V.tobytes() for t in named.traces}
+    for row, each in conditions:
+        assert len({drives[name] for name in row.names}) == 1
+        assert len(each) == (len(row.names) if len(row.names) > 1 else 0)
+    assert any(each for _, each in conditions)
+
+
+def test_a_recording_whose_end_is_held_out_is_shown_in_both_parts(one):
+    (trace,) = one.traces
+    half = replace(one, traces=(replace(trace, fitted=trace.measured.size // 2),))
+    (first, _), (second, _) = condition_rows(half)
+    assert (first.role, second.role) == ("held out", "fitted")
+    assert first.base**2 + second.base**2 == pytest.approx(2 * np.mean((trace.measured - trace.base) ** 2))
+    assert "held out from sample" in diagnosis_html(half)
+
+
+def test_densities_hold_the_power_that_is_left(one):
+    (trace,) = one.traces
+    white = np.random.default_rng(3).normal(0, trace.noise_rms, trace.measured.size)
+    loud = replace(trace, measured=trace.augmented + white, base=trace.augmented + 3 * white)
+    frequency, base, after, noise = left_densities([loud, loud])
+    assert np.all(np.diff(frequency) > 0)
+    high = frequency > 0.2 * frequency[-1]  # many lines a stretch
+    assert np.mean(after[high]) == pytest.approx(np.mean(noise[high]), rel=0.05)
+    assert base[high] == pytest.approx(2 * after[high])
+
+
+def test_views_keep_their_strongest_cells_in_order(named):
+    views = {title: (cells, rows) for title, cells, rows in view_tables(named)}
+    assert list(views) == ["Time in the waveform", "Frequency", "Polarity"]
+    cells, rows = views["Frequency"]
+    assert cells == 40
+    assert [label for label, *_ in rows] == [f"{k} kHz to {k + 5} kHz" for k in range(165, 205, 5)]
+    assert max(bar for _, _, bar, _ in rows) == 100
+
+
+def test_parameters_are_told_with_prefixes(named):
+    rows = {name: (value, interval, unit) for name, value, interval, unit, _ in parameter_rows(named.effects[0])}
+    assert rows["capacitive_s"] == ("21.00", "20.70 … 21.30", "nV s/V")
+    assert rows["lossy"] == ("400", "310 … 490", "10⁻⁶")
+    assert engineering(Estimate(0.0, -2e-4, 2e-4), "1") == ("0", "−200 … 200", "10⁻⁶")
+    assert engineering(Estimate(math.inf, 2e5, math.inf), "Hz") == ("∞", "200 … ∞", "kHz")
+    assert engineering(Estimate(0.21, 0.2, 0.22), "um") == ("0.210", "0.200 … 0.220", "µm")
+    assert engineering(Estimate(0.0, 0.0, 0.0), "s")[2] == "s"
+
+
+def test_a_page_that_cannot_be_made_leaves_the_old_one(tmp_path, named):
+    path = tmp_path / "page.html"
+    path.write_text("before")
+    with pytest.raises(KeyError):
+        write_diagnosis_report(path, replace(named, verdict="perhaps"))
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
