@@ -130,10 +130,10 @@ def main() -> None:
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
         print("On one core.")
     head = Printhead.published()
-    print(f"\nA cubic spring, {SAMPLES} samples, from rest")
+    print(f"\nA cubic spring, {SAMPLES} samples, from rest, against solve_ivp")
     for rival in rivals(head):
         print(
-            f"  solve_ivp {rival.method:6s} rtol {rival.rtol:.0e}  error {rival.error:.1e} {1e3 * rival.seconds:8.2f} ms"
+            f"  {rival.method:6s} rtol {rival.rtol:.0e}  error {rival.error:.1e} {1e3 * rival.seconds:7.2f} ms"
             f"   plant: error {rival.plant_error:.1e}  {1e3 * rival.plant_seconds:.3f} ms   {rival.ratio:7.0f} ×"
         )
     print("\nThe whole plant, in steady state under a repeated pulse")

@@ -187,7 +187,8 @@ def damped_least_squares(residual, z, bounds, most_steps=30):
         slopes = np.array([(residual(z + row) - left) / row.sum() for row in np.diag(widths)]).T
         normal, before = slopes.T @ slopes, left @ left
         while damping < 1e6:
-            moved = np.clip(z - np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slopes.T @ left), *bounds)
+            step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), slopes.T @ left, rcond=1e-14)[0]
+            moved = np.clip(z - step, *bounds)
             tried = residual(moved)
             damping *= 0.1 if tried @ tried < before else 10
             if tried @ tried < before:
