@@ -103,10 +103,9 @@ class _Judge:
         self.pairs = tuple(itertools.combinations(range(len(fits)), 2))
         seen = [o for o in observed if o.fitted]
         base = np.concatenate([noise.whitened(o, fits[0].head.sensitivities(o))[: o.fitted] for o in seen])
-        self.told = []
+        self.told: list[Real] = []
         for fit in fits:
-            columns = np.column_stack([base, fit.slopes])
-            self.told.append(columns.T @ columns)
+            self.told.append(np.asarray(np.linalg.qr(np.column_stack([base, fit.slopes]), mode="r")))
 
     def recording(self, shot: Shot) -> Observed:
         """A shot as a recording still to be taken."""
@@ -131,10 +130,10 @@ class _Judge:
             d = self.noise.whitened(o, difference)
             found = []
             for k in (i, j):
-                step = _adapted(self.told[k], white[k], d)
-                found.append((float(d @ d - d @ (white[k] @ step)), difference - columns[k] @ step))
+                step, square = _adapted(self.told[k], white[k], d)
+                found.append((square, difference - columns[k] @ step))
             square, remains = min(found, key=lambda pair: pair[0])
-            separations.append(max(0.5 * square, 0.0))
+            separations.append(0.5 * square)
             differences.append(float(np.abs(remains).max()))
         if not np.isfinite(separations).all():
             return None
@@ -167,13 +166,18 @@ class _Judge:
         return MONITOR * max(largest_V(o) for o in self.observed)
 
 
-def _adapted(told: Real, columns: Real, difference: Real) -> Real:
-    """Step of a candidate's parameters towards its rival: the campaign's information holds it back, shape (size,)."""
-    normal = told + columns.T @ columns
-    size = np.sqrt(np.diag(normal))
+def _adapted(told: Real, columns: Real, difference: Real) -> tuple[Real, float]:
+    """Step of a candidate's parameters towards its rival, shape (size,), and the squared distance that remains.
+
+    The campaign's information, a triangle, holds the step back; what the campaign does not tell moves freely.
+    """
+    rows = np.concatenate([told, columns])
+    size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1.0
-    step = np.linalg.lstsq(normal / np.outer(size, size), columns.T @ difference / size, rcond=1e-12)[0]
-    return np.asarray(step / size)
+    target = np.concatenate([np.zeros(len(told)), difference])
+    step = np.linalg.lstsq(rows / size, target, rcond=1e-15)[0]
+    remains = target - rows / size @ step
+    return np.asarray(step / size), float(remains @ remains)
 
 
 def _slopes(fit: Fit, shot: Shot) -> Real:
