@@ -17,7 +17,7 @@ from experiments.progress import announce_compiling, shown_steps
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from inkjet_env.mismatch.diagnosis import Diagnosis
+    from inkjet_env.mismatch import Diagnosis
 
 NEXT = "next.csv"
 
@@ -80,7 +80,7 @@ def _diagnosed(
     import numpy as np
 
     from experiments.identification import _checked, _warn
-    from inkjet_env.mismatch.diagnose import diagnose
+    from inkjet_env.mismatch import diagnose
     from inkjet_env.printhead import Printhead
     from inkjet_env.recordings import read_campaign
 

@@ -1,0 +1,247 @@
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments import diagnosis_report
+from experiments.drive_csv import read_drive
+from inkjet_env import mismatch
+from inkjet_env.identification import Estimate
+from inkjet_env.mismatch.diagnosis import Diagnosis, Location, Named, NextExperiment, Trace
+from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant.printhead_file import read_printhead
+from inkjet_env.printhead import Printhead
+from inkjet_env.recordings import Campaign, write_campaign
+from inkjet_env.rig import default_battery, record_campaign
+
+HEAD = Printhead.published()
+EFFECTS = {effect.id: effect for effect in catalogue()}
+LABELS = {"trapezoid-60V", "trapezoid-100V", "bipolar-full", "multisine-50V-a", "zero"}
+DRIVE_V = tuple(np.repeat([0.0, 60.0, 0.0], (10, 50, 100)))
+
+
+def files_below(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    battery = [line for line in default_battery() if line.label in LABELS and line.channel == "self_sensing"]
+    return record_campaign(HEAD, 1, battery=battery, snr_dB=40)
+
+
+@pytest.fixture
+def folder(campaign, tmp_path):
+    write_campaign(tmp_path / "campaign", campaign)
+    return tmp_path / "campaign"
+
+
+@pytest.fixture(scope="module")
+def found(campaign):
+    """A verdict with everything that can be written: an effect with an open interval, and a next experiment."""
+    effect = EFFECTS["sensor_bandwidth"]
+    values = {"bandwidth_Hz": 9e5}
+    traces = []
+    for recording in campaign.recordings:
+        shot = Shot(recording.channel, recording.initial_state, recording.time_s[1], recording.drive_V)
+        base, after = (Plant(HEAD, effects=on).signal(shot) for on in ((), ((effect, values),)))
+        fitted = 0 if recording.name == "r002" else base.size
+        traces.append(
+            Trace(
+                recording.name,
+                recording.channel,
+                "V",
+                recording.order,
+                recording.time_s[1],
+                recording.drive_V,
+                recording.sensor + after - base,
+                base,
+                after,
+                fitted,
+                0.05,
+            )
+        )
+    return Diagnosis(
+        campaign="virtual-rig",
+        verdict="set",
+        headline="These recordings cannot tell apart: the sensing or the driving amplifier",
+        effects=(Named(effect, effect.told(values), 40.0, 0.005, {"bandwidth_Hz": Estimate(9e5, 6e5, math.inf)}),),
+        candidates=(("sensor_bandwidth", "amplifier_bandwidth"),),
+        location=Location(sentence="On the edges."),
+        traces=tuple(traces),
+        closure=0.93,
+        attributions=(),
+        untestable={},
+        next_experiment=NextExperiment(
+            "Record the voltage at the head.", "self_sensing", "periodic", 1e-7, DRIVE_V, 9.0
+        ),
+        correction=None,
+        printhead=HEAD,
+        gains={"self_sensing": HEAD.b1},
+        offsets={"self_sensing": 0.01},
+        base_printhead=HEAD.varied(damping_ratio=0.05),
+        notes=("A note.",),
+        seconds=1.0,
+        stages={"base model": 1.0},
+    )
+
+
+@pytest.fixture
+def made_by_hand(found, monkeypatch):
+    """The command without the work; what it was asked for."""
+    asked = {}
+
+    def diagnose(campaign, printhead=None, **options):
+        asked.update(campaign=campaign, printhead=printhead, **options)
+        options["progress"]("working")
+        return found
+
+    monkeypatch.setattr(mismatch, "diagnose", diagnose)
+    return asked
+
+
+@pytest.mark.parametrize("planted", [(), ("feedthrough",)])
+def test_a_campaign_leads_to_a_verdict_a_page_and_a_printhead(planted, campaign, inkjet, tmp_path):
+    """By the whole way through: nothing is found where nothing is, and what is planted is found."""
+    on = tuple((EFFECTS[name], {"capacitive_s": 2e-8, "lossy": 0.0}) for name in planted)
+    changed = []
+    for recording in campaign.recordings:
+        shot = Shot(recording.channel, recording.initial_state, recording.time_s[1], recording.drive_V)
+        added = Plant(HEAD, effects=on).signal(shot) - Plant(HEAD).signal(shot)
+        changed.append(replace(recording, sensor=recording.sensor + added))
+    write_campaign(tmp_path / "campaign", Campaign("head-17", tuple(changed)))
+    arguments = ("--json", "found.json", "--report", "page.html", "--printhead-out", "head.json")
+    status, out, err = inkjet("diagnose", "campaign", *arguments, "--hold-out", "r002", "--seed", "3")
+    assert status == 0, err
+    verdict = json.loads((tmp_path / "found.json").read_text())
+    assert verdict["format"] == "diagnosis/1"
+    assert (verdict["verdict"] == "none") == (not planted)
+    assert "r002" in verdict["fit"]["heldout"]
+    assert verdict["headline"] in out
+    assert "</html>" in (tmp_path / "page.html").read_text()
+    head = read_printhead(tmp_path / "head.json")
+    assert head.frequency_Hz == pytest.approx(HEAD.frequency_Hz, rel=1e-3)
+    assert [e["id"] for e in verdict["effects"]] == list(planted)
+    if planted:
+        (found,) = verdict["effects"]
+        assert found["parameters"]["capacitive_s"]["value"] == pytest.approx(2e-8, rel=0.02)
+
+
+def test_all_that_was_found_is_printed(made_by_hand, inkjet, folder):
+    status, out, _ = inkjet("diagnose", "campaign")
+    assert status == 0
+    for words in (
+        "These recordings cannot tell apart: the sensing or the driving amplifier",
+        "sensor_bandwidth, amplifier_bandwidth",
+        "600 … ∞",
+        "kHz",
+        "self-sensing, held out",
+        "On the edges.",
+        "Next: Record the voltage at the head.",
+        "- A note.",
+    ):
+        assert words in out
+    assert [path.name for path in folder.parent.iterdir()] == ["campaign"]
+
+
+def test_options_reach_the_diagnosis(made_by_hand, inkjet, folder, tmp_path):
+    HEAD.varied(frequency_Hz=44e3).to_json(tmp_path / "start.json")
+    arguments = ("--printhead", "start.json", "--hold-out", "r001, r003", "--seed", "7", "--workers", "1")
+    assert inkjet("diagnose", "campaign", *arguments)[0] == 0
+    assert made_by_hand["held_out"] == ("r001", "r003")
+    assert made_by_hand["workers"] == 1
+    assert made_by_hand["printhead"].frequency_Hz == pytest.approx(44e3)
+    assert made_by_hand["rng"].integers(1 << 60) == np.random.default_rng(7).integers(1 << 60)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "drive_csv", "file"),
+    [
+        (("--json", "out/found.json"), "next.csv", "out/next.csv"),
+        (("--json", "out/found.json", "--next-out", "drive.csv"), "../drive.csv", "drive.csv"),
+        (("--json", "-", "--next-out", "out/drive.csv"), "out/drive.csv", "out/drive.csv"),
+        (("--json", "-"), None, None),
+    ],
+)
+def test_the_verdict_names_the_drive_from_its_own_folder(
+    arguments, drive_csv, file, made_by_hand, inkjet, folder, tmp_path
+):
+    (tmp_path / "out").mkdir()
+    status, out, err = inkjet("diagnose", "campaign", *arguments)
+    assert status == 0, err
+    verdict = json.loads(out if "-" in arguments else (tmp_path / "out" / "found.json").read_text())
+    assert verdict["next_experiment"] == {"sentence": "Record the voltage at the head.", "drive_csv": drive_csv}
+    assert [p for p in tmp_path.rglob("*.csv") if p.parent != folder] == ([] if file is None else [tmp_path / file])
+    if file is not None:
+        time_s, drive_V = read_drive(tmp_path / file)
+        assert tuple(drive_V) == DRIVE_V
+        assert time_s == pytest.approx(1e-7 * np.arange(len(DRIVE_V)))
+
+
+def test_the_printhead_that_is_written_answers_with_its_effects(made_by_hand, found, inkjet, folder, tmp_path):
+    assert inkjet("diagnose", "campaign", "--printhead-out", "head.json")[0] == 0
+    written = json.loads((tmp_path / "head.json").read_text())
+    bandwidth = {"value": 9e5, "low": 6e5, "high": None, "unit": "Hz"}
+    assert written["effects"] == [{"id": "sensor_bandwidth", "parameters": {"bandwidth_Hz": bandwidth}}]
+    assert written["fit"]["channels"]["self_sensing"]["gain"]["value"] == HEAD.b1
+    read = read_printhead(tmp_path / "head.json")
+    trace = found.traces[0]
+    shot = Shot(trace.channel, "periodic", trace.step_s, trace.drive_V)
+    on = ((EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": 9e5}),)
+    np.testing.assert_allclose(read.plant.signal(shot), Plant(HEAD, effects=on).signal(shot), atol=1e-9)
+    status, out, err = inkjet("evaluate", "campaign", "--printhead", "head.json", "--json", "-")
+    assert status == 0, err
+    assert json.loads(out)["format"] == "evaluation/1"
+
+
+@pytest.mark.parametrize("where", ["diagnosis", "page"])
+def test_an_interrupt_leaves_nothing_half_written(where, made_by_hand, monkeypatch, inkjet, folder, tmp_path):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    module, name = (mismatch, "diagnose") if where == "diagnosis" else (diagnosis_report, "diagnosis_html")
+    monkeypatch.setattr(module, name, interrupted)
+    (tmp_path / "found.json").write_text("before")
+    before = files_below(tmp_path)
+    arguments = ("--json", "found.json", "--report", "page.html", "--printhead-out", "head.json")
+    status, out, _ = inkjet("diagnose", "campaign", *arguments)
+    assert (status, out) == (130, "")
+    assert files_below(tmp_path) == before
+    assert (tmp_path / "found.json").read_text() == "before"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("nowhere",), "nowhere"),
+        (("campaign", "--hold-out", "r02"), "Did you mean"),
+        (("campaign", "--seed", "-1"), "--seed must be at least 0"),
+        (("campaign", "--workers", "0"), "--workers must be at least 1"),
+        (("campaign", "--report", "page.pdf"), "--report must end in .html"),
+        (("campaign", "--printhead-out", "head.txt"), "--printhead-out must end in .json"),
+        (("campaign", "--next-out", "next.json"), "--next-out must end in .csv"),
+        (("campaign", "--json", "campaign/datapackage.json"), "would replace what is read"),
+        (("campaign", "--next-out", "campaign/r001.csv"), "would replace what is read"),
+        (("campaign", "--json", "x.json", "--printhead-out", "x.json"), "must be different files"),
+        (("campaign", "--report", "nowhere/page.html"), "nowhere must be a folder"),
+        (("campaign", "--printhead", "campaign/r001.csv"), "is not JSON"),
+        (("campaign", "--columns", "time"), "--columns must read name=value"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_everything_as_it_was(arguments, told, inkjet, folder, tmp_path):
+    before = files_below(tmp_path)
+    status, out, err = inkjet("diagnose", *arguments)
+    assert (status, out) == (2, "")
+    said = [line for line in err.splitlines() if not line.startswith(("diagnose ", "compiling "))]
+    assert len(said) == 1
+    assert said[0].startswith("inkjet: ")
+    assert told in said[0]
+    assert files_below(tmp_path) == before
+
+
+def test_help_shows_an_example(inkjet):
+    status, out, _ = inkjet("diagnose", "--help")
+    assert status == 0
+    assert "\n  inkjet diagnose campaign " in out
