@@ -1,0 +1,208 @@
+"""The recording that tells apart what a campaign leaves alike."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from inkjet_env.mismatch.joint_fit import Fit, Head, JointFit
+from inkjet_env.mismatch.locate_views import largest_V
+from inkjet_env.mismatch.next_drives import Train, benches, library
+from inkjet_env.mismatch.next_experiment import next_experiment
+from inkjet_env.mismatch.observed import Observed, noise_seen, observe
+from inkjet_env.plant import Effect, Parameter, Plant, Shot, catalogue
+from inkjet_env.plant.effect import coordinates
+from inkjet_env.printhead import Printhead
+from inkjet_env.recordings import Campaign
+from inkjet_env.rig.battery import default_battery, self_sensing_battery
+from inkjet_env.rig.record import record_campaign
+
+HEAD = Printhead.published()
+LINEAR = Printhead(HEAD.a0, HEAD.a1, HEAD.b1, (1.0, 0.0), HEAD.full_scale_V)
+EFFECTS = {effect.id: effect for effect in catalogue()}
+
+
+class Gain(Effect):
+    """Made for these tests: so much more of everything."""
+
+    equation = source = signature = ""
+    parameters = (Parameter("strength", "1", -0.5, 0.5),)
+    strengths = ("strength",)
+    shown_by = "a second voltmeter"
+
+
+class WeakAmplifier(Gain):
+    id, stage, sentence = "weak_amplifier", "drive", "The amplifier gives less than it is asked for."
+
+    def drive(self, values, drive_V, shot):
+        return drive_V * (1 + values["strength"])
+
+
+class WeakSensor(Gain):
+    id, stage, sentence = "weak_sensor", "sensing", "The sensor shows less than there is."
+
+    def sensing(self, values, signal, drive_V, printhead, shot):
+        return signal * (1 + values["strength"])
+
+
+def joint_of(printhead, labels, effects=()):
+    """A joint fit of a short campaign of self-sensing, and its noise; effects planted by the plant."""
+    battery = [line for line in self_sensing_battery(HEAD.frequency_Hz) if line.label in labels]
+    campaign = record_campaign(printhead, 1, battery=battery, snr_dB=50.0)
+    plain, planted = plants(printhead, effects)
+    recordings = []
+    for o, r in zip(observe(campaign), campaign.recordings, strict=True):
+        recordings.append(replace(r, sensor=r.sensor + planted.signal(o.shot) - plain.signal(o.shot)))
+    observed = tuple(replace(o, fitted=o.shot.samples) for o in observe(Campaign("test", tuple(recordings))))
+    head = Head(printhead, {"self_sensing": printhead.b1}, {"self_sensing": 0.0})
+    noise = noise_seen(observed, {o.name: o.measured - planted.signal(o.shot) for o in observed}, {})
+    return JointFit(observed, noise, head)
+
+
+def plants(printhead, effects):
+    return Plant(printhead), Plant(printhead, effects=tuple(effects))
+
+
+def candidate(joint, effect, values):
+    """An effect with these values beside the base model, not fitted."""
+    point = coordinates(effect, values)
+    low, high = (np.array(ends) for ends in zip(*(p.bounds for p in effect.parameters), strict=True))
+    slopes = joint.slopes(joint.base.head, (effect,), point, joint.base.states, low, high)
+    base = joint.base
+    return Fit(base.head, (effect,), point, base.states, base.left, base.nll, slopes, True)
+
+
+@pytest.fixture(scope="module")
+def one_amplitude():
+    """Damping that grows with speed, seen under one gentle pulse alone; fits of two explanations of it."""
+    damping = EFFECTS["quadratic_damping"]
+    shots = [Shot(b.channel, b.initial_state, b.step_s, b.drive_V) for b in self_sensing_battery(HEAD.frequency_Hz)]
+    values = {name: 0.2 * value for name, value in damping.starts(HEAD, shots)[0].items()}
+    joint = joint_of(HEAD, ("trapezoid-gentle", "zero"), [(damping, values)])
+    fits = []
+    for name in ("quadratic_damping", "ferroelastic_softening"):
+        effect = EFFECTS[name]
+        starts = effect.starts(HEAD, [o.shot for o in joint.observed])
+        fits.append(min((joint.fit((effect,), coordinates(effect, s)) for s in starts), key=lambda fit: fit.nll))
+    return joint, fits, (damping, values)
+
+
+def test_the_separation_is_what_the_best_refit_of_the_rival_leaves():
+    joint = joint_of(HEAD, ("trapezoid-60V", "trapezoid-100V", "zero"))
+    shots = [o.shot for o in joint.observed]
+    fits = []
+    for name in ("second_mode", "wave_echo"):
+        start = EFFECTS[name].starts(HEAD, shots)[0]
+        fits.append(candidate(joint, EFFECTS[name], start))
+    found = next_experiment(fits, joint.noise, joint.observed)
+    shot = Shot(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=6)
+    o = Observed("next", found.channel, "V", -1, shot, np.zeros(shot.samples), shot.samples)
+    signals = [fit.head.plant(fit.with_values).signal(shot) for fit in fits]
+    left = []
+    for fit in fits:
+        # the rival sees the campaign again, where it fits, and the new recording, where it does not
+        new = np.column_stack([fit.head.sensitivities(o), new_slopes(fit, shot)])
+        again = np.column_stack([joint.stacked({s.name: joint.start.sensitivities(s) for s in joint.seen}), fit.slopes])
+        columns = np.concatenate([again, joint.noise.whitened(o, new)])
+        target = np.concatenate([np.zeros(len(again)), joint.noise.whitened(o, signals[0] - signals[1])])
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0] = 1.0
+        step = np.linalg.lstsq(columns / size, target, rcond=None)[0]
+        left.append(0.5 * np.sum((target - columns / size @ step) ** 2))
+    assert found.separation == pytest.approx(min(left), rel=1e-2)
+
+
+def new_slopes(fit, shot):
+    """Central differences of the signal with respect to a candidate's coordinates."""
+    (effect,) = fit.effects
+    columns = []
+    for k, parameter in enumerate(effect.parameters):
+        step = 1e-4 * (1.0 if parameter.scale == "log" else abs(fit.point[k]))
+        ends = []
+        for sign in (1, -1):
+            point = fit.point.copy()
+            point[k] += sign * step
+            values = {p.name: p.value(z) for p, z in zip(effect.parameters, point, strict=True)}
+            ends.append(fit.head.plant([(effect, values)]).signal(shot))
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    return np.column_stack(columns)
+
+
+def test_what_a_campaign_leaves_alike_is_told_apart_by_the_recording_that_was_asked_for(one_amplitude):
+    joint, fits, planted = one_amplitude
+    before = fits[1].nll - fits[0].nll
+    found = next_experiment(fits, joint.noise, joint.observed)
+    assert abs(before) < 3
+    assert found.separation > 20
+    shot = Shot(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=9)
+    signal = Plant(HEAD, effects=(planted,)).signal(shot)
+    noise = joint.noise.models[joint.observed[0].noise_key].rms * np.random.default_rng(1).standard_normal(signal.size)
+    more = (*joint.observed, Observed("next", found.channel, "V", 99, shot, signal + noise, signal.size))
+    again = JointFit(more, joint.noise, joint.start)
+    after = [again.fit(fit.effects, fit.point, fit.head) for fit in fits]
+    gained = after[1].nll - after[0].nll
+    assert gained > max(10, 0.3 * found.separation)
+    assert after[0].nll < 0.55 * sum(o.fitted for o in more)  # the true one explains the new recording, too
+
+
+def test_amplifier_and_sensor_of_a_linear_head_are_told_apart_at_the_head_alone():
+    joint = joint_of(LINEAR, ("trapezoid-60V", "trapezoid-100V", "zero"))
+    fits = [candidate(joint, effect, {"strength": -0.1}) for effect in (WeakAmplifier(), WeakSensor())]
+    found = next_experiment(fits, joint.noise, joint.observed)
+    assert found.sentence.startswith("Record the voltage at the head as well (column drive_monitor_V)")
+    assert "weak amplifier and weak sensor would differ there by up to 10 V" in found.sentence
+    assert max(map(abs, found.drive_V)) == pytest.approx(100)
+
+
+def test_the_sentence_tells_drive_channel_difference_and_noise(one_amplitude):
+    joint, fits, _ = one_amplitude
+    sentence = next_experiment(fits, joint.noise, joint.observed).sentence
+    assert sentence.startswith("Record the self-sensing signal under ")
+    assert "quadratic damping and ferroelastic softening would differ by up to" in sentence
+    assert "times the noise" in sentence
+
+
+def test_no_drive_goes_beyond_what_the_campaign_dared(one_amplitude):
+    joint, fits, _ = one_amplitude
+    assert {float(o.shot.drive_V.min()) for o in joint.observed} == {0.0}  # 0 … 80 V alone
+    (bench,) = benches(joint.observed, HEAD.frequency_Hz)
+    drives = [p.shot.drive_V for p in library(bench)]
+    drives.append(np.array(next_experiment(fits, joint.noise, joint.observed).drive_V))
+    for drive in drives:
+        assert 0 <= drive.min() <= drive.max() <= 80
+    assert max(drive.max() for drive in drives) == 80
+
+
+def test_every_channel_of_a_campaign_has_drives_of_its_own():
+    campaign = record_campaign(HEAD, 1, battery=default_battery(HEAD.frequency_Hz), snr_dB=50.0)
+    observed = observe(campaign)
+    for bench in benches(observed, HEAD.frequency_Hz):
+        proposals = library(bench)
+        assert {p.shot.channel for p in proposals} == {bench.channel}
+        assert len({p.words for p in proposals}) == len(proposals)
+        most = max(largest_V(o) for o in observed)
+        assert max(np.abs(p.shot.drive_V).max() for p in proposals) <= most
+        assert any(not p.shot.drive_V.any() for p in proposals)
+        assert {o.noise_key for o in observed if o.channel == bench.channel} >= {
+            Observed("", bench.channel, "V", 0, p.shot, p.shot.drive_V, 0).noise_key for p in proposals
+        }
+
+
+def test_a_train_has_the_corners_that_its_words_tell():
+    train = Train((80.0, 40.0), 2e-6, 10e-6, 30e-6)
+    time_s, drive_V = train.corners
+    assert np.allclose(time_s, np.array([0, 2, 12, 14, 44, 46, 56, 58, 88]) * 1e-6)
+    assert drive_V == [0, 80, 80, 0, 0, 40, 40, 0, 0]
+    assert train.words == "pulses of 80 V and 40 V with 30 µs between them (edges 2 µs, dwell 10 µs)"
+    assert Train((80.0, -40.0), 2e-6, 10e-6).corners[1] == [0, 80, 80, -40, -40, 0, 0]
+    assert Train((87.9, -87.9), 2.04e-6, 1e-5).rounded == Train((87.0, -87.0), 2e-6, 1e-5)
+
+
+def test_of_one_candidate_what_shows_it_is_told_and_of_none_what_was_not_seen(one_amplitude):
+    joint, fits, _ = one_amplitude
+    assert fits[0].effects[0].shown_by in next_experiment(fits[:1], joint.noise, joint.observed).sentence
+    unseen = next_experiment([], joint.noise, joint.observed)
+    assert EFFECTS["crosstalk"].shown_by in unseen.sentence
+    assert unseen.drive_V == ()
+    assert math.isclose(unseen.separation, 0)
