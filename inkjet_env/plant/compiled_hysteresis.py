@@ -8,36 +8,36 @@ _jit = kernel_jit(__file__, fastmath={"reassoc"})
 
 
 @_jit
-def widened_plays(drive_V, widening, thresholds_V, weights, laps, wide_V, plain_V, change_V):
-    """What plays of thresholds that vary with time give, less what they give at their own.
+def widened_plays(drive_V, widening, thresholds_V, weights, laps, states_V, output_V):
+    """Weighted plays whose thresholds vary with time, from the demagnetised state.
 
     Parameters
     ----------
     drive_V : ndarray, shape (n,)
     widening : ndarray, shape (n - 1,)
-        Factor on all thresholds from a node to the next.
+        Factor on all thresholds from a node to the next; 1 before the first.
     thresholds_V, weights : ndarray, shape (k,)
     laps : int
         The last one stays.
-    wide_V, plain_V : ndarray, shape (k,)
-        States of both kinds of plays, on entry and on return.
-    change_V : ndarray, shape (n,)
+    states_V : ndarray, shape (k,)
+        Scratch.
+    output_V : ndarray, shape (n,)
         Filled. At a node where the widening jumps, the mean of what is before and after.
     """
-    nodes = drive_V.shape[0]
-    plain = _played(drive_V[0], 1.0, thresholds_V, weights, plain_V)
-    wide = _played(drive_V[0], 1.0, thresholds_V, weights, wide_V)
+    states_V[:] = 0.0
     factor = 1.0
+    before = _played(drive_V[0], factor, thresholds_V, weights, states_V)
     for _ in range(laps):
-        for i in range(nodes - 1):
-            after = wide
+        for i in range(widening.shape[0]):
+            after = before
             if widening[i] != factor:
                 factor = widening[i]
-                after = _played(drive_V[i], factor, thresholds_V, weights, wide_V)
-            change_V[i] = 0.5 * (wide + after) - plain
-            plain = _played(drive_V[i + 1], 1.0, thresholds_V, weights, plain_V)
-            wide = _played(drive_V[i + 1], factor, thresholds_V, weights, wide_V)
-        change_V[nodes - 1] = wide - plain
+                after = _played(drive_V[i], factor, thresholds_V, weights, states_V)
+            output_V[i] = 0.5 * (before + after)
+            before = after
+            if drive_V[i + 1] != drive_V[i]:
+                before = _played(drive_V[i + 1], factor, thresholds_V, weights, states_V)
+        output_V[widening.shape[0]] = before
 
 
 @_jit

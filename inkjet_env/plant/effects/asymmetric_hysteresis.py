@@ -40,8 +40,8 @@ class AsymmetricHysteresis(Effect):
     def told(self, values: Values) -> str:
         small, large = 2 * values["asymmetry"], 2 * (values["asymmetry"] + values["bending"])
         return (
-            f"Small positive drives move the head {_more(small)} than negative ones; "
-            f"drives of half the full scale {_more(large)}."
+            f"Compared with negative drives, positive ones move the head {_further(small)} where they are small and "
+            f"{_further(large)} at half the full scale."
         )
 
     def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
@@ -52,5 +52,5 @@ class AsymmetricHysteresis(Effect):
         return result
 
 
-def _more(part: float) -> str:
-    return f"{abs(part):.2%} {'less' if part < 0 else 'more'}"
+def _further(part: float) -> str:
+    return f"{-part:.2%} less far" if part < 0 else f"{part:.2%} further"

@@ -53,8 +53,8 @@ class Creep(Effect):
     def told(self, values: Values) -> str:
         part, onset_s = values["creep_per_decade"], values["onset_s"]
         return (
-            f"After a change of the drive the head goes on by {abs(part):.2%} of it with every tenfold time, "
-            f"{'back' if part < 0 else 'on'} from about {onset_s:.2g} seconds."
+            f"After a change of the drive the head goes {'back' if part < 0 else 'on'} by {abs(part):.2%} of what it "
+            f"moved with every tenfold time, from about {onset_s:.2g} seconds on."
         )
 
     def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:

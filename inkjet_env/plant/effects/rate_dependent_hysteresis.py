@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effects.slew_limit import rate_told
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
-from inkjet_env.printhead.hysteresis import PlayOperators
+from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
 
 Real = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ class RateDependentHysteresis(Effect):
     def told(self, values: Values) -> str:
         growth = values["growth"] * np.log(10)
         return (
-            f"From about {values['rate_V_s']:.2g} volts a second on, the hysteresis loop is {abs(growth):.1%} "
+            f"From about {rate_told(values['rate_V_s'])} on, the hysteresis loop is {abs(growth):.1%} "
             f"{'wider' if growth > 0 else 'narrower'} with every tenfold rate of the drive."
         )
 
@@ -62,29 +63,33 @@ class RateDependentHysteresis(Effect):
         ends_V = np.append(drive_V, drive_V[0]) if shot.periodic else np.ascontiguousarray(drive_V)
         rates = np.abs(np.diff(ends_V)) / shot.node_step_s
         widening = np.maximum(1 + values["growth"] * np.log1p(rates / values["rate_V_s"]), 0.0)
-        return hysteretic_V + plays_change_V(ends_V, widening, printhead, shot.periodic)[: drive_V.size]
+        law = printhead.branch_law
+        kept = shot.kept if drive_V is shot.drive_at_nodes_V else {}
+        if self.id not in kept or kept[self.id][0] != law:
+            kept[self.id] = law, plays_V(ends_V, np.ones(rates.size), law, shot.periodic)
+        change_V = plays_V(ends_V, widening, law, shot.periodic) - kept[self.id][1]
+        return hysteretic_V + change_V[: drive_V.size]
 
 
-def plays_change_V(ends_V: Real, widening: Real, printhead: Printhead, periodic: bool, plays: int = PLAYS) -> Real:
-    """By how much the hysteretic drive differs where all thresholds are wider by a factor, shape (n,).
+def plays_V(ends_V: Real, widening: Real, law: BranchLaw, periodic: bool, plays: int = PLAYS) -> Real:
+    """What plays in place of the law give, but for its linear part, with wider thresholds, shape (n,).
 
     Parameters
     ----------
     ends_V : ndarray, shape (n,)
         Drive at the nodes; where periodic, with the first one again at its end.
     widening : ndarray, shape (n - 1,)
-        Between nodes.
-    printhead : Printhead
+        Factor on the thresholds between nodes.
+    law : BranchLaw
     periodic : bool
     plays : int
-        That stand for the law; the difference falls with their square.
+        How many; the difference from the law falls with their square.
     """
     from inkjet_env.plant import compiled_hysteresis
 
-    law = PlayOperators.of_branch_law(printhead.branch_law, plays)
-    thresholds_V, weights = law.thresholds_V[1:].copy(), law.weights[1:].copy()  # the first is linear
-    change_V = np.empty(ends_V.size)
-    states = np.zeros((2, plays))
+    sum_ = PlayOperators.of_branch_law(law, plays)
+    thresholds_V, weights = sum_.thresholds_V[1:].copy(), sum_.weights[1:].copy()  # the first is linear
+    states_V, output_V = np.empty(plays), np.empty(ends_V.size)
     laps = 2 if periodic else 1
-    compiled_hysteresis.widened_plays(ends_V, widening, thresholds_V, weights, laps, states[0], states[1], change_V)
-    return change_V
+    compiled_hysteresis.widened_plays(ends_V, widening, thresholds_V, weights, laps, states_V, output_V)
+    return output_V

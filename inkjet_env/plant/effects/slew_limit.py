@@ -57,6 +57,12 @@ class SlewLimit(Effect):
         return slew_limited(drive_V, values["slew_rate_V_s"] * shot.node_step_s, shot.periodic)
 
 
+def rate_told(rate_V_s: float) -> str:
+    """A rate with the unit that suits it."""
+    rounded = float(f"{rate_V_s:.3g}")
+    return f"{rounded / 1e6:g} volts a microsecond" if rounded >= 1e5 else f"{rounded:,g} volts a second"
+
+
 def slew_limited(signal: Real, most: float, periodic: bool) -> Real:
     """A signal that is linear between nodes, followed by no more than ``most`` a node, shape (n,).
 

@@ -1,0 +1,174 @@
+"""What drive effects do to the voltage at the ceramic, against ways of computing it that share no code with them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.signal import lsim
+
+from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant.effect import coordinates, values_at
+from inkjet_env.plant.effects.slew_limit import slew_limited
+from inkjet_env.printhead import Printhead
+
+HEAD = Printhead.published()
+PERIOD_S = 1 / HEAD.frequency_Hz
+STEP_S = PERIOD_S / 100
+EFFECTS = {effect.id: effect for effect in catalogue() if effect.stage == "drive"}
+PULSE = np.interp(np.arange(600), [20, 35, 70, 85, 130, 150], [0, 80, 80, -50, -50, 0.0])
+ZIGZAG = np.random.default_rng(1).normal(0, 30, 60)
+
+
+def shot_of(drive_V=PULSE, initial_state="demagnetised", channel="self_sensing", **kwargs):
+    return Shot(channel, initial_state, STEP_S, drive_V, **kwargs)
+
+
+def at_ceramic(effect_id, values, shot):
+    """Voltage at the ceramic, at the nodes."""
+    return Plant(HEAD, effects=((EFFECTS[effect_id], values),)).at_ceramic_V(shot)
+
+
+def order_in_nodes(effect_id, values, drive_V=PULSE, initial_state="demagnetised"):
+    """Orders with which the sensor's signal converges as nodes are added, and its error at 2 nodes a sample."""
+    plant = Plant(HEAD, effects=((EFFECTS[effect_id], values),))
+    signals = {parts: plant.signal(shot_of(drive_V, initial_state, parts=parts)) for parts in (2, 4, 8, 128)}
+    exact = signals.pop(128)
+    errors = np.array([np.linalg.norm(s - exact) / np.linalg.norm(exact) for s in signals.values()])
+    return np.log2(errors[:-1] / errors[1:]), errors[0]
+
+
+# amplifier bandwidth
+
+
+@pytest.mark.parametrize("bandwidth_Hz", [2e3, 3e5, 1e9])
+def test_amplifier_is_the_low_pass_of_the_drive(bandwidth_Hz):
+    shot = shot_of()
+    w = 2 * np.pi * bandwidth_Hz
+    exact = lsim(([w], [1, w]), shot.drive_at_nodes_V, shot.time_s)[1]
+    assert at_ceramic("amplifier_bandwidth", {"bandwidth_Hz": bandwidth_Hz}, shot) == pytest.approx(exact, abs=1e-9)
+
+
+def test_amplifier_in_steady_state_follows_every_tone_as_it_should():
+    n = 400
+    angle = 2 * np.pi * 3 * np.arange(n) / n
+    tone_Hz, bandwidth_Hz = 3 / (n * STEP_S), 2e5
+    exact = 50 * (np.exp(1j * np.repeat(angle, 2)[::2]) / (1 + 1j * tone_Hz / bandwidth_Hz)).imag
+    found = at_ceramic("amplifier_bandwidth", {"bandwidth_Hz": bandwidth_Hz}, shot_of(50 * np.sin(angle), "periodic"))
+    assert found[::2] == pytest.approx(exact, abs=2e-4 * 50)
+
+
+def test_signal_behind_the_amplifier_converges_with_the_second_power_of_the_nodes():
+    orders, error = order_in_nodes("amplifier_bandwidth", {"bandwidth_Hz": 3e5})
+    assert orders.min() > 1.8
+    assert error < 2e-4
+
+
+# slew limit
+
+
+def limited_by_brute_force(drive_V, most, substeps):
+    """Small steps towards the drive, none longer than the limit allows; at the nodes of ``drive_V``."""
+    fine = np.interp(np.arange((drive_V.size - 1) * substeps + 1) / substeps, np.arange(drive_V.size), drive_V)
+    value, found = drive_V[0], []
+    for u in fine:
+        value += min(max(u - value, -most / substeps), most / substeps)
+        found.append(value)
+    return np.array(found)[::substeps]
+
+
+@pytest.mark.parametrize("most", [3.0, 20.0, 45.0])
+def test_slew_limit_is_exact_at_the_nodes_for_any_zigzag(most):
+    found = slew_limited(ZIGZAG, most, periodic=False)
+    errors = [np.abs(limited_by_brute_force(ZIGZAG, most, n) - found).max() for n in (50, 100, 200)]
+    assert errors[-1] < most / 100  # brute force is of the first order
+    assert errors[-1] < 0.7 * errors[0]
+    finer = np.interp(np.arange(59 * 7 + 1) / 7, np.arange(60), ZIGZAG)
+    assert slew_limited(finer, most / 7, periodic=False)[::7] == pytest.approx(found, abs=1e-11)
+
+
+def test_slew_limit_is_never_exceeded_and_gentle_edges_pass_untouched():
+    steepest = np.abs(np.diff(PULSE)).max() / STEP_S
+    for part in (0.2, 0.7):
+        limited = at_ceramic("slew_limit", {"slew_rate_V_s": part * steepest}, shot_of())
+        assert np.abs(np.diff(limited)).max() / (STEP_S / 2) <= part * steepest * (1 + 1e-9)
+    above = at_ceramic("slew_limit", {"slew_rate_V_s": 1.001 * steepest}, shot_of())
+    assert above == pytest.approx(shot_of().drive_at_nodes_V, abs=1e-10)
+
+
+@pytest.mark.parametrize("most", [0.01, 0.3, 3.0, 30.0])
+def test_slew_limit_in_steady_state_repeats_and_is_the_last_of_many_laps(most):
+    lap = np.where(np.arange(60) < 9, 100.0, 0.0) + np.linspace(0, 5, 60)
+    steady = slew_limited(lap, most, periodic=True)
+    laps = slew_limited(np.tile(lap, 2 + round(1000 / (60 * most))), most, periodic=False)[-60:]
+    # the first value of a lap comes from the last one before it, so the drive must be followed over that edge too
+    assert steady == pytest.approx(laps, abs=1e-6)
+
+
+def test_signal_behind_the_slew_limit_converges_with_the_nodes():
+    """Where it is caught between nodes the corner is cut, and the hysteresis turns there: the first order at worst."""
+    orders, error = order_in_nodes("slew_limit", {"slew_rate_V_s": 60.3 * HEAD.frequency_Hz})
+    assert orders.mean() > 0.9
+    assert error < 2e-3
+
+
+# delay
+
+
+@pytest.mark.parametrize("samples", [0.2, 0.5, 2.7, 37.0, -0.3, -5.0, -41.4, 900.0, -900.0])
+def test_delay_is_the_asked_drive_evaluated_earlier(samples):
+    shot = shot_of()
+    exact = np.interp(shot.time_s - samples * STEP_S, STEP_S * np.arange(600), PULSE)
+    assert at_ceramic("trigger_delay", {"delay_s": samples * STEP_S}, shot) == pytest.approx(exact, abs=1e-9)
+    again = shot_of(PULSE[10:200], "periodic", parts=4)
+    times_s = STEP_S * np.arange(190)
+    exact = np.interp(again.time_s - samples * STEP_S, times_s, PULSE[10:200], period=190 * STEP_S)
+    assert at_ceramic("trigger_delay", {"delay_s": samples * STEP_S}, again) == pytest.approx(exact, abs=1e-9)
+
+
+def test_delay_by_whole_samples_is_the_recording_moved():
+    base = Plant(HEAD)
+    late = base.with_effects([(EFFECTS["trigger_delay"], {"delay_s": 7 * STEP_S})])
+    assert late.signal(shot_of())[7:] == pytest.approx(base.signal(shot_of())[:-7], abs=1e-12)
+    moved = np.roll(base.signal(shot_of(initial_state="periodic")), 7)
+    assert late.signal(shot_of(initial_state="periodic")) == pytest.approx(moved, abs=1e-10)
+
+
+def test_signal_of_a_delayed_drive_converges_with_the_second_power_of_the_nodes():
+    """A corner that falls between nodes is cut: the area that is missing falls with their square."""
+    plant = Plant(HEAD, effects=((EFFECTS["trigger_delay"], {"delay_s": 0.3 * STEP_S}),))
+    exact = Plant(HEAD).signal(replace(shot_of(), step_s=STEP_S / 10, drive_V=np.interp(
+        np.arange(5991) / 10 - 0.3, np.arange(600), PULSE)))[::10]  # fmt: skip
+    errors = [np.linalg.norm(plant.signal(shot_of(parts=p)) - exact) / np.linalg.norm(exact) for p in (2, 6, 18)]
+    assert errors[0] < 1e-3
+    assert np.log(errors[0] / errors[2]) / np.log(9) > 1.7
+
+
+# fits
+
+
+TRUTHS = {
+    "amplifier_bandwidth": [{"bandwidth_Hz": ratio * HEAD.frequency_Hz} for ratio in (1.0, 4.0, 40.0)],
+    "slew_limit": [{"slew_rate_V_s": part * 80 / (15 * STEP_S)} for part in (0.15, 0.45, 0.95)],
+    "trigger_delay": [{"delay_s": part * PERIOD_S} for part in (-0.4, -0.003, 0.015, 0.2)],
+}
+
+
+@pytest.mark.parametrize(("name", "truth"), [(name, truth) for name, truths in TRUTHS.items() for truth in truths])
+def test_the_best_of_the_fits_from_the_starts_finds_the_truth(name, truth):
+    effect = EFFECTS[name]
+    gentle = np.interp(np.arange(400), [20, 170, 220, 270], [0, 60, 60, 0.0])
+    shots = [shot_of(), shot_of(-PULSE, "periodic"), shot_of(gentle, channel="displacement")]
+
+    def residual(scaled, size):
+        values = values_at(effect, scaled * size)
+        plant = Plant(HEAD, effects=((effect, values),))
+        return np.concatenate([plant.signal(shot) - s for shot, s in zip(shots, shown, strict=True)])
+
+    shown = [Plant(HEAD, effects=((effect, truth),)).signal(shot) for shot in shots]
+    found = []
+    for start in effect.starts(HEAD, shots):
+        point = coordinates(effect, start)
+        fit = least_squares(residual, np.sign(point), args=(np.abs(point),), diff_step=1e-4, max_nfev=30)
+        found.append((fit.cost, values_at(effect, fit.x * np.abs(point))))
+    assert min(found, key=lambda pair: pair[0])[1] == pytest.approx(truth, rel=1e-4)
