@@ -32,6 +32,8 @@ REFINED = 40
 """Evaluations spent on a pulse's height and times."""
 SPREAD = 0.5
 """First step of their logarithms."""
+PLAUSIBLE = 10.0
+"""A signal so many times the largest of its channel is a law beyond what the campaign tells, not a prediction."""
 MONITOR = 0.005
 """Noise (RMS) of a voltage measured at the head, in parts of the largest drive: an 8-bit oscilloscope's probe."""
 
@@ -113,7 +115,7 @@ class _Judge:
         return Observed("next", shot.channel, unit, -1, shot, np.zeros(shot.samples), shot.samples)
 
     def judged(self, proposal: Proposal) -> _Judged | None:
-        """How well a proposal separates each pair; None where a candidate cannot be simulated."""
+        """How well a proposal separates each pair; None where a candidate cannot tell what it would show."""
         shot = proposal.shot
         o = self.recording(shot)
         if o.noise_key not in self.noise.models:
@@ -122,6 +124,9 @@ class _Judge:
             signals = [fit.head.plant(fit.with_values).signal(shot) for fit in self.fits]
             columns = [np.column_stack([fit.head.sensitivities(o), _slopes(fit, shot)]) for fit in self.fits]
         except (ValueError, FloatingPointError, OverflowError):
+            return None
+        largest = max(float(np.abs(other.measured).max()) for other in self.observed if other.channel == shot.channel)
+        if not all(float(np.abs(signal).max()) <= PLAUSIBLE * largest for signal in signals):
             return None
         white = [self.noise.whitened(o, c) for c in columns]
         separations, differences = [], []

@@ -103,14 +103,13 @@ def test_what_a_fit_takes_from_noise_and_adds_to_it_is_reckoned_with_exactly(sma
     rows = sample_rows(small.observed, small.noise, small.base, taken)
     seen = np.concatenate([c[: o.fitted] for o, c in zip(small.observed, columns, strict=True)])
     size = np.linalg.norm(seen, axis=0)
-    back = np.linalg.pinv(seen / size)
+    u, singular, vt = np.linalg.svd(seen / size, full_matrices=False)
     at = 0
     for i, (o, c) in enumerate(zip(small.observed, columns, strict=True)):
-        from_noise = -(c / size) @ back  # how each sample of the noise gets into what is left
+        error = (c / size) @ (vt.T / singular)  # of the fit, in orthonormal parts of the noise
+        variance = 1.0 + np.sum(error**2, axis=1)
         if o.fitted:
-            mine = np.arange(o.fitted)
-            from_noise[mine, at + mine] += 1.0
-        variance = np.sum(from_noise**2, axis=1) + (0.0 if o.fitted else 1.0)
+            variance -= 2 * np.sum(error * u[at : at + o.fitted], axis=1)  # a sample has pulled the fit itself
         lost = small.noise.models[o.noise_key].lost
         np.testing.assert_allclose(rows.expected[rows.record == i][lost:], variance[lost:], atol=1e-9)
         at += o.fitted
