@@ -54,7 +54,7 @@ class RateDependentHysteresis(Effect):
         growth = values["growth"] * np.log(10)
         return (
             f"From about {rate_told(values['rate_V_s'])} on, the hysteresis loop is {abs(growth):.1%} "
-            f"{'wider' if growth > 0 else 'narrower'} with every tenfold rate of the drive."
+            f"{'wider' if growth > 0 else 'narrower'}, along the drive, with every tenfold rate of the drive."
         )
 
     def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:

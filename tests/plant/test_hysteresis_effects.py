@@ -1,0 +1,270 @@
+"""What hysteresis effects do to the hysteretic drive, against ways of computing it that share no code with them."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.special import exp1, gamma
+
+from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant.effect import coordinates, values_at
+from inkjet_env.plant.effects import creep
+from inkjet_env.plant.effects.creep import crept
+from inkjet_env.plant.effects.rate_dependent_hysteresis import plays_V
+from inkjet_env.printhead import Printhead
+from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
+
+HEAD = Printhead.published()
+LAW = HEAD.branch_law
+STEP_S = 1 / (100 * HEAD.frequency_Hz)
+EFFECTS = {effect.id: effect for effect in catalogue() if effect.stage == "hysteresis"}
+PULSE = np.interp(np.arange(600), [20, 35, 70, 85, 130, 150], [0, 80, 80, -50, -50, 0.0])
+CORNERS = (0, 90, -90, 60, -70, 40, 90, -90, 0)
+ZIGZAG = np.interp(np.linspace(0, 8, 801), range(9), CORNERS)  # of one rate within each leg only
+
+
+def shot_of(drive_V=PULSE, initial_state="demagnetised", step_s=STEP_S, channel="self_sensing", **kwargs):
+    return Shot(channel, initial_state, step_s, drive_V, **kwargs)
+
+
+def plant(effect_id, **values):
+    return Plant(HEAD, effects=((EFFECTS[effect_id], values),))
+
+
+def hysteretic_V(plant_, shot):
+    return plant_.hysteretic_V(shot.drive_at_nodes_V, shot)
+
+
+# creep
+
+
+def by_superposition(signal, onset_s, step_s):
+    """Every step of the signal creeps by itself: the exact integral over each of its ramps, summed."""
+    times_s = step_s * np.arange(signal.size)
+
+    def area(t):  # of lg(1 + t / onset) from 0
+        return ((t + onset_s) * np.log1p(t / onset_s) - t) / math.log(10)
+
+    result = np.zeros(signal.size)
+    slopes = np.diff(signal) / step_s
+    for i in np.flatnonzero(slopes):
+        result[i + 1 :] += slopes[i] * (area(times_s[i + 1 :] - times_s[i]) - area(times_s[i + 1 :] - times_s[i + 1]))
+    return result
+
+
+@pytest.mark.parametrize("onset_s", [1e-4, 1e-2, 0.1, 10.0])
+@pytest.mark.parametrize("step_s", [1e-7, 1e-4, 0.02])
+def test_creep_is_the_sum_of_what_every_change_creeps(onset_s, step_s):
+    signal = np.random.default_rng(3).normal(0, 30, 25).repeat(40).cumsum()
+    exact = by_superposition(signal, onset_s, step_s)
+    error = np.abs(crept(signal, onset_s, step_s, periodic=False) - exact).max()
+    assert error < 2e-5 * np.ptp(signal)
+
+
+def test_a_held_step_creeps_by_the_same_in_every_decade():
+    step_s = 1e-3
+    shot = shot_of(np.interp(np.arange(30_001), [1, 2], [0.0, 60.0]), step_s=step_s, channel="strain_gauge")
+    signal = plant("creep", creep_per_decade=0.02, onset_s=5e-3).signal(shot)
+    held = Plant(HEAD).signal(shot)[-1]
+    times_s = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 29.0])
+    expected = held * (1 + 0.02 * np.log10(1 + (times_s + 0.5 * step_s) / 5e-3))
+    assert signal[2 + np.round(times_s / step_s).astype(int)] == pytest.approx(expected, rel=2e-6)  # the ramp's middle
+
+
+@pytest.mark.parametrize("spacing", [2.0, 1.5, 1.2, 1.0])
+def test_the_sum_of_lags_is_wrong_by_what_poissons_formula_says(spacing, monkeypatch):
+    """By twice the term ``|Γ(2πi / h)|`` of each sign, over ln 10, which falls as exp(-π² / h)."""
+    monkeypatch.setattr(creep, "SLOWEST", 1e-5)
+    monkeypatch.setattr(creep, "SPACING", spacing)
+    signal, step_s = np.interp(np.arange(4000), [0, 1], [0.0, 1.0]), 1e-3
+    errors = [
+        np.abs(crept(signal, onset_s, step_s, periodic=False) - by_superposition(signal, onset_s, step_s)).max()
+        for onset_s in 0.05 * np.exp(spacing * np.arange(8) / 8)  # where the rates lie from it matters
+    ]
+    assert max(errors) == pytest.approx(4 * abs(gamma(2j * np.pi / spacing)) / math.log(10), rel=0.05)
+
+
+@pytest.mark.parametrize("onset_s", [1e-3, 0.1, 3.0])
+def test_a_tone_in_steady_state_creeps_by_the_transform_of_the_logarithm(onset_s):
+    n, period_s = 4000, 0.5
+    angle = 2 * np.pi * np.arange(n) / n
+    z = 2j * np.pi * onset_s / period_s
+    exact = (np.exp(1j * angle) * np.exp(z) * exp1(z)).real / math.log(10)  # s ∫ lg(1 + t / t0) e^{-st} dt
+    assert crept(np.cos(angle) + 7, onset_s, period_s / n, periodic=True) == pytest.approx(exact, abs=2e-5)
+
+
+def test_creep_in_steady_state_is_the_last_of_many_laps_but_for_the_mean():
+    lap = PULSE[::3]
+    laps = np.tile(lap, 400)
+    last = crept(laps, 2e-3, 1e-5, periodic=False)[-200:]
+    steady = crept(lap, 2e-3, 1e-5, periodic=True)
+    assert last - last.mean() == pytest.approx(steady - steady.mean(), abs=2e-3 * np.ptp(steady))
+
+
+def test_a_fast_recording_hardly_creeps():
+    base, on = Plant(HEAD), plant("creep", creep_per_decade=0.02, onset_s=0.1)
+    signal = base.signal(shot_of())
+    assert np.abs(on.signal(shot_of()) - signal).max() < 1e-5 * np.abs(signal).max()
+
+
+# rate-dependent hysteresis
+
+
+def brute_force_plays(drive_V, rates, growth, rate_V_s, operators):
+    """Play after play, node after node; at a node first with the rate before it, then with the one after."""
+    law = PlayOperators.of_branch_law(LAW, operators)
+    states = np.zeros(operators + 1)
+    output = np.zeros(drive_V.size)
+    for i, u in enumerate(drive_V):
+        found = []
+        for rate in (rates[i - 1] if i else 0.0, rates[min(i, rates.size - 1)]):
+            r = law.thresholds_V * max(0.0, 1 + growth * math.log(1 + rate / rate_V_s))
+            states = np.minimum(np.maximum(states, u - r), u + r)
+            found.append(float(law.weights @ states))
+        output[i] = sum(found) / 2
+    return output
+
+
+@pytest.mark.parametrize(("growth", "rate_V_s"), [(0.1, 1e4), (0.5, 1e7), (-0.2, 1e6), (-0.5, 1.0)])
+def test_thresholds_grow_with_the_logarithm_of_the_rate(growth, rate_V_s):
+    drive_V = 80 * np.sin(np.arange(400) ** 1.5 / 300)
+    shot = shot_of(drive_V)
+    asked_V = shot.drive_at_nodes_V
+    rates = np.abs(np.diff(asked_V)) / shot.node_step_s
+    change = hysteretic_V(plant("rate_dependent_hysteresis", growth=growth, rate_V_s=rate_V_s), shot)
+    change = change - hysteretic_V(Plant(HEAD), shot)
+    expected = brute_force_plays(asked_V, rates, growth, rate_V_s, 32)
+    expected -= brute_force_plays(asked_V, rates, 0.0, rate_V_s, 32)
+    assert np.abs(expected).max() > 0.5
+    assert change == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.2, 1.6])
+def test_thresholds_all_wider_by_one_factor_stretch_the_law(factor):
+    """``v_s(u) = s PI(u / s)``, which the plays approach with the square of their number."""
+    begun = 100  # the first leg's beginning has plays that have not moved yet
+    exact = factor * LAW.hysteretic_V(ZIGZAG / factor, "demagnetised") - LAW.hysteretic_V(ZIGZAG, "demagnetised")
+    widths = np.full(ZIGZAG.size - 1, factor)
+    errors = []
+    for plays in (16, 32, 64, 128):
+        change = plays_V(ZIGZAG, widths, LAW, False, plays) - plays_V(ZIGZAG, np.ones(widths.size), LAW, False, plays)
+        errors.append(np.abs(change - exact)[begun:].max())
+    assert errors[1] < 0.1  # volts, at drives of 90 V
+    assert np.log2(errors[0] / errors[-1]) / 3 == pytest.approx(2, abs=0.4)
+
+
+def test_plays_of_one_rate_in_the_plant_are_the_stretched_law():
+    legs = np.abs(np.diff(CORNERS))
+    drive_V = np.interp(np.arange(legs.sum() + 1), np.append(0, np.cumsum(legs)), CORNERS)  # 1 V a sample
+    shot = shot_of(drive_V, channel="strain_gauge", step_s=0.01)
+    factor = 1 + 0.05 * math.log(1 + 100 / 3.0)
+    found = plant("rate_dependent_hysteresis", growth=0.05, rate_V_s=3.0).signal(shot)
+    exact = factor * LAW.hysteretic_V(drive_V / factor, "demagnetised")
+    assert found[90:] == pytest.approx(exact[90:], abs=0.1)
+
+
+def test_the_loop_is_wider_at_the_higher_rate_and_unchanged_far_below():
+    loop = 80 * np.sin(2 * np.pi * np.arange(400) / 400)
+    on = plant("rate_dependent_hysteresis", growth=0.03, rate_V_s=1e3)
+    areas = []
+    for step_s in (1e3, 1e-3, 1e-4, 1e-5):
+        shot = shot_of(loop, "periodic", step_s, "strain_gauge")
+        areas.append(np.sum(on.signal(shot) * np.gradient(loop)))
+    base = np.sum(Plant(HEAD).signal(shot) * np.gradient(loop))
+    assert areas[0] == pytest.approx(base, rel=1e-4)
+    assert np.all(np.diff(np.abs(areas)) > 0.015 * abs(base))
+
+
+def test_wider_plays_in_steady_state_are_the_last_of_many_laps():
+    lap = PULSE[10:210] + np.linspace(0, 30, 200)
+    on = plant("rate_dependent_hysteresis", growth=0.2, rate_V_s=1e5)
+    steady = hysteretic_V(on, shot_of(lap, "periodic"))
+    laps = hysteretic_V(on, shot_of(np.append(np.tile(lap, 5), lap[0])))
+    assert laps[-401:-1] == pytest.approx(steady, abs=1e-10)
+
+
+def test_what_is_kept_of_the_plays_follows_the_law():
+    on, shot = plant("rate_dependent_hysteresis", growth=0.2, rate_V_s=1e5), shot_of()
+    on.signal(shot)
+    other = HEAD.varied(hysteresis_strength=1.4)
+    fresh, again = (Plant(other, effects=on.effects).signal(s) for s in (shot_of(), shot))
+    assert np.array_equal(fresh, again)
+
+
+def test_signal_of_widening_loops_converges_with_the_nodes():
+    """The rate jumps at the drive's corners and the plays with it; what a node shows there is the mean."""
+    on = plant("rate_dependent_hysteresis", growth=0.05, rate_V_s=1e4)
+    signals = {parts: on.signal(shot_of(parts=parts)) for parts in (2, 4, 8, 128)}
+    exact = signals.pop(128)
+    errors = np.array([np.linalg.norm(s - exact) / np.linalg.norm(exact) for s in signals.values()])
+    assert errors[0] < 5e-5
+    assert np.log2(errors[0] / errors[-1]) / 2 > 0.9
+
+
+# asymmetric hysteresis
+
+
+def test_asymmetry_is_even_in_the_hysteretic_drive():
+    shot, mirrored = shot_of(channel="strain_gauge"), shot_of(-PULSE, channel="strain_gauge")
+    base = Plant(HEAD).signal(shot)
+    on = plant("asymmetric_hysteresis", asymmetry=0.1, bending=-0.05)
+    even = 0.1 * np.abs(base) - 0.05 * base**2 / 90
+    assert on.signal(shot) == pytest.approx(base + even, abs=1e-12)
+    assert on.signal(mirrored) == pytest.approx(-base + even, abs=1e-12)
+
+
+def test_asymmetry_alone_gives_even_harmonics_of_an_odd_drive():
+    drive_V = 70 * np.sin(2 * np.pi * np.arange(200) / 200)
+    shot = shot_of(drive_V, "periodic", channel="displacement")
+    odd = np.abs(np.fft.rfft(Plant(HEAD).signal(shot)))
+    both = np.abs(np.fft.rfft(plant("asymmetric_hysteresis", asymmetry=0.02, bending=0.01).signal(shot)))
+    assert odd[2:12:2].max() < 1e-9 * odd[1]
+    assert both[2] > 1e-3 * both[1]
+
+
+# fits
+
+
+TRUTHS = {
+    "creep": [
+        {"creep_per_decade": 0.015, "onset_s": 0.1},
+        {"creep_per_decade": -0.005, "onset_s": 0.02},
+        {"creep_per_decade": 0.06, "onset_s": 2.0},
+    ],
+    "rate_dependent_hysteresis": [
+        {"growth": 0.06, "rate_V_s": 100.0},
+        {"growth": -0.03, "rate_V_s": 3e3},
+        {"growth": 0.2, "rate_V_s": 3e6},
+    ],
+    "asymmetric_hysteresis": [{"asymmetry": 0.03, "bending": 0.02}, {"asymmetry": -0.1, "bending": 0.2}],
+}
+
+
+@pytest.mark.parametrize(("name", "truth"), [(name, truth) for name, truths in TRUTHS.items() for truth in truths])
+def test_the_best_of_the_fits_from_the_starts_finds_the_truth(name, truth):
+    effect = EFFECTS[name]
+    loop = 80 * np.sin(2 * np.pi * np.arange(400) / 400)
+    stairs = np.interp(np.arange(800), [10, 20, 200, 210, 600, 620], [0, 60, 60, 90, 90, -50.0])
+    shots = [shot_of(), shot_of(-PULSE, "periodic"), shot_of(stairs, step_s=0.02, channel="strain_gauge")]
+    shots += [shot_of(loop, "periodic", step_s, "strain_gauge") for step_s in (0.003, 0.03)]
+
+    def signals(values):
+        own = Plant(HEAD, effects=((effect, values),))
+        return np.concatenate([own.signal(s) / (30 if s.fast else 1) for s in shots])
+
+    shown = signals(truth)
+    found = []
+    for start in effect.starts(HEAD, shots):
+        at = coordinates(effect, start)
+        low, high = np.array([p.bounds for p in effect.parameters]).T
+        fit = least_squares(
+            lambda z: signals(values_at(effect, z)) - shown, at, bounds=(low, high), diff_step=1e-4, max_nfev=40
+        )
+        found.append((fit.cost, values_at(effect, fit.x)))
+    assert min(found, key=lambda pair: pair[0])[1] == pytest.approx(truth, rel=1e-2)
+
+
+def test_the_law_of_a_linear_head_has_nothing_to_widen():
+    linear = BranchLaw((1.0, 0.0), 180.0)
+    assert not plays_V(ZIGZAG, np.full(ZIGZAG.size - 1, 1.5), linear, False).any()
