@@ -64,10 +64,13 @@ class RateDependentHysteresis(Effect):
         rates = np.abs(np.diff(ends_V)) / shot.node_step_s
         widening = np.maximum(1 + values["growth"] * np.log1p(rates / values["rate_V_s"]), 0.0)
         law = printhead.branch_law
-        kept = shot.kept if drive_V is shot.drive_at_nodes_V else {}
-        if self.id not in kept or kept[self.id][0] != law:
-            kept[self.id] = law, plays_V(ends_V, np.ones(rates.size), law, shot.periodic)
-        change_V = plays_V(ends_V, widening, law, shot.periodic) - kept[self.id][1]
+        asked = drive_V is shot.drive_at_nodes_V
+        plain = shot.kept.get(self.id) if asked else None
+        if plain is None or plain[0] != law:
+            plain = law, plays_V(ends_V, np.ones(rates.size), law, shot.periodic)
+            if asked:
+                shot.kept[self.id] = plain
+        change_V = plays_V(ends_V, widening, law, shot.periodic) - plain[1]
         return hysteretic_V + change_V[: drive_V.size]
 
 
