@@ -15,9 +15,11 @@ from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
 
-FRACTIONS = (0.9, 0.6, 0.3)
-NEXT_CLASS = 0.5
-"""Edges less steep than this part of the steepest are of another class."""
+STARTS = 8
+STEEPEST = 0.9
+"""Of the steepest edge of all: where the starts begin."""
+GENTLEST = 0.15
+"""Of the median of the recordings' steepest edges: where they end."""
 HALVINGS = 60
 SETTLED = 1e-9
 """Of the most that a node allows."""
@@ -38,10 +40,11 @@ class SlewLimit(Effect):
     shown_by = "trapezoids of one level with edges from gentle to as steep as can be asked for"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        slopes = [float(np.abs(np.diff(shot.drive_V)).max()) / shot.step_s for shot in shots if shot.fast]
-        steepest = max(slopes, default=0.0) or printhead.full_scale_V * printhead.frequency_Hz
-        gentler = max((slope for slope in slopes if 0 < slope < NEXT_CLASS * steepest), default=0.0)
-        return [{"slew_rate_V_s": f * slope} for slope in (steepest, gentler) if slope for f in FRACTIONS]
+        slopes = np.array([float(np.abs(np.diff(shot.drive_V)).max()) / shot.step_s for shot in shots if shot.fast])
+        if not slopes.any():
+            slopes = np.array([printhead.full_scale_V * printhead.frequency_Hz])
+        limits = np.geomspace(STEEPEST * slopes.max(), GENTLEST * np.median(slopes[slopes > 0]), STARTS)
+        return [{"slew_rate_V_s": float(limit)} for limit in limits]
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
