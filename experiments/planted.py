@@ -40,7 +40,7 @@ def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
     f, period = printhead.frequency_Hz, 1 / printhead.frequency_Hz
     return {
         "amplifier_bandwidth": {"bandwidth_Hz": 6 * f},
-        "slew_limit": {"slew_rate_V_s": 60.0 * f},
+        "slew_limit": {"slew_rate_V_s": 450.0 * f},
         "trigger_delay": {"delay_s": 0.03 * period},
         "creep": {"creep_per_decade": 0.015, "onset_s": 0.1},
         "rate_dependent_hysteresis": {"growth": 0.06, "rate_V_s": 100.0},
@@ -116,7 +116,8 @@ def record_planted(
         for order, line in enumerate(chosen, start=1)
     ]  # fmt: skip
     plain = [Plant(printhead, gains, offsets).signal(shot) for shot in shots]
-    largest, sigma = {}, {}
+    largest: dict[str, float] = {}
+    sigma: dict[str, float] = {}
     for channel in offsets:
         mine = [signal for signal, shot in zip(plain, shots, strict=True) if shot.channel == channel]
         largest[channel] = max(float(np.abs(signal - offsets[channel]).max()) for signal in mine)
@@ -127,7 +128,7 @@ def record_planted(
     first: dict[str, str] = {}
     for line, shot in zip(chosen, shots, strict=True):
         name = f"r{shot.order:03d}"
-        noise = sigma[shot.channel] * rng.standard_normal(shot.samples)
+        noise: Real = sigma[shot.channel] * rng.standard_normal(shot.samples)
         for effect, values in effects:
             noise = noise + sigma[shot.channel] * _by_chance(effect, values, shot, rng)
         monitor = None

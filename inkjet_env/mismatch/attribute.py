@@ -20,8 +20,12 @@ Real = NDArray[np.float64]
 
 STARTS = 3
 """Of each effect, fitted with a few steps each; the best goes on."""
-FIRST_STEPS = 4
-HOPELESS = 0.5
+FIRST_STEPS = 6
+MOST_ROUNDS = 4
+"""Times that the base parameters' sensitivities are taken anew."""
+SETTLED = 0.5
+"""Of the log-likelihood: a round that gains less is the last."""
+HOPELESS = 0.3
 """After the first steps, an effect goes on if it has gained this share of what the best one has."""
 
 
@@ -127,14 +131,26 @@ def attribute(
             best[fit.ids[-1]] = fit
     most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
 
-    def to_the_end(fit: Fit) -> Fit:
-        if fit.converged or given.nll - fit.nll < hopeless * most:
-            return fit
+    def to_the_end(fit: Fit) -> Hypothesis:
+        if given.nll - fit.nll < hopeless * most:
+            return Hypothesis(fit, joint)
         progress(f"{' + '.join(fit.ids)}")
-        return _tried(joint, fit.effects, fit.point, fit) or fit
+        return settled(joint, fit)
 
-    hypotheses = [Hypothesis(fit, joint) for fit in pool.map(to_the_end, best.values())]
+    hypotheses = list(pool.map(to_the_end, best.values()))
     return sorted(hypotheses, key=lambda h: -h.score)
+
+
+def settled(joint: JointFit, fit: Fit) -> Hypothesis:
+    """A fit gone on with until it settles, sensitivities taken anew on the way."""
+    for _ in range(MOST_ROUNDS):
+        near = joint.near(fit.head)
+        following = _tried(near, fit.effects, fit.point, fit) or fit
+        gained = fit.nll - following.nll
+        fit, joint = following, near
+        if gained < SETTLED:
+            break
+    return Hypothesis(fit, joint)
 
 
 def _tried(joint: JointFit, effects: Sequence[Effect], point: Real, begin: Fit, steps: int | None = None) -> Fit | None:

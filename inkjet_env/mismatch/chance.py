@@ -26,6 +26,9 @@ LINES = 4
 LEAST_GAIN = 12.0
 """Of the log-likelihood, for such an effect to count as there: the noise model has had its say before."""
 
+LEAST_AT_REST = 3.0
+"""Of the recordings at rest alone."""
+
 
 @dataclass(frozen=True, eq=False)
 class ByChance:
@@ -66,7 +69,7 @@ def by_chance(
     effects : sequence of Effect
         Those that have nuisances.
     """
-    found = []
+    found: list[ByChance] = []
     for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):
         mine = [o for o in observed if o.channel == channel]
         level = float(np.mean(np.concatenate([left[o.name] for o in mine])))  # an offset is no drift
@@ -77,11 +80,22 @@ def by_chance(
         before = _noise_alone(mine, left, noise)
         for effect in effects:
             best = _best(effect, mine, left, noise, before)
-            if best is not None and best.gain > LEAST_GAIN:
+            if best is not None and best.gain > LEAST_GAIN and _at_rest(best, mine, left, noise):
                 found.append(best)
         for o in mine:
             del o.shot.kept["lines_Hz"]
     return sorted(found, key=lambda c: -c.gain)
+
+
+def _at_rest(one: ByChance, observed: Sequence[Observed], left: dict[str, Real], noise: Noise) -> bool:
+    """Whether recordings at rest, where there are any, show it too: what needs a drive is no hum and no drift."""
+    resting = [o for o in observed if o.still and one.effect.nuisances(one.values, o.shot) is not None]
+    if not resting:
+        return True
+    models = dict(noise.models)
+    less = noise_seen(observed, without(one.effect, one.values, observed, left), models)
+    before = _noise_alone(resting, left, noise)
+    return before - _with_amplitudes(one.effect, one.values, resting, left, less)[0] > LEAST_AT_REST
 
 
 def without(

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from inkjet_env.identification import identify
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.identification import Estimate
-from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis
+from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
 from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Named, Trace
 from inkjet_env.mismatch.flexible import Flexible, flexible_residual
 from inkjet_env.mismatch.joint_fit import Head, JointFit
 from inkjet_env.mismatch.locate import locate
-from inkjet_env.mismatch.observed import Noise, Observed, noise_seen, observe
+from inkjet_env.mismatch.next_experiment import next_experiment
+from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe
 from inkjet_env.mismatch.select import Selection, cosine, leftover, select
 from inkjet_env.mismatch.signatures import Signatures, signatures
 from inkjet_env.plant import Effect, catalogue
@@ -39,6 +40,11 @@ SURE = 5.0
 """Standard deviations by which what is left must exceed the noise to count."""
 LEAST_EXCESS = 0.03
 """Of the noise's power: less is taken for its own uncertainty."""
+FINE_ENOUGH = 0.5
+"""Standard errors of a parameter by which the simulation may be wrong."""
+MOST_PARTS = 16
+NODES_A_PERIOD = 60
+"""At least, of the resonance."""
 SAME_GAIN = 0.02
 """Two effects by chance of which one gains so little more than the other are not told apart."""
 
@@ -130,7 +136,8 @@ class _Work:
             self.took("chance")
         found, selection = self.selected(joint, lawful)
         if by_accident and not leftover(selection.chosen, found, self.rng):
-            again, more = self.with_chance(joint, by_accident, observed, standing, selection.chosen)
+            exact, chosen = self.polished(joint, selection.chosen, standing)
+            again, more = self.with_chance(exact, by_accident, observed, standing, chosen)
             self.took("chance")
             if more is not standing:
                 joint, standing = again, more
@@ -164,6 +171,9 @@ class _Work:
                 gains[channel] = 1.0
         coefficients = (0.0,) * max(0, DEGREE + 1 - len(printhead.coefficients)) + printhead.coefficients
         head = Head(replace(printhead, coefficients=coefficients), gains, offsets)
+        coarsest_s = max((o.shot.step_s for o in observed if o.shot.fast), default=0.0)
+        parts = 2 * max(1, min(MOST_PARTS // 2, math.ceil(NODES_A_PERIOD * printhead.frequency_Hz * coarsest_s / 2)))
+        observed = finer(observed, parts)
         joint = self.settled(observed, head, Noise({}, {}), otherwise, ())
         self.notes.extend(joint.noise.notes)
         return joint
@@ -243,18 +253,28 @@ class _Work:
     def polished(
         self, joint: JointFit, chosen: Hypothesis, standing: Sequence[ByChance]
     ) -> tuple[JointFit, Hypothesis]:
-        """The chosen hypothesis fitted again: its own sensitivities, its own noise, its law scaled as by convention."""
+        """The chosen hypothesis fitted again: its own noise, its law scaled as by convention, on nodes fine enough."""
         if not chosen.ids:
             return joint, chosen
-        modelled = joint.modelled(chosen.fit)
-        left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
-        noise = noise_seen(joint.observed, self.less_chance(joint.observed, left, standing), dict(joint.noise.models))
-        again = JointFit(joint.observed, noise, in_convention(chosen.fit.head), joint.standing)
-        fit = again.fit(chosen.fit.effects, chosen.fit.point)
-        if in_convention(fit.head).gains[fit.head.reference] / fit.head.gains[fit.head.reference] - 1 > 1e-4:
-            again = JointFit(joint.observed, noise, in_convention(fit.head), joint.standing)
-            fit = again.fit(chosen.fit.effects, fit.point)
-        return again, Hypothesis(fit, again)
+        while True:
+            modelled = joint.modelled(chosen.fit)
+            left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
+            left = self.less_chance(joint.observed, left, standing)
+            noise = noise_seen(joint.observed, left, dict(joint.noise.models))
+            base = in_convention(joint.base.head)
+            joint = JointFit(joint.observed, noise, base, joint.standing)
+            near = joint.near(in_convention(chosen.fit.head))
+            chosen = settled(joint, near.fit(chosen.fit.effects, chosen.fit.point))
+            parts = joint.observed[0].shot.parts
+            error = joint.numerical_error(chosen.fit)
+            if error < FINE_ENOUGH or parts >= MOST_PARTS:
+                break
+            joint = JointFit(finer(joint.observed, 2 * parts), noise, base, joint.standing)
+        if error >= FINE_ENOUGH:
+            self.notes.append(
+                f"The simulation's own error is {error:.2g} standard errors of a parameter at {parts} nodes a sample."
+            )
+        return joint, chosen
 
     @staticmethod
     def quieter(new: JointFit, old: JointFit) -> bool:
@@ -287,7 +307,8 @@ class _Work:
         else:
             verdict = "set" if groups else "named"
         self.progress("where it is")
-        location = locate(joint.observed, joint.noise, joint.base, joint.basis[0])
+        bare = JointFit(joint.observed, joint.noise, joint.base.head) if standing else joint
+        location = locate(bare.observed, bare.noise, bare.base, bare.basis[0])
         self.took("location")
         named = [
             *(
@@ -309,7 +330,7 @@ class _Work:
                 wanted = (ids - {group[0]}) | {other}
                 fits.extend(h.fit for h in selection.compared if set(h.ids) == wanted)
         self.progress("the next experiment")
-        following = None
+        following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
         head = chosen.fit.head
         sentences = " ".join(n.sentence for n in named)
@@ -324,6 +345,7 @@ class _Work:
     def named(self, joint: JointFit, chosen: Hypothesis, selection: Selection) -> list[Named]:
         """The chosen effects with intervals and evidence."""
         errors = _errors(chosen)
+        lower, upper = joint.limits(chosen.fit.effects)
         result, at = [], 0
         for effect, values in chosen.fit.with_values:
             count = len(effect.parameters)
@@ -333,14 +355,14 @@ class _Work:
                 point = np.concatenate([coordinates(e, v) for e, v in rest])
                 smaller = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
             estimates = {}
-            for p, z, error in zip(
-                effect.parameters, chosen.fit.point[at : at + count], errors[at : at + count], strict=True
-            ):
-                low, high = p.bounds
-                ends = [p.value(min(max(z + s * QUANTILE_90 * error, low), high)) for s in (-1, 1)]
+            for k, p in enumerate(effect.parameters, start=at):
+                reach = QUANTILE_90 * errors[k]
+                ends = [p.value(float(np.clip(chosen.fit.point[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
                 estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
             gain = smaller.fit.nll - chosen.fit.nll
-            result.append(Named(effect, effect.told(values), gain, selection.p_values.get(effect.id, 0.0), estimates))
+            result.append(
+                Named(effect, effect.told(values), gain, selection.p_values.get(effect.id, math.exp(-gain)), estimates)
+            )
             at += count
         return result
 

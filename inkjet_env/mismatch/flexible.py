@@ -84,8 +84,7 @@ def _ridge(columns: Real, target: Real, groups: Sequence[NDArray[np.intp]]) -> R
     ridge = RIDGES[int(np.argmin(errors))] if errors.min() < float(target @ target) else np.inf
     if not np.isfinite(ridge):
         return np.zeros(columns.shape[1])
-    weights: Real = np.linalg.solve(gram + ridge * np.eye(len(gram)), moment)
-    return weights
+    return np.asarray(np.linalg.solve(gram + ridge * np.eye(len(gram)), moment), dtype=np.float64)
 
 
 def _motion(hypothesis: Hypothesis, o: Observed) -> Real:

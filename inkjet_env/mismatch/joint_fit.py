@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import free_ringing
-from inkjet_env.mismatch.observed import Noise, Observed
+from inkjet_env.mismatch.observed import Noise, Observed, finer
 from inkjet_env.plant import Effect, Plant, Values
-from inkjet_env.plant.effect import switched_off, values_at
+from inkjet_env.plant.effect import limits, switched_off, values_at
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -175,6 +175,8 @@ class JointFit:
         The base model: where every fit begins.
     standing : sequence of (Effect, values)
         Effects by chance that are known to be there: what their nuisances can explain is taken out everywhere.
+    base : Fit, optional
+        The base model on these recordings; fitted unless given.
     """
 
     def __init__(
@@ -183,6 +185,7 @@ class JointFit:
         noise: Noise,
         head: Head,
         standing: Sequence[tuple[Effect, Values]] = (),
+        base: Fit | None = None,
     ) -> None:
         self.standing = tuple(standing)
         self.observed = tuple(observed)
@@ -190,7 +193,8 @@ class JointFit:
         self.start = head
         self.seen = tuple(o for o in self.observed if o.fitted)
         self.ends = np.cumsum([o.fitted for o in self.seen])
-        self.base = self._base()
+        self._limits: dict[str, tuple[Real, Real]] = {}
+        self.base = base or self.fit((), np.zeros(0))
 
     @cached_property
     def basis(self) -> tuple[Real, Real]:
@@ -254,9 +258,20 @@ class JointFit:
                 signals[o.name] = signals[o.name] + table @ np.linalg.lstsq(pair[:, :-1], pair[:, -1], rcond=1e-12)[0]
         return signals
 
-    def _base(self) -> Fit:
-        """The base model itself, settled on these recordings and this noise."""
-        return self.fit((), np.zeros(0))
+    def numerical_error(self, fit: Fit) -> float:
+        """How far the plant on these nodes is from the plant on twice as many, in standard deviations of the noise.
+
+        Root of the sum of squares over all fitted samples: 1 is as much as one parameter's standard error.
+        """
+        parts = 2 * max(o.shot.parts for o in self.seen)
+        fine = finer(self.seen, parts)
+        here = self.signals(fit.head, fit.with_values, fit.states, self.seen)
+        there = self.signals(fit.head, fit.with_values, fit.states, fine)
+        return float(np.linalg.norm(self.stacked({o.name: here[o.name] - there[o.name] for o in self.seen})))
+
+    def near(self, head: Head) -> JointFit:
+        """The same, with the base parameters' sensitivities taken at another head: for fits that have come far."""
+        return JointFit(self.observed, self.noise, head, self.standing, self.base)
 
     def fit(
         self, effects: Sequence[Effect], point: Real, head: Head | None = None, most_steps: int = MOST_STEPS
@@ -273,9 +288,7 @@ class JointFit:
         """
         effects = tuple(effects)
         head = head or self.start
-        limits = [p.bounds for effect in effects for p in effect.parameters]
-        low = np.array([a for a, _ in limits])
-        high = np.array([b for _, b in limits])
+        low, high = self.limits(effects)
         point = np.clip(point, low, high)
         states = {o.name: (0.0, 0.0) for o in self.observed if o.shot.initial_state == "free" and o.shot.fast}
         states = self._states(head, effects, point, states)
@@ -317,6 +330,16 @@ class JointFit:
         everything = self.signals(head, told, states, self.observed)
         remains = {o.name: self.whitened(o, o.measured - everything[o.name], told) for o in self.observed}
         return Fit(head, effects, point, states, remains, nll, slopes, converged)
+
+    def limits(self, effects: Sequence[Effect]) -> tuple[Real, Real]:
+        """Bounds of the point, shape (k,) each."""
+        for effect in effects:
+            if effect.id not in self._limits:
+                shots = [o.shot for o in self.seen if o.channel != "drive_monitor"]
+                self._limits[effect.id] = limits(effect, self.start.printhead, shots)
+        ends = [self._limits[effect.id] for effect in effects]
+        empty = [np.zeros(0)]
+        return np.concatenate([a for a, _ in ends] or empty), np.concatenate([b for _, b in ends] or empty)
 
     def _left(
         self, head: Head, effects: tuple[Effect, ...], point: Real, states: Mapping[str, tuple[float, float]]

@@ -93,6 +93,15 @@ def observe(campaign: Campaign, held_out: Sequence[str] | None = None, parts: in
     return tuple(o for recording in campaign.recordings for o in found[recording.name])
 
 
+def finer(observed: Sequence[Observed], parts: int) -> tuple[Observed, ...]:
+    """The same recordings on more nodes a sampling step."""
+    kept = ("largest",)
+    return tuple(
+        replace(o, shot=replace(o.shot, parts=parts, kept={k: o.shot.kept[k] for k in kept if k in o.shot.kept}))
+        for o in observed
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Noise:
     """Noise of a campaign.

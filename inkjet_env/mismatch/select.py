@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis
+from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis, settled
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.signatures import Signatures, point_of
 from inkjet_env.plant import Effect
@@ -27,10 +27,11 @@ TOUCHED = 2.0
 """Standard deviations by which an effect changes a condition that it touches."""
 LEAST_OF_LEFTOVER = 0.5
 """Share of what is left beyond noise that a further effect must explain."""
-SAME_SHARE = 0.98
-"""An effect that is nearly the winner's equal in signature, and explains this share of what it does, is not told apart
-from it: equations are never that exact."""
+LEAST_SHARE = 1e-3
+"""Share of the whole mismatch that a further effect must explain; so little an equation may be wrong by."""
 SAME_COSINE = 0.95
+"""An effect nearly the winner's equal in signature is not told apart from it by less than the winner itself leaves
+unexplained: so far, equations may be wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ def select(
             p_values[name] = p_now
         chosen = added[0]
         beam = added[:BEAM]
-        if not leftover(chosen, found, rng):
+        if not (worth_looking(chosen) and leftover(chosen, found, rng)):
             break
     chosen = _without_idle(joint, chosen, compared)
     alternatives = {
@@ -117,8 +118,15 @@ def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
     """Whether a further effect explains a good part of what is left beyond noise; the first one always may."""
     if not without.ids:
         return True
-    over = max(without.excess, 1.0)
-    return 2 * (without.fit.nll - with_it.fit.nll) >= LEAST_OF_LEFTOVER * over
+    explained = 2 * (without.fit.nll - with_it.fit.nll)
+    return explained >= max(LEAST_OF_LEFTOVER * without.excess, LEAST_SHARE * 2 * with_it.gain)
+
+
+def worth_looking(hypothesis: Hypothesis) -> bool:
+    """Whether so much is left beyond noise that a further effect could be worth adding."""
+    if not all(hypothesis.joint.noise.known(o) for o in hypothesis.joint.seen):
+        return True  # what is left counts as noise there, so only a look can tell
+    return hypothesis.excess > LEAST_SHARE * 2 * hypothesis.gain
 
 
 def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:
@@ -134,8 +142,7 @@ def _without_idle(joint: JointFit, chosen: Hypothesis, compared: dict[frozenset[
             rest = [(e, v) for e, v in chosen.fit.with_values if e is not effect]
             key = frozenset(e.id for e, _ in rest)
             if key not in compared:
-                point = point_of([e for e, _ in rest], [v for _, v in rest])
-                compared[key] = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
+                compared[key] = _only(joint, chosen, rest)
             smaller = compared[key]
             if not (supported(smaller, chosen) and worth_adding(smaller, chosen)):
                 chosen = smaller
@@ -143,6 +150,12 @@ def _without_idle(joint: JointFit, chosen: Hypothesis, compared: dict[frozenset[
         else:
             return chosen
     return chosen
+
+
+def _only(joint: JointFit, chosen: Hypothesis, rest: Sequence[tuple[Effect, dict[str, float]]]) -> Hypothesis:
+    """The chosen hypothesis with some of its effects alone."""
+    point = point_of([e for e, _ in rest], [v for _, v in rest])
+    return settled(joint, joint.fit([e for e, _ in rest], point, chosen.fit.head))
 
 
 def _as_good(
@@ -160,23 +173,20 @@ def _as_good(
     ids = frozenset(e.id for e, _ in rest)
     without = compared.get(ids)
     if without is None:
-        point = point_of([e for e, _ in rest], [v for _, v in rest])
-        without = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
-        compared[ids] = without
+        without = compared[ids] = _only(joint, chosen, rest)
     missing = [e for e in effects if e.id not in chosen.ids and ids | {e.id} not in compared]
     if missing and rest:
         beside = found.beside(without.columns)
         for hypothesis in attribute(joint, without, missing, beside, pool, progress):
             compared[frozenset(hypothesis.ids)] = hypothesis
-    gained = without.fit.nll - chosen.fit.nll
     same = []
     for effect in effects:
         other = compared.get(ids | {effect.id})
         if other is None or effect.id == name or effect.id in chosen.ids:
             continue
-        behind = other.fit.nll - chosen.fit.nll
+        behind = chosen.score - other.score  # one that must bend more parameters to be the other is no equal
         apart = float(np.linalg.norm(other.left - chosen.left))
-        alike = abs(cosine(without, chosen, other)) > SAME_COSINE and behind < (1 - SAME_SHARE) * gained
+        alike = abs(cosine(without, chosen, other)) > SAME_COSINE and 2 * behind < chosen.excess
         if behind <= STANDARD_ERRORS * apart or alike:
             same.append((behind, effect.id))
     return tuple(name for _, name in sorted(same))

@@ -111,6 +111,10 @@ class Effect:
         """
         raise NotImplementedError
 
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+        """Narrower bounds of some parameters, by name: beyond them these shots would show something else."""
+        return {}
+
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         """Why these shots cannot show the effect, as the end of a sentence after "because"; None where they can."""
         return None
@@ -147,6 +151,19 @@ class Effect:
 def coordinates(effect: Effect, values: Values) -> Real:
     """What is fitted of an effect, shape (k,), from its values."""
     return np.array([p.coordinate(values[p.name]) for p in effect.parameters])
+
+
+def limits(effect: Effect, printhead: Printhead, shots: Sequence[Shot]) -> tuple[Real, Real]:
+    """Bounds of what is fitted of an effect in these shots: lower and upper, shape (k,) each."""
+    narrower = effect.bounds(printhead, shots)
+    ends = []
+    for p in effect.parameters:
+        low, high = p.bounds
+        if p.name in narrower:
+            a, b = sorted(p.coordinate(value) for value in narrower[p.name])
+            low, high = max(low, a), min(high, b)
+        ends.append((low, high))
+    return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
 
 
 def values_at(effect: Effect, point: Real) -> dict[str, float]:

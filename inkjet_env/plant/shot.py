@@ -31,7 +31,8 @@ class Shot:
     parts : int
         Nodes a sampling step: even, because the resonator goes over two nodes at a time.
     start : tuple of float
-        Deflection and its scaled speed ``x' / ω0``, in hysteretic volts, at the first sample; used where ``free``.
+        Deflection, from where the first drive would hold it, and scaled speed ``x' / ω0``, in hysteretic volts, at the
+        first sample; used where ``free``.
     """
 
     channel: str

@@ -88,7 +88,7 @@ def test_parameters_have_bounds_units_and_meanings(effect):
 def test_starts_are_complete_and_within_the_bounds_for_any_head(effect, frequency_Hz):
     head = HEAD.varied(frequency_Hz=frequency_Hz)
     starts = effect.starts(head, shots_of(head))
-    assert 0 < len(starts) <= 12
+    assert 0 < len(starts) <= 48
     for start in starts:
         assert start.keys() == {p.name for p in effect.parameters}
         assert values_at(effect, coordinates(effect, start)) == pytest.approx(start)

@@ -6,14 +6,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effects.second_mode import resolved_Hz
 from inkjet_env.plant.resonance import Mode, Resonance, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
 
 FEWEST_ORDERS = 4
+MOST_ONSETS = 12
+"""A fit moves an onset by a recording or two; starts must be as near."""
 
 
 class AirBubble(Effect):
@@ -44,20 +45,24 @@ class AirBubble(Effect):
     shown_by = "one recording repeated through the whole session"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        orders = np.array(sorted({shot.order for shot in shots if shot.fast}), dtype=np.float64)
-        onsets = np.quantile(orders[1:], [0.1, 0.35, 0.65, 0.9]) if orders.size > 1 else orders
+        orders = sorted({shot.order for shot in shots if shot.fast})
+        onsets = orders[1 :: max(1, len(orders) // MOST_ONSETS)] or orders
         change = 0.1 * printhead.damping_ratio
         return [
             {
                 "onset_order": float(onset),
-                "frequency_change": sign * change,
+                "frequency_change": change * detuned,
                 "bubble_frequency_Hz": guess * printhead.frequency_Hz,
-                "bubble_damping_ratio": 0.08,
-                "bubble_strength": 0.01 / guess,
+                "bubble_damping_ratio": 0.1,
+                "bubble_strength": 0.02 * (1 - detuned) / guess,
             }
             for onset in onsets
-            for sign, guess in ((-1, 0.5), (1, 1.7), (-1, 1.7))
+            for detuned, guess in ((1.0, 0.5), (0.0, 0.5), (0.0, 1.7))
         ]
+
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+        orders = sorted({shot.order for shot in shots if shot.fast})
+        return {"onset_order": (orders[0], orders[-1] + 1), "bubble_frequency_Hz": resolved_Hz(shots)}
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         if len({shot.order for shot in shots if shot.fast}) < FEWEST_ORDERS:

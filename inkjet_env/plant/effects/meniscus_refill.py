@@ -46,6 +46,11 @@ class MeniscusRefill(Effect):
             found.append({"recovery_s": recovery_s, "stiffness_change": change})
         return found
 
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+        longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=1.0)
+        shortest_s = 0.3 / printhead.frequency_Hz
+        return {"recovery_s": (shortest_s, max(10 * longest_s, 2 * shortest_s))}
+
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 

@@ -19,6 +19,14 @@ RESOLVED = 0.4
 """Of a sampling frequency: higher modes are not looked for."""
 
 
+def resolved_Hz(shots: Sequence[Shot]) -> tuple[float, float]:
+    """Frequencies of which the fast shots hold a period, and which they sample finely enough."""
+    fast = [shot for shot in shots if shot.fast]
+    if not fast:
+        return 1e-2, 1e8
+    return 0.5 / max(shot.samples * shot.step_s for shot in fast), RESOLVED / min(shot.step_s for shot in fast)
+
+
 class SecondMode(Effect):
     """A second resonator beside the first, under the same hysteretic drive."""
 
@@ -50,6 +58,9 @@ class SecondMode(Effect):
             for guess in GUESSES
             if guess * printhead.frequency_Hz < highest_Hz
         ]
+
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+        return {"frequency_Hz": resolved_Hz(shots)}
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)

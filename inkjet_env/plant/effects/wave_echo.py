@@ -10,9 +10,12 @@ from inkjet_env.plant.resonance import Echo, Resonance, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
 
-GUESSES = tuple(0.25 * quarter for quarter in range(1, 13))
+GUESSES = tuple(0.25 * quarter for quarter in range(1, 49))
 """Delays in periods of the head. A fit finds the delay from within an eighth of a period and seldom from farther, as a
 ringing head looks much the same a period later."""
+
+SHORTEST = 0.15
+"""Delay in periods: a wave that is back sooner is a matter of bandwidth."""
 
 
 class WaveEcho(Effect):
@@ -40,6 +43,11 @@ class WaveEcho(Effect):
         period_s = 1 / printhead.frequency_Hz
         delays_s = [guess * period_s for guess in GUESSES if guess * period_s < longest_s] or [longest_s / 2]
         return [{"delay_s": delay_s, "strength": 0.03} for delay_s in delays_s]
+
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+        longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=1.0)
+        shortest_s = SHORTEST / printhead.frequency_Hz
+        return {"delay_s": (shortest_s, max(longest_s / 2, 2 * shortest_s))}
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
