@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.foretold import Foretold, foretold, orthonormal
 from inkjet_env.mismatch.joint_fit import Fit, JointFit
 from inkjet_env.mismatch.signatures import Signatures, point_of
@@ -88,7 +88,7 @@ def attribute(
     beside: Hypothesis,
     effects: Sequence[Effect],
     found: Signatures,
-    pool: Executor,
+    crew: Crew,
     progress: Callable[[str], None],
     hopeless: float = HOPELESS,
 ) -> list[Hypothesis]:
@@ -105,7 +105,7 @@ def attribute(
         Those that may be switched on.
     found : Signatures
         Beside ``beside``: they rank the starts.
-    pool : Executor
+    crew : Crew
         Where the fits run.
     progress : callable
     hopeless : float
@@ -115,7 +115,6 @@ def attribute(
 
     def few_steps(task: tuple[Effect, dict[str, float]]) -> Fit | None:
         effect, start = task
-        progress(f"{' + '.join((*given.ids, effect.id))}")
         point = np.concatenate([given.point, point_of([effect], [start])])
         return _tried(joint, (*given.effects, effect), point, given, FIRST_STEPS)
 
@@ -126,18 +125,16 @@ def attribute(
         for _, start in found.ranked(effect, beside.left)[:STARTS]
     ]
     best: dict[str, Fit] = {}
-    for fit in pool.map(few_steps, tasks):
-        if fit is not None and (fit.ids[-1] not in best or fit.nll < best[fit.ids[-1]].nll):
-            best[fit.ids[-1]] = fit
+    for k, ((effect, _), fit) in enumerate(zip(tasks, crew.map(few_steps, tasks), strict=True)):
+        progress(f"{' + '.join((*given.ids, effect.id))} ({k + 1} of {len(tasks)} starts)")
+        if fit is not None and (effect.id not in best or fit.nll < best[effect.id].nll):
+            best[effect.id] = fit
     most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
-
-    def to_the_end(fit: Fit) -> Hypothesis:
-        if given.nll - fit.nll < hopeless * most:
-            return Hypothesis(fit, joint)
-        progress(f"{' + '.join(fit.ids)}")
-        return settled(joint, fit)
-
-    hypotheses = list(pool.map(to_the_end, best.values()))
+    promising = [fit for fit in best.values() if given.nll - fit.nll >= hopeless * most]
+    hypotheses = [Hypothesis(fit, joint) for fit in best.values() if given.nll - fit.nll < hopeless * most]
+    for k, fit in enumerate(crew.map(lambda fit: settled(joint, fit).fit, promising)):
+        progress(f"{' + '.join(fit.ids)}, to the end ({k + 1} of {len(promising)})")
+        hypotheses.append(Hypothesis(fit, joint.near(fit.head)))
     return sorted(hypotheses, key=lambda h: -h.score)
 
 

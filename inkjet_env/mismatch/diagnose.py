@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.identification import Estimate
 from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
+from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Named, Trace
 from inkjet_env.mismatch.flexible import Flexible, flexible_residual
 from inkjet_env.mismatch.joint_fit import Head, JointFit
@@ -45,6 +45,8 @@ FINE_ENOUGH = 0.5
 MOST_PARTS = 16
 NODES_A_PERIOD = 60
 """At least, of the resonance."""
+MOST_COMPARED = 24
+"""Hypotheses that a diagnosis lists."""
 SAME_GAIN = 0.02
 """Two effects by chance of which one gains so little more than the other are not told apart."""
 
@@ -73,7 +75,7 @@ def diagnose(
     held_out : sequence of str, optional
         Recordings that no fit and no choice sees; see `identification.measurements`.
     workers : int
-        Threads.
+        Processes.
     progress : callable, optional
         Told what is being done, in words.
 
@@ -82,15 +84,14 @@ def diagnose(
     ValueError
         Recordings that no base model can be identified from.
     """
-    with ThreadPoolExecutor(max(1, workers)) as pool:
-        work = _Work(
-            campaign,
-            catalogue() if effects is None else tuple(effects),
-            np.random.default_rng(rng),
-            pool,
-            progress or (lambda _: None),
-        )
-        return work.diagnosis(printhead, held_out)
+    work = _Work(
+        campaign,
+        catalogue() if effects is None else tuple(effects),
+        np.random.default_rng(rng),
+        Crew(workers),
+        progress or (lambda _: None),
+    )
+    return work.diagnosis(printhead, held_out)
 
 
 class _Work:
@@ -101,10 +102,10 @@ class _Work:
         campaign: Campaign,
         effects: Sequence[Effect],
         rng: np.random.Generator,
-        pool: ThreadPoolExecutor,
+        crew: Crew,
         progress: Callable[[str], None],
     ) -> None:
-        self.campaign, self.rng, self.pool, self.progress = campaign, rng, pool, progress
+        self.campaign, self.rng, self.crew, self.progress = campaign, rng, crew, progress
         self.started = self.last = time.perf_counter()
         self.stages: dict[str, float] = {}
         self.notes: list[str] = []
@@ -244,9 +245,9 @@ class _Work:
 
     def selected(self, joint: JointFit, effects: Sequence[Effect]) -> tuple[Signatures, Selection]:
         """Signatures and selection on one noise."""
-        found = signatures(joint, effects, self.pool, self.progress)
+        found = signatures(joint, effects, self.crew, self.progress)
         self.took("signatures")
-        selection = select(joint, effects, found, self.pool, self.rng, self.progress)
+        selection = select(joint, effects, found, self.crew, self.rng, self.progress)
         self.took("selection")
         return found, selection
 
@@ -453,7 +454,7 @@ def _compared(base: Hypothesis, chosen: Hypothesis, selection: Selection) -> tup
     rows = []
     most = max((h.gain for h in selection.compared), default=0.0)
     best = selection.chosen
-    for h in selection.compared:
+    for h in selection.compared[:MOST_COMPARED]:
         start = base_hypothesis(h.joint)
         gains, errors = start.foretold.gains_of(h.foretold)
         rows.append(

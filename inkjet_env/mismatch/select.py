@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 
 from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis, settled
+from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.signatures import Signatures, point_of
 from inkjet_env.plant import Effect
@@ -60,7 +60,7 @@ def select(
     joint: JointFit,
     effects: Sequence[Effect],
     found: Signatures,
-    pool: Executor,
+    crew: Crew,
     rng: np.random.Generator,
     progress: Callable[[str], None],
 ) -> Selection:
@@ -84,9 +84,11 @@ def select(
             if parent is not base:  # the wide look has been done; deeper down only what shows at all
                 worth = 0.3 * scores[promising[0]]
                 tried = [e for e in tried if scores[e.id] > worth]
-            for hypothesis in attribute(joint, parent, tried, beside, pool, progress):
+            found_good = 0
+            for hypothesis in attribute(joint, parent, tried, beside, crew, progress):
                 compared[frozenset(hypothesis.ids)] = hypothesis
-                if supported(parent, hypothesis):
+                if found_good < BEAM and supported(parent, hypothesis):
+                    found_good += 1
                     added.append(hypothesis)
         added.sort(key=lambda h: -h.score)
         if not added or not worth_adding(chosen, added[0]):
@@ -99,7 +101,7 @@ def select(
             break
     chosen = _without_idle(joint, chosen, compared)
     alternatives = {
-        name: _as_good(joint, chosen, name, effects, found, compared, pool, progress) for name in chosen.ids
+        name: _as_good(joint, chosen, name, effects, found, compared, crew, progress) for name in chosen.ids
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
     return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), p_values)
@@ -165,7 +167,7 @@ def _as_good(
     effects: Sequence[Effect],
     found: Signatures,
     compared: dict[frozenset[str], Hypothesis],
-    pool: Executor,
+    crew: Crew,
     progress: Callable[[str], None],
 ) -> tuple[str, ...]:
     """Effects that could stand in for one of the chosen: swaps, judged by likelihood and by signature."""
@@ -177,7 +179,7 @@ def _as_good(
     missing = [e for e in effects if e.id not in chosen.ids and ids | {e.id} not in compared]
     if missing and rest:
         beside = found.beside(without.columns)
-        for hypothesis in attribute(joint, without, missing, beside, pool, progress):
+        for hypothesis in attribute(joint, without, missing, beside, crew, progress):
             compared[frozenset(hypothesis.ids)] = hypothesis
     same = []
     for effect in effects:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates
@@ -91,15 +91,12 @@ class Signatures:
 def signatures(
     joint: JointFit,
     effects: Iterable[Effect],
-    pool: Executor,
+    crew: Crew,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Signatures:
     """Signatures of all effects at all their starts."""
     shots = [o.shot for o in joint.seen if o.channel != "drive_monitor"]
-    tasks: list[tuple[Effect, dict[str, float]]] = []
-    for effect in effects:
-        progress(f"what {effect.id} would add")
-        tasks.extend((effect, start) for start in effect.starts(joint.base.head.printhead, shots))
+    tasks = [(effect, start) for effect in effects for start in effect.starts(joint.base.head.printhead, shots)]
 
     def column(task: tuple[Effect, dict[str, float]]) -> Real | None:
         try:
@@ -109,7 +106,8 @@ def signatures(
 
     q, _ = joint.basis
     kept, columns, sizes = [], [], []
-    for task, found in zip(tasks, pool.map(column, tasks), strict=True):
+    for k, (task, found) in enumerate(zip(tasks, crew.map(column, tasks), strict=True)):
+        progress(f"what {task[0].id} would add ({k + 1} of {len(tasks)})")
         if found is None or not np.isfinite(found).all():
             continue
         projected = found - q @ (q.T @ found)

@@ -1,0 +1,51 @@
+"""Work on several processes that begin with everything the caller has: nothing is copied but what comes back."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any, TypeVar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+_job: tuple[Callable[[Any], Any], Sequence[Any]] | None = None
+
+
+class Crew:
+    """So many processes, where the system can fork; else one after another.
+
+    Threads would take turns: most of a simulation is many short calls.
+
+    Parameters
+    ----------
+    workers : int
+        At least 1.
+    """
+
+    def __init__(self, workers: int) -> None:
+        if workers < 1:
+            raise ValueError(f"workers must be at least 1; got {workers}.")
+        self.workers = workers if "fork" in multiprocessing.get_all_start_methods() else 1
+
+    def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[Result]:
+        """Results in the order of the tasks, as they come. What tasks and function refer to is as it is now."""
+        global _job
+        if self.workers == 1 or len(tasks) < 2:
+            yield from map(function, tasks)
+            return
+        _job = (function, tasks)
+        pool = ProcessPoolExecutor(min(self.workers, len(tasks)), multiprocessing.get_context("fork"))
+        try:
+            yield from pool.map(_done, range(len(tasks)))
+        finally:
+            pool.shutdown(cancel_futures=True)
+            _job = None
+
+
+def _done(place: int) -> Any:
+    if _job is None:
+        raise RuntimeError("a worker began without its job.")
+    function, tasks = _job
+    return function(tasks[place])
