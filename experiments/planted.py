@@ -29,6 +29,8 @@ LINES = (
 """Of the default battery, each once, but for `TWICE`."""
 TWICE = ("trapezoid-60V", "bipolar-full")
 SNR_dB = 50.0
+PARTS = 16
+"""Nodes a sample: more than the diagnosis uses, so that its simulation's error is part of what is tried."""
 GAUGE_GAIN = 0.02
 """Volts of the strain gauge's bridge per hysteretic volt."""
 STRONG, MEDIUM = 1.0, 0.35
@@ -111,7 +113,7 @@ def record_planted(
     shots = [
         Shot(
             line.channel, line.initial_state, line.step_s, line.drive_V, order,
-            _neighbour(line, rng) if needs_neighbour and line.channel == "self_sensing" else None, 4,
+            _neighbour(line, rng) if needs_neighbour and line.channel == "self_sensing" else None, PARTS,
         )
         for order, line in enumerate(chosen, start=1)
     ]  # fmt: skip
@@ -128,7 +130,7 @@ def record_planted(
     first: dict[str, str] = {}
     for line, shot in zip(chosen, shots, strict=True):
         name = f"r{shot.order:03d}"
-        noise: Real = sigma[shot.channel] * rng.standard_normal(shot.samples)
+        noise = np.asarray(sigma[shot.channel] * rng.standard_normal(shot.samples), dtype=np.float64)
         for effect, values in effects:
             noise = noise + sigma[shot.channel] * _by_chance(effect, values, shot, rng)
         monitor = None

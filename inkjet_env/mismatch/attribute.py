@@ -21,6 +21,8 @@ Real = NDArray[np.float64]
 STARTS = 3
 """Of each effect, fitted with a few steps each; the best goes on."""
 FIRST_STEPS = 6
+AT_BOUND = 1e-3
+"""Share of a coordinate's range."""
 MOST_ROUNDS = 4
 """Times that the base parameters' sensitivities are taken anew."""
 SETTLED = 0.5
@@ -65,6 +67,18 @@ class Hypothesis:
     def foretold(self) -> Foretold:
         """Residuals with each condition left out."""
         return foretold(self.left, self.columns, conditions(self.joint))
+
+    @property
+    def degenerate(self) -> bool:
+        """Whether an effect has been bent into something else: a shape of it has run into its bound."""
+        low, high = self.joint.limits(self.fit.effects)
+        named = [(e, p) for e in self.fit.effects for p in e.parameters]
+        room = AT_BOUND * (high - low)
+        at_bound = (self.fit.point <= low + room) | (self.fit.point >= high - room)
+        return any(
+            bool(at) and p.name not in e.strengths and not p.open_ended
+            for (e, p), at in zip(named, at_bound, strict=True)
+        )
 
     @property
     def excess(self) -> float:

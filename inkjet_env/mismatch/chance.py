@@ -23,8 +23,9 @@ Real = NDArray[np.float64]
 
 LINES = 4
 """Strongest lines of the pooled periodogram that are offered as starts."""
-LEAST_GAIN = 12.0
-"""Of the log-likelihood, for such an effect to count as there: the noise model has had its say before."""
+LEAST_GAIN = 15.0
+"""Of the log-likelihood, for such an effect to count as there; more by the logarithm of as many frequencies as there
+were to choose from."""
 
 LEAST_AT_REST = 3.0
 """Of the recordings at rest alone."""
@@ -80,11 +81,16 @@ def by_chance(
         before = _noise_alone(mine, left, noise)
         for effect in effects:
             best = _best(effect, mine, left, noise, before)
-            if best is not None and best.gain > LEAST_GAIN and _at_rest(best, mine, left, noise):
+            if best is not None and best.gain > _least_gain(effect, mine) and _at_rest(best, mine, left, noise):
                 found.append(best)
         for o in mine:
             del o.shot.kept["lines_Hz"]
     return sorted(found, key=lambda c: -c.gain)
+
+
+def _least_gain(effect: Effect, observed: Sequence[Observed]) -> float:
+    shapes = len(effect.parameters) - len(effect.strengths)
+    return LEAST_GAIN + shapes * math.log(max(o.shot.samples for o in observed))
 
 
 def _at_rest(one: ByChance, observed: Sequence[Observed], left: dict[str, Real], noise: Noise) -> bool:

@@ -43,7 +43,7 @@ LEAST_EXCESS = 0.03
 FINE_ENOUGH = 0.5
 """Standard errors of a parameter by which the simulation may be wrong."""
 MOST_PARTS = 16
-NODES_A_PERIOD = 60
+NODES_A_PERIOD = 36
 """At least, of the resonance."""
 MOST_COMPARED = 24
 """Hypotheses that a diagnosis lists."""
@@ -476,10 +476,12 @@ def _errors(chosen: Hypothesis) -> Real:
     q, _ = chosen.joint.basis
     slopes = chosen.fit.slopes - q @ (q.T @ chosen.fit.slopes)
     size = np.linalg.norm(slopes, axis=0)
-    size[size == 0] = 1e-300
-    inverse = np.linalg.pinv((slopes / size).T @ (slopes / size), rcond=1e-12)
+    told = size > 1e-9 * np.maximum(np.linalg.norm(chosen.fit.slopes, axis=0), 1e-300)
+    errors: Real = np.full(size.size, np.inf)
+    columns = slopes[:, told] / size[told]
+    inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-12)
     loud = max(1.0, 2 * chosen.fit.nll / max(chosen.left.size - chosen.columns.shape[1], 1))
-    errors: Real = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size
+    errors[told] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[told]
     return errors
 
 

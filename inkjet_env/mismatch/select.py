@@ -27,6 +27,8 @@ TOUCHED = 2.0
 """Standard deviations by which an effect changes a condition that it touches."""
 LEAST_OF_LEFTOVER = 0.5
 """Share of what is left beyond noise that a further effect must explain."""
+LEAST_LOOK = 0.5
+"""Share of the best score that makes a further effect worth a fit."""
 LEAST_SHARE = 1e-3
 """Share of the whole mismatch that a further effect must explain; so little an equation may be wrong by."""
 SAME_COSINE = 0.95
@@ -82,7 +84,7 @@ def select(
             promising = sorted(scores, key=lambda name: -scores[name])
             tried = [e for e in effects if e.id in promising and frozenset((*parent.ids, e.id)) not in compared]
             if parent is not base:  # the wide look has been done; deeper down only what shows at all
-                worth = 0.3 * scores[promising[0]]
+                worth = LEAST_LOOK * scores[promising[0]]
                 tried = [e for e in tried if scores[e.id] > worth]
             found_good = 0
             for hypothesis in attribute(joint, parent, tried, beside, crew, progress):
@@ -109,6 +111,8 @@ def select(
 
 def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
     """Whether conditions left out are foretold better with the further effect, by more than chance and mostly."""
+    if with_it.degenerate:
+        return False
     gains, errors = without.foretold.gains_of(with_it.foretold)
     if gains.sum() <= STANDARD_ERRORS * math.sqrt(float(np.sum(errors**2))) or with_it.score <= without.score:
         return False
@@ -121,14 +125,18 @@ def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
     if not without.ids:
         return True
     explained = 2 * (without.fit.nll - with_it.fit.nll)
-    return explained >= max(LEAST_OF_LEFTOVER * without.excess, LEAST_SHARE * 2 * with_it.gain)
+    left = without.excess if noise_known(without) else 2 * without.fit.nll
+    return explained >= max(LEAST_OF_LEFTOVER * left, LEAST_SHARE * 2 * with_it.gain)
+
+
+def noise_known(hypothesis: Hypothesis) -> bool:
+    """Whether anything but a residual tells the noise of every recording; else whatever is left may be mismatch."""
+    return all(hypothesis.joint.noise.known(o) for o in hypothesis.joint.seen)
 
 
 def worth_looking(hypothesis: Hypothesis) -> bool:
     """Whether so much is left beyond noise that a further effect could be worth adding."""
-    if not all(hypothesis.joint.noise.known(o) for o in hypothesis.joint.seen):
-        return True  # what is left counts as noise there, so only a look can tell
-    return hypothesis.excess > LEAST_SHARE * 2 * hypothesis.gain
+    return not noise_known(hypothesis) or hypothesis.excess > LEAST_SHARE * 2 * hypothesis.gain
 
 
 def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:
@@ -184,7 +192,7 @@ def _as_good(
     same = []
     for effect in effects:
         other = compared.get(ids | {effect.id})
-        if other is None or effect.id == name or effect.id in chosen.ids:
+        if other is None or other.degenerate or effect.id == name or effect.id in chosen.ids:
             continue
         behind = chosen.score - other.score  # one that must bend more parameters to be the other is no equal
         apart = float(np.linalg.norm(other.left - chosen.left))

@@ -39,6 +39,9 @@ class Parameter:
         left out).
     meaning : str
         What it is, in words.
+    open_ended : bool
+        Whether a value at a bound is as good as any: a clipping harder than can be told. Else an effect fitted with a
+        shape at its bound has become something else.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Parameter:
     high: float
     scale: str = "linear"
     meaning: str = ""
+    open_ended: bool = False
 
     def coordinate(self, value: float) -> float:
         """What is fitted, from the value."""

@@ -33,7 +33,9 @@ class AirBubble(Effect):
         "America 120, 2006"
     )
     parameters = (
-        Parameter("onset_order", "1", 1.0, 1e5, meaning="order of the first recording with the bubble"),
+        Parameter(
+            "onset_order", "1", 1.0, 1e5, meaning="order of the first recording with the bubble", open_ended=True
+        ),
         Parameter("frequency_change", "1", -0.5, 0.5, meaning="of the head, relative, by the bubble"),
         Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "of the bubble's mode"),
         Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "of the bubble's mode"),

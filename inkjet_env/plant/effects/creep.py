@@ -40,7 +40,7 @@ class Creep(Effect):
     )
     parameters = (
         Parameter("creep_per_decade", "1", -0.2, 0.2, meaning="of a change, once more in every decade of time"),
-        Parameter("onset_s", "s", 1e-4, 10.0, "log", "time after which creep is counted in decades"),
+        Parameter("onset_s", "s", 1e-4, 10.0, "log", "time after which creep is counted in decades", open_ended=True),
     )
     strengths = ("creep_per_decade",)
     signature = "after a step the displacement follows a line over the logarithm of time, for decades"

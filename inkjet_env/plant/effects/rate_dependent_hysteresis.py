@@ -33,7 +33,7 @@ class RateDependentHysteresis(Effect):
     )
     parameters = (
         Parameter("growth", "1", -0.5, 2.0, meaning="of the thresholds, relative, for an e-fold rate"),
-        Parameter("rate_V_s", "V/s", 1e-1, 1e9, "log", "rate at which growth begins"),
+        Parameter("rate_V_s", "V/s", 1e-1, 1e9, "log", "rate at which growth begins", open_ended=True),
     )
     strengths = ("growth",)
     signature = "loops of one amplitude are wider at a higher rate, beyond what the resonance does"

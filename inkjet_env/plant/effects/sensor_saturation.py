@@ -35,7 +35,7 @@ class SensorSaturation(Effect):
     )
     parameters = (
         Parameter("limit", "sensor's unit", 1e-9, math.inf, "reciprocal", "the rail that the signal never passes"),
-        Parameter("hardness", "1", 1.5, 100.0, "log", "2 compresses softly, 20 and more clips"),
+        Parameter("hardness", "1", 1.5, 100.0, "log", "2 compresses softly, 20 and more clips", open_ended=True),
     )
     strengths = ("limit",)
     signature = "flat tops at one level whatever the drive; small signals are as they should be"

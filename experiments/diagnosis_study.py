@@ -1,0 +1,229 @@
+"""How well the diagnosis tells its own effects apart: python -m experiments.diagnosis_study [PART ...].
+
+Parts: null (nothing planted), single (each effect, strong and medium), pairs (two of different stages), withheld
+(each effect planted and taken out of the catalogue), summary. Every case is one line of results/diagnosis/cases.jsonl;
+a study that was stopped goes on. ``--seeds N`` takes N heads for every case.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.planted import MEDIUM, STRONG, effect_named, planted, record_planted
+from experiments.progress import shown_progress
+from inkjet_env.identification.convention import in_convention
+from inkjet_env.mismatch import diagnose
+from inkjet_env.plant import Effect, catalogue
+from inkjet_env.printhead import Printhead
+
+RESULTS = Path("results/diagnosis/cases.jsonl")
+STRENGTHS = {"strong": STRONG, "medium": MEDIUM}
+PAIRS = (
+    ("amplifier_bandwidth", "asymmetric_hysteresis"), ("amplifier_bandwidth", "second_mode"),
+    ("amplifier_bandwidth", "feedthrough"), ("slew_limit", "cubic_stiffness"), ("slew_limit", "sensor_saturation"),
+    ("trigger_delay", "creep"), ("trigger_delay", "meniscus_refill"), ("trigger_delay", "crosstalk"),
+    ("creep", "second_mode"), ("creep", "mains_hum"), ("rate_dependent_hysteresis", "thermal_drift"),
+    ("asymmetric_hysteresis", "wave_echo"), ("asymmetric_hysteresis", "baseline_drift"),
+    ("cubic_stiffness", "feedthrough"), ("quadratic_damping", "crosstalk"), ("ferroelastic_softening", "mains_hum"),
+    ("second_mode", "sensor_saturation"), ("wave_echo", "baseline_drift"), ("thermal_drift", "sensor_bandwidth"),
+    ("meniscus_refill", "feedthrough"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    """One campaign to diagnose."""
+
+    part: str
+    effects: tuple[str, ...]
+    strength: str
+    seed: int
+    monitored: bool = False
+
+    @property
+    def name(self) -> str:
+        """Unique."""
+        monitored = " monitored" if self.monitored else ""
+        return f"{self.part} {'+'.join(self.effects) or 'nothing'} {self.strength}{monitored} {self.seed}"
+
+
+def head_of(seed: int) -> Printhead:
+    """A random head, its law scaled as by convention so that hysteretic volts mean the same in truth and fit."""
+    rng = np.random.default_rng([7, seed])
+    head = Printhead.published().varied(
+        frequency_Hz=rng.uniform(35e3, 70e3),
+        damping_ratio=rng.uniform(0.03, 0.08),
+        gain=rng.uniform(0.7, 1.3),
+        hysteresis_strength=rng.uniform(0.6, 1.4),
+    )
+    return in_convention(head)
+
+
+def cases(part: str, seeds: int) -> Iterator[Case]:
+    """The cases of a part."""
+    names = [effect.id for effect in catalogue()]
+    if part == "null":
+        yield from (Case("null", (), "none", seed) for seed in range(100))
+    elif part == "single":
+        for seed in range(seeds):
+            yield from (Case("single", (name,), strength, seed) for strength in STRENGTHS for name in names)
+    elif part == "pairs":
+        for seed in range(seeds):
+            yield from (Case("pairs", pair, "strong", seed) for pair in PAIRS)
+    elif part == "withheld":
+        for seed in range(seeds):
+            yield from (Case("withheld", (name,), "strong", seed) for name in names)
+    else:
+        raise ValueError(f"part must be null, single, pairs, withheld or summary; got {part!r}.")
+
+
+def outcome(case: Case) -> dict[str, Any]:
+    """Record, diagnose, and tell."""
+    head = head_of(case.seed)
+    on: list[tuple[Effect, dict[str, float]]] = []
+    for name in case.effects:
+        effect = effect_named(name)
+        on.append((effect, planted(effect, STRENGTHS[case.strength], head)))
+    campaign = record_planted(head, on, 1000 + case.seed, monitored=case.monitored)
+    known = [e for e in catalogue() if case.part != "withheld" or e.id not in case.effects]
+    found = diagnose(campaign, effects=known, rng=case.seed, workers=1)
+    # hysteretic volts are a convention, which depends on the swing at which the law was identified
+    swing_V = found.printhead.full_scale_V
+    scale = in_convention(head, swing_V).coefficients[-2] / head.coefficients[-2]
+    by_unit = {"1/V": 1 / scale, "1/V²": 1 / scale**2}
+    by_name = {"bending": swing_V / head.full_scale_V / scale}
+    truth = {
+        e.id: {p.name: v[p.name] * by_name.get(p.name, by_unit.get(p.unit, 1.0)) for p in e.parameters} for e, v in on
+    }
+    return asdict(case) | {
+        "name": case.name,
+        "verdict": found.verdict,
+        "found": [e.effect.id for e in found.effects],
+        "candidates": [list(group) for group in found.candidates],
+        "closure": None if np.isnan(found.closure) else found.closure,
+        "located": bool(found.location.recordings),
+        "seconds": found.seconds,
+        "stages": dict(found.stages),
+        "headline": found.headline,
+        "parameters": {
+            e.effect.id: {
+                name: [truth.get(e.effect.id, {}).get(name), v.value, v.low, v.high] for name, v in e.parameters.items()
+            }
+            for e in found.effects
+        },
+        "best": [[list(a.ids), a.gain, a.share] for a in found.attributions[:4]],
+    }
+
+
+def run(parts: list[str], seeds: int, workers: int) -> None:
+    """Diagnose what has not been yet."""
+    RESULTS.parent.mkdir(parents=True, exist_ok=True)
+    done = {row["name"] for row in rows()}
+    todo = [case for part in parts for case in cases(part, seeds) if case.name not in done]
+    with (
+        ProcessPoolExecutor(workers) as pool,
+        shown_progress("diagnoses", len(todo)) as shown,
+        RESULTS.open("a", encoding="utf-8") as file,
+    ):
+        for k, row in enumerate(pool.map(_guarded, todo), start=1):
+            file.write(json.dumps(row) + "\n")
+            file.flush()
+            shown(k, f"{row['name']}: {row['verdict']} {'+'.join(row['found'])}")
+
+
+def _guarded(case: Case) -> dict[str, Any]:
+    """A campaign that cannot be diagnosed counts as such and stops nothing."""
+    try:
+        return outcome(case)
+    except ValueError as error:
+        return asdict(case) | {"name": case.name, "verdict": "refused", "found": [], "headline": str(error)}
+
+
+def rows() -> list[dict[str, Any]]:
+    """All cases so far."""
+    if not RESULTS.exists():
+        return []
+    return [json.loads(line) for line in RESULTS.read_text(encoding="utf-8").splitlines() if line]
+
+
+def judged(row: dict[str, Any]) -> str:
+    """right, in the set, unknown, none, partly or wrong."""
+    truth = set(row["effects"])
+    if row["verdict"] in ("unknown", "none", "refused"):
+        return "right" if row["verdict"] == "none" and not truth else row["verdict"]
+    told = set(row["found"])
+    for group in row.get("candidates", []):
+        if told & set(group) and truth & set(group):
+            told = (told - set(group)) | (truth & set(group))
+    if told == truth:
+        return "right" if row["verdict"] == "named" else "in the set"
+    return "partly" if told & truth else "wrong"
+
+
+def summary() -> None:
+    """Print what the lines say."""
+    found = rows()
+    for part in ("null", "single", "pairs", "withheld"):
+        mine = [row for row in found if row["part"] == part]
+        if not mine:
+            continue
+        print(f"\n{part}: {len(mine)} campaigns")
+        for strength in sorted({row["strength"] for row in mine}):
+            these = [row for row in mine if row["strength"] == strength]
+            print(f"  {strength}: {dict(Counter(judged(row) for row in these))}")
+            for row in these:
+                if judged(row) not in ("right", "in the set"):
+                    told = "+".join(row["found"]) or row["headline"][:60]
+                    hidden = "+".join(row["effects"]) or "nothing"
+                    print(f"    {hidden} ({row['seed']}): {row['verdict']} {told} {row.get('candidates', '')}")
+        closures = [row["closure"] for row in mine if row.get("closure") is not None and row["verdict"] == "named"]
+        if closures:
+            print(
+                f"  closure, named: median {np.median(closures):.3f}, 10th percentile {np.quantile(closures, 0.1):.3f}"
+            )
+        sizes = [len(group) for row in mine for group in row.get("candidates", [])]
+        if sizes:
+            print(f"  sets: {len(sizes)}, mean size {np.mean(sizes):.2f}")
+        if part == "null":
+            print(f"  located somewhere: {sum(row['located'] for row in mine if 'located' in row)}")
+        print(f"  seconds: median {np.median([row['seconds'] for row in mine if 'seconds' in row]):.1f}")
+    inside = [
+        low <= truth <= high
+        for row in found
+        if row["part"] == "single"
+        for name, estimates in row.get("parameters", {}).items()
+        if name in row["effects"] and name not in ("mains_hum", "baseline_drift")
+        for truth, _, low, high in estimates.values()
+        if truth
+    ]
+    if inside:
+        print(f"\n90 % intervals: {np.mean(inside):.1%} of {len(inside)} hold the truth")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", default=["null", "single", "pairs", "withheld"])
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    parts = [part for part in given.parts if part != "summary"]
+    try:
+        if parts:
+            run(parts, given.seeds, given.workers)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    summary()
+
+
+if __name__ == "__main__":
+    main()
