@@ -130,9 +130,9 @@ def record_planted(
     first: dict[str, str] = {}
     for line, shot in zip(chosen, shots, strict=True):
         name = f"r{shot.order:03d}"
-        noise = np.asarray(sigma[shot.channel] * rng.standard_normal(shot.samples), dtype=np.float64)
+        noise: Real = np.asarray(sigma[shot.channel] * rng.standard_normal(shot.samples), dtype=np.float64)
         for effect, values in effects:
-            noise = noise + sigma[shot.channel] * _by_chance(effect, values, shot, rng)
+            noise = np.asarray(noise + sigma[shot.channel] * _by_chance(effect, values, shot, rng), dtype=np.float64)
         monitor = None
         if monitored:
             monitor = shot.sampled(plant.at_ceramic_V(shot)) + 0.05 * rng.standard_normal(shot.samples)

@@ -78,10 +78,11 @@ def by_chance(
         lines = _lines_Hz(mine, left)
         for o in mine:
             o.shot.kept["lines_Hz"] = lines
-        before = _noise_alone(mine, left, noise)
+        alone = noise_seen(mine, left, dict(noise.models))  # from these recordings, as it will be with the effect
+        before = _noise_alone(mine, left, alone)
         for effect in effects:
-            best = _best(effect, mine, left, noise, before)
-            if best is not None and best.gain > _least_gain(effect, mine) and _at_rest(best, mine, left, noise):
+            best = _best(effect, mine, left, alone, before)
+            if best is not None and best.gain > _least_gain(effect, mine) and _at_rest(best, mine, left, alone):
                 found.append(best)
         for o in mine:
             del o.shot.kept["lines_Hz"]
