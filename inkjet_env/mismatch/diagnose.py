@@ -261,7 +261,7 @@ class _Work:
             modelled = joint.modelled(chosen.fit)
             left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
             left = self.less_chance(joint.observed, left, standing)
-            noise = noise_seen(joint.observed, left, dict(joint.noise.models))
+            noise = noise_seen(joint.observed, left, {})
             base = in_convention(joint.base.head)
             joint = JointFit(joint.observed, noise, base, joint.standing)
             near = joint.near(in_convention(chosen.fit.head))
@@ -281,7 +281,8 @@ class _Work:
     def quieter(new: JointFit, old: JointFit) -> bool:
         """Whether the noise of any channel turned out much less."""
         return any(
-            new.noise.models[key].rms < 0.7 * old.noise.models[key].rms for key in {o.noise_key for o in new.observed}
+            new.noise.models[key].rms < 0.7 * old.noise.models[key].rms
+            for key in {o.noise_key for o in new.observed if new.noise.known(o)}
         )
 
     def verdict(
@@ -295,7 +296,7 @@ class _Work:
     ) -> Diagnosis:
         """Put everything together."""
         base = base_hypothesis(joint)
-        traces = _traces(joint, chosen)
+        traces = _traces(joint, chosen, flexible)
         closure = _closure(traces)
         share = _share_left(base, chosen, flexible)
         groups = [(name, *others) for name, others in selection.alternatives.items() if others]
@@ -396,7 +397,9 @@ def _gains_and_offsets(observed: Sequence[Observed], printhead: Printhead) -> tu
     return gains, offsets
 
 
-def _traces(joint: JointFit, chosen: Hypothesis) -> tuple[Trace, ...]:
+def _traces(joint: JointFit, chosen: Hypothesis, flexible: Flexible) -> tuple[Trace, ...]:
+    # Where nothing tells the noise, it is at most what the flexible model leaves of what is left.
+    most = math.sqrt(1 - min(max(flexible.share, 0.0), 1.0))
     base, augmented = joint.modelled(joint.base), joint.modelled(chosen.fit)
     return tuple(
         Trace(
@@ -410,7 +413,7 @@ def _traces(joint: JointFit, chosen: Hypothesis) -> tuple[Trace, ...]:
             base[o.name],
             augmented[o.name],
             o.fitted,
-            joint.noise.models[o.noise_key].rms,
+            joint.noise.models[o.noise_key].rms * (1.0 if joint.noise.known(o) else most),
         )
         for o in joint.observed
         if o.channel != "drive_monitor"

@@ -25,8 +25,10 @@ CONDITIONS_GAIN = 0.5
 """Share of the conditions an effect touches that must be foretold better."""
 TOUCHED = 2.0
 """Standard deviations by which an effect changes a condition that it touches."""
-LEAST_OF_LEFTOVER = 0.5
-"""Share of what is left beyond noise that a further effect must explain."""
+LEAST_OF_LEFTOVER, LEAST_IF_LARGE = 0.5, 0.25
+"""Share of what is left beyond noise that a further effect must explain; less where that is much of the mismatch."""
+LARGE_SHARE = 0.02
+"""Share of the whole mismatch that is much."""
 LEAST_LOOK = 0.5
 """Share of the best score that makes a further effect worth a fit."""
 LEAST_SHARE = 1e-3
@@ -126,7 +128,10 @@ def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
         return True
     explained = 2 * (without.fit.nll - with_it.fit.nll)
     left = without.excess if noise_known(without) else 2 * without.fit.nll
-    return explained >= max(LEAST_OF_LEFTOVER * left, LEAST_SHARE * 2 * with_it.gain)
+    mismatch = 2 * with_it.gain
+    if explained >= LARGE_SHARE * mismatch and explained >= LEAST_IF_LARGE * left:
+        return True
+    return explained >= max(LEAST_OF_LEFTOVER * left, LEAST_SHARE * mismatch)
 
 
 def noise_known(hypothesis: Hypothesis) -> bool:
