@@ -111,6 +111,7 @@ def outcome(case: Case) -> dict[str, Any]:
         "found": [e.effect.id for e in found.effects],
         "candidates": [list(group) for group in found.candidates],
         "closure": None if np.isnan(found.closure) else found.closure,
+        "left_over": found.left_over,
         "located": bool(found.location.recordings),
         "seconds": found.seconds,
         "stages": dict(found.stages),

@@ -164,7 +164,7 @@ def _by_chance(effect: Effect, values: Mapping[str, float], shot: Shot, rng: np.
         return np.zeros(shot.samples)
     amplitudes = rng.standard_normal(columns.shape[1])
     if effect.id == "mains_hum":  # one loudness, any phase
-        amplitudes /= np.linalg.norm(amplitudes)
+        amplitudes = amplitudes / np.float64(np.linalg.norm(amplitudes))
     drawn: Real = values["amplitude"] * (columns @ amplitudes)
     return drawn
 

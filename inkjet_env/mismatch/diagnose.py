@@ -34,7 +34,7 @@ Real = NDArray[np.float64]
 DEGREE = 9
 """Of the branch law at least: what the base model could say, it shall say, before anything else is blamed."""
 QUANTILE_90 = 1.6448536269514722
-LEFT_OVER = 0.1
+LEFT_OVER = 0.05
 """Share of the mismatch from which on what is left unexplained makes a verdict unknown."""
 SURE = 5.0
 """Standard deviations by which what is left must exceed the noise to count."""
@@ -339,7 +339,7 @@ class _Work:
         headline = _headline(verdict, sentences, closure, location.sentence, groups, share)
         return Diagnosis(
             self.campaign.name, verdict, headline, tuple(named) if verdict != "unknown" else (), tuple(groups),
-            location, traces, closure, compared, untestable, following, correction, head.printhead, head.gains,
+            location, traces, closure, share, compared, untestable, following, correction, head.printhead, head.gains,
             {c: o for c, o in head.offsets.items() if c != "drive_monitor"}, joint.base.head.printhead,
             tuple(self.notes), time.perf_counter() - self.started, self.stages,
         )  # fmt: skip

@@ -185,6 +185,8 @@ class Diagnosis:
     closure : float
         Share of the base model's held-out mean square beyond noise that the augmented model removes; NaN where there
         is none to remove.
+    left_over : float
+        Share of the mismatch in the fitted recordings that is surely left beyond noise; 0 where none surely is.
     attributions : tuple of Attribution
         Best first.
     untestable : dict of str to str
@@ -210,6 +212,7 @@ class Diagnosis:
     location: Location
     traces: tuple[Trace, ...]
     closure: float
+    left_over: float
     attributions: tuple[Attribution, ...]
     untestable: Mapping[str, str]
     next_experiment: NextExperiment | None
@@ -281,6 +284,7 @@ class Diagnosis:
                 "base_heldout_rms_V": _finite(self.heldout_rms("base")),
                 "augmented_heldout_rms_V": _finite(self.heldout_rms("augmented")),
                 "closure": _finite(self.closure),
+                "left_over": self.left_over,
                 "heldout": [t.name for t in self.traces if t.held_out],
             },
             "next_experiment": None

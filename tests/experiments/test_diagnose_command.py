@@ -72,6 +72,7 @@ def found(campaign):
         location=Location(sentence="On the edges."),
         traces=tuple(traces),
         closure=0.93,
+        left_over=0.0,
         attributions=(),
         untestable={},
         next_experiment=NextExperiment(

@@ -94,6 +94,7 @@ def named():
         ),
         traces=tuple(traces),
         closure=0.9712,
+        left_over=0.0,
         attributions=(
             Attribution(("feedthrough",), 5312.4, 1711.0, 160.0, 1.0, 1.0, effect.told(VALUES)),
             Attribution(("sensor_bandwidth",), 612.0, 90.0, 130.0, 0.11, 0.21, "The sensor passes up to 900 kHz."),
