@@ -6,7 +6,7 @@ ARGS ?=
 PY := .venv/bin/python
 READY := .venv/.ready
 
-.PHONY: help setup bench test check format figures speed accuracy identification lock clean
+.PHONY: help setup bench test check format figures speed accuracy identification diagnosis lock clean
 
 help:                ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -21,6 +21,7 @@ $(READY): requirements.lock pyproject.toml
 	$(PY) -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	$(PY) -c 'from inkjet_env.envs.task import warm_up; warm_up()'
 	$(PY) -c 'from inkjet_env.identification.basis import warm_up; warm_up()'
+	$(PY) -m inkjet_env.plant.warm_up
 	@touch $@
 
 bench: $(READY)      ## compare the optimisers (ARGS="--repeats 30 …"); resumes; writes results/bench/report.html
@@ -51,6 +52,9 @@ accuracy: $(READY)   ## the closed form against an 80-digit reference
 
 identification: $(READY)  ## errors, coverage, peers: how well identification does (ARGS="all FOLDER" with measured data)
 	$(PY) -m experiments.identification_study $(ARGS)
+
+diagnosis: $(READY)  ## nothing, each effect, pairs, effects withheld: how well the diagnosis does (ARGS="null --seeds 3")
+	$(PY) -m experiments.diagnosis_study $(ARGS)
 
 lock: $(READY)       ## write requirements.lock from what .venv holds
 	{ echo "# The environment the tests pass in. Made by \`make lock\`; pyproject.toml says what is asked for and why."; \

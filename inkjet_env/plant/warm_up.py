@@ -1,0 +1,35 @@
+"""Compile what the plant uses, or load it from the cache, before anybody waits for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from inkjet_env.plant.effects import catalogue
+from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.stages import Plant
+from inkjet_env.printhead import Printhead
+
+
+def warm_up() -> None:
+    """Simulate a short pulse with every effect of the catalogue."""
+    printhead = Printhead.published()
+    drive_V = np.interp(np.arange(64), [0, 10, 20, 30, 40, 63], [0.0, 0.0, 50.0, 50.0, 0.0, 0.0])
+    shots = [
+        Shot(channel, state, step_s, drive_V, order, drive_V[::-1].copy())
+        for order, (channel, state, step_s) in enumerate(
+            [
+                ("self_sensing", "periodic", 2e-7),
+                ("self_sensing", "demagnetised", 2e-7),
+                ("strain_gauge", "free", 0.01),
+            ],
+            start=2,
+        )
+    ]
+    for effect in catalogue():
+        for values in effect.starts(printhead, shots)[:1]:
+            for shot in shots:
+                Plant(printhead, effects=((effect, values),)).signal(shot)
+
+
+if __name__ == "__main__":
+    warm_up()
