@@ -1,0 +1,59 @@
+"""Small campaigns of known truth: short recordings of a few lines of the battery."""
+
+from dataclasses import replace
+
+import pytest
+
+from experiments.planted import record_planted
+from inkjet_env.identification.convention import in_convention
+from inkjet_env.mismatch.joint_fit import Head, JointFit
+from inkjet_env.mismatch.observed import Noise, noise_seen, observe
+from inkjet_env.plant import catalogue
+from inkjet_env.printhead import Printhead
+from inkjet_env.rig.battery import default_battery
+
+HEAD = in_convention(Printhead.published().varied(48e3, 0.05, 1.1, 0.8))
+EFFECTS = {effect.id: effect for effect in catalogue()}
+FAST = ("trapezoid-40V", "trapezoid-60V", "trapezoid-100V", "trapezoid-minus100V", "trapezoid-steep",
+        "bipolar-full", "bipolar-uneven", "pulse-pair-0.50T")  # fmt: skip
+TWICE = ("loop-1", "trapezoid-60V", "zero")
+SAMPLES = 400
+SLOW_SAMPLES_EVERY = 4
+
+
+def _lines(fast=FAST, slow=("loop-1",), twice=TWICE):
+    """Lines of the battery, cut short: the fast ones are fired again before they have decayed."""
+    chosen = []
+    for line in default_battery(HEAD.frequency_Hz):
+        if line.channel == "strain_gauge" and line.label in slow:
+            drive_V, step_s = line.drive_V[::SLOW_SAMPLES_EVERY], SLOW_SAMPLES_EVERY * line.step_s
+            chosen.append(replace(line, drive_V=drive_V, step_s=step_s))
+        elif line.channel == "self_sensing" and line.label in (*fast, "zero"):
+            chosen.append(replace(line, drive_V=line.drive_V[:SAMPLES]))
+    return chosen + [line for line in chosen if line.label in twice]
+
+
+def _recorded(on=(), seed=3, snr_dB=50.0, monitored=False, **lines):
+    """A campaign with effects on: (id, values) pairs."""
+    effects = [(EFFECTS[name], values) for name, values in on]
+    return record_planted(HEAD, effects, seed, snr_dB, monitored, _lines(**lines))
+
+
+def _true_head(campaign):
+    """The head that recorded a campaign, as the base model's."""
+    offsets = {"strain_gauge": 0.05, "self_sensing": -0.1}
+    gains = {"strain_gauge": 0.02, "self_sensing": HEAD.b1}
+    present = {r.channel for r in campaign.recordings}
+    return Head(HEAD, *({c: v for c, v in of.items() if c in present} for of in (gains, offsets)))
+
+
+def _fitted(campaign, held_out=None, standing=()):
+    """The base model, begun at the true head, on a campaign with its own noise."""
+    observed, head = observe(campaign, held_out), _true_head(campaign)
+    left = {o.name: o.measured - head.plant().signal(o.shot) for o in observed}
+    return JointFit(observed, noise_seen(observed, left, {}), head, standing)
+
+
+@pytest.fixture(scope="session")
+def head():
+    return HEAD
