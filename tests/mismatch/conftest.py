@@ -1,13 +1,14 @@
 """Small campaigns of known truth: short recordings of a few lines of the battery."""
 
+import functools
 from dataclasses import replace
 
 import pytest
 
-from experiments.planted import record_planted
+from experiments.planted import planted, record_planted
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch.joint_fit import Head, JointFit
-from inkjet_env.mismatch.observed import Noise, noise_seen, observe
+from inkjet_env.mismatch.observed import noise_seen, observe
 from inkjet_env.plant import catalogue
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig.battery import default_battery
@@ -33,9 +34,15 @@ def _lines(fast=FAST, slow=("loop-1",), twice=TWICE):
     return chosen + [line for line in chosen if line.label in twice]
 
 
-def _recorded(on=(), seed=3, snr_dB=50.0, monitored=False, **lines):
-    """A campaign with effects on: (id, values) pairs."""
-    effects = [(EFFECTS[name], values) for name, values in on]
+def _values(name, strength=1.0):
+    """What is planted of an effect."""
+    return planted(EFFECTS[name], strength, HEAD)
+
+
+@functools.cache
+def _recorded(*names, strength=1.0, seed=3, snr_dB=50.0, monitored=False, **lines):
+    """A campaign with these effects on."""
+    effects = [(EFFECTS[name], _values(name, strength)) for name in names]
     return record_planted(HEAD, effects, seed, snr_dB, monitored, _lines(**lines))
 
 
@@ -57,3 +64,30 @@ def _fitted(campaign, held_out=None, standing=()):
 @pytest.fixture(scope="session")
 def head():
     return HEAD
+
+
+@pytest.fixture(scope="session")
+def effects():
+    """The catalogue by id."""
+    return EFFECTS
+
+
+@pytest.fixture(scope="session")
+def recorded():
+    """A function: a campaign with effects on, each campaign recorded once."""
+    return _recorded
+
+
+@pytest.fixture(scope="session")
+def values():
+    return _values
+
+
+@pytest.fixture(scope="session")
+def true_head():
+    return _true_head
+
+
+@pytest.fixture(scope="session")
+def fitted():
+    return _fitted
