@@ -1,0 +1,264 @@
+"""Base model and effects fitted together, held against the plant, an identification and the truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from inkjet_env.identification import identify
+from inkjet_env.mismatch.joint_fit import Head, JointFit
+from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe
+from inkjet_env.plant import Plant, Shot
+from inkjet_env.plant.effect import coordinates
+from inkjet_env.printhead import Printhead
+
+CHANNELS = ("strain_gauge", "self_sensing", "displacement", "drive_monitor")
+
+
+@pytest.fixture(scope="module")
+def plain(recorded, fitted):
+    return fitted(recorded())
+
+
+@pytest.fixture
+def four_channels(head):
+    gains = {"strain_gauge": 0.02, "self_sensing": head.b1, "displacement": 3e-3}
+    return Head(head, gains, {"strain_gauge": 0.05, "self_sensing": -0.1, "displacement": 0.3, "drive_monitor": 0.0})
+
+
+def pulse(channel, state="periodic"):
+    drive_V = np.interp(np.arange(300.0), [0, 10, 25, 60, 75, 100, 110], [0, 0, 80, 80, -50, -50, 0])
+    shot = Shot(channel, state, 2e-7, drive_V)
+    return Observed(channel, channel, "V", 0, shot, np.zeros(300), 300)
+
+
+@pytest.mark.parametrize("state", ["periodic", "demagnetised"])
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_sensitivities_are_derivatives_of_the_plants_signal(channel, state, four_channels):
+    o = pulse(channel, state)
+    found = four_channels.sensitivities(o)
+    assert found.shape == (300, four_channels.size)
+    for k in range(four_channels.size):
+        step = np.zeros(four_channels.size)
+        step[k] = 1e-4
+        ends = [four_channels.moved(sign * step).plant().signal(o.shot) for sign in (1, -1)]
+        expected = (ends[0] - ends[1]) / 2e-4
+        np.testing.assert_allclose(found[:, k], expected, atol=1e-6 * (np.abs(expected).max() + 1e-9))
+
+
+def test_one_gain_is_held_because_the_law_carries_its_scale(four_channels):
+    assert four_channels.reference == "strain_gauge"
+    assert four_channels.free_gains == ("self_sensing", "displacement")
+    still = four_channels.moved(np.zeros(four_channels.size))
+    assert still.gains == four_channels.gains
+    assert still.offsets == four_channels.offsets
+    assert still.printhead == four_channels.printhead
+    step = np.zeros(four_channels.size)
+    step[four_channels.degree + 2] = 0.01
+    moved = four_channels.moved(step)
+    assert moved.gains["self_sensing"] == moved.printhead.b1 == pytest.approx(1.01 * four_channels.printhead.b1)
+    fast_only = Head(four_channels.printhead, {"self_sensing": 1.0, "displacement": 1.0}, {"self_sensing": 0.0})
+    assert fast_only.reference == "self_sensing"
+
+
+def test_the_base_fit_leaves_what_an_identification_leaves(recorded):
+    campaign = recorded()
+    found = identify(campaign, degree=9)
+    head = Head(found.printhead, {c: g.value for c, g in found.gains.items()}, found.offsets)
+    observed = observe(campaign)
+    joint = JointFit(observed, Noise(found.noise, dict.fromkeys(found.noise, 1)), head)
+    modelled = joint.modelled(joint.base)
+    for residual, o in zip(found.residuals, observed, strict=True):
+        assert residual.name == o.name
+        assert residual.fitted == o.fitted
+        apart = modelled[o.name] - residual.modelled
+        assert np.sqrt(np.mean(apart**2)) < 0.03 * residual.noise_rms  # nodes between samples against exact solutions
+
+
+def test_noise_alone_leaves_as_much_as_noise_less_the_parameters(plain):
+    rows = int(plain.ends[-1])
+    expected = rows - plain.basis[0].shape[1]
+    assert 2 * plain.base.nll == pytest.approx(expected, abs=5 * np.sqrt(2 * rows))
+    left = np.concatenate([plain.base.left[o.name][: o.fitted] for o in plain.seen])
+    assert 0.5 * left @ left == pytest.approx(plain.base.nll)
+    assert np.linalg.norm(plain.basis[0].T @ left) < 0.05  # nothing the base could still say, in standard deviations
+
+
+def errors_of(joint, fit):
+    """Standard errors of the point, base parameters adapting."""
+    q, _ = joint.near(fit.head).basis
+    own = fit.slopes - q @ (q.T @ fit.slopes)
+    return np.sqrt(np.diag(np.linalg.inv(own.T @ own)))
+
+
+@pytest.mark.parametrize("name", ["feedthrough", "cubic_stiffness", "sensor_bandwidth", "rate_dependent_hysteresis"])
+def test_a_planted_effect_is_recovered_to_its_standard_errors(name, recorded, fitted, effects, values):
+    effect = effects[name]
+    joint = fitted(recorded(name, strength=0.35))
+    truth = coordinates(effect, values(name, 0.35))
+    begin = next(iter(effect.starts(joint.base.head.printhead, [o.shot for o in joint.seen])))
+    fit = joint.fit([effect], coordinates(effect, begin))
+    fit = joint.near(fit.head).fit([effect], fit.point, fit.head)
+    assert fit.converged
+    assert fit.nll < joint.base.nll - 10
+    told = [i for i, p in enumerate(effect.parameters) if p.name in effect.strengths]
+    apart = (fit.point - truth) / errors_of(joint, fit)
+    assert np.abs(apart[told]).max() < 4
+    rows = int(joint.ends[-1])
+    assert 2 * fit.nll == pytest.approx(rows, abs=5 * np.sqrt(2 * rows))
+
+
+def test_errors_of_a_strength_are_as_large_as_told(recorded, fitted, effects, values, true_head):
+    """Over campaigns that differ by their noise alone."""
+    effect, campaign = effects["feedthrough"], recorded("feedthrough")
+    truth = values("feedthrough")
+    plant = true_head(campaign).plant([(effect, truth)])
+    joint = fitted(campaign)
+    clean = {o.name: plant.signal(o.shot) for o in joint.observed}
+    rng = np.random.default_rng(8)
+    apart = []
+    for _ in range(30):
+        observed = []
+        for o in joint.observed:
+            rms = joint.noise.models[o.noise_key].rms
+            observed.append(replace(o, measured=clean[o.name] + rms * rng.standard_normal(o.shot.samples)))
+        again = JointFit(observed, joint.noise, joint.start)
+        fit = again.fit([effect], coordinates(effect, truth))
+        apart.append((fit.point - coordinates(effect, truth)) / errors_of(again, fit))
+    size = np.sqrt(np.mean(np.array(apart) ** 2, axis=0))
+    assert np.all((size > 0.65) & (size < 1.4))
+    assert np.all(np.abs(np.mean(apart, axis=0)) < 4 / np.sqrt(30))
+
+
+def test_slopes_are_derivatives_of_what_is_compared(recorded, fitted, effects, values):
+    effect = effects["second_mode"]
+    joint = fitted(recorded("second_mode"))
+    point = coordinates(effect, values("second_mode"))
+    low, high = joint.limits([effect])
+    slopes = joint.slopes(joint.start, (effect,), point, {}, low, high)
+    for k, size in enumerate((1e-3, 1e-3, 1e-4)):
+        ends = []
+        for sign in (1, -1):
+            there = point.copy()
+            there[k] += sign * size
+            of = {p.name: p.value(z) for p, z in zip(effect.parameters, there, strict=True)}
+            signals = joint.signals(joint.start, [(effect, of)], {}, joint.seen)
+            ends.append(joint.stacked(signals))
+        expected = (ends[0] - ends[1]) / (2 * size)
+        assert np.linalg.norm(slopes[:, k] - expected) < 2e-3 * np.linalg.norm(expected)
+
+
+def test_a_fit_stays_within_its_bounds(recorded, fitted, effects, values):
+    effect = effects["second_mode"]
+    joint = fitted(recorded("second_mode"))
+    low, high = joint.limits([effect])
+    fit = joint.fit([effect], np.array([1e3, 1e3, -1e3]), most_steps=3)
+    assert np.all((low <= fit.point) & (fit.point <= high))
+
+
+def test_what_was_held_out_tells_a_fit_nothing(recorded, fitted, effects, values):
+    campaign, effect = recorded("feedthrough"), effects["feedthrough"]
+    joint = fitted(campaign)
+    rng = np.random.default_rng(9)
+    changed = tuple(
+        replace(o, measured=o.measured + 10 * rng.standard_normal(o.shot.samples)) if not o.fitted else o
+        for o in joint.observed
+    )
+    assert any(not o.fitted for o in changed)
+    point = coordinates(effect, values("feedthrough"))
+    one, other = (
+        JointFit(observed, joint.noise, joint.start).fit([effect], point) for observed in (joint.observed, changed)
+    )
+    np.testing.assert_array_equal(one.point, other.point)
+    assert one.nll == other.nll
+    for o in changed:
+        same = np.array_equal(one.left[o.name], other.left[o.name])
+        assert same == bool(o.fitted)
+
+
+def ringing_on(head, states, seed=1):
+    """Recordings that begin while the head still rings, by the plant; and one at rest."""
+    rng, recordings = np.random.default_rng(seed), []
+    plant = Plant(head, {}, {"self_sensing": 0.2})
+    drive_V = np.interp(np.arange(500.0), [0, 100, 115, 150, 165], [0, 0, 60, 60, 0])
+    for k, start in enumerate((*states, None), start=1):
+        state = "demagnetised" if start is None else "free"
+        volts = np.zeros(500) if start is None else (0.4 + 0.3 * k) * drive_V
+        shot = Shot("self_sensing", state, 2e-7, volts, k, None, 16, start or (0.0, 0.0))
+        measured = plant.signal(shot) + 0.02 * rng.standard_normal(500)
+        recordings.append(Observed(f"r{k}", "self_sensing", "V", k, replace(shot, parts=2, start=(0.0, 0.0), kept={}),
+                                   measured, 0 if k == 2 else 500))  # fmt: skip
+    noise = noise_seen(recordings, {o.name: o.measured for o in recordings}, {})
+    return JointFit(recordings, noise, Head(head, {"self_sensing": head.b1}, {"self_sensing": 0.0}))
+
+
+def test_unknown_initial_states_are_found_held_out_ones_too(head):
+    states = ((8.0, -3.0), (0.0, 12.0), (-5.0, 0.5))
+    joint = ringing_on(head, states)
+    assert joint.base.states.keys() == {"r1", "r2", "r3"}
+    for name, truth in zip(joint.base.states, states, strict=True):
+        assert joint.base.states[name] == pytest.approx(truth, abs=0.15)
+    rows = int(joint.ends[-1])
+    assert 2 * joint.base.nll == pytest.approx(rows, abs=6 * np.sqrt(2 * rows))
+    held_out = joint.base.left["r2"]
+    assert np.std(held_out) < 1.3
+
+
+def test_a_state_said_to_be_at_rest_is_not_fitted(head):
+    joint = ringing_on(head, ((8.0, -3.0), (0.0, 12.0)))
+    at_rest = [replace(o, shot=replace(o.shot, initial_state="demagnetised", kept={})) for o in joint.observed]
+    wrong = JointFit(at_rest, joint.noise, joint.start)
+    assert wrong.base.states == {}
+    assert wrong.base.nll > 10 * joint.base.nll
+
+
+@pytest.mark.parametrize("name", ["baseline_drift", "mains_hum"])
+def test_what_a_standing_effect_can_explain_changes_no_fit(name, recorded, fitted, effects, values):
+    """However much of it is in each recording."""
+    effect, told = effects[name], values(name)
+    joint = fitted(recorded(), standing=[(effect, told)])
+    rng = np.random.default_rng(4)
+    changed = []
+    for o in joint.observed:
+        columns = effect.nuisances(told, o.shot)
+        more = 0.0 if columns is None else columns @ (3 * rng.standard_normal(columns.shape[1]))
+        changed.append(replace(o, measured=o.measured + more))
+    other = JointFit(changed, joint.noise, joint.start, joint.standing)
+    assert other.base.nll == pytest.approx(joint.base.nll, rel=1e-6)
+    assert other.base.head.printhead.a0 == pytest.approx(joint.base.head.printhead.a0, rel=1e-6)
+    bare = JointFit(changed, joint.noise, joint.start)
+    assert bare.base.nll > 3 * other.base.nll
+    for o in changed:  # and its own share of each recording is in what is modelled
+        left = joint.noise.whitened(o, o.measured - other.modelled(other.base)[o.name])
+        assert np.sqrt(np.mean(left**2)) < 1.6
+
+
+@pytest.mark.parametrize("name", ["cubic_stiffness", "sensor_bandwidth"])
+def test_the_numerical_error_falls_with_the_nodes(name, recorded, fitted, effects, values):
+    effect, told = effects[name], values(name)
+    joint = fitted(recorded(name))
+    errors = []
+    for parts in (2, 4, 8):
+        fine = JointFit(finer(joint.observed, parts), joint.noise, joint.start, base=joint.base)
+        fit = replace(joint.base, effects=(effect,), point=coordinates(effect, told))
+        errors.append(fine.numerical_error(fit))
+    assert errors[0] > 3 * errors[1] > 9 * errors[2] > 0
+
+
+def test_a_signature_is_what_switching_the_effect_on_changes(plain, effects, values):
+    effect, told = effects["feedthrough"], values("feedthrough")
+    found = plain.signature(effect, told)
+    on, off = (plain.base.head.plant(e) for e in ([(effect, told)], []))
+    expected = plain.stacked({o.name: on.signal(o.shot) - off.signal(o.shot) for o in plain.seen})
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    doubled = {name: 2 * value for name, value in told.items()}
+    np.testing.assert_allclose(plain.signature(effect, doubled), 2 * found, atol=1e-9 * np.abs(found).max())
+
+
+def test_a_head_of_another_frequency_is_found_from_a_start_that_is_off(recorded, fitted, true_head):
+    campaign = recorded()
+    joint, truth = fitted(campaign), true_head(campaign)
+    off = replace(truth, printhead=Printhead(1.02 * truth.printhead.a0, 1.2 * truth.printhead.a1, truth.printhead.b1,
+                                             truth.printhead.coefficients, truth.printhead.full_scale_V))  # fmt: skip
+    other = JointFit(joint.observed, joint.noise, off)
+    assert other.base.nll == pytest.approx(joint.base.nll, rel=1e-4)
