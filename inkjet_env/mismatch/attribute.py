@@ -19,7 +19,9 @@ from inkjet_env.plant import Effect
 Real = NDArray[np.float64]
 
 STARTS = 3
-"""Of each effect, fitted with a few steps each; the best goes on."""
+"""Of each effect whose score is fair, fitted with a few steps each; the best goes on. Of the others one."""
+WORTH_STARTS = 0.2
+"""Share of the best effect's score that is fair."""
 FIRST_STEPS = 6
 AT_BOUND = 1e-3
 """Share of a coordinate's range."""
@@ -132,11 +134,13 @@ def attribute(
         point = np.concatenate([given.point, point_of([effect], [start])])
         return _tried(joint, (*given.effects, effect), point, given, FIRST_STEPS)
 
+    best_score = found.best(beside.left)
+    worth = WORTH_STARTS * max(best_score.values(), default=0.0)
     tasks = [
         (effect, start)
         for effect in effects
-        if effect.id not in given.ids
-        for _, start in found.ranked(effect, beside.left)[:STARTS]
+        if effect.id in best_score and effect.id not in given.ids
+        for _, start in found.ranked(effect, beside.left)[: STARTS if best_score[effect.id] >= worth else 1]
     ]
     best: dict[str, Fit] = {}
     for k, ((effect, _), fit) in enumerate(zip(tasks, crew.map(few_steps, tasks), strict=True)):

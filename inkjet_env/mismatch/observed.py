@@ -17,6 +17,8 @@ Real = NDArray[np.float64]
 
 REPEATS_DIFFER = 1.5
 """Repeats whose deviations have so many times the variance of recordings at rest differ by more than noise."""
+SLIGHT = 0.1
+"""Power of 1/f noise at a recording's lowest line, over that of white noise, which is not worth a filter."""
 SHORTEST_REST = 100
 """Samples before the drive from which its noise may be seen."""
 
@@ -206,7 +208,8 @@ def noise_seen(
     for channel, stretches in whitened.items():
         colour = colour_of(stretches, exponents=(1,))  # what wanders is for the diagnosis to find
         for key in models:
-            if key[0] == channel:
+            longest = max(o.shot.samples for o in observed if o.channel == channel)
+            if key[0] == channel and colour[1] * longest > SLIGHT * colour[0]:
                 models[key] = replace(models[key], colour=colour)
     for key in {o.noise_key for o in observed} - set(models):
         known = [other for channel, other in models if channel == key[0] and samples[channel, other]]
