@@ -1,0 +1,190 @@
+"""What each effect would add: scores under noise, their chance, and starts ranked by them."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from inkjet_env.mismatch.crew import Crew
+from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.signatures import Signatures, point_of, signatures
+from inkjet_env.plant.effect import coordinates
+
+LOOKED_FOR = ("feedthrough", "cubic_stiffness", "second_mode", "sensor_bandwidth")
+
+
+@pytest.fixture(scope="module")
+def plain(recorded, fitted):
+    return fitted(recorded())
+
+
+@pytest.fixture(scope="module")
+def found(plain, effects):
+    return signatures(plain, [effects[name] for name in LOOKED_FOR], Crew(1))
+
+
+def left_of(joint):
+    return np.concatenate([joint.base.left[o.name][: o.fitted] for o in joint.seen])
+
+
+def redrawn(joint, rng):
+    """The same recordings with other noise, refitted."""
+    clean = {o.name: joint.start.plant().signal(o.shot) for o in joint.observed}
+    observed = []
+    for o in joint.observed:
+        rms = joint.noise.models[o.noise_key].rms
+        observed.append(replace(o, measured=clean[o.name] + rms * rng.standard_normal(o.shot.samples)))
+    return JointFit(observed, joint.noise, joint.start)
+
+
+def test_every_start_has_a_unit_column_that_the_base_cannot_say(plain, found, effects):
+    shots = [o.shot for o in plain.seen]
+    starts = [s for name in LOOKED_FOR for s in effects[name].starts(plain.base.head.printhead, shots)]
+    assert list(found.starts) == starts
+    np.testing.assert_allclose(np.linalg.norm(found.columns, axis=0), 1.0)
+    assert np.abs(plain.basis[0].T @ found.columns).max() < 1e-9
+    for k in (0, 3):
+        whole = plain.signature(found.effects[k], found.starts[k])
+        q, _ = plain.basis
+        np.testing.assert_allclose(found.columns[:, k] * found.sizes[k], whole - q @ (q.T @ whole), atol=1e-9)
+
+
+def test_scores_are_standard_normal_where_the_base_model_is_right(plain, found):
+    """Over campaigns with other noise, each refitted."""
+    rng = np.random.default_rng(11)
+    scores = np.array([found.scores(left_of(redrawn(plain, rng))) for _ in range(40)])
+    size = np.std(scores, axis=0)
+    assert np.all(np.abs(scores.mean(axis=0)) < 4.5 / np.sqrt(40))
+    assert np.all((size > 0.6) & (size < 1.5))
+    assert np.sqrt(np.mean(scores**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def made_up(columns, sizes=None):
+    columns = columns / np.linalg.norm(columns, axis=0)
+    k = columns.shape[1]
+    return Signatures((None,) * k, ({},) * k, columns, np.ones(k) if sizes is None else sizes)
+
+
+@pytest.mark.parametrize("kind", ["apart", "alike", "few"])
+def test_the_chance_of_a_score_is_how_often_noise_gives_it(kind):
+    rng = np.random.default_rng(12)
+    columns = {
+        "apart": rng.standard_normal((300, 30)),
+        "alike": rng.standard_normal((300, 1)) + 0.1 * rng.standard_normal((300, 30)),
+        "few": rng.standard_normal((300, 1)),
+    }[kind]
+    table = made_up(columns)
+    largest = np.array([np.abs(table.scores(rng.standard_normal(300))).max() for _ in range(8000)])
+    for share in (0.5, 0.2, 0.05, 0.02):
+        score = float(np.quantile(largest, 1 - share))
+        error = math.sqrt(share / 2000 + share / 8000)
+        assert table.chance(score, np.random.default_rng(1)) == pytest.approx(share, abs=4.5 * error)
+
+
+def test_in_the_tail_the_chance_is_bonferronis_and_falls_with_the_score():
+    rng = np.random.default_rng(13)
+    table = made_up(rng.standard_normal((500, 12)))
+    chances = [table.chance(score, np.random.default_rng(1)) for score in (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 30.0)]
+    assert chances[0] == 1.0
+    assert all(a >= b for a, b in itertools.pairwise(chances))
+    assert chances[5] == pytest.approx(12 * math.erfc(5 / math.sqrt(2)))
+    assert 0 < chances[6] < 1e-13
+    assert table.chance(-5.0, np.random.default_rng(1)) == chances[5]
+
+
+def test_nothing_to_look_for_is_found_by_chance_always():
+    empty = Signatures((), (), np.zeros((10, 0)), np.zeros(0))
+    assert empty.chance(99.0, np.random.default_rng(1)) == 1.0
+    assert empty.best(np.ones(10)) == {}
+
+
+def test_beside_more_columns_only_what_they_cannot_say_is_left():
+    rng = np.random.default_rng(14)
+    q, _ = np.linalg.qr(rng.standard_normal((200, 5)))
+    mixed = np.column_stack([q[:, 0], q[:, 0] + 1e-6 * q[:, 1], 3 * q[:, 2] + 4 * q[:, 3]])
+    table = replace(made_up(mixed, np.array([1.0, 2.0, 10.0])), starts=({"a": 0}, {"a": 1}, {"a": 2}))
+    beside = table.beside(q[:, [0, 2]])
+    assert beside.starts == ({"a": 2},)  # the other two are the base's own, or too nearly
+    assert beside.sizes == pytest.approx([8.0])
+    assert abs(beside.columns[:, 0] @ q[:, 3]) == pytest.approx(1.0)
+
+
+def test_the_effect_that_is_there_scores_highest(recorded, fitted, effects):
+    joint = fitted(recorded("feedthrough"))
+    table = signatures(joint, [effects[name] for name in LOOKED_FOR], Crew(1))
+    best = table.best(left_of(joint))
+    assert max(best, key=best.get) == "feedthrough"
+    assert best["feedthrough"] > 15
+    assert table.chance(best["feedthrough"], np.random.default_rng(0)) < 1e-40
+
+
+def test_a_start_is_scaled_to_what_the_recordings_show(recorded, fitted, effects, values):
+    joint, effect = fitted(recorded("feedthrough")), effects["feedthrough"]
+    table = signatures(joint, [effect], Crew(1))
+    ranked = table.ranked(effect, left_of(joint))
+    assert len(ranked) == 2
+    assert abs(ranked[0][0]) >= abs(ranked[1][0])
+    score, start = ranked[0]
+    begin = next(s for s in table.starts if (s["lossy"] == 0) == (start["lossy"] == 0))
+    k = table.starts.index(begin)
+    factor = min(max(abs(score / table.sizes[k]), 0.05), 3.0)
+    name = "capacitive_s" if begin["lossy"] == 0 else "lossy"
+    assert abs(start[name]) == pytest.approx(factor * abs(begin[name]))
+    assert np.sign(start[name]) == np.sign(values("feedthrough")[name])
+
+
+def test_a_reciprocal_strength_keeps_its_sign_and_its_bounds(recorded, fitted, effects):
+    joint, effect = fitted(recorded("sensor_bandwidth")), effects["sensor_bandwidth"]
+    table = signatures(joint, [effect], Crew(1))
+    low, high = next((p.low, p.high) for p in effect.parameters if p.name == "bandwidth_Hz")
+    for _, start in table.ranked(effect, -1e6 * left_of(joint)):
+        assert 0 < start["bandwidth_Hz"] <= high
+        assert start["bandwidth_Hz"] >= low
+
+
+def test_an_effect_that_cannot_be_simulated_or_shows_nothing_has_no_signature(plain, effects):
+    class Raises(type(effects["feedthrough"])):
+        id = "raises"
+
+        def sensing(self, values, signal, drive_V, printhead, shot):
+            if values["capacitive_s"]:
+                raise FloatingPointError("grows without bound")
+            return signal
+
+    class Silent(type(effects["feedthrough"])):
+        id = "silent"
+
+        def sensing(self, values, signal, drive_V, printhead, shot):
+            return signal
+
+    class Offset(type(effects["feedthrough"])):
+        id = "offset"  # which the base model fits itself
+
+        def sensing(self, values, signal, drive_V, printhead, shot):
+            return signal + values["lossy"] * (shot.channel == "self_sensing")
+
+    found = signatures(plain, [Raises(), Silent(), Offset(), effects["cubic_stiffness"]], Crew(1))
+    assert {e.id for e in found.effects} <= {"raises", "cubic_stiffness"}
+    assert sum(e.id == "cubic_stiffness" for e in found.effects) == 2
+
+
+def test_what_is_being_looked_for_is_told(plain, effects):
+    told = []
+    signatures(plain, [effects["cubic_stiffness"]], Crew(1), told.append)
+    assert told == ["what cubic_stiffness would add (1 of 2)", "what cubic_stiffness would add (2 of 2)"]
+
+
+def test_two_workers_find_what_one_does(plain, found, effects):
+    again = signatures(plain, [effects[name] for name in LOOKED_FOR], Crew(2))
+    np.testing.assert_array_equal(again.columns, found.columns)
+    assert again.starts == found.starts
+
+
+def test_coordinates_of_several_effects_come_one_after_another(effects, values):
+    two = [effects["second_mode"], effects["feedthrough"]]
+    of = [values(e.id) for e in two]
+    expected = np.concatenate([coordinates(e, v) for e, v in zip(two, of, strict=True)])
+    np.testing.assert_array_equal(point_of(two, of), expected)
+    assert point_of([], []).shape == (0,)
