@@ -1,0 +1,197 @@
+"""Hum and drift told from noise, by the likelihood of what recordings leave."""
+
+import numpy as np
+import pytest
+
+from inkjet_env.identification.noise import NoiseModel
+from inkjet_env.mismatch.chance import by_chance, without
+from inkjet_env.mismatch.observed import Noise, Observed, noise_seen
+from inkjet_env.plant import Shot
+from inkjet_env.rig import StrainGauge
+
+STEP_S = 2e-7
+GAUGE_STEP_S = 0.01
+RMS = 0.02
+PULSE_V = np.interp(np.arange(600.0), [0, 10, 25, 60, 75], [0, 0, 80, 80, 0])
+
+
+def recordings(channel="self_sensing", resting=2, moving=6, step_s=STEP_S, samples=600):
+    """Recordings of one channel; what is left of them is made by each test."""
+    made = []
+    for k in range(resting + moving):
+        drive_V = np.zeros(samples) if k < resting else PULSE_V[:samples] * (0.3 + 0.1 * k)
+        shot = Shot(channel, "periodic", step_s, drive_V, k + 1)
+        condition = 0 if k < resting else k
+        made.append(Observed(f"{channel}-{k}", channel, "V", condition, shot, np.zeros(samples), samples))
+    return made
+
+
+def white(observed, rng, rms=RMS):
+    return {o.name: rms * rng.standard_normal(o.shot.samples) for o in observed}
+
+
+def tone(observed, rng, frequency_Hz, amplitude):
+    """A hum of one loudness, its phase another in every recording."""
+    result = {}
+    for o in observed:
+        angle = 2 * np.pi * (frequency_Hz * o.shot.step_s * np.arange(o.shot.samples) + rng.random())
+        result[o.name] = amplitude * np.cos(angle)
+    return result
+
+
+def drift(observed, rng, size):
+    result = {}
+    for o in observed:
+        at = np.linspace(-1, 1, o.shot.samples)
+        result[o.name] = np.polynomial.polynomial.polyval(at, size * rng.standard_normal(3))
+    return result
+
+
+def together(*parts):
+    return {name: sum(part[name] for part in parts) for name in parts[0]}
+
+
+@pytest.fixture
+def look(effects):
+    """A function: what is found in what is left of some recordings."""
+
+    def found(observed, left, names=("mains_hum", "baseline_drift")):
+        return by_chance(observed, left, noise_seen(observed, left, {}), [effects[name] for name in names])
+
+    return found
+
+
+def test_white_noise_is_neither_hum_nor_drift(look):
+    rng = np.random.default_rng(21)
+    observed = recordings()
+    assert [look(observed, white(observed, rng)) for _ in range(15)] == [[]] * 15
+
+
+def test_the_strain_gauges_own_noise_is_neither_hum_nor_drift(look):
+    """White and 1/f, as the virtual rig has it."""
+    rng = np.random.default_rng(22)
+    observed = recordings("strain_gauge", 2, 4, GAUGE_STEP_S)
+    noise = StrainGauge().noise
+    for _ in range(12):
+        left = {o.name: noise.draw(rng, o.shot.samples, 1 / o.shot.step_s) for o in observed}
+        assert look(observed, left) == []
+
+
+def test_noise_of_a_steep_spectrum_is_neither_hum_nor_drift(look):
+    """Neighbouring samples alike: an amplifier's bandwidth."""
+    rng = np.random.default_rng(23)
+    observed = recordings()
+    for _ in range(10):
+        left = white(observed, rng)
+        for name, signal in left.items():
+            for k in range(1, signal.size):
+                signal[k] += 0.9 * signal[k - 1]
+            left[name] = signal
+        assert look(observed, left) == []
+
+
+def test_an_offset_that_all_recordings_share_is_no_drift(look):
+    observed = recordings()
+    left = white(observed, np.random.default_rng(24))
+    assert look(observed, {name: signal + 5.0 for name, signal in left.items()}) == []
+
+
+@pytest.mark.parametrize("frequency_Hz", [43_210.0, 300_000.0])
+def test_a_hum_is_found_at_its_frequency_and_loudness(frequency_Hz, look):
+    rng = np.random.default_rng(25)
+    observed = recordings()
+    best = look(observed, together(white(observed, rng), tone(observed, rng, frequency_Hz, RMS)))[0]
+    assert best.effect.id == "mains_hum"
+    assert best.channel == "self_sensing"
+    resolution_Hz = 1 / (600 * STEP_S)
+    assert best.values["frequency_Hz"] == pytest.approx(frequency_Hz, abs=0.1 * resolution_Hz)
+    assert best.values["amplitude"] == pytest.approx(RMS, rel=0.2)
+    assert best.gain > 50
+
+
+def test_a_drift_is_found_with_its_size(look):
+    rng = np.random.default_rng(26)
+    observed = recordings()
+    drifted = drift(observed, rng, RMS)
+    best = look(observed, together(white(observed, rng), drifted))[0]
+    assert best.effect.id == "baseline_drift"
+    level = np.mean(np.concatenate(list(drifted.values())))
+    size = np.sqrt(np.mean([np.abs(signal - level).max() ** 2 for signal in drifted.values()]))
+    assert best.values["amplitude"] == pytest.approx(size, rel=0.25)
+
+
+def test_the_less_there_is_the_less_is_gained_until_nothing_is_found(look):
+    gains = []
+    for share in (1.0, 0.5, 0.05):
+        rng = np.random.default_rng(27)
+        observed = recordings()
+        found = look(observed, together(white(observed, rng), tone(observed, rng, 9e4, share * RMS)), ("mains_hum",))
+        gains.append(found[0].gain if found else 0.0)
+    assert gains[0] > gains[1] > gains[2] == 0.0
+
+
+@pytest.mark.parametrize("where", ["self_sensing", "strain_gauge"])
+def test_only_the_channel_that_has_it_is_named(where, look):
+    rng = np.random.default_rng(28)
+    observed = recordings() + recordings("strain_gauge", 2, 4, GAUGE_STEP_S)
+    left = white(observed, rng)
+    mine = [o for o in observed if o.channel == where]
+    left |= together({o.name: left[o.name] for o in mine}, drift(mine, rng, 2 * RMS))
+    found = look(observed, left)
+    assert {f.channel for f in found} == {where}
+    assert found[0].effect.id == "baseline_drift"
+
+
+def test_what_recordings_at_rest_do_not_show_is_no_hum(look):
+    """It may be anything that needs a drive."""
+    rng = np.random.default_rng(29)
+    observed = recordings()
+    noise, hum = white(observed, rng), tone(observed, rng, 9e4, RMS)
+    driven = {o.name: noise[o.name] + (0 if o.still else hum[o.name]) for o in observed}
+    assert look(observed, driven, ("mains_hum",)) == []
+    moving = [o for o in observed if not o.still]
+    assert look(moving, {o.name: driven[o.name] for o in moving}, ("mains_hum",))  # nothing at rest says otherwise
+
+
+def test_both_at_once_are_found_one_after_another(look, effects):
+    rng = np.random.default_rng(30)
+    observed = recordings()
+    left = together(white(observed, rng), tone(observed, rng, 2e5, RMS), drift(observed, rng, 3 * RMS))
+    best = look(observed, left)[0]
+    rest = without(best.effect, best.values, observed, left)
+    after = look(observed, rest)[0]
+    assert {best.effect.id, after.effect.id} == {"mains_hum", "baseline_drift"}
+    clean = without(after.effect, after.values, observed, rest)
+    assert np.std(np.concatenate(list(clean.values()))) == pytest.approx(RMS, rel=0.05)
+    assert look(observed, clean) == []
+
+
+def test_the_gain_is_that_of_a_likelihood_with_normal_amplitudes(effects):
+    """Of white noise that is known: held against the covariance written out."""
+    rng = np.random.default_rng(31)
+    observed = recordings(resting=0, moving=5, samples=60)
+    effect = effects["baseline_drift"]
+    left = together(white(observed, rng, 1.0), drift(observed, rng, 3.0))
+    key = observed[0].noise_key
+    given = Noise({key: NoiseModel(np.ones(1), 1.0, 1.0, "a test")}, {key: 300})
+    (found,) = by_chance(observed, left, given, [effect])
+    level = np.mean(np.concatenate(list(left.values())))
+
+    def loss(share):
+        total = 0.0
+        for o in observed:
+            q, r = np.linalg.qr(effect.nuisances({"amplitude": 1.0}, o.shot))
+            covariance = np.eye(60) + share * np.mean(np.diag(r) ** 2) * q @ q.T
+            _, log_determinant = np.linalg.slogdet(covariance)
+            signal = left[o.name] - level
+            total += 0.5 * float(signal @ np.linalg.solve(covariance, signal) + log_determinant)
+        return total
+
+    best = min(loss(share) for share in np.geomspace(1e-2, 1e3, 200))
+    assert found.gain == pytest.approx(loss(0.0) - best, rel=1e-3)
+
+
+def test_a_drive_monitor_hums_to_nobody(look):
+    rng = np.random.default_rng(32)
+    observed = recordings("drive_monitor")
+    assert look(observed, together(white(observed, rng), tone(observed, rng, 9e4, 5 * RMS))) == []
