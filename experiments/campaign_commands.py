@@ -123,7 +123,7 @@ def identify(
         "held_out": None if held_out is None else tuple(name.strip() for name in held_out.split(",")),
     }
     announce_compiling()
-    reading = _reading(channel, columns, initial_state)
+    reading = reading_options(channel, columns, initial_state)
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}.")
     if len(folders) > 1:
@@ -131,7 +131,7 @@ def identify(
             raise ValueError("--report and --json belong to a single campaign; give one folder.")
         identify_folders(folders, out, reading, options, workers)
         return
-    check_outputs(_files_of(folders[0]), out=out, report=report, json=json)
+    check_outputs(files_of(folders[0]), out=out, report=report, json=json)
     if report is not None and report.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"--report must end in .html; got {report}.")
     campaign, found = identify_one(folders[0], reading, options)
@@ -165,21 +165,22 @@ def evaluate(
     from experiments.tables import print_evaluation
     from inkjet_env.storage import write_json
 
-    check_outputs((printhead, *_files_of(folder)), json=json)
+    check_outputs((printhead, *files_of(folder)), json=json)
     announce_compiling()
-    found = evaluation_json(folder, printhead, _reading(channel, columns, initial_state))
+    found = evaluation_json(folder, printhead, reading_options(channel, columns, initial_state))
     if json is not None:
         write_json(json, found)
     if str(json) != "-":
         print_evaluation(found)
 
 
-def _files_of(folder: Path) -> tuple[Path, ...]:
+def files_of(folder: Path) -> tuple[Path, ...]:
     """What a campaign's folder holds: no result may replace it."""
     return tuple(path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else ()
 
 
-def _reading(channel: str | None, columns: str | None, initial_state: str | None) -> dict[str, Any]:
+def reading_options(channel: str | None, columns: str | None, initial_state: str | None) -> dict[str, Any]:
+    """Keywords of `read_campaign` from what the command line tells about oscilloscope files."""
     return {
         "channel": channel,
         "columns": None if columns is None else named_values("--columns", columns),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from experiments.arguments import check_outputs, chosen_seed
-from experiments.campaign_commands import Folder, ScopeChannel, ScopeColumns, ScopeState, _files_of, _reading
+from experiments.campaign_commands import Folder, ScopeChannel, ScopeColumns, ScopeState, files_of, reading_options
 from experiments.options import JsonFile
 from experiments.progress import announce_compiling, shown_steps
 
@@ -54,7 +54,7 @@ def diagnose(
     if next_out is None and json is not None and str(json) != "-":
         next_out = json.parent / NEXT
     files = {"printhead-out": printhead_out, "report": report, "next-out": next_out}
-    check_outputs((printhead, *_files_of(folder)), json=json, **files)
+    check_outputs((printhead, *files_of(folder)), json=json, **files)
     for (name, file), ending in zip(files.items(), (".json", ".html", ".csv"), strict=True):
         if file is not None and file.suffix.lower() != ending:
             raise ValueError(f"--{name} must end in {ending}; got {file}.")
@@ -65,7 +65,7 @@ def diagnose(
         options["held_out"] = tuple(name.strip() for name in hold_out.split(","))
     if workers is not None:
         options["workers"] = workers
-    found = _diagnosed(folder, printhead, _reading(channel, columns, initial_state), chosen_seed(seed), options)
+    found = _diagnosed(folder, printhead, reading_options(channel, columns, initial_state), chosen_seed(seed), options)
     written = _written(found, json, files)
     if str(json) != "-":
         print_diagnosis(found)
@@ -79,7 +79,7 @@ def _diagnosed(
     """Read, check and diagnose the campaign of a folder; warnings go to standard error."""
     import numpy as np
 
-    from experiments.identification import _checked, _warn
+    from experiments.identification import checked, warn
     from inkjet_env.mismatch import diagnose
     from inkjet_env.printhead import Printhead
     from inkjet_env.recordings import read_campaign
@@ -89,11 +89,11 @@ def _diagnosed(
     with shown_steps(f"diagnose {folder}") as told:
         told("reading")
         campaign = read_campaign(folder, **reading)
-        warnings = _checked(campaign, None if head is None else head.frequency_Hz)
+        warnings = checked(campaign, None if head is None else head.frequency_Hz)
         try:
             found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=told, **options)
         finally:
-            _warn(warnings)  # what is doubtful may be why it failed
+            warn(warnings)  # what is doubtful may be why it failed
     for note in campaign.notes:
         print(note, file=sys.stderr)
     return found
@@ -157,12 +157,12 @@ def print_diagnosis(found: Diagnosis) -> None:
     from experiments.diagnosis_report import channel_rows, parameter_rows, share_text
     from experiments.identification_figures import unit_text
     from experiments.identification_report import short
-    from experiments.tables import _table
+    from experiments.tables import print_table
 
     print(found.headline)
     parameters = [(e.effect.id, *row[:4]) for e in found.effects for row in parameter_rows(e)]
     if parameters:
-        _table(("effect", "parameter", "value", "90 % interval", "unit"), parameters)
+        print_table(("effect", "parameter", "value", "90 % interval", "unit"), parameters)
     fits = [
         (
             f"{row.label}, {row.role}",
@@ -171,7 +171,7 @@ def print_diagnosis(found: Diagnosis) -> None:
         )
         for row in channel_rows(found)
     ]
-    _table(("what is left (RMS)", "noise", "base", "augmented", "closure"), fits)
+    print_table(("what is left (RMS)", "noise", "base", "augmented", "closure"), fits)
     for group in found.candidates:
         print(f"- These recordings cannot tell apart: {', '.join(group)}.")
     print(f"- Where: {found.location.sentence}")

@@ -14,8 +14,8 @@ from experiments import pictures
 from experiments.identification_figures import (
     BAND,
     CHANNEL_WORDS,
-    _line,
     amplitude_densities,
+    draw_line,
     short_name,
     time_scale,
     unit_text,
@@ -97,15 +97,15 @@ def view_figure(trace: Trace, models: Mapping[str, Real], samples: slice, zoom: 
     time_s = sample_times_s(trace.measured.size, trace.step_s)
     seconds, time_unit = time_scale(float(np.ptp(time_s[samples])))
     time, unit = time_s / seconds, unit_text(trace.unit)
-    _line(axes[0], time[samples], trace.drive_V[samples], color=pictures.GREY, lw=1.2)
-    _line(axes[1], time[samples], trace.measured[samples], color=MEASURED, lw=3.4, label="measured")
+    draw_line(axes[0], time[samples], trace.drive_V[samples], color=pictures.GREY, lw=1.2)
+    draw_line(axes[1], time[samples], trace.measured[samples], color=MEASURED, lw=3.4, label="measured")
     if math.isfinite(trace.noise_rms):
         band = 2 * trace.noise_rms
         axes[2].axhspan(-band, band, color=BAND, lw=0, zorder=0.5, label="± 2 × noise")
     for which, modelled in models.items():
         style: Any = {"color": COLOURS[which], "label": LABELS[which] if len(models) > 1 else "model"}
-        _line(axes[1], time[samples], modelled[samples], lw=0.9, **style)
-        _line(axes[2], time[samples], (trace.measured - modelled)[samples], lw=0.8, **style)
+        draw_line(axes[1], time[samples], modelled[samples], lw=0.9, **style)
+        draw_line(axes[2], time[samples], (trace.measured - modelled)[samples], lw=0.8, **style)
     if zoom is not None:
         for panel in axes:
             panel.axvspan(time[zoom.start], time[zoom.stop - 1], color=SHADE, lw=0, zorder=0)
@@ -187,7 +187,7 @@ def next_figure(experiment: NextExperiment) -> Figure:
     figure, axes = pictures.new_figure(WIDTH, 2.2)
     time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
     seconds, unit = time_scale(float(time_s[-1]))
-    _line(axes, time_s / seconds, np.array(experiment.drive_V), color=AUGMENTED, lw=1.2)
+    draw_line(axes, time_s / seconds, np.array(experiment.drive_V), color=AUGMENTED, lw=1.2)
     axes.set_xlabel(f"time ({unit})")
     axes.set_ylabel("drive (V)")
     return figure

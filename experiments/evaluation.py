@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.identification import _checked, _gains, _warn
+from experiments.identification import checked, warn
 from experiments.problems import chosen_head
 from inkjet_env.identification import evaluate
 from inkjet_env.plant.augmented import AugmentedPrinthead
@@ -23,7 +25,7 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
     """
     campaign = read_campaign(folder, **reading)
     head = chosen_head(head_file)
-    _warn(_checked(campaign, head.frequency_Hz))
+    warn(checked(campaign, head.frequency_Hz))
     gains = {} if head_file is None or isinstance(head, AugmentedPrinthead) else _gains(head_file)
     try:
         found, refitted = evaluate(campaign, head, gains)
@@ -36,3 +38,18 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
     left = np.concatenate([e.recording.sensor - e.modelled for e in found if e.recording.channel == main])
     recordings = {e.recording.name: {"rms": e.rms, "output_rms": e.output_rms, "unit": e.recording.unit} for e in found}
     return {"format": "evaluation/1", "recordings": recordings, "rms": float(np.sqrt(np.mean(left**2)))}
+
+
+def _gains(head_file: Path) -> dict[str, float]:
+    """Gains of the channels that a ``printhead.json`` was identified from; empty where it does not tell."""
+    fit = json.loads(head_file.read_text(encoding="utf-8")).get("fit")
+    channels = fit.get("channels") if isinstance(fit, dict) else None
+    gains = {}
+    for channel, entry in channels.items() if isinstance(channels, dict) else ():
+        try:
+            gains[channel] = float(entry["gain"]["value"])
+        except (KeyError, TypeError, ValueError):
+            raise ValueError(f"{head_file}: fit.channels.{channel}.gain.value must be a number.") from None
+        if not math.isfinite(gains[channel]):
+            raise ValueError(f"{head_file}: fit.channels.{channel}.gain.value must be finite; got {gains[channel]}.")
+    return gains

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -11,11 +9,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from experiments.arguments import chosen_printhead
 from experiments.progress import shown_progress, shown_steps
-from inkjet_env.identification import Identification, evaluate, identify
+from inkjet_env.identification import Identification, identify
 from inkjet_env.recordings import Campaign, CampaignError, check_campaign, read_campaign
 from inkjet_env.storage import write_json
 
@@ -46,50 +41,17 @@ def identify_one(
         if told:
             told("reading")
         campaign = read_campaign(folder, **reading)
-        warned = _checked(campaign, None)
+        warned = checked(campaign, None)
         try:
             found = identify(campaign, progress=told, **options)
         except ValueError:
-            _warn(warned)  # what is doubtful may be why
+            warn(warned)  # what is doubtful may be why
             raise
-    _warn([*warned, *(w for w in _checked(campaign, found.printhead.frequency_Hz) if w not in warned)])
+    warn([*warned, *(w for w in checked(campaign, found.printhead.frequency_Hz) if w not in warned)])
     return campaign, found
 
 
-def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, Any]) -> dict[str, Any]:
-    """The ``evaluation/1`` of a printhead on the campaign of a folder; warnings go to standard error.
-
-    The ``rms`` of the whole is over all samples of the fast channel: self-sensing, else displacement, else the gauge.
-    """
-    campaign = read_campaign(folder, **reading)
-    head = chosen_printhead(head_file)
-    _warn(_checked(campaign, head.frequency_Hz))
-    found, refitted = evaluate(campaign, head, {} if head_file is None else _gains(head_file))
-    for channel in refitted:
-        print(f"warning: the printhead tells no gain of {channel}; it was fitted here.", file=sys.stderr)
-    channels = {e.recording.channel for e in found}
-    main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in channels)
-    left = np.concatenate([e.recording.sensor - e.modelled for e in found if e.recording.channel == main])
-    recordings = {e.recording.name: {"rms": e.rms, "output_rms": e.output_rms, "unit": e.recording.unit} for e in found}
-    return {"format": "evaluation/1", "recordings": recordings, "rms": float(np.sqrt(np.mean(left**2)))}
-
-
-def _gains(head_file: Path) -> dict[str, float]:
-    """Gains of the channels that a ``printhead.json`` was identified from; empty where it does not tell."""
-    fit = json.loads(head_file.read_text(encoding="utf-8")).get("fit")
-    channels = fit.get("channels") if isinstance(fit, dict) else None
-    gains = {}
-    for channel, entry in channels.items() if isinstance(channels, dict) else ():
-        try:
-            gains[channel] = float(entry["gain"]["value"])
-        except (KeyError, TypeError, ValueError):
-            raise ValueError(f"{head_file}: fit.channels.{channel}.gain.value must be a number.") from None
-        if not math.isfinite(gains[channel]):
-            raise ValueError(f"{head_file}: fit.channels.{channel}.gain.value must be finite; got {gains[channel]}.")
-    return gains
-
-
-def _checked(campaign: Campaign, frequency_Hz: float | None) -> list[str]:
+def checked(campaign: Campaign, frequency_Hz: float | None) -> list[str]:
     """Warnings; the first error is raised."""
     findings = check_campaign(campaign, frequency_Hz)
     for finding in findings:
@@ -98,7 +60,8 @@ def _checked(campaign: Campaign, frequency_Hz: float | None) -> list[str]:
     return [str(finding) for finding in findings]
 
 
-def _warn(warnings: Sequence[str]) -> None:
+def warn(warnings: Sequence[str]) -> None:
+    """Print warnings on standard error, at most `MOST_WARNINGS` of them."""
     for warning in warnings[:MOST_WARNINGS]:
         print(f"warning: {warning}", file=sys.stderr)
     if len(warnings) > MOST_WARNINGS:

@@ -85,13 +85,13 @@ def loop_figure(residual: Residual) -> Figure:
     unit = unit_text(residual.unit)
     swing = float(np.ptp(residual.modelled))
     for column, x in enumerate((residual.time_s / seconds, residual.drive_V)):
-        _line(axes[0, column], x, residual.measured, color=MEASURED, lw=3.0, label="measured")
-        _line(axes[0, column], x, residual.modelled, color=MODELLED, lw=0.8, label="modelled")
+        draw_line(axes[0, column], x, residual.measured, color=MEASURED, lw=3.0, label="measured")
+        draw_line(axes[0, column], x, residual.modelled, color=MODELLED, lw=0.8, label="modelled")
         axes[0, column].set_ylabel(f"{CHANNEL_WORDS[residual.channel]} ({unit})")
     time_s = residual.time_s / seconds
     _noise_band(axes[1, 0], residual)
-    _line(axes[1, 0], time_s, residual.difference, color=LEFT, lw=0.8)
-    _line(axes[1, 1], residual.drive_V, 100 * residual.difference / swing, color=LEFT, lw=0.8)
+    draw_line(axes[1, 0], time_s, residual.difference, color=LEFT, lw=0.8)
+    draw_line(axes[1, 1], residual.drive_V, 100 * residual.difference / swing, color=LEFT, lw=0.8)
     if 0 < residual.fitted < residual.measured.size:
         for panel in axes[:, 0]:
             panel.axvspan(time_s[residual.fitted], time_s[-1], color=HELD_OUT, alpha=0.12, lw=0, label="held out")
@@ -191,11 +191,11 @@ def ringing_figure(views: Sequence[Part]) -> Figure:
         residual, where = view.residual, view.samples
         seconds, time_unit = time_scale(float(np.ptp(residual.time_s[where])))
         time = residual.time_s[where] / seconds
-        _line(column[0], time, residual.drive_V[where], color=pictures.GREY, lw=1.2)
-        _line(column[1], time, residual.measured[where], color=MEASURED, lw=2.6, label="measured")
-        _line(column[1], time, residual.modelled[where], color=MODELLED, lw=0.8, label="modelled")
+        draw_line(column[0], time, residual.drive_V[where], color=pictures.GREY, lw=1.2)
+        draw_line(column[1], time, residual.measured[where], color=MEASURED, lw=2.6, label="measured")
+        draw_line(column[1], time, residual.modelled[where], color=MODELLED, lw=0.8, label="modelled")
         _noise_band(column[2], residual)
-        _line(column[2], time, residual.difference[where], color=LEFT, lw=0.7)
+        draw_line(column[2], time, residual.difference[where], color=LEFT, lw=0.7)
         ratio = f", residual here {view.over_noise:.3g} × noise" if math.isfinite(view.over_noise) else ""
         title = f"{short_name(residual.name)}\n{view.role}{ratio}"
         column[0].set_title(title, fontsize=9, parse_math=False)
@@ -218,8 +218,8 @@ def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
     excited = drive > POWER_SHOWN * drive[1:].max()
     excited[0] = False
     at = frequency[excited] / scale
-    _line(axes, at, measured[excited], ls="none", marker="o", ms=4.5, color=MEASURED, label="measured")
-    _line(axes, at, modelled[excited], ls="none", marker=".", ms=2.5, color=MODELLED, label="modelled")
+    draw_line(axes, at, measured[excited], ls="none", marker="o", ms=4.5, color=MEASURED, label="measured")
+    draw_line(axes, at, modelled[excited], ls="none", marker=".", ms=2.5, color=MODELLED, label="modelled")
     edges = np.unique(np.round(np.geomspace(1, frequency.size, 200)).astype(int))
     mean = np.sqrt(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
     axes.plot(frequency[edges[:-1]] / scale, mean, color=LEFT, lw=1.0, label="measured − modelled")
@@ -297,7 +297,7 @@ def _noise_band(axes: Axes, residual: Residual) -> None:
         axes.axhspan(-2 * residual.noise_rms, 2 * residual.noise_rms, color=BAND, lw=0, label="± 2 × noise")
 
 
-def _line(axes: Axes, x: Real, y: Real, **style: Any) -> None:
+def draw_line(axes: Axes, x: Real, y: Real, **style: Any) -> None:
     """A line of many points, drawn through the least and the largest of each run of neighbours."""
     run = -(-2 * x.size // MOST_POINTS)
     if run > 2:

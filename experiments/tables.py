@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from inkjet_env.identification import Identification
 
 
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print rows under headings: the first column at the left, the others at the right."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -24,10 +25,13 @@ def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     Console(width=None if sys.stdout.isatty() else 160).print(table)
 
 
+_table = print_table
+
+
 def print_peaks(found: dict[str, Any]) -> None:
     """Print the peaks and cost of a ``simulation/1``."""
     peaks = zip(found["peak_times_s"], found["peaks_V"], strict=True)
-    _table(
+    print_table(
         ("peak", "time (µs)", "response (V)", ""),
         [
             (str(i + 1), f"{t * 1e6:.3f}", f"{v:.4f}", "effective" if i == found["effective_peak"] else "")
@@ -49,7 +53,7 @@ def print_ranking(summary: Summary, problems: Sequence[str], unavailable: dict[s
         )
         for standing in summary.standings
     ]
-    _table(("optimiser", "mean rank", *problems), rows)
+    print_table(("optimiser", "mean rank", *problems), rows)
     print("Median regret in volts above the best known cost.")
     for sentence in summary.sentences:
         print(f"- {sentence}")
@@ -75,7 +79,7 @@ def print_identification(name: str, found: Identification) -> None:
             ),
         )
     ]
-    _table((name, "value", "90 % interval", "unit"), rows)
+    print_table((name, "value", "90 % interval", "unit"), rows)
     print(
         f"Resonance {head.frequency_Hz / 1e3:.4g} kHz, damping ratio {head.damping_ratio:.4g}; branch law of degree "
         f"{len(head.coefficients) - 1} on {head.full_scale_V:g} V."
@@ -87,7 +91,7 @@ def print_identification(name: str, found: Identification) -> None:
             rms, noise = found.rms(channel, held_out)
             if rms == rms:
                 rows.append((f"{channel}, {label}", f"{rms:.4g} {unit}", f"{noise:.4g} {unit}", f"{rms / noise:.3g}"))
-    _table(("residual (RMS)", "residual", "noise", "ratio"), rows)
+    print_table(("residual (RMS)", "residual", "noise", "ratio"), rows)
     for note in found.notes:
         print(f"- {note}")
 
@@ -98,5 +102,5 @@ def print_evaluation(found: dict[str, Any]) -> None:
         (name, f"{entry['rms']:.4g} {entry['unit']}", f"{entry['output_rms']:.4g} {entry['unit']}")
         for name, entry in found["recordings"].items()
     ]
-    _table(("recording", "residual (RMS)", "signal (RMS)"), rows)
+    print_table(("recording", "residual (RMS)", "signal (RMS)"), rows)
     print(f"RMS of the fast channel's residual: {found['rms']:.6g}")

@@ -174,19 +174,3 @@ def lagged(signal, keep, old, new, start, result):
         value = keep * value + old * signal[i - 1] + new * signal[i]
         result[i] = value
     return value
-
-
-@_jit
-def slew_limited(signal, largest_step, start, result):
-    """A signal followed by no more than ``largest_step`` a node; returns the last value."""
-    value = start
-    result[0] = value
-    for i in range(1, signal.shape[0]):
-        change = signal[i] - value
-        if change > largest_step:
-            change = largest_step
-        elif change < -largest_step:
-            change = -largest_step
-        value += change
-        result[i] = value
-    return value
