@@ -157,7 +157,7 @@ def parameter_rows(named: Named) -> list[tuple[str, str, str, str, str]]:
     """Name, value, 90 % interval, unit and meaning of an effect's parameters."""
     known = {p.name: p for p in named.effect.parameters}
     return [
-        (name, *engineering(estimate, known[name].unit), known[name].meaning)
+        (name, *engineering(estimate, named.unit_of(name)), known[name].meaning)
         for name, estimate in named.parameters.items()
     ]
 

@@ -312,13 +312,17 @@ class _Work:
         bare = JointFit(joint.observed, joint.noise, joint.base.head) if standing else joint
         location = locate(bare.observed, bare.noise, bare.base, bare.basis[0])
         self.took("location")
+        units = {o.channel: o.unit for o in joint.observed}
         named = [
             *(
-                Named(s.effect, s.effect.told(s.values), s.gain, math.exp(-s.gain), _as_estimates(s.values))
+                Named(
+                    s.effect, s.effect.told(s.values, units[s.channel]), s.gain, math.exp(-s.gain),
+                    _as_estimates(s.values), units[s.channel],
+                )
                 for s in standing
             ),
             *self.named(joint, chosen, selection),
-        ]
+        ]  # fmt: skip
         if verdict == "unknown":
             groups = []
         compared = _compared(base, chosen, selection)
@@ -362,9 +366,9 @@ class _Work:
                 ends = [p.value(float(np.clip(chosen.fit.point[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
                 estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
             gain = smaller.fit.nll - chosen.fit.nll
-            result.append(
-                Named(effect, effect.told(values), gain, selection.p_values.get(effect.id, math.exp(-gain)), estimates)
-            )
+            p_value = selection.p_values.get(effect.id, math.exp(-gain))
+            unit = _signal_unit(joint)
+            result.append(Named(effect, effect.told(values, unit), gain, p_value, estimates, unit))
             at += count
         return result
 
@@ -468,7 +472,7 @@ def _compared(base: Hypothesis, chosen: Hypothesis, selection: Selection) -> tup
                 float(np.sqrt(np.sum(errors**2))),
                 h.gain / most if most > 0 else 0.0,
                 cosine(start, best, h) if best.ids else math.nan,
-                " ".join(e.told(v) for e, v in h.fit.with_values),
+                " ".join(e.told(v, _signal_unit(h.joint)) for e, v in h.fit.with_values),
             )
         )
     return tuple(rows)
@@ -486,6 +490,11 @@ def _errors(chosen: Hypothesis) -> Real:
     loud = max(1.0, 2 * chosen.fit.nll / max(chosen.left.size - chosen.columns.shape[1], 1))
     errors[told] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[told]
     return errors
+
+
+def _signal_unit(joint: JointFit) -> str:
+    """Of a fast sensor's signal, where there is one."""
+    return next((o.unit for o in joint.observed if o.shot.fast), joint.observed[0].unit)
 
 
 def _as_estimates(values: dict[str, float]) -> dict[str, Estimate]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.identification.identification import Estimate
 from inkjet_env.plant import Effect
+from inkjet_env.plant.wording import SENSOR_UNIT
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -34,6 +35,8 @@ class Named:
         That chance alone would give any effect of the catalogue so much.
     parameters : dict of str to Estimate
         With 90 % intervals.
+    unit : str
+        Of the sensor's signal, in which some parameters are.
     """
 
     effect: Effect
@@ -41,6 +44,12 @@ class Named:
     delta_nll: float
     p_value: float
     parameters: Mapping[str, Estimate]
+    unit: str = "V"
+
+    def unit_of(self, parameter: str) -> str:
+        """Unit of one of the effect's parameters."""
+        unit = next(p.unit for p in self.effect.parameters if p.name == parameter)
+        return self.unit if unit == SENSOR_UNIT else unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +257,6 @@ class Diagnosis:
 
     def as_json(self, drive_csv: str | None = None) -> dict[str, Any]:
         """The verdict as ``diagnosis/1``; ``drive_csv`` names the file of the next experiment's drive."""
-        units = {(e.effect.id, p.name): p.unit for e in self.effects for p in e.effect.parameters}
         return {
             "format": "diagnosis/1",
             "verdict": self.verdict,
@@ -264,7 +272,7 @@ class Diagnosis:
                             "value": _finite(v.value),
                             "low": _finite(v.low),
                             "high": _finite(v.high),
-                            "unit": units[e.effect.id, name],
+                            "unit": e.unit_of(name),
                         }
                         for name, v in e.parameters.items()
                     },

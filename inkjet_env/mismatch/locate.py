@@ -18,8 +18,9 @@ from inkjet_env.mismatch.diagnosis import Location
 from inkjet_env.mismatch.joint_fit import Fit
 from inkjet_env.mismatch.locate_cells import FEWEST, Cell, line_rows, sample_rows, taken_by_fit
 from inkjet_env.mismatch.locate_drift import Trend, shifts, trends
-from inkjet_env.mismatch.locate_views import CHANNELS, MONITOR, largest_V, span_told, views, with_prefix
+from inkjet_env.mismatch.locate_views import CHANNELS, MONITOR, largest_V, views
 from inkjet_env.mismatch.observed import Noise, Observed
+from inkjet_env.plant.wording import percent, span_told, with_prefix
 
 Real = NDArray[np.float64]
 
@@ -165,11 +166,11 @@ def _tables(
     for cell in cells:
         tables.setdefault(cell.view, []).append((cell.label, cell.power, cell.z))
     for trend in lines:
-        told = f"{trend.what} against {trend.against}: {100 * trend.change:+.2g} % over all"
+        told = f"{trend.what} against {trend.against}: {percent(trend.change, signed=True)} over all"
         tables.setdefault("drift", []).append((told, trend.power, trend.z))
     for name, table in moved.items():
         for (value, error), what in zip(table, ("frequency", "damping"), strict=True):
-            told = f"{name}: {what} {100 * value:+.2g} ± {100 * error:.1g} %"
+            told = f"{name}: {what} {percent(value, signed=True)} ± {percent(error, 1)}"
             tables.setdefault("drift", []).append((told, float((value / error) ** 2), float(value / error)))
     return {view: tuple(table) for view, table in tables.items()}
 
@@ -221,7 +222,7 @@ def _sentence(
         over = {"order": "from the first to the last recording", "drive": "from the least drive to the largest"}
         way = "rose" if most_sure.change > 0 else "fell"
         name = "the resonance frequency" if most_sure.what == "frequency" else "the damping"
-        parts.append(f"as if {name} {way} by {100 * abs(most_sure.change):.2g} % {over[most_sure.against]}")
+        parts.append(f"as if {name} {way} by {percent(abs(most_sure.change))} {over[most_sure.against]}")
     unknown = sorted({other.channel for other in observed if not noise.known(other)})
     if o.channel in unknown:
         parts.append("compared with the rest of what is left, for nothing tells its noise")
@@ -236,8 +237,7 @@ def _amount(o: Observed, noise: Noise, fit: Fit) -> str:
     beyond = float(np.mean(left**2)) - noise.models[o.noise_key].rms ** 2
     if beyond <= 0:
         return f" in {o.name.removesuffix(MONITOR)}"
-    scale, unit = (1e-6, "m") if o.unit == "um" else (1.0, o.unit)
-    return f" by {with_prefix(scale * math.sqrt(beyond), unit)} (RMS, noise apart) in {o.name.removesuffix(MONITOR)}"
+    return f" by {with_prefix(math.sqrt(beyond), o.unit)} (RMS, noise apart) in {o.name.removesuffix(MONITOR)}"
 
 
 def _standing_out(cells: Sequence[Cell], told: Sequence[Cell], view: str, channel: str) -> Cell | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.mismatch.locate_cells import Cell, Rows
 from inkjet_env.mismatch.observed import Observed
+from inkjet_env.plant.wording import span_told, with_prefix
 
 Real = NDArray[np.float64]
 Whole = NDArray[np.intp]
@@ -261,28 +262,3 @@ def last_odd_line(o: Observed) -> int:
     if power[::2].sum() > EMPTY * power.sum():
         return 0
     return int(np.flatnonzero(power > EMPTY * power.max())[-1])
-
-
-PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-
-
-def with_prefix(value: float, unit: str, digits: int = 2) -> str:
-    """A value with its unit, as it is read aloud: 48 kHz."""
-    if value == 0:
-        return f"0 {unit}"
-    if unit == "V/s":  # the edges of pulses are told in volts a microsecond
-        scale, name = next(((s, p) for s, p in ((1e6, "V/µs"), (1e3, "V/ms")) if abs(value) >= s / 10), (1.0, "V/s"))
-        return f"{value / scale:.{digits}g} {name}"
-    scale, prefix = next((p for p in PREFIXES if abs(value) >= 0.9995 * p[0]), PREFIXES[-1])
-    number = f"{value / scale:.{digits}g}"
-    return f"{float(number):g} {prefix}{unit}"
-
-
-def span_told(low: float, high: float, unit: str) -> str:
-    """A stretch in words."""
-    first, last = with_prefix(low, unit), with_prefix(high, unit)
-    if first == last:
-        return first
-    if first.split()[1] == last.split()[1]:
-        first = first.split()[0]
-    return f"{first} to {last}"

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.mismatch.locate_views import largest_V, with_prefix
+from inkjet_env.mismatch.locate_views import largest_V
 from inkjet_env.mismatch.observed import Observed
 from inkjet_env.plant import Shot
+from inkjet_env.plant.wording import with_prefix
 
 Real = NDArray[np.float64]
 

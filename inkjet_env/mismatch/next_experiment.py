@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from inkjet_env.mismatch.diagnosis import NextExperiment
 from inkjet_env.mismatch.joint_fit import DIFFERENCE, Fit, split
-from inkjet_env.mismatch.locate_views import CHANNELS, largest_V, with_prefix
+from inkjet_env.mismatch.locate_views import CHANNELS, largest_V
 from inkjet_env.mismatch.next_drives import Proposal, benches, library
 from inkjet_env.mismatch.observed import Noise, Observed
 from inkjet_env.plant import Effect, Shot, catalogue
+from inkjet_env.plant.wording import with_prefix
 
 Real = NDArray[np.float64]
 
@@ -244,9 +245,8 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
         o = judge.recording(shot)
         unit, noise = o.unit, judge.noise.models[o.noise_key].rms
         start, place = f"Record {CHANNELS[shot.channel]}", ""
-    scale, unit = (1e-6, "m") if unit == "um" else (1.0, unit)
     names = f"{_named(judge.fits[i])} and {_named(judge.fits[j])}"
-    size = f"{with_prefix(scale * difference, unit)}, {difference / noise:.2g} times the noise"
+    size = f"{with_prefix(difference, unit)}, {float(f'{difference / noise:.2g}'):g} times the noise"
     said = f"{start} {judged.proposal.words}: {names} would differ {place}by up to {size}"
     if separation < ENOUGH:
         said += f"; take it {math.ceil(ENOUGH / max(separation, 1e-300))} times"

@@ -123,8 +123,11 @@ class Effect:
         """Why these shots cannot show the effect, as the end of a sentence after "because"; None where they can."""
         return None
 
-    def told(self, values: Values) -> str:
-        """The effect with its values, in plain words for a reader who knows printheads and not this program."""
+    def told(self, values: Values, unit: str = "V") -> str:
+        """The effect with its values, in plain words for a reader who knows printheads and not this program.
+
+        ``unit``: of the sensor's signal.
+        """
         return self.sentence
 
     def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:

@@ -10,7 +10,7 @@ from inkjet_env.mismatch.joint_fit import Head, JointFit
 from inkjet_env.mismatch.locate import locate
 from inkjet_env.mismatch.locate_cells import line_rows, sample_rows, surplus, taken_by_fit
 from inkjet_env.mismatch.locate_drift import shifts
-from inkjet_env.mismatch.locate_views import phases, pulses, with_prefix
+from inkjet_env.mismatch.locate_views import phases, pulses
 from inkjet_env.mismatch.observed import Noise, noise_seen, observe
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
@@ -240,11 +240,3 @@ def test_a_drive_is_cut_at_its_edges_and_pulses():
     assert drive[pulses(pair) == 1].max() == 60
     assert set(phases(of["multisine"])) == {3}
     assert set(phases(of["zero"])) == {4}
-
-
-def test_values_are_told_as_they_are_read_aloud():
-    assert with_prefix(48_123, "Hz") == "48 kHz"
-    assert with_prefix(2.4e-5, "s") == "24 µs"
-    assert with_prefix(-100.0, "V") == "-100 V"
-    assert with_prefix(5.2e6, "V/s") == "5.2 V/µs"
-    assert with_prefix(0.0, "s") == "0 s"

@@ -10,6 +10,7 @@ from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.effects.second_mode import resolved_Hz
 from inkjet_env.plant.resonance import Mode, Resonance, too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 FEWEST_ORDERS = 4
@@ -71,12 +72,12 @@ class AirBubble(Effect):
             return too_slow(shots) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
         return None
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         change = values["frequency_change"]
         return (
             f"From recording {math.ceil(values['onset_order'])} on, an air bubble makes the head ring "
-            f"{abs(change):.2%} {'higher' if change > 0 else 'lower'} and adds a mode at "
-            f"{values['bubble_frequency_Hz']:.4g} Hz."
+            f"{percent(abs(change))} {'higher' if change > 0 else 'lower'} and adds a mode at "
+            f"{with_prefix(values['bubble_frequency_Hz'], 'Hz', 3)}."
         )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:

@@ -12,6 +12,7 @@ from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.lag import lagged
 from inkjet_env.plant.resonance import too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[float64]
@@ -37,8 +38,8 @@ class AmplifierBandwidth(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
-    def told(self, values: Values) -> str:
-        return f"The amplifier passes only up to {values['bandwidth_Hz'] / 1e3:.3g} kHz."
+    def told(self, values: Values, unit: str = "V") -> str:
+        return f"The amplifier passes only up to {with_prefix(values['bandwidth_Hz'], 'Hz', 3)}."
 
     def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
         if math.isinf(values["bandwidth_Hz"]):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -37,7 +38,7 @@ class AsymmetricHysteresis(Effect):
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         return [{"asymmetry": 0.03, "bending": 0.0}, {"asymmetry": 0.0, "bending": 0.03}]
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         small, large = 2 * values["asymmetry"], 2 * (values["asymmetry"] + values["bending"])
         return (
             f"Compared with negative drives, positive ones move the head {_further(small)} where they are small and "
@@ -53,4 +54,4 @@ class AsymmetricHysteresis(Effect):
 
 
 def _further(part: float) -> str:
-    return f"{-part:.2%} less far" if part < 0 else f"{part:.2%} further"
+    return f"{percent(abs(part))} {'less far' if part < 0 else 'further'}"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import SENSOR_UNIT, with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -25,9 +26,7 @@ class BaselineDrift(Effect):
     sentence = "The sensor's baseline is another in every recording and drifts slowly, whatever the drive."
     equation = "y = y₀ + c₀ + c₁ t + c₂ t², with c of every recording its own"
     source = "Bendat & Piersol, Random Data, 4th edition, Wiley, 2010: trends and their removal"
-    parameters = (
-        Parameter("amplitude", "sensor's unit", 0.0, 1e6, "linear", "of the drift over a recording; 0 is none"),
-    )
+    parameters = (Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "of the drift over a recording; 0 is none"),)
     strengths = ("amplitude",)
     signature = "there with zero drive; much slower than the resonance; repeats differ by it"
     confusable_with = ("mains_hum", "creep")
@@ -36,10 +35,10 @@ class BaselineDrift(Effect):
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         return [{"amplitude": 1.0}]
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         return (
             "The sensor's baseline is another in every recording and drifts slowly, whatever the drive, "
-            f"by about {values['amplitude']:.2g} in the sensor's unit."
+            f"by about {with_prefix(values['amplitude'], unit)}."
         )
 
     def nuisances(self, values: Values, shot: Shot) -> Real | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.lag import lagged
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -50,11 +51,11 @@ class Creep(Effect):
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         return [{"creep_per_decade": 0.02, "onset_s": onset_s} for onset_s in (0.1, 0.01, 1.0)]
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         part, onset_s = values["creep_per_decade"], values["onset_s"]
         return (
-            f"After a change of the drive the head goes {'back' if part < 0 else 'on'} by {abs(part):.2%} of what it "
-            f"moved with every tenfold time, from about {onset_s:.2g} seconds on."
+            f"After a change of the drive the head goes {'back' if part < 0 else 'on'} by {percent(abs(part))} of what "
+            f"it moved with every tenfold time, from about {with_prefix(onset_s, 's')} on."
         )
 
     def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:

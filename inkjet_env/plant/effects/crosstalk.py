@@ -12,6 +12,7 @@ from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.effects.feedthrough import rms, slopes
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -67,12 +68,16 @@ class Crosstalk(Effect):
             return "the neighbouring channel's drive (column neighbour_V) never moves"
         return None
 
-    def told(self, values: Values) -> str:
-        return (
-            f"The neighbouring channel's drive is heard: {100 * values['mechanical']:.2g} % of what it would do to the "
-            f"head itself, {values['electrical']:.2g} for each V/µs of its edges and {values['direct']:.2g} for each "
-            "volt, in the sensor's unit."
-        )
+    def told(self, values: Values, unit: str = "V") -> str:
+        mechanical, electrical, direct = (values[name] for name in self.strengths)
+        heard = []
+        if mechanical:
+            heard.append(f"with {percent(mechanical)} of what it would do to the head itself")
+        if electrical:
+            heard.append(f"with {with_prefix(10 * electrical, unit)} on an edge of 10 V/µs")
+        if direct:
+            heard.append(f"with {with_prefix(100 * direct, unit)} while it stands at 100 V")
+        return f"The neighbouring channel's drive is heard: {', '.join(heard)}."
 
     def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
         strengths = [values[name] for name in self.strengths]

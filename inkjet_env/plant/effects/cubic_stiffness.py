@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 
@@ -42,12 +43,14 @@ class CubicStiffness(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         k = values["stiffening_per_V2"]
         size_V = 100.0 if abs(k) * 1e4 < 1 else 1.0 if abs(k) < 1 else 0.01
         change = "stiffer" if k > 0 else "softer"
-        amount = abs(k) * size_V**2
-        return f"At a deflection of {size_V:g} hysteretic volts the head is {amount:.2%} {change} than at rest."
+        return (
+            f"Deflected as far as a steady drive of about {with_prefix(size_V, 'V')} would, the head is "
+            f"{percent(abs(k) * size_V**2)} {change} than at rest."
+        )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
         k = values["stiffening_per_V2"]

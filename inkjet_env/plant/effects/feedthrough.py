@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
+from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -53,12 +54,13 @@ class Feedthrough(Effect):
             return None
         return "no recording is self-sensed under a drive that moves"
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         per_s = values["capacitive_s"]
-        unit, a_second = ("V/µs", 1e6) if abs(per_s) < 1e-5 else ("V/ms", 1e3)
+        edge_V_s = 1e7 if abs(per_s) < 1e-5 else 1e4
         return (
-            f"The capacitance compensation is imperfect: an edge of 10 {unit} is heard as "
-            f"{10 * a_second * per_s:.3g} V at the sensor, a steady drive of 100 V as {100 * values['lossy']:.3g} V."
+            f"The capacitance compensation is imperfect: an edge of {with_prefix(edge_V_s, 'V/s')} is heard as "
+            f"{with_prefix(edge_V_s * per_s, 'V')} at the sensor, a steady drive of 100 V as "
+            f"{with_prefix(100 * values['lossy'], 'V')}."
         )
 
     def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:

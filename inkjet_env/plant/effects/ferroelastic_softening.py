@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 
@@ -46,14 +47,14 @@ class FerroelasticSoftening(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         softening = values["softening_per_V"]
         size_V = 100.0 if abs(softening) * 100 < 1 else 1.0 if abs(softening) < 1 else 0.01
         shift = softening * size_V
         return (
-            f"Swinging by {size_V:g} hysteretic volts, the ceramic rings {abs(shift):.2%} "
-            f"{'lower' if shift > 0 else 'higher'}, and its damping ratio {'rises' if shift > 0 else 'falls'} "
-            f"by {abs(shift) * values['loss_ratio']:.4f}."
+            f"Swinging as far as a steady drive of about {with_prefix(size_V, 'V')} would deflect it, the head rings "
+            f"{percent(abs(shift))} {'lower' if shift > 0 else 'higher'}, and its damping ratio "
+            f"{'rises' if shift > 0 else 'falls'} by {abs(shift) * values['loss_ratio']:.2g}."
         )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:

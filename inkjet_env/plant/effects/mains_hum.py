@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import SENSOR_UNIT, with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -30,7 +31,7 @@ class MainsHum(Effect):
     source = "Ott, Electromagnetic Compatibility Engineering, Wiley, 2009: pick-up of the mains and its harmonics"
     parameters = (
         Parameter("frequency_Hz", "Hz", 0.01, 1e8, "log", "of the tone"),
-        Parameter("amplitude", "sensor's unit", 0.0, 1e6, "linear", "of the tone; 0 is none"),
+        Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "of the tone; 0 is none"),
     )
     strengths = ("amplitude",)
     signature = "there with zero drive; its phase is another in every recording, so repeats differ by it"
@@ -47,10 +48,10 @@ class MainsHum(Effect):
                 guesses.append(frequency)
         return [{"frequency_Hz": f, "amplitude": 1.0} for f in guesses[:MOST_STARTS]]
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         return (
-            f"An interference at {values['frequency_Hz']:.4g} Hz is in the recordings, not locked to the trigger; "
-            f"its amplitude is about {values['amplitude']:.2g} in the sensor's unit."
+            f"An interference at {with_prefix(values['frequency_Hz'], 'Hz', 3)} is in the recordings, not locked to "
+            f"the trigger; its amplitude is about {with_prefix(values['amplitude'], unit)}."
         )
 
     def nuisances(self, values: Values, shot: Shot) -> Real | None:

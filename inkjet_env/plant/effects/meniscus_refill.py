@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Resonance, too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 EDGES_V = 100.0
@@ -54,12 +55,12 @@ class MeniscusRefill(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         change = values["stiffness_change"]
         how = "stiffer" if change > 0 else "softer"
         return (
-            f"Edges of {EDGES_V:g} V together leave the head {abs(change):.2%} {how}; "
-            f"it recovers with a time constant of {1e6 * values['recovery_s']:.4g} microseconds."
+            f"Edges of {EDGES_V:g} V together leave the head {percent(abs(change))} {how}; "
+            f"it recovers with a time constant of {with_prefix(values['recovery_s'], 's')}."
         )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:

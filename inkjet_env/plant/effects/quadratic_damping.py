@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 
 
@@ -40,11 +41,14 @@ class QuadraticDamping(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         c = values["damping_per_V"]
         size_V = 100.0 if abs(c) * 100 < 1 else 1.0 if abs(c) < 1 else 0.01
         rise = 4 * c * size_V / (3 * math.pi)
-        return f"Ringing with an amplitude of {size_V:g} hysteretic volts adds {rise:.4f} to the damping ratio."
+        return (
+            f"Damping grows with the swing: as far as a steady drive of about {with_prefix(size_V, 'V')} would deflect "
+            f"the head, {rise:.2g} is added to the damping ratio."
+        )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
         c = values["damping_per_V"]

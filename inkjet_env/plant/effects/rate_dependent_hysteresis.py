@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
-from inkjet_env.plant.effects.slew_limit import rate_told
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
 
@@ -50,10 +50,10 @@ class RateDependentHysteresis(Effect):
         begins = np.clip([ratio * rate for rate in usual or [highest] for ratio in (0.1, 1.0, 10.0)], 0.1, 1e9)
         return [{"growth": MIDDLING / float(np.log1p(highest / rate)), "rate_V_s": float(rate)} for rate in begins]
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         growth = values["growth"] * np.log(10)
         return (
-            f"From about {rate_told(values['rate_V_s'])} on, the hysteresis loop is {abs(growth):.1%} "
+            f"From about {with_prefix(values['rate_V_s'], 'V/s')} on, the hysteresis loop is {percent(abs(growth))} "
             f"{'wider' if growth > 0 else 'narrower'}, along the drive, with every tenfold rate of the drive."
         )
 

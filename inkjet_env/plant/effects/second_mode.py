@@ -9,6 +9,7 @@ from dataclasses import replace
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Mode, Resonance, too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 GUESSES = (0.25, 0.36, 0.5, 0.7, 1.3, 1.7, 2.3, 3.1, 4.3, 6.0)
@@ -65,10 +66,10 @@ class SecondMode(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         return (
-            f"The head rings in a second mode at {values['frequency_Hz']:.4g} Hz with a damping ratio of "
-            f"{values['damping_ratio']:.3g}; held still, it adds {values['strength']:.2%} to the deflection."
+            f"The head rings in a second mode at {with_prefix(values['frequency_Hz'], 'Hz', 3)} with a damping ratio "
+            f"of {values['damping_ratio']:.2g}; held still, it adds {percent(values['strength'])} to the deflection."
         )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:

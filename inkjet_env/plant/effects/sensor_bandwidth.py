@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -38,8 +39,8 @@ class SensorBandwidth(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return None if any(shot.fast for shot in shots) else "no recording is fast enough to show the resonance"
 
-    def told(self, values: Values) -> str:
-        return f"The sensing amplifier passes only up to {values['bandwidth_Hz'] / 1e3:.3g} kHz."
+    def told(self, values: Values, unit: str = "V") -> str:
+        return f"The sensing amplifier passes only up to {with_prefix(values['bandwidth_Hz'], 'Hz', 3)}."
 
     def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
         if not shot.fast or math.isinf(values["bandwidth_Hz"]):

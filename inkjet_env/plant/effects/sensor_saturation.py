@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
+from inkjet_env.plant.wording import SENSOR_UNIT, with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -34,7 +35,7 @@ class SensorSaturation(Effect):
         "Communications, 1991: the amplifier's limiter"
     )
     parameters = (
-        Parameter("limit", "sensor's unit", 1e-9, math.inf, "reciprocal", "the rail that the signal never passes"),
+        Parameter("limit", SENSOR_UNIT, 1e-9, math.inf, "reciprocal", "the rail that the signal never passes"),
         Parameter("hardness", "1", 1.5, 100.0, "log", "2 compresses softly, 20 and more clips", open_ended=True),
     )
     strengths = ("limit",)
@@ -50,11 +51,9 @@ class SensorSaturation(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return None if any(shot.fast for shot in shots) else "no recording is of a fast sensor"
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         does = "clips" if values["hardness"] > 10 else "compresses"
-        return (
-            f"The sensor {does}: it never shows more than {values['limit']:.3g}, in its own unit, on either side of 0."
-        )
+        return f"The sensor {does}: it never shows more than ±{with_prefix(values['limit'], unit, 3)}."
 
     def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
         limit, hardness = values["limit"], values["hardness"]

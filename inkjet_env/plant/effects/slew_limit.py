@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -49,21 +50,13 @@ class SlewLimit(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
-    def told(self, values: Values) -> str:
-        return (
-            f"The amplifier cannot follow edges steeper than {values['slew_rate_V_s'] / 1e6:.3g} volts a microsecond."
-        )
+    def told(self, values: Values, unit: str = "V") -> str:
+        return f"The amplifier cannot follow edges steeper than {with_prefix(values['slew_rate_V_s'], 'V/s', 3)}."
 
     def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
         if math.isinf(values["slew_rate_V_s"]):
             return drive_V
         return slew_limited(drive_V, values["slew_rate_V_s"] * shot.node_step_s, shot.periodic)
-
-
-def rate_told(rate_V_s: float) -> str:
-    """A rate with the unit that suits it."""
-    rounded = float(f"{rate_V_s:.3g}")
-    return f"{rounded / 1e6:g} volts a microsecond" if rounded >= 1e5 else f"{rounded:,g} volts a second"
 
 
 def slew_limited(signal: Real, most: float, periodic: bool) -> Real:

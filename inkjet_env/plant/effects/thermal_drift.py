@@ -8,6 +8,7 @@ from dataclasses import replace
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Resonance, too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent
 from inkjet_env.printhead import Printhead
 
 RECORDINGS = 30
@@ -51,12 +52,12 @@ class ThermalDrift(Effect):
             return too_slow(shots) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
         return None
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         frequency, damping = values["frequency_drift"], values["damping_drift"]
-        pitch = "higher" if frequency > 0 else "lower"
         return (
-            f"After {RECORDINGS} recordings the head rings {abs(frequency):.2%} {pitch} "
-            f"and is damped {abs(damping):.0%} {'more' if damping > 0 else 'less'}."
+            f"After {RECORDINGS} recordings the head rings {percent(abs(frequency))} "
+            f"{'higher' if frequency > 0 else 'lower'} and is damped {percent(abs(damping))} "
+            f"{'more' if damping > 0 else 'less'}."
         )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -38,10 +39,10 @@ class TriggerDelay(Effect):
         sizes = {periods * period_s for periods in PERIODS} | {samples * step_s for samples in SAMPLES}
         return [{"delay_s": sign * size} for size in sorted(sizes - {0.0}) for sign in (1, -1)]
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         delay_s = values["delay_s"]
         when = "later" if delay_s > 0 else "earlier"
-        return f"The drive reaches the ceramic {1e6 * abs(delay_s):.4g} microseconds {when} than the recording says."
+        return f"The drive reaches the ceramic {with_prefix(abs(delay_s), 's')} {when} than the recording says."
 
     def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
         if values["delay_s"] == 0:

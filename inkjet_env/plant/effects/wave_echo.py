@@ -8,6 +8,7 @@ from dataclasses import replace
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Echo, Resonance, too_slow
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 GUESSES = tuple(0.25 * quarter for quarter in range(1, 49))
@@ -52,11 +53,11 @@ class WaveEcho(Effect):
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
-    def told(self, values: Values) -> str:
+    def told(self, values: Values, unit: str = "V") -> str:
         turned = ", turned over," if values["strength"] < 0 else ""
         return (
-            f"A wave returns {1e6 * values['delay_s']:.4g} microseconds later{turned} "
-            f"with {abs(values['strength']):.1%} of its strength."
+            f"A wave returns {with_prefix(values['delay_s'], 's')} later{turned} "
+            f"with {percent(abs(values['strength']))} of its strength."
         )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
