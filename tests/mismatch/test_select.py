@@ -1,0 +1,170 @@
+"""Which hypothesis recordings support: starts fitted, effects added, idle ones dropped, equals told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from inkjet_env.mismatch.attribute import attribute, base_hypothesis, conditions, settled
+from inkjet_env.mismatch.crew import Crew
+from inkjet_env.mismatch.select import cosine, noise_known, select, supported, worth_adding
+from inkjet_env.mismatch.signatures import signatures
+from inkjet_env.plant.effect import coordinates
+
+LOOKED_FOR = ("quadratic_damping", "cubic_stiffness", "feedthrough", "sensor_bandwidth", "amplifier_bandwidth")
+
+
+def silent(_):
+    """No progress is shown."""
+
+
+@pytest.fixture(scope="module")
+def looked(recorded, fitted, effects):
+    """A function: a joint fit of a planted campaign, the effects looked for, and their signatures; each made once."""
+    made = {}
+
+    def at(*names, looked_for=LOOKED_FOR):
+        if (names, looked_for) not in made:
+            joint, chosen = fitted(recorded(*names)), [effects[name] for name in looked_for]
+            made[names, looked_for] = joint, chosen, signatures(joint, chosen, Crew(1))
+        return made[names, looked_for]
+
+    return at
+
+
+@pytest.fixture(scope="module")
+def selected(looked):
+    made = {}
+
+    def at(*names, **options):
+        if names not in made:
+            joint, chosen, found = looked(*names, **options)
+            made[names] = select(joint, chosen, found, Crew(1), np.random.default_rng(0), silent)
+        return made[names]
+
+    return at
+
+
+def test_conditions_hold_every_fitted_row_once(looked):
+    joint, _, _ = looked()
+    rows = conditions(joint)
+    np.testing.assert_array_equal(np.sort(np.concatenate(rows)), np.arange(joint.ends[-1]))
+    assert len(rows) == len({o.condition for o in joint.seen})
+
+
+def test_every_effect_is_attributed_once_the_best_first_and_fitted_to_the_end(looked, values):
+    joint, chosen, found = looked("quadratic_damping")
+    base = base_hypothesis(joint)
+    hypotheses = attribute(joint, base, chosen, found, Crew(1), silent)
+    assert {h.ids for h in hypotheses} == {(name,) for name in LOOKED_FOR}
+    scores = [h.score for h in hypotheses]
+    assert scores == sorted(scores, reverse=True)
+    best = hypotheses[0]
+    assert best.ids == ("quadratic_damping",)
+    assert best.fit.point[0] == pytest.approx(values("quadratic_damping")["damping_per_V"], rel=0.02)
+    assert best.gain == pytest.approx(joint.base.nll - best.fit.nll)
+    assert best.score < best.gain
+    rows = best.left.size
+    assert abs(best.excess) < 6 * np.sqrt(2 * rows)
+    assert base.excess > 10 * abs(best.excess)
+
+
+def test_fits_on_two_processes_are_those_on_one(looked):
+    joint, chosen, found = looked("quadratic_damping")
+    base = base_hypothesis(joint)
+    one, two = (attribute(joint, base, chosen[:2], found, Crew(n), silent) for n in (1, 2))
+    assert [(h.ids, h.fit.nll) for h in one] == [(h.ids, h.fit.nll) for h in two]
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(a.fit.point, b.fit.point)
+
+
+def test_an_effect_is_added_beside_those_that_are_on(looked, effects, values):
+    joint, chosen, found = looked("feedthrough", "quadratic_damping")
+    damping = effects["quadratic_damping"]
+    beside = settled(joint, joint.fit([damping], coordinates(damping, values("quadratic_damping"))))
+    best = attribute(joint, beside, chosen, found.beside(beside.columns), Crew(1), silent)[0]
+    assert best.ids == ("quadratic_damping", "feedthrough")
+    assert best.fit.nll < beside.fit.nll
+
+
+def test_a_fit_that_settles_is_no_worse_than_where_it_came_from(looked, effects):
+    joint, _, _ = looked("quadratic_damping")
+    effect = effects["quadratic_damping"]
+    begin = joint.fit([effect], np.array([1e-6]), most_steps=1)
+    end = settled(joint, begin)
+    assert end.fit.nll < begin.nll
+    again = settled(end.joint, end.fit)
+    assert again.fit.nll == pytest.approx(end.fit.nll, abs=0.6)
+
+
+def test_an_effect_with_a_shape_at_its_bound_has_become_another(looked, effects):
+    joint, _, _ = looked("quadratic_damping")
+    mode = effects["second_mode"]
+    low, high = joint.limits([mode])
+    inside = coordinates(mode, {"frequency_Hz": 1e5, "damping_ratio": 0.05, "strength": 0.02})
+    hypothesis = replace(base_hypothesis(joint), fit=replace(joint.base, effects=(mode,), point=inside))
+    assert not hypothesis.degenerate
+    for k, degenerate in ((0, True), (1, True), (2, False)):  # a strength may be anything
+        for end in (low, high):
+            point = inside.copy()
+            point[k] = end[k]
+            at_bound = replace(hypothesis, fit=replace(hypothesis.fit, point=point))
+            assert at_bound.degenerate == degenerate
+
+
+def test_nothing_is_selected_from_noise(selected):
+    found = selected()
+    assert found.chosen.ids == ()
+    assert found.alternatives == {}
+    assert found.compared == ()
+    assert found.p_values == {}
+
+
+@pytest.mark.parametrize("names", [("quadratic_damping",), ("feedthrough", "quadratic_damping")])
+def test_what_was_planted_is_selected_and_nothing_else_would_do(names, selected):
+    found = selected(*names)
+    assert set(found.chosen.ids) == set(names)
+    assert found.alternatives == dict.fromkeys(found.chosen.ids, ())
+    assert found.p_values.keys() == set(names)
+    assert max(found.p_values.values()) < 1e-6
+    scores = [h.score for h in found.compared]
+    assert scores == sorted(scores, reverse=True)
+    assert frozenset(names) in {frozenset(h.ids) for h in found.compared}
+
+
+def test_an_equal_is_told_beside_the_chosen_one(selected):
+    found = selected("sensor_bandwidth")
+    (chosen,) = found.chosen.ids
+    (other,) = found.alternatives[chosen]
+    assert {chosen, other} == {"sensor_bandwidth", "amplifier_bandwidth"}
+    by_ids = {h.ids: h for h in found.compared}
+    base = base_hypothesis(found.chosen.joint)
+    assert cosine(base, by_ids[chosen,], by_ids[other,]) > 0.999
+    assert abs(cosine(base, by_ids[chosen,], by_ids["feedthrough",])) < 0.9
+
+
+def test_what_does_not_show_is_not_added_and_what_idles_is_dropped(looked, effects, values):
+    joint, _, _ = looked("quadratic_damping")
+    damping, feedthrough = effects["quadratic_damping"], effects["feedthrough"]
+    base = base_hypothesis(joint)
+    alone = settled(joint, joint.fit([damping], coordinates(damping, values("quadratic_damping"))))
+    assert supported(base, alone)
+    assert worth_adding(base, alone)
+    assert noise_known(alone)
+    both = settled(joint, joint.fit([damping, feedthrough], np.append(alone.fit.point, [1e-12, 1e-8]), alone.fit.head))
+    assert both.gain >= alone.gain - 0.5
+    assert not (supported(alone, both) and worth_adding(alone, both))
+    assert not supported(alone, base)
+
+
+def test_support_asks_for_conditions_left_out_and_not_for_the_fit_alone(looked):
+    """A hypothesis that does well on one condition by failing on the others is not supported."""
+    joint, chosen, found = looked("quadratic_damping")
+    base = base_hypothesis(joint)
+    best = attribute(joint, base, chosen[:1], found, Crew(1), silent)[0]
+    assert supported(base, best)
+    lucky = replace(best)
+    worse = replace(best.foretold, left=best.foretold.left + 20.0)
+    vars(lucky)["foretold"] = worse  # as if each condition left out had been foretold badly
+    assert lucky.score == best.score
+    assert not supported(base, lucky)
