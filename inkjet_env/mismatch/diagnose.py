@@ -296,7 +296,9 @@ class _Work:
     ) -> Diagnosis:
         """Put everything together."""
         base = base_hypothesis(joint)
-        traces = _traces(joint, chosen, flexible)
+        # the base model has no effects by chance either
+        bare = JointFit(joint.observed, joint.noise, joint.base.head) if standing else joint
+        traces = _traces(bare, joint, chosen, flexible)
         closure = _closure(traces)
         share = _share_left(base, chosen, flexible)
         groups = [(name, *others) for name, others in selection.alternatives.items() if others]
@@ -309,7 +311,6 @@ class _Work:
         else:
             verdict = "set" if groups else "named"
         self.progress("where it is")
-        bare = JointFit(joint.observed, joint.noise, joint.base.head) if standing else joint
         location = locate(bare.observed, bare.noise, bare.base, bare.basis[0])
         self.took("location")
         units = {o.channel: o.unit for o in joint.observed}
@@ -368,7 +369,8 @@ class _Work:
             gain = smaller.fit.nll - chosen.fit.nll
             p_value = selection.p_values.get(effect.id, math.exp(-gain))
             unit = _signal_unit(joint)
-            result.append(Named(effect, effect.told(values, unit), gain, p_value, estimates, unit))
+            sentence = effect.told(_surely(effect, values, estimates), unit)
+            result.append(Named(effect, sentence, gain, p_value, estimates, unit))
             at += count
         return result
 
@@ -401,10 +403,10 @@ def _gains_and_offsets(observed: Sequence[Observed], printhead: Printhead) -> tu
     return gains, offsets
 
 
-def _traces(joint: JointFit, chosen: Hypothesis, flexible: Flexible) -> tuple[Trace, ...]:
+def _traces(bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Flexible) -> tuple[Trace, ...]:
     # Where nothing tells the noise, it is at most what the flexible model leaves of what is left.
     most = math.sqrt(1 - min(max(flexible.share, 0.0), 1.0))
-    base, augmented = joint.modelled(joint.base), joint.modelled(chosen.fit)
+    base, augmented = bare.modelled(bare.base), joint.modelled(chosen.fit)
     return tuple(
         Trace(
             o.name,
@@ -490,6 +492,14 @@ def _errors(chosen: Hypothesis) -> Real:
     loud = max(1.0, 2 * chosen.fit.nll / max(chosen.left.size - chosen.columns.shape[1], 1))
     errors[told] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[told]
     return errors
+
+
+def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estimate]) -> dict[str, float]:
+    """The values, less the strengths that may as well be nothing; all of them where all may be."""
+    vain = {name for name in effect.strengths if estimates[name].low <= 0 <= estimates[name].high}
+    if vain == set(effect.strengths):
+        return values
+    return {name: 0.0 if name in vain else value for name, value in values.items()}
 
 
 def _signal_unit(joint: JointFit) -> str:
