@@ -43,6 +43,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -451,13 +452,15 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    names = ["nothing", *(case.effects[0] for case in cases("single", 1) if case.effects[0] not in BY_CHANCE)]
-    names = list(dict.fromkeys(names))
+    effects = [case.effects[0] for case in cases("single", 1) if case.strength == "strong"]
+    names = ["nothing", *(name for name in effects if name not in BY_CHANCE)]
     parser.add_argument("planted", nargs="*", metavar="EFFECT", help="only these; all, and nothing, unless given")
     parser.add_argument("--folder", type=Path, action="append", default=[], help="of measured recordings")
     parser.add_argument("--json", type=Path, help="write the table there too")
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--workers", type=int, default=2, help="processes")
     given = parser.parse_args(arguments)
+    if find_spec("pysindy") is None:
+        parser.error('pysindy is not installed; it comes with the development extra: pip install -e ".[dev]".')
     for name in given.planted:
         if name not in names:
             parser.error(f"EFFECT must be one of {', '.join(names)}; got {name!r}.")

@@ -6,6 +6,7 @@ import pytest
 from experiments.diagnosis_peers import (
     PEERS,
     base_fit,
+    main,
     over_noise,
     put_aside,
     said,
@@ -150,3 +151,10 @@ def test_medians_leave_out_measured_recordings_and_what_has_nothing_planted():
     assert set(found["median"].values()) == {3.0}
     assert found["judged"]["pysindy"] == {"right": 1}
     assert summary([]) == {"cases": 0, "median": {}, "judged": {}}
+
+
+def test_an_effect_that_nothing_foretells_is_refused_in_one_sentence(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["mains_hum"])
+    assert stopped.value.code == 2
+    assert "EFFECT must be one of nothing, amplifier_bandwidth" in capsys.readouterr().err
