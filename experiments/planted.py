@@ -127,7 +127,7 @@ def record_planted(
     effects = [(e, {**v, "limit": 0.75 * largest["self_sensing"]} if v.get("limit") == 0 else v) for e, v in effects]
     plant = Plant(printhead, gains, offsets, tuple(effects))
     recordings = []
-    first: dict[str, str] = {}
+    first: dict[tuple[str, str], str] = {}
     for line, shot in zip(chosen, shots, strict=True):
         name = f"r{shot.order:03d}"
         noise: Real = np.asarray(sigma[shot.channel] * rng.standard_normal(shot.samples), dtype=np.float64)
@@ -139,10 +139,10 @@ def record_planted(
         recordings.append(
             Recording(
                 name, line.time_s, line.drive_V, plant.signal(shot) + noise, "V", line.channel, line.excitation,
-                line.initial_state, shot.order, first.get(line.label), {}, monitor, shot.neighbour_V,
+                line.initial_state, shot.order, first.get((line.channel, line.label)), {}, monitor, shot.neighbour_V,
             )
         )  # fmt: skip
-        first.setdefault(line.label, name)
+        first.setdefault((line.channel, line.label), name)
     return Campaign("planted", tuple(recordings))
 
 
