@@ -17,7 +17,9 @@ from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Named, Trace
+from inkjet_env.mismatch.dynamics import QUANTILE_90, dynamics
 from inkjet_env.mismatch.flexible import Flexible, flexible_residual
+from inkjet_env.mismatch.headline import headline
 from inkjet_env.mismatch.joint_fit import Head, JointFit
 from inkjet_env.mismatch.locate import locate
 from inkjet_env.mismatch.next_experiment import next_experiment
@@ -33,7 +35,6 @@ Real = NDArray[np.float64]
 
 DEGREE = 9
 """Of the branch law at least: what the base model could say, it shall say, before anything else is blamed."""
-QUANTILE_90 = 1.6448536269514722
 LEFT_OVER = 0.05
 """Share of the mismatch from which on what is left unexplained makes a verdict unknown."""
 SURE = 5.0
@@ -340,13 +341,13 @@ class _Work:
         following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
         head = chosen.fit.head
-        sentences = " ".join(n.sentence for n in named)
-        headline = _headline(verdict, sentences, closure, location.sentence, groups, share)
+        said = headline(verdict, named, groups, closure, share, _closest(base, selection), location)
         return Diagnosis(
-            self.campaign.name, verdict, headline, tuple(named) if verdict != "unknown" else (), tuple(groups),
+            self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),
             location, traces, closure, share, compared, untestable, following, correction, head.printhead, head.gains,
             {c: o for c, o in head.offsets.items() if c != "drive_monitor"}, joint.base.head.printhead,
-            tuple(self.notes), time.perf_counter() - self.started, self.stages,
+            dynamics(base if verdict == "unknown" else chosen), tuple(self.notes),
+            time.perf_counter() - self.started, self.stages,
         )  # fmt: skip
 
     def named(self, joint: JointFit, chosen: Hypothesis, selection: Selection) -> list[Named]:
@@ -480,6 +481,17 @@ def _compared(base: Hypothesis, chosen: Hypothesis, selection: Selection) -> tup
     return tuple(rows)
 
 
+def _closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], float] | None:
+    """The hypothesis that explains most of the fitted recordings' mismatch, and how much of it."""
+    best = max(selection.compared, key=lambda h: h.gain, default=None)
+    if best is None or best.gain <= 0:
+        return None
+    known = all(base.joint.noise.known(o) for o in base.joint.seen)
+    start = base_hypothesis(best.joint)
+    mismatch = 0.5 * start.excess if known else start.fit.nll
+    return best.ids, min(best.gain / max(mismatch, best.gain), 1.0)
+
+
 def _errors(chosen: Hypothesis) -> Real:
     """Standard errors of the point, shape (k,), widened where more than noise is left."""
     q, _ = chosen.joint.basis
@@ -509,20 +521,3 @@ def _signal_unit(joint: JointFit) -> str:
 
 def _as_estimates(values: dict[str, float]) -> dict[str, Estimate]:
     return {name: Estimate(value, value, value) for name, value in values.items()}
-
-
-def _headline(
-    verdict: str, sentences: str, closure: float, where: str, groups: Sequence[tuple[str, ...]], share: float
-) -> str:
-    if verdict == "none":
-        return "The base model explains these recordings to their noise; nothing was left out that they could show."
-    explains = "" if math.isnan(closure) else f" It explains {100 * closure:.0f} % of what the model missed."
-    if verdict == "named":
-        return sentences + explains
-    if verdict == "set":
-        told = "; ".join(" or ".join(name.replace("_", " ") for name in group) for group in groups)
-        return f"These recordings cannot tell apart: {told}.{explains}"
-    return (
-        f"Something is left out that no effect of the catalogue explains ({100 * share:.0f} % of the mismatch "
-        f"remains). {where}"
-    )

@@ -207,6 +207,8 @@ class Diagnosis:
     gains, offsets : dict of str to float
     base_printhead : Printhead
         Without any effect.
+    dynamics : dict of str to Estimate
+        ``a0, a1, b1`` of the model that the verdict stands by: the base model where it is unknown.
     notes : tuple of str
     seconds : float
     stages : dict of str to float
@@ -230,6 +232,7 @@ class Diagnosis:
     gains: Mapping[str, float]
     offsets: Mapping[str, float]
     base_printhead: Printhead
+    dynamics: Mapping[str, Estimate]
     notes: tuple[str, ...]
     seconds: float
     stages: Mapping[str, float]

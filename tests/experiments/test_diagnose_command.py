@@ -83,6 +83,7 @@ def found(campaign):
         gains={"self_sensing": HEAD.b1},
         offsets={"self_sensing": 0.01},
         base_printhead=HEAD.varied(damping_ratio=0.05),
+        dynamics={name: Estimate(v, 0.9 * v, 1.1 * v) for name in ("a0", "a1", "b1") for v in (getattr(HEAD, name),)},
         notes=("A note.",),
         seconds=1.0,
         stages={"base model": 1.0},
@@ -124,6 +125,8 @@ def test_a_campaign_leads_to_a_verdict_a_page_and_a_printhead(planted, campaign,
     assert "</html>" in (tmp_path / "page.html").read_text()
     head = read_printhead(tmp_path / "head.json")
     assert head.frequency_Hz == pytest.approx(HEAD.frequency_Hz, rel=1e-3)
+    written = json.loads((tmp_path / "head.json").read_text())["dynamics"]
+    assert all(one["low"] < one["value"] < one["high"] for one in written.values())
     assert [e["id"] for e in verdict["effects"]] == list(planted)
     if planted:
         (found,) = verdict["effects"]

@@ -109,6 +109,7 @@ def named():
         gains={"self_sensing": HEAD.b1, "strain_gauge": 0.01},
         offsets={"self_sensing": 0.0, "strain_gauge": 0.1},
         base_printhead=HEAD.varied(damping_ratio=0.05),
+        dynamics={name: Estimate(v, 0.9 * v, 1.1 * v) for name in ("a0", "a1", "b1") for v in (getattr(HEAD, name),)},
         notes=("self_sensing: noise from recordings at rest and repeats.",),
         seconds=61.2,
         stages={"base model": 8.1, "bootstrap": 40.2, "attribution": 12.9},

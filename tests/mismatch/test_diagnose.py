@@ -141,7 +141,7 @@ def test_what_no_effect_explains_is_unknown_and_still_located(diagnosed):
     found = diagnosed("wave_echo", looked_for=("feedthrough", "quadratic_damping", "cubic_stiffness"))
     assert (found.verdict, ids(found), found.candidates) == ("unknown", [], ())
     assert found.location.recordings
-    assert found.location.sentence in found.headline
+    assert found.location.recordings[0] in found.headline
     assert found.correction.share > 0.5
     assert found.correction.gain > 100
     assert found.next_experiment is None

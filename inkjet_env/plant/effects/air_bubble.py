@@ -74,11 +74,12 @@ class AirBubble(Effect):
 
     def told(self, values: Values, unit: str = "V") -> str:
         change = values["frequency_change"]
-        return (
-            f"From recording {math.ceil(values['onset_order'])} on, an air bubble makes the head ring "
-            f"{percent(abs(change))} {'higher' if change > 0 else 'lower'} and adds a mode at "
-            f"{with_prefix(values['bubble_frequency_Hz'], 'Hz', 3)}."
-        )
+        does = []
+        if change:
+            does.append(f"makes the head ring {percent(abs(change))} {'higher' if change > 0 else 'lower'}")
+        if values["bubble_strength"]:
+            does.append(f"adds a mode at {with_prefix(values['bubble_frequency_Hz'], 'Hz', 3)}")
+        return f"From recording {math.ceil(values['onset_order'])} on, an air bubble {' and '.join(does)}."
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
         present = min(max(shot.order - values["onset_order"] + 1, 0.0), 1.0)

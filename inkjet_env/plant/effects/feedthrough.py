@@ -57,11 +57,12 @@ class Feedthrough(Effect):
     def told(self, values: Values, unit: str = "V") -> str:
         per_s = values["capacitive_s"]
         edge_V_s = 1e7 if abs(per_s) < 1e-5 else 1e4
-        return (
-            f"The capacitance compensation is imperfect: an edge of {with_prefix(edge_V_s, 'V/s')} is heard as "
-            f"{with_prefix(edge_V_s * per_s, 'V')} at the sensor, a steady drive of 100 V as "
-            f"{with_prefix(100 * values['lossy'], 'V')}."
-        )
+        heard = []
+        if per_s:
+            heard.append(f"an edge of {with_prefix(edge_V_s, 'V/s')} as {with_prefix(edge_V_s * per_s, 'V')}")
+        if values["lossy"]:
+            heard.append(f"a steady drive of 100 V as {with_prefix(100 * values['lossy'], 'V')}")
+        return f"The capacitance compensation is imperfect; the sensor shows {' and '.join(heard)}."
 
     def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
         if shot.channel != "self_sensing":

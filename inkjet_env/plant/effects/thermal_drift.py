@@ -54,11 +54,14 @@ class ThermalDrift(Effect):
 
     def told(self, values: Values, unit: str = "V") -> str:
         frequency, damping = values["frequency_drift"], values["damping_drift"]
-        return (
-            f"After {RECORDINGS} recordings the head rings {percent(abs(frequency))} "
-            f"{'higher' if frequency > 0 else 'lower'} and is damped {percent(abs(damping))} "
-            f"{'more' if damping > 0 else 'less'}."
-        )
+        changes = []
+        if frequency:
+            changes.append(f"rings {percent(abs(frequency))} {'higher' if frequency > 0 else 'lower'}")
+        if damping:
+            changes.append(f"is damped {percent(abs(damping))} {'more' if damping > 0 else 'less'}")
+        if not changes:
+            return f"Frequency and damping wander, and are back where they began after {RECORDINGS} recordings."
+        return f"After {RECORDINGS} recordings the head {' and '.join(changes)}."
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
         s = (shot.order - 1) / RECORDINGS

@@ -1,0 +1,87 @@
+"""The verdict in at most two sentences: what was left out, and how much of the mismatch that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from inkjet_env.mismatch.diagnosis import Location, Named
+from inkjet_env.plant.wording import percent, span_told
+
+MOST_BANDS = 2
+
+
+def headline(
+    verdict: str,
+    named: Sequence[Named],
+    groups: Sequence[tuple[str, ...]],
+    closure: float,
+    left_over: float,
+    closest: tuple[tuple[str, ...], float] | None,
+    location: Location,
+) -> str:
+    """The verdict for a reader who has five seconds.
+
+    Parameters
+    ----------
+    verdict : {"none", "named", "set", "unknown"}
+    named : sequence of Named
+        Told in the order of what they explain.
+    groups : sequence of tuple of str
+        Effects that cannot be told apart.
+    closure, left_over : float
+        As `Diagnosis` has them.
+    closest : (tuple of str, float), optional
+        Of all hypotheses the one that explains most, and the share of the mismatch that it does explain.
+    location : Location
+    """
+    if verdict == "none":
+        return "The base model explains these recordings to their noise: nothing was left out that they could show."
+    if verdict == "unknown":
+        return _unknown(left_over, closest, location)
+    if verdict == "set":
+        alike = "; ".join(_joined(group, "or") for group in groups)
+        first = f"{alike[0].upper()}{alike[1:]}: these recordings cannot tell which."
+        certain = [n.effect.id for n in _by_weight(named) if all(n.effect.id not in group for group in groups)]
+        return " ".join([first, *_explained("Either", certain, closure)])
+    most, *others = _by_weight(named)
+    return " ".join([most.sentence, *_explained("It", [n.effect.id for n in others], closure)])
+
+
+def _by_weight(named: Sequence[Named]) -> list[Named]:
+    return sorted(named, key=lambda n: -n.delta_nll)
+
+
+def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
+    """How much of the mismatch is explained, and what else is there; nothing where there is nothing to say."""
+    share = "" if math.isnan(closure) else f"{percent(max(closure, 0.0), 3)} of what the base model missed"
+    if others:
+        also = f"Besides, there is {_joined(others, 'and')}"
+        return [f"{also}; together they explain {share}." if share else f"{also}."]
+    return [f"{who} explains {share}."] if share else []
+
+
+def _unknown(left_over: float, closest: tuple[tuple[str, ...], float] | None, location: Location) -> str:
+    said = f"{percent(left_over)} of the mismatch is explained by nothing in the catalogue"
+    if closest is not None:
+        ids, part = closest
+        said += f"; {_joined(ids, 'with')} comes closest with {percent(part)}"
+    where = []
+    if location.recordings:
+        where.append(f"in {location.recordings[0]}")
+    if location.frequency_Hz:
+        bands = location.frequency_Hz[:MOST_BANDS]
+        where.append("at " + " and ".join(span_told(low, high, "Hz") for low, high in bands))
+    return f"{said}. It shows most {', '.join(where)}." if where else f"{said}."
+
+
+def _joined(ids: Sequence[str], word: str) -> str:
+    """Names of effects in a list.
+
+    Examples
+    --------
+    >>> _joined(("second_mode", "air_bubble", "creep"), "or")
+    'second mode, air bubble or creep'
+    """
+    names = [name.replace("_", " ") for name in ids]
+    return f" {word} ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]

@@ -1,0 +1,43 @@
+"""The verdict in at most two sentences."""
+
+import math
+
+from inkjet_env.mismatch.diagnosis import Location, Named
+from inkjet_env.mismatch.headline import headline
+
+SOMEWHERE = Location(("r003", "r005"), frequency_Hz=((3.7e4, 5.2e4), (5.8e4, 6.6e4), (9e4, 1e5)))
+
+
+def named(effect, delta_nll, sentence):
+    return Named(effect, sentence, delta_nll, 1e-9, {})
+
+
+def test_one_effect_is_told_with_its_share(effects):
+    one = named(effects["slew_limit"], 40.0, "The amplifier cannot follow edges steeper than 23 V/µs.")
+    said = headline("named", [one], [], 0.9961, 0.0, None, SOMEWHERE)
+    assert said == one.sentence + " It explains 99.6 % of what the base model missed."
+    assert headline("named", [one], [], math.nan, 0.0, None, SOMEWHERE) == one.sentence
+
+
+def test_of_several_effects_the_weightiest_comes_first_and_the_others_by_name(effects):
+    less = named(effects["creep"], 40.0, "After a change it goes on.")
+    most = named(effects["slew_limit"], 400.0, "Edges are cut.")
+    said = headline("named", [less, most], [], 0.93, 0.0, None, SOMEWHERE)
+    assert said == "Edges are cut. Besides, there is creep; together they explain 93 % of what the base model missed."
+
+
+def test_a_set_names_all_its_members_and_what_is_certain_beside_it(effects):
+    both = [named(effects["second_mode"], 9.0, "A mode."), named(effects["mains_hum"], 4.0, "A hum.")]
+    said = headline("set", both, [("second_mode", "air_bubble")], 0.99, 0.0, None, SOMEWHERE)
+    assert said.startswith("Second mode or air bubble: these recordings cannot tell which. Besides, there is mains hum")
+    said = headline("set", both[:1], [("second_mode", "air_bubble")], 0.99, 0.0, None, SOMEWHERE)
+    assert said.endswith("which. Either explains 99 % of what the base model missed.")
+
+
+def test_an_unknown_cause_tells_how_much_where_and_what_came_closest():
+    said = headline("unknown", [], [], 0.2, 0.9, (("second_mode", "creep"), 0.1), SOMEWHERE)
+    assert said == (
+        "90 % of the mismatch is explained by nothing in the catalogue; second mode with creep comes closest with "
+        "10 %. It shows most in r003, at 37 to 52 kHz and 58 to 66 kHz."
+    )
+    assert headline("unknown", [], [], 0.2, 0.9, None, Location()).count(".") == 1
