@@ -28,6 +28,7 @@ from inkjet_env.mismatch.select import Selection, cosine, leftover, select
 from inkjet_env.mismatch.signatures import Signatures, signatures
 from inkjet_env.plant import Effect, catalogue
 from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
 
@@ -41,6 +42,8 @@ SURE = 5.0
 """Standard deviations by which what is left must exceed the noise to count."""
 LEAST_EXCESS = 0.03
 """Of the noise's power: less is taken for its own uncertainty."""
+FAR_OFF = 0.7
+"""Of the fast recordings' power: a base model that leaves more was begun too far off to be refitted."""
 FINE_ENOUGH = 0.5
 """Standard errors of a parameter by which the simulation may be wrong."""
 MOST_PARTS = 16
@@ -159,6 +162,7 @@ class _Work:
         self, observed: Sequence[Observed], printhead: Printhead | None, held_out: Sequence[str] | None
     ) -> JointFit:
         """The base model and the noise."""
+        given = printhead is not None
         if printhead is None:
             found = identify(self.campaign, held_out=held_out, progress=self.progress)
             gains = {channel: gain.value for channel, gain in found.gains.items()}
@@ -177,7 +181,14 @@ class _Work:
         parts = 2 * max(1, min(MOST_PARTS // 2, math.ceil(NODES_A_PERIOD * printhead.frequency_Hz * coarsest_s / 2)))
         observed = finer(observed, parts)
         joint = self.settled(observed, head, Noise({}, {}), otherwise, ())
+        if given and _unexplained(joint) > FAR_OFF:
+            raise ValueError(
+                f"the printhead that was given, of {with_prefix(printhead.frequency_Hz, 'Hz', 3)}, explains next to "
+                "nothing of these recordings, even refitted. Give one of this head, or none: it is then identified."
+            )
         self.notes.extend(joint.noise.notes)
+        if not any(o.fitted < o.shot.samples for o in observed):
+            self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
         return joint
 
     def settled(
@@ -512,6 +523,14 @@ def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estim
     if vain == set(effect.strengths):
         return values
     return {name: 0.0 if name in vain else value for name, value in values.items()}
+
+
+def _unexplained(joint: JointFit) -> float:
+    """Share of the fast channels' mean square under a drive that the base model leaves."""
+    moved = [o for o in joint.seen if o.shot.fast and not o.still]
+    modelled = joint.modelled(joint.base)
+    left = sum(float(np.var(o.measured - modelled[o.name])) / max(float(np.var(o.measured)), 1e-300) for o in moved)
+    return left / max(len(moved), 1)
 
 
 def _signal_unit(joint: JointFit) -> str:

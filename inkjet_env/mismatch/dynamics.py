@@ -14,6 +14,8 @@ Real = NDArray[np.float64]
 
 QUANTILE_90 = 1.6448536269514722
 """Of the normal distribution, two-sided."""
+UNTOLD = 5.0
+"""A standard error of a logarithm beyond which a value is not told at all."""
 
 
 def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
@@ -38,6 +40,7 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     columns = np.block([[r, across], [np.zeros((beyond.shape[0], head.size)), beyond]])
     loud = max(1.0, 2 * fit.nll / max(hypothesis.left.size - hypothesis.columns.shape[1], 1))
     errors = np.sqrt(loud) * _errors(columns, directions)
+    errors[errors > UNTOLD] = 0.0
     values = {"a0": law.a0, "a1": law.a1, "b1": law.b1}
     return {
         name: Estimate(value, value * math.exp(-QUANTILE_90 * error), value * math.exp(QUANTILE_90 * error))
