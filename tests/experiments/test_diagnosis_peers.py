@@ -33,7 +33,9 @@ def joint_with():
         on = [(effect_named(name), value) for name, value in values.items()]
         campaign = record_planted(head, on, 3, lines=lines)
         gains = {"strain_gauge": GAUGE_GAIN, "self_sensing": head.b1}
-        return base_fit(campaign, Head(head, gains, {"strain_gauge": 0.05, "self_sensing": -0.1}))
+        joint = base_fit(campaign, Head(head, gains, {"strain_gauge": 0.05, "self_sensing": -0.1}))
+        joint.campaign = campaign
+        return joint
 
     return made
 
@@ -51,6 +53,12 @@ def plain(joint_with):
 @pytest.fixture(scope="module")
 def force(cubic):
     return sparse_force(cubic, "self_sensing")
+
+
+def test_the_base_model_settles_wherever_it_begins(cubic):
+    begun = replace(cubic.base.head, gains=cubic.base.head.gains | {"strain_gauge": 1.01 * GAUGE_GAIN})
+    again = base_fit(cubic.campaign, begun)
+    assert again.base.nll == pytest.approx(cubic.base.nll, rel=1e-3)
 
 
 def signals_of(joint, force):
