@@ -20,34 +20,28 @@ from experiments.planted import GAUGE_GAIN, LINES, effect_named, record_planted
 from inkjet_env.mismatch.joint_fit import Head, JointFit
 from inkjet_env.rig.battery import default_battery
 
+HEAD = head_of(0)
 SHORT = [line for line in LINES if not line.startswith(("multisine", "staircase", "minor", "first"))]
 
 
-@pytest.fixture(scope="module")
-def joint_with():
-    """Joint fits of small campaigns, by the effects that are on."""
-    head = head_of(0)
-    lines = [line for line in default_battery(head.frequency_Hz) if line.label in SHORT]
+def campaign_with(**values):
+    lines = [line for line in default_battery(HEAD.frequency_Hz) if line.label in SHORT]
+    return record_planted(HEAD, [(effect_named(name), value) for name, value in values.items()], 3, lines=lines)
 
-    def made(**values):
-        on = [(effect_named(name), value) for name, value in values.items()]
-        campaign = record_planted(head, on, 3, lines=lines)
-        gains = {"strain_gauge": GAUGE_GAIN, "self_sensing": head.b1}
-        joint = base_fit(campaign, Head(head, gains, {"strain_gauge": 0.05, "self_sensing": -0.1}))
-        joint.campaign = campaign
-        return joint
 
-    return made
+def fitted(campaign, gauge_gain=GAUGE_GAIN):
+    gains = {"strain_gauge": gauge_gain, "self_sensing": HEAD.b1}
+    return base_fit(campaign, Head(HEAD, gains, {"strain_gauge": 0.05, "self_sensing": -0.1}))
 
 
 @pytest.fixture(scope="module")
-def cubic(joint_with):
-    return joint_with(cubic_stiffness={"stiffening_per_V2": 1.2e-6})
+def with_spring():
+    return campaign_with(cubic_stiffness={"stiffening_per_V2": 1.2e-6})
 
 
 @pytest.fixture(scope="module")
-def plain(joint_with):
-    return joint_with()
+def cubic(with_spring):
+    return fitted(with_spring)
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +49,8 @@ def force(cubic):
     return sparse_force(cubic, "self_sensing")
 
 
-def test_the_base_model_settles_wherever_it_begins(cubic):
-    begun = replace(cubic.base.head, gains=cubic.base.head.gains | {"strain_gauge": 1.01 * GAUGE_GAIN})
-    again = base_fit(cubic.campaign, begun)
+def test_the_base_model_settles_wherever_it_begins(cubic, with_spring):
+    again = fitted(with_spring, 1.01 * GAUGE_GAIN)
     assert again.base.nll == pytest.approx(cubic.base.nll, rel=1e-3)
 
 
@@ -99,7 +92,8 @@ def test_a_force_that_grows_without_bound_has_no_signal(cubic, force):
     assert np.isnan(wild.signal(loudest)).all()
 
 
-def test_where_nothing_is_left_out_nothing_is_added(plain):
+def test_where_nothing_is_left_out_nothing_is_added():
+    plain = fitted(campaign_with())
     assert over_noise(plain, plain.modelled(plain.base)) == pytest.approx(1, abs=0.03)
     assert sparse_force(plain, "self_sensing").active == ()
 
