@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from inkjet_env.mismatch import Diagnosis
 
 NEXT = "next.csv"
+INTERRUPTED = 130
 
 
 def diagnose(
@@ -65,7 +66,12 @@ def diagnose(
         options["held_out"] = tuple(name.strip() for name in hold_out.split(","))
     if workers is not None:
         options["workers"] = workers
-    found = _diagnosed(folder, printhead, reading_options(channel, columns, initial_state), chosen_seed(seed), options)
+    reading = reading_options(channel, columns, initial_state)
+    try:
+        found = _diagnosed(folder, printhead, reading, chosen_seed(seed), options)
+    except KeyboardInterrupt:
+        print("Interrupted; nothing is written.", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
     written = _written(found, json, files)
     if str(json) != "-":
         print_diagnosis(found)

@@ -165,7 +165,7 @@ def parameter_rows(named: Named) -> list[tuple[str, str, str, str, str]]:
 def engineering(estimate: Estimate, unit: str) -> tuple[str, str, str]:
     """Value, interval and unit with a prefix that suits all three numbers.
 
-    Two digits of the interval's half width are shown, and of the value two at least.
+    Two digits of the interval's half width are shown, and of the value two at least; three where there is no interval.
 
     Examples
     --------
@@ -173,8 +173,8 @@ def engineering(estimate: Estimate, unit: str) -> tuple[str, str, str]:
     ('210.4', '205.1 … 216.2', 'kHz')
     >>> engineering(Estimate(-2.5e-9, -2.61e-9, -2.39e-9), "1/V²")
     ('−2.50', '−2.61 … −2.39', '10⁻⁹/V²')
-    >>> engineering(Estimate(4e5, 1e5, float("inf")), "Hz")
-    ('400', '100 … ∞', 'kHz')
+    >>> engineering(Estimate(4e5, 1e5, float("inf")), "Hz"), engineering(Estimate(46520.0, 46520.0, 46520.0), "Hz")
+    (('400', '100 … ∞', 'kHz'), ('46.5', '–', 'kHz'))
     """
     numbers = (estimate.value, estimate.low, estimate.high)
     finite = [abs(v) for v in numbers if math.isfinite(v) and v != 0]
@@ -190,9 +190,10 @@ def engineering(estimate: Estimate, unit: str) -> tuple[str, str, str]:
         shown_unit = power + (shown_unit[1:] if unit.startswith("1") else f" {shown_unit}") if exponent else shown_unit
     half = (estimate.high - estimate.low) / 2
     leading = [math.floor(math.log10(v / 10.0**exponent)) for v in (half, size) if 0 < v < math.inf]
-    decimals = min(max(0, *(1 - digit for digit in leading), 0), 8) if leading else 0
+    digits = 1 if half else 2
+    decimals = min(max(0, *(digits - digit for digit in leading), 0), 8) if leading else 0
     value, low, high = (number(v / 10.0**exponent, decimals) for v in numbers)
-    return value, f"{low} … {high}", "" if shown_unit == "1" else shown_unit
+    return value, f"{low} … {high}" if half else "–", "" if shown_unit == "1" else shown_unit
 
 
 def number(value: float, decimals: int = 2) -> str:

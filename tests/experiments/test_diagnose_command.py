@@ -249,3 +249,22 @@ def test_help_shows_an_example(inkjet):
     status, out, _ = inkjet("diagnose", "--help")
     assert status == 0
     assert "\n  inkjet diagnose campaign " in out
+
+
+def test_an_interrupted_diagnosis_says_so_and_writes_nothing(inkjet, folder, tmp_path, monkeypatch):
+    def diagnose(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mismatch, "diagnose", diagnose)
+    status, _, err = inkjet("diagnose", "campaign", "--json", "found.json", "--report", "page.html")
+    assert status == 130
+    assert err.endswith("Interrupted; nothing is written.\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["campaign"]
+
+
+def test_a_printhead_of_another_head_altogether_is_refused(inkjet, folder, tmp_path):
+    HEAD.varied(frequency_Hz=30.0).to_json(tmp_path / "other.json")
+    status, _, err = inkjet("diagnose", "campaign", "--printhead", "other.json", "--json", "found.json")
+    assert status == 2
+    assert err.splitlines()[-1].startswith("inkjet: the printhead that was given, of 30 Hz, explains next to nothing")
+    assert not (tmp_path / "found.json").exists()
