@@ -152,14 +152,14 @@ def attribute(
     hypotheses = [Hypothesis(fit, joint) for fit in best.values() if given.nll - fit.nll < hopeless * most]
     for k, fit in enumerate(crew.map(lambda fit: settled(joint, fit).fit, promising)):
         progress(f"{' + '.join(fit.ids)}, to the end ({k + 1} of {len(promising)})")
-        hypotheses.append(Hypothesis(fit, joint.near(fit.head)))
+        hypotheses.append(Hypothesis(fit, joint.near(fit)))
     return sorted(hypotheses, key=lambda h: -h.score)
 
 
 def settled(joint: JointFit, fit: Fit) -> Hypothesis:
     """A fit gone on with until it settles, sensitivities taken anew on the way."""
     for _ in range(MOST_ROUNDS):
-        near = joint.near(fit.head)
+        near = joint.near(fit)
         following = _tried(near, fit.effects, fit.point, fit) or fit
         gained = fit.nll - following.nll
         fit, joint = following, near

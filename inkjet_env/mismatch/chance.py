@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,13 +123,21 @@ def _best(
     from scipy.optimize import minimize_scalar
 
     free = [p for p in effect.parameters if p.name not in effect.strengths]
-    quick = []
-    for start in effect.starts(None, [o.shot for o in observed]):  # type: ignore[arg-type]
-        if any(effect.nuisances(start, o.shot) is not None for o in observed):
-            quick.append((_with_amplitudes(effect, start, observed, left, noise)[0], start))
-    quick.sort(key=lambda pair: pair[0])
+    starts = [
+        start
+        for start in effect.starts(None, [o.shot for o in observed])  # type: ignore[arg-type]
+        if any(effect.nuisances(start, o.shot) is not None for o in observed)
+    ]
+    # A loud tone shapes the noise model that is to judge it; so starts are ranked by bare power as well.
+    tried = []
+    for judge in (noise, _white(noise)):
+        tried += sorted(
+            ((_with_amplitudes(effect, start, observed, left, judge)[0], k, judge) for k, start in enumerate(starts)),
+            key=lambda one: one[:2],
+        )[:2]
     best: ByChance | None = None
-    for _, start in quick[:2]:
+    for _, k, judge in tried:
+        start = starts[k]
         values = dict(start)
         if len(free) == 1:  # refine a frequency within the width of a line
             place = [p.name for p in effect.parameters].index(free[0].name)
@@ -137,10 +145,10 @@ def _best(
             longest = max(o.shot.samples * o.shot.step_s for o in observed)
             width = 1 / max(values[free[0].name] * longest, 1.0)
 
-            def worse(z: float, point: Real = point, place: int = place) -> float:
+            def worse(z: float, point: Real = point, place: int = place, judge: Noise = judge) -> float:
                 there = point.copy()
                 there[place] = z
-                return _with_amplitudes(effect, values_at(effect, there), observed, left, noise)[0]
+                return _with_amplitudes(effect, values_at(effect, there), observed, left, judge)[0]
 
             bounds = (point[place] - width, point[place] + width)
             refined = minimize_scalar(worse, bounds=bounds, method="bounded", options={"xatol": 1e-3 * width})
@@ -154,6 +162,12 @@ def _best(
         if best is None or before - after > best.gain:
             best = ByChance(effect, observed[0].channel, values, before - after)
     return best
+
+
+def _white(noise: Noise) -> Noise:
+    """White noise of the same power."""
+    models = {key: NoiseModel(np.ones(1), m.rms, m.rms, m.source) for key, m in noise.models.items()}
+    return replace(noise, models=models)
 
 
 def _noise_alone(observed: Sequence[Observed], left: dict[str, Real], noise: Noise) -> float:

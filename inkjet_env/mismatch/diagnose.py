@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -24,7 +25,7 @@ from inkjet_env.mismatch.joint_fit import Head, JointFit
 from inkjet_env.mismatch.locate import locate
 from inkjet_env.mismatch.next_experiment import next_experiment
 from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe
-from inkjet_env.mismatch.select import Selection, cosine, leftover, select
+from inkjet_env.mismatch.select import Selection, cosine, leftover, select, supported
 from inkjet_env.mismatch.signatures import Signatures, signatures
 from inkjet_env.plant import Effect, catalogue
 from inkjet_env.plant.effect import coordinates
@@ -49,6 +50,8 @@ FINE_ENOUGH = 0.5
 MOST_PARTS = 16
 NODES_A_PERIOD = 36
 """At least, of the resonance."""
+MOST_BASE_ROUNDS = 10
+"""Times that the base model is fitted again from where it has come to."""
 MOST_COMPARED = 24
 """Hypotheses that a diagnosis lists."""
 SAME_GAIN = 0.02
@@ -88,9 +91,13 @@ def diagnose(
     ValueError
         Recordings that no base model can be identified from.
     """
+    catalogued = catalogue() if effects is None else tuple(effects)
+    twice = [name for name, count in Counter(effect.id for effect in catalogued).items() if count > 1]
+    if twice:
+        raise ValueError(f"effects must have ids of their own; {twice[0]!r} comes twice. Rename one.")
     work = _Work(
         campaign,
-        catalogue() if effects is None else tuple(effects),
+        catalogued,
         np.random.default_rng(rng),
         Crew(workers),
         progress or (lambda _: None),
@@ -152,6 +159,8 @@ class _Work:
             # With what was found the noise is seen to be less: is there more to be found?
             found, selection = self.selected(joint, lawful)
             joint, chosen = self.polished(joint, selection.chosen, standing)
+        if chosen.ids and not supported(base_hypothesis(joint), chosen):
+            chosen = base_hypothesis(joint)  # finer nodes, or another noise, made it vanish
         self.took("selection")
         self.progress("what is left over")
         flexible = flexible_residual(chosen)
@@ -205,7 +214,11 @@ class _Work:
         noise = noise_seen(observed, self.less_chance(observed, left, standing), otherwise)
         on = [(s.effect, s.values) for s in standing]
         joint = JointFit(observed, noise, head, on)
-        joint = JointFit(observed, noise, in_convention(joint.base.head), on)
+        for _ in range(MOST_BASE_ROUNDS):
+            before = joint.base.nll
+            joint = JointFit(observed, noise, in_convention(joint.base.head), on)
+            if before - joint.base.nll < 0.5:
+                break
         modelled = joint.modelled(joint.base)
         left = {o.name: o.measured - modelled[o.name] for o in observed}
         noise = noise_seen(observed, self.less_chance(observed, left, standing), otherwise)
@@ -276,7 +289,7 @@ class _Work:
             noise = noise_seen(joint.observed, left, {})
             base = in_convention(joint.base.head)
             joint = JointFit(joint.observed, noise, base, joint.standing)
-            near = joint.near(in_convention(chosen.fit.head))
+            near = joint.near(replace(chosen.fit, head=in_convention(chosen.fit.head)))
             chosen = settled(joint, near.fit(chosen.fit.effects, chosen.fit.point))
             parts = joint.observed[0].shot.parts
             error = joint.numerical_error(chosen.fit)
@@ -313,7 +326,7 @@ class _Work:
         traces = _traces(bare, joint, chosen, flexible)
         closure = _closure(traces)
         share = _share_left(base, chosen, flexible)
-        groups = [(name, *others) for name, others in selection.alternatives.items() if others]
+        groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
         groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
         anything = bool(chosen.ids or standing)
         if share > LEFT_OVER:
@@ -352,7 +365,8 @@ class _Work:
         following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
         head = chosen.fit.head
-        said = headline(verdict, named, groups, closure, share, _closest(base, selection), location)
+        told = all(joint.noise.known(o) for o in joint.seen)
+        said = headline(verdict, named, groups, closure, share, _closest(base, selection), location, told)
         return Diagnosis(
             self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),
             location, traces, closure, share, compared, untestable, following, correction, head.printhead, head.gains,
@@ -403,8 +417,8 @@ def _gains_and_offsets(observed: Sequence[Observed], printhead: Printhead) -> tu
     head = Head(printhead, {"self_sensing": printhead.b1}, {})
     for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):
         mine = [o for o in observed if o.channel == channel]
-        shape = np.concatenate([head.plant().motion(o.shot.drive_at_nodes_V, o.shot) for o in mine])
-        measured = np.concatenate([o.measured for o in mine])
+        shape = np.concatenate([head.plant().motion(o.shot.drive_at_nodes_V, o.shot)[: o.fitted] for o in mine])
+        measured = np.concatenate([o.measured[: o.fitted] for o in mine])
         if channel == "self_sensing":
             gains[channel] = printhead.b1
             offsets[channel] = float(np.mean(measured - printhead.b1 * shape))

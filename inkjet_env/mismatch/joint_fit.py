@@ -28,6 +28,8 @@ CONVERGED = 0.01
 """A step that promises less of the log-likelihood is the last."""
 DIFFERENCE = 1e-4
 """Finite-difference step of a coordinate, in parts of its scale."""
+SMALL = 1e-5
+"""Finite-difference step of a base parameter, relative."""
 WORST = 1e300
 
 
@@ -88,8 +90,10 @@ class Head:
         """The plant of this head."""
         return Plant(self.printhead, self.gains, self.offsets, tuple(effects))
 
-    def sensitivities(self, observed: Observed) -> Real:
-        """Derivative of a recording's signal with respect to the step of `moved`, shape (n, size)."""
+    def sensitivities(self, observed: Observed, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
+        """Derivative of a recording's signal with respect to the step of `moved`, shape (n, size), these effects on."""
+        if effects and observed.channel != "drive_monitor":
+            return self._differences(observed, effects)
         shot, d = observed.shot, self.degree
         plant = self.plant()
         columns = np.zeros((shot.samples, self.size))
@@ -110,6 +114,20 @@ class Head:
                     columns[:, d + place] += sign * gain / 2e-5 * other
         if shot.channel in self.free_gains:
             columns[:, d + 2 + self.free_gains.index(shot.channel)] = gain * total
+        return columns
+
+    def _differences(self, observed: Observed, effects: Sequence[tuple[Effect, Values]]) -> Real:
+        """`sensitivities` by finite differences of the plant."""
+        largest = max(float(np.abs(observed.measured).max()), 1e-12)
+        sizes = np.full(self.size, SMALL)
+        sizes[: self.degree] *= max(map(abs, self.printhead.coefficients))
+        sizes[self.degree + 2 + len(self.free_gains) :] *= largest
+        here = self.plant(effects).signal(observed.shot)
+        columns = np.empty((here.size, self.size))
+        for k, size in enumerate(sizes):
+            step = np.zeros(self.size)
+            step[k] = size
+            columns[:, k] = (self.moved(step).plant(effects).signal(observed.shot) - here) / size
         return columns
 
 
@@ -177,6 +195,8 @@ class JointFit:
         Effects by chance that are known to be there: what their nuisances can explain is taken out everywhere.
     base : Fit, optional
         The base model on these recordings; fitted unless given.
+    around : Fit, optional
+        Whose effects are on where the base parameters' sensitivities are taken.
     """
 
     def __init__(
@@ -186,8 +206,10 @@ class JointFit:
         head: Head,
         standing: Sequence[tuple[Effect, Values]] = (),
         base: Fit | None = None,
+        around: Fit | None = None,
     ) -> None:
         self.standing = tuple(standing)
+        self.around = around
         self.observed = tuple(observed)
         self.noise = noise
         self.start = head
@@ -199,7 +221,10 @@ class JointFit:
     @cached_property
     def basis(self) -> tuple[Real, Real]:
         """Orthonormal columns of the base sensitivities over the fitted rows, and their triangle."""
-        columns = self.stacked({o.name: self.start.sensitivities(o) for o in self.seen})
+        on = self.around.with_values if self.around else ()
+        states = self.around.states if self.around else {}
+        chosen = [replace(o, shot=replace(o.shot, start=states[o.name])) if o.name in states else o for o in self.seen]
+        columns = self.stacked({o.name: self.start.sensitivities(o, on) for o in chosen})
         size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
         q, r = np.linalg.qr(columns / size)
@@ -269,9 +294,9 @@ class JointFit:
         there = self.signals(fit.head, fit.with_values, fit.states, fine)
         return float(np.linalg.norm(self.stacked({o.name: here[o.name] - there[o.name] for o in self.seen})))
 
-    def near(self, head: Head) -> JointFit:
-        """The same, with the base parameters' sensitivities taken at another head: for fits that have come far."""
-        return JointFit(self.observed, self.noise, head, self.standing, self.base)
+    def near(self, fit: Fit) -> JointFit:
+        """The same, with the base parameters' sensitivities taken where a fit has come to, its effects on."""
+        return JointFit(self.observed, self.noise, fit.head, self.standing, self.base, fit)
 
     def fit(
         self, effects: Sequence[Effect], point: Real, head: Head | None = None, most_steps: int = MOST_STEPS
@@ -301,9 +326,9 @@ class JointFit:
             own = left - q @ (q.T @ left)
             mine = slopes - q @ (q.T @ slopes)
             accepted = False
-            for _ in range(8):
+            for attempt in range(8):
                 step = _damped(mine, own, damping, point, low, high)
-                base = np.linalg.lstsq(r, q.T @ (left - slopes @ step), rcond=1e-12)[0]
+                base = 0.5**attempt * np.linalg.lstsq(r, q.T @ (left - slopes @ step), rcond=1e-12)[0]
                 promise = nll - 0.5 * float(np.sum((left - slopes @ step - q @ (q.T @ (left - slopes @ step))) ** 2))
                 try:
                     new_head, new_point = head.moved(base), np.clip(point + step, low, high)

@@ -185,7 +185,7 @@ def noise_seen(
             same = [left[o.name] for o in mine if o.condition == condition]
             repeated.extend(repeat_deviations(same))
         if resting and repeated:
-            ratio = _power(repeated) / max(_power(resting), least[key[0]] ** 2)
+            ratio = _power(repeated) / max(_power(resting), least[key[0]] ** 2, 1e-300)
             if ratio > REPEATS_DIFFER:
                 notes.append(
                     f"{key[0]}: repeats of one drive differ by {np.sqrt(ratio):.2g} times the noise at rest; something "

@@ -86,7 +86,7 @@ def test_noise_alone_leaves_as_much_as_noise_less_the_parameters(plain):
 
 def errors_of(joint, fit):
     """Standard errors of the point, base parameters adapting."""
-    q, _ = joint.near(fit.head).basis
+    q, _ = joint.near(fit).basis
     own = fit.slopes - q @ (q.T @ fit.slopes)
     return np.sqrt(np.diag(np.linalg.inv(own.T @ own)))
 
@@ -98,7 +98,7 @@ def test_a_planted_effect_is_recovered_to_its_standard_errors(name, recorded, fi
     truth = coordinates(effect, values(name, 0.35))
     begin = next(iter(effect.starts(joint.base.head.printhead, [o.shot for o in joint.seen])))
     fit = joint.fit([effect], coordinates(effect, begin))
-    fit = joint.near(fit.head).fit([effect], fit.point, fit.head)
+    fit = joint.near(fit).fit([effect], fit.point, fit.head)
     assert fit.converged
     assert fit.nll < joint.base.nll - 10
     told = [i for i, p in enumerate(effect.parameters) if p.name in effect.strengths]
