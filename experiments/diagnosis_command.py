@@ -165,6 +165,7 @@ def print_diagnosis(found: Diagnosis) -> None:
     from experiments.identification_figures import unit_text
     from experiments.identification_report import short
     from experiments.tables import print_table
+    from inkjet_env.plant import catalogue
 
     print(found.headline)
     parameters = [(e.effect.id, *row[:4]) for e in found.effects for row in parameter_rows(e)]
@@ -184,5 +185,9 @@ def print_diagnosis(found: Diagnosis) -> None:
     print(f"- Where: {found.location.sentence}")
     if found.next_experiment is not None:
         print(f"- Next: {found.next_experiment.sentence}")
+    shown_by = {effect.id: effect.shown_by for effect in catalogue()}
+    for effect_id, why in found.untestable.items():
+        remedy = f"; {shown_by[effect_id]} would test it" if effect_id in shown_by else ""
+        print(f"- {effect_id} is not testable here, because {why}{remedy}.")
     for note in found.notes:
         print(f"- {note}")

@@ -325,7 +325,7 @@ def view_tables(diagnosis: Diagnosis) -> list[tuple[str, int, list[tuple[str, fl
     for view, cells in diagnosis.location.tables.items():
         kept = sorted(range(len(cells)), key=lambda k: -np.nan_to_num(cells[k][2], nan=-math.inf))[:MOST_CELLS]
         rows = [cells[k] for k in sorted(kept)]
-        largest = max((_decades(ratio) for _, ratio, _ in rows), default=0.0) or 1.0
+        largest = max(1.0, *(_decades(ratio) for _, ratio, _ in rows)) if rows else 1.0
         bars = [(_in_words(label), ratio, round(100 * _decades(ratio) / largest, 1), z) for label, ratio, z in rows]
         if bars:
             tables.append((VIEW_WORDS.get(view, view.capitalize()), len(cells), bars))
@@ -339,7 +339,8 @@ def _in_words(label: str) -> str:
 
 
 def _decades(ratio: float) -> float:
-    return math.log10(1 + ratio) if 0 < ratio < math.inf else 0.0
+    """Above the noise: a power that is the noise's has no bar."""
+    return math.log10(ratio) if 1 < ratio < math.inf else 0.0
 
 
 def noise_rows(diagnosis: Diagnosis) -> list[tuple[str, str, float, int, str]]:

@@ -19,6 +19,7 @@ def headline(
     left_over: float,
     closest: tuple[tuple[str, ...], float] | None,
     location: Location,
+    noise_known: bool = True,
 ) -> str:
     """The verdict for a reader who has five seconds.
 
@@ -34,7 +35,14 @@ def headline(
     closest : (tuple of str, float), optional
         Of all hypotheses the one that explains most, and the share of the mismatch that it does explain.
     location : Location
+    noise_known : bool
+        Whether anything but the fit's own residual tells the noise.
     """
+    if verdict == "none" and not noise_known:
+        return (
+            "Nothing of the catalogue explains more than the base model does. Nothing tells the noise of these "
+            "recordings, though, so that something else may be left out: repeat one, or record with zero drive."
+        )
     if verdict == "none":
         return "The base model explains these recordings to their noise: nothing was left out that they could show."
     if verdict == "unknown":

@@ -41,3 +41,11 @@ def test_an_unknown_cause_tells_how_much_where_and_what_came_closest():
         "10 %. It shows most in r003, at 37 to 52 kHz and 58 to 66 kHz."
     )
     assert headline("unknown", [], [], 0.2, 0.9, None, Location()).count(".") == 1
+
+
+def test_nothing_found_is_not_noise_where_nothing_tells_the_noise():
+    said = headline("none", [], [], math.nan, 0.0, None, Location())
+    assert said.startswith("The base model explains these recordings to their noise")
+    said = headline("none", [], [], math.nan, 0.0, None, Location(), noise_known=False)
+    assert "to their noise" not in said
+    assert "repeat one" in said
