@@ -57,7 +57,7 @@ from numpy.typing import NDArray
 from experiments.diagnosis_study import STRENGTHS, Case, cases, head_of, judged
 from experiments.planted import effect_named, planted, record_planted
 from experiments.progress import shown_progress
-from experiments.tables import _table
+from experiments.tables import print_table
 from inkjet_env.mismatch import Diagnosis, diagnose
 from inkjet_env.mismatch.attribute import base_hypothesis
 from inkjet_env.mismatch.diagnose import NODES_A_PERIOD
@@ -469,7 +469,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     if whole["cases"]:
         lines.append((f"median of {whole['cases']}", *(f"{whole['median'][p]:.3g}" for p in PEERS), "", ""))
     print("Held-out RMS over the noise, free run; where nothing tells the noise, over what most fitted samples show:")
-    _table(("planted", *PEERS, "pysindy says", "diagnosis says"), lines)
+    print_table(("planted", *PEERS, "pysindy says", "diagnosis says"), lines)
     for row in rows:
         if not row["noise_known"]:
             print(f"{row['name']}: 1 stands for {row['noise_rms']:.4g} {row['unit']} of the fast channel.")

@@ -25,9 +25,6 @@ def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     Console(width=None if sys.stdout.isatty() else 160).print(table)
 
 
-_table = print_table
-
-
 def print_peaks(found: dict[str, Any]) -> None:
     """Print the peaks and cost of a ``simulation/1``."""
     peaks = zip(found["peak_times_s"], found["peaks_V"], strict=True)
