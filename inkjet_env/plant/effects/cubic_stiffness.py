@@ -45,7 +45,7 @@ class CubicStiffness(Effect):
 
     def told(self, values: Values, unit: str = "V") -> str:
         k = values["stiffening_per_V2"]
-        size_V = 100.0 if abs(k) * 1e4 < 1 else 1.0 if abs(k) < 1 else 0.01
+        size_V = next((size_V for size_V in (100.0, 10.0, 1.0, 0.1) if abs(k) * size_V**2 < 0.1), 0.01)
         change = "stiffer" if k > 0 else "softer"
         return (
             f"Deflected as far as a steady drive of about {with_prefix(size_V, 'V')} would, the head is "
