@@ -31,6 +31,8 @@ LARGE_SHARE = 0.02
 """Share of the whole mismatch that is much."""
 LEAST_LOOK = 0.5
 """Share of the best score that makes a further effect worth a fit."""
+NEARLY_AS_GOOD = 0.8
+"""Share of the best one's gain, after the first steps, that makes an effect a rival worth fitting to the end."""
 LEAST_SHARE = 1e-3
 """Share of the whole mismatch that a further effect must explain; so little an equation may be wrong by."""
 SAME_COSINE = 0.95
@@ -94,6 +96,8 @@ def select(
                 if found_good < BEAM and supported(parent, hypothesis):
                     found_good += 1
                     added.append(hypothesis)
+            if any(worth_adding(chosen, h) and not worth_looking(h) for h in added):
+                break  # all is explained; the other parents cannot do better
         added.sort(key=lambda h: -h.score)
         if not added or not worth_adding(chosen, added[0]):
             break
@@ -192,7 +196,10 @@ def _as_good(
     missing = [e for e in effects if e.id not in chosen.ids and ids | {e.id} not in compared]
     if missing and rest:
         beside = found.beside(without.columns)
-        for hypothesis in attribute(joint, without, missing, beside, crew, progress):
+        scores = beside.best(without.left)
+        worth = LEAST_LOOK * max(scores.values(), default=0.0)
+        missing = [e for e in missing if scores.get(e.id, 0.0) > worth]
+        for hypothesis in attribute(joint, without, missing, beside, crew, progress, NEARLY_AS_GOOD):
             compared[frozenset(hypothesis.ids)] = hypothesis
     same = []
     for effect in effects:
