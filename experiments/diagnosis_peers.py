@@ -62,7 +62,8 @@ from inkjet_env.mismatch import Diagnosis, diagnose
 from inkjet_env.mismatch.attribute import base_hypothesis
 from inkjet_env.mismatch.diagnose import NODES_A_PERIOD
 from inkjet_env.mismatch.flexible import flexible_residual
-from inkjet_env.mismatch.joint_fit import Head, JointFit
+from inkjet_env.mismatch.head import Head
+from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.observed import Observed, finer, noise_seen, observe
 from inkjet_env.plant import Plant, Resonance, Shot
 from inkjet_env.recordings import Campaign, read_campaign

@@ -5,30 +5,38 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification import identify
-from inkjet_env.identification.convention import conventional_swing
-from inkjet_env.identification.identification import Estimate
+from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
 from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Named, Trace
-from inkjet_env.mismatch.dynamics import QUANTILE_90, dynamics
+from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, Named
+from inkjet_env.mismatch.dynamics import dynamics
 from inkjet_env.mismatch.flexible import Flexible, flexible_residual
+from inkjet_env.mismatch.head import Head, gains_and_offsets, in_convention
 from inkjet_env.mismatch.headline import headline
-from inkjet_env.mismatch.joint_fit import Head, JointFit
+from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.locate import locate
 from inkjet_env.mismatch.next_experiment import next_experiment
-from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe
-from inkjet_env.mismatch.select import Selection, cosine, leftover, select, supported
+from inkjet_env.mismatch.observed import Observed, finer, noise_seen, observe
+from inkjet_env.mismatch.select import Selection, leftover, select, supported
 from inkjet_env.mismatch.signatures import Signatures, signatures
+from inkjet_env.mismatch.verdict import (
+    as_estimates,
+    closest,
+    closure_of,
+    compared,
+    named_effects,
+    share_left,
+    traces_of,
+)
 from inkjet_env.plant import Effect, catalogue
-from inkjet_env.plant.effect import coordinates
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
@@ -39,10 +47,6 @@ DEGREE = 9
 """Of the branch law at least: what the base model could say, it shall say, before anything else is blamed."""
 LEFT_OVER = 0.05
 """Share of the mismatch from which on what is left unexplained makes a verdict unknown."""
-SURE = 5.0
-"""Standard deviations by which what is left must exceed the noise to count."""
-LEAST_EXCESS = 0.03
-"""Of the noise's power: less is taken for its own uncertainty."""
 FAR_OFF = 0.7
 """Of the fast recordings' power: a base model that leaves more was begun too far off to be refitted."""
 FINE_ENOUGH = 0.5
@@ -52,8 +56,6 @@ NODES_A_PERIOD = 36
 """At least, of the resonance."""
 MOST_BASE_ROUNDS = 10
 """Times that the base model is fitted again from where it has come to."""
-MOST_COMPARED = 24
-"""Hypotheses that a diagnosis lists."""
 SAME_GAIN = 0.02
 """Two effects by chance of which one gains so little more than the other are not told apart."""
 
@@ -177,7 +179,7 @@ class _Work:
             gains = {channel: gain.value for channel, gain in found.gains.items()}
             offsets, printhead, otherwise = dict(found.offsets), found.printhead, dict(found.noise)
         else:
-            gains, offsets = _gains_and_offsets(observed, printhead)
+            gains, offsets = gains_and_offsets(observed, printhead)
             otherwise = {}
         channels = {o.channel for o in observed}
         for channel in channels - set(offsets):
@@ -189,7 +191,7 @@ class _Work:
         coarsest_s = max((o.shot.step_s for o in observed if o.shot.fast), default=0.0)
         parts = 2 * max(1, min(MOST_PARTS // 2, math.ceil(NODES_A_PERIOD * printhead.frequency_Hz * coarsest_s / 2)))
         observed = finer(observed, parts)
-        joint = self.settled(observed, head, Noise({}, {}), otherwise, ())
+        joint = self.settled(observed, head, otherwise)
         if given and _unexplained(joint) > FAR_OFF:
             raise ValueError(
                 f"the printhead that was given, of {with_prefix(printhead.frequency_Hz, 'Hz', 3)}, explains next to "
@@ -200,29 +202,22 @@ class _Work:
             self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
         return joint
 
+    @staticmethod
     def settled(
-        self,
-        observed: Sequence[Observed],
-        head: Head,
-        noise: Noise,
-        otherwise: dict,
-        standing: Sequence[ByChance],
+        observed: Sequence[Observed], head: Head, otherwise: Mapping[tuple[str, float], NoiseModel]
     ) -> JointFit:
         """A joint fit whose noise is that of its own base model's residuals, its law scaled as by convention."""
         signals = {o.name: head.plant().signal(o.shot) for o in observed}
-        left = {o.name: o.measured - signals[o.name] for o in observed}
-        noise = noise_seen(observed, self.less_chance(observed, left, standing), otherwise)
-        on = [(s.effect, s.values) for s in standing]
-        joint = JointFit(observed, noise, head, on)
+        noise = noise_seen(observed, {o.name: o.measured - signals[o.name] for o in observed}, otherwise)
+        joint = JointFit(observed, noise, head)
         for _ in range(MOST_BASE_ROUNDS):
             before = joint.base.nll
-            joint = JointFit(observed, noise, in_convention(joint.base.head), on)
+            joint = JointFit(observed, noise, in_convention(joint.base.head))
             if before - joint.base.nll < 0.5:
                 break
         modelled = joint.modelled(joint.base)
-        left = {o.name: o.measured - modelled[o.name] for o in observed}
-        noise = noise_seen(observed, self.less_chance(observed, left, standing), otherwise)
-        return JointFit(observed, noise, joint.base.head, on)
+        noise = noise_seen(observed, {o.name: o.measured - modelled[o.name] for o in observed}, otherwise)
+        return JointFit(observed, noise, joint.base.head)
 
     @staticmethod
     def less_chance(
@@ -323,9 +318,9 @@ class _Work:
         base = base_hypothesis(joint)
         # the base model has no effects by chance either
         bare = JointFit(joint.observed, joint.noise, joint.base.head) if standing else joint
-        traces = _traces(bare, joint, chosen, flexible)
-        closure = _closure(traces)
-        share = _share_left(base, chosen, flexible)
+        traces = traces_of(bare, joint, chosen, flexible)
+        closure = closure_of(traces)
+        share = share_left(base, chosen, flexible)
         groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
         groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
         anything = bool(chosen.ids or standing)
@@ -343,15 +338,15 @@ class _Work:
             *(
                 Named(
                     s.effect, s.effect.told(s.values, units[s.channel]), s.gain, math.exp(-s.gain),
-                    _as_estimates(s.values), units[s.channel],
+                    as_estimates(s.values), units[s.channel],
                 )
                 for s in standing
             ),
-            *self.named(joint, chosen, selection),
+            *named_effects(joint, chosen, selection),
         ]  # fmt: skip
         if verdict == "unknown":
             groups = []
-        compared = _compared(base, chosen, selection)
+        listed = compared(selection)
         correction = None
         if verdict == "unknown":
             correction = Correction(flexible.share, flexible.foretold, flexible.error, flexible.modelled)
@@ -366,177 +361,14 @@ class _Work:
         self.took("next experiment")
         head = chosen.fit.head
         told = all(joint.noise.known(o) for o in joint.seen)
-        said = headline(verdict, named, groups, closure, share, _closest(base, selection), location, told)
+        said = headline(verdict, named, groups, closure, share, closest(base, selection), location, told)
         return Diagnosis(
             self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),
-            location, traces, closure, share, compared, untestable, following, correction, head.printhead, head.gains,
+            location, traces, closure, share, listed, untestable, following, correction, head.printhead, head.gains,
             {c: o for c, o in head.offsets.items() if c != "drive_monitor"}, joint.base.head.printhead,
             dynamics(base if verdict == "unknown" else chosen), tuple(self.notes),
             time.perf_counter() - self.started, self.stages,
         )  # fmt: skip
-
-    def named(self, joint: JointFit, chosen: Hypothesis, selection: Selection) -> list[Named]:
-        """The chosen effects with intervals and evidence."""
-        errors = _errors(chosen)
-        lower, upper = joint.limits(chosen.fit.effects)
-        result, at = [], 0
-        for effect, values in chosen.fit.with_values:
-            count = len(effect.parameters)
-            rest = [(e, v) for e, v in chosen.fit.with_values if e is not effect]
-            smaller = base_hypothesis(joint)
-            if rest:
-                point = np.concatenate([coordinates(e, v) for e, v in rest])
-                smaller = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
-            estimates = {}
-            for k, p in enumerate(effect.parameters, start=at):
-                reach = QUANTILE_90 * errors[k]
-                ends = [p.value(float(np.clip(chosen.fit.point[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
-                estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
-            gain = smaller.fit.nll - chosen.fit.nll
-            p_value = selection.p_values.get(effect.id, math.exp(-gain))
-            unit = _signal_unit(joint)
-            sentence = effect.told(_surely(effect, values, estimates), unit)
-            result.append(Named(effect, sentence, gain, p_value, estimates, unit))
-            at += count
-        return result
-
-
-def in_convention(head: Head) -> Head:
-    """The same head with its law's swing as by convention, gains and ``b1`` to match."""
-    law = head.printhead
-    factor = conventional_swing(law.full_scale_V) / float(law.branch_law.Q(1.0))
-    if not (math.isfinite(factor) and factor > 0):
-        return head
-    scaled = replace(law, coefficients=tuple(factor * c for c in law.coefficients), b1=law.b1 / factor)
-    return Head(scaled, {c: g / factor for c, g in head.gains.items()}, head.offsets)
-
-
-def _gains_and_offsets(observed: Sequence[Observed], printhead: Printhead) -> tuple[dict[str, float], dict[str, float]]:
-    """Of each channel, by least squares with a given head; that of self-sensing is its own."""
-    gains, offsets = {}, {}
-    head = Head(printhead, {"self_sensing": printhead.b1}, {})
-    for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):
-        mine = [o for o in observed if o.channel == channel]
-        shape = np.concatenate([head.plant().motion(o.shot.drive_at_nodes_V, o.shot)[: o.fitted] for o in mine])
-        measured = np.concatenate([o.measured[: o.fitted] for o in mine])
-        if channel == "self_sensing":
-            gains[channel] = printhead.b1
-            offsets[channel] = float(np.mean(measured - printhead.b1 * shape))
-        else:
-            size = max(float(np.abs(shape).max()), 1e-300)
-            found = np.linalg.lstsq(np.column_stack([shape / size, np.ones(shape.size)]), measured, rcond=None)[0]
-            gains[channel], offsets[channel] = float(found[0]) / size, float(found[1])
-    return gains, offsets
-
-
-def _traces(bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Flexible) -> tuple[Trace, ...]:
-    # Where nothing tells the noise, it is at most what the flexible model leaves of what is left.
-    most = math.sqrt(1 - min(max(flexible.share, 0.0), 1.0))
-    base, augmented = bare.modelled(bare.base), joint.modelled(chosen.fit)
-    return tuple(
-        Trace(
-            o.name,
-            o.channel,
-            o.unit,
-            o.shot.order,
-            o.shot.step_s,
-            o.shot.drive_V,
-            o.measured,
-            base[o.name],
-            augmented[o.name],
-            o.fitted,
-            joint.noise.models[o.noise_key].rms * (1.0 if joint.noise.known(o) else most),
-        )
-        for o in joint.observed
-        if o.channel != "drive_monitor"
-    )
-
-
-def _closure(traces: Sequence[Trace]) -> float:
-    """Over held-out recordings of all channels, each in units of its noise."""
-    before = after = samples = 0.0
-    for t in traces:
-        rows = t.measured.size - t.fitted
-        if rows and t.noise_rms > 0:
-            before += rows * (t.rms("base", True) / t.noise_rms) ** 2
-            after += rows * (t.rms("augmented", True) / t.noise_rms) ** 2
-            samples += rows
-    if not samples or before - samples < LEAST_EXCESS * samples + SURE * math.sqrt(2 * samples):
-        return math.nan
-    return (before - after) / (before - samples)
-
-
-def _share_left(base: Hypothesis, chosen: Hypothesis, flexible: Flexible) -> float:
-    """Share of the base model's mismatch that is left beyond noise; 0 where it is not surely there."""
-    known = {o.name for o in base.joint.seen if base.joint.noise.known(o)}
-    if known:
-        keep = np.concatenate([np.full(o.fitted, o.name in known) for o in base.joint.seen])
-        rows = int(keep.sum())
-        told = sum(base.joint.noise.samples[key] for key in {o.noise_key for o in base.joint.seen if o.name in known})
-        doubt = math.sqrt(2 * rows + 2 * rows**2 / max(told, 1))
-        left = float(np.sum(chosen.left[keep] ** 2)) - rows + chosen.columns.shape[1]
-        mismatch = float(np.sum(base.left[keep] ** 2)) - rows + base.columns.shape[1]
-        sure = left > SURE * doubt and left > LEAST_EXCESS * rows
-    else:
-        # What is left was taken for noise: only what a flexible model foretells of it is surely not.
-        left = flexible.share * float(np.sum(chosen.left**2))
-        mismatch = float(np.sum(base.left**2))
-        sure = flexible.foretold > 8 + 2 * flexible.error
-    return left / max(mismatch, left) if sure else 0.0
-
-
-def _compared(base: Hypothesis, chosen: Hypothesis, selection: Selection) -> tuple[Attribution, ...]:
-    rows = []
-    most = max((h.gain for h in selection.compared), default=0.0)
-    best = selection.chosen
-    for h in selection.compared[:MOST_COMPARED]:
-        start = base_hypothesis(h.joint)
-        gains, errors = start.foretold.gains_of(h.foretold)
-        rows.append(
-            Attribution(
-                h.ids,
-                h.gain,
-                float(gains.sum()),
-                float(np.sqrt(np.sum(errors**2))),
-                h.gain / most if most > 0 else 0.0,
-                cosine(start, best, h) if best.ids else math.nan,
-                " ".join(e.told(v, _signal_unit(h.joint)) for e, v in h.fit.with_values),
-            )
-        )
-    return tuple(rows)
-
-
-def _closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], float] | None:
-    """The hypothesis that explains most of the fitted recordings' mismatch, and how much of it."""
-    best = max(selection.compared, key=lambda h: h.gain, default=None)
-    if best is None or best.gain <= 0:
-        return None
-    known = all(base.joint.noise.known(o) for o in base.joint.seen)
-    start = base_hypothesis(best.joint)
-    mismatch = 0.5 * start.excess if known else start.fit.nll
-    return best.ids, min(best.gain / max(mismatch, best.gain), 1.0)
-
-
-def _errors(chosen: Hypothesis) -> Real:
-    """Standard errors of the point, shape (k,), widened where more than noise is left."""
-    q, _ = chosen.joint.basis
-    slopes = chosen.fit.slopes - q @ (q.T @ chosen.fit.slopes)
-    size = np.linalg.norm(slopes, axis=0)
-    told = size > 1e-9 * np.maximum(np.linalg.norm(chosen.fit.slopes, axis=0), 1e-300)
-    errors: Real = np.full(size.size, np.inf)
-    columns = slopes[:, told] / size[told]
-    inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-12)
-    loud = max(1.0, 2 * chosen.fit.nll / max(chosen.left.size - chosen.columns.shape[1], 1))
-    errors[told] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[told]
-    return errors
-
-
-def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estimate]) -> dict[str, float]:
-    """The values, less the strengths that may as well be nothing; all of them where all may be."""
-    vain = {name for name in effect.strengths if estimates[name].low <= 0 <= estimates[name].high}
-    if vain == set(effect.strengths):
-        return values
-    return {name: 0.0 if name in vain else value for name, value in values.items()}
 
 
 def _unexplained(joint: JointFit) -> float:
@@ -545,12 +377,3 @@ def _unexplained(joint: JointFit) -> float:
     modelled = joint.modelled(joint.base)
     left = sum(float(np.var(o.measured - modelled[o.name])) / max(float(np.var(o.measured)), 1e-300) for o in moved)
     return left / max(len(moved), 1)
-
-
-def _signal_unit(joint: JointFit) -> str:
-    """Of a fast sensor's signal, where there is one."""
-    return next((o.unit for o in joint.observed if o.shot.fast), joint.observed[0].unit)
-
-
-def _as_estimates(values: dict[str, float]) -> dict[str, Estimate]:
-    return {name: Estimate(value, value, value) for name, value in values.items()}

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import free_ringing
+from inkjet_env.mismatch.head import Head
 from inkjet_env.mismatch.observed import Noise, Observed, finer
-from inkjet_env.plant import Effect, Plant, Values
+from inkjet_env.plant import Effect, Values
 from inkjet_env.plant.effect import limits, switched_off, values_at
 from inkjet_env.printhead import Printhead
 
@@ -28,107 +29,7 @@ CONVERGED = 0.01
 """A step that promises less of the log-likelihood is the last."""
 DIFFERENCE = 1e-4
 """Finite-difference step of a coordinate, in parts of its scale."""
-SMALL = 1e-5
-"""Finite-difference step of a base parameter, relative."""
 WORST = 1e300
-
-
-@dataclass(frozen=True, eq=False)
-class Head:
-    """The base model's parameters as a vector: coefficients of the law, ln a0, ln a1, gains, offsets.
-
-    Attributes
-    ----------
-    printhead : Printhead
-    gains, offsets : dict of str to float
-        By channel, in its unit.
-    """
-
-    printhead: Printhead
-    gains: Mapping[str, float]
-    offsets: Mapping[str, float]
-
-    @property
-    def reference(self) -> str:
-        """The channel whose gain is held: law and gains share a scale."""
-        return next(c for c in ("strain_gauge", "self_sensing", "displacement") if c in self.gains)
-
-    @property
-    def free_gains(self) -> tuple[str, ...]:
-        """Channels whose gain is fitted."""
-        return tuple(c for c in self.gains if c != self.reference)
-
-    @property
-    def degree(self) -> int:
-        """Of the branch law."""
-        return len(self.printhead.coefficients) - 1
-
-    @property
-    def size(self) -> int:
-        """Number of parameters."""
-        return self.degree + 2 + len(self.free_gains) + len(self.offsets)
-
-    def moved(self, step: NDArray[np.floating]) -> Head:
-        """The head after a step: absolute for the coefficients, relative for a0, a1 and the gains."""
-        d, free = self.degree, self.free_gains
-        rest = step[d + 2 :]
-        gains = dict(self.gains)
-        for channel, change in zip(free, rest, strict=False):
-            gains[channel] *= 1 + float(change)
-        offsets = {c: o + float(s) for (c, o), s in zip(self.offsets.items(), rest[len(free) :], strict=True)}
-        ascending = self.printhead.branch_law.ascending[1:] + step[:d]
-        printhead = Printhead(
-            self.printhead.a0 * math.exp(step[d]),
-            self.printhead.a1 * math.exp(step[d + 1]),
-            gains.get("self_sensing", self.printhead.b1),
-            (*(float(c) for c in ascending[::-1]), 0.0),
-            self.printhead.full_scale_V,
-        )
-        return Head(printhead, gains, offsets)
-
-    def plant(self, effects: Sequence[tuple[Effect, Values]] = ()) -> Plant:
-        """The plant of this head."""
-        return Plant(self.printhead, self.gains, self.offsets, tuple(effects))
-
-    def sensitivities(self, observed: Observed, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
-        """Derivative of a recording's signal with respect to the step of `moved`, shape (n, size), these effects on."""
-        if effects and observed.channel != "drive_monitor":
-            return self._differences(observed, effects)
-        shot, d = observed.shot, self.degree
-        plant = self.plant()
-        columns = np.zeros((shot.samples, self.size))
-        columns[:, d + 2 + len(self.free_gains) + list(self.offsets).index(shot.channel)] = 1.0
-        if shot.channel == "drive_monitor":
-            return columns
-        drive_V = shot.drive_at_nodes_V
-        gain = plant.gain(shot.channel)
-        total = plant.motion(drive_V, shot)
-        for j in range(d):
-            columns[:, j] = gain * plant.motion_of_power(j, shot)
-        if shot.fast:
-            for place in (0, 1):
-                for sign in (1, -1):
-                    step = np.zeros(self.size)
-                    step[d + place] = sign * 1e-5
-                    other = self.moved(step).plant().motion(drive_V, shot)
-                    columns[:, d + place] += sign * gain / 2e-5 * other
-        if shot.channel in self.free_gains:
-            columns[:, d + 2 + self.free_gains.index(shot.channel)] = gain * total
-        return columns
-
-    def _differences(self, observed: Observed, effects: Sequence[tuple[Effect, Values]]) -> Real:
-        """`sensitivities` by finite differences of the plant."""
-        largest = max(float(np.abs(observed.measured).max()), 1e-12)
-        sizes = np.full(self.size, SMALL)
-        sizes[: self.degree] *= max(map(abs, self.printhead.coefficients))
-        sizes[self.degree + 2 + len(self.free_gains) :] *= largest
-        here = self.plant(effects).signal(observed.shot)
-        columns = np.empty((here.size, self.size))
-        for k, size in enumerate(sizes):
-            step = np.zeros(self.size)
-            step[k] = size
-            columns[:, k] = (self.moved(step).plant(effects).signal(observed.shot) - here) / size
-        return columns
 
 
 @dataclass(frozen=True, eq=False)

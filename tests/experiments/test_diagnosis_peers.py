@@ -17,7 +17,8 @@ from experiments.diagnosis_peers import (
 )
 from experiments.diagnosis_study import head_of
 from experiments.planted import GAUGE_GAIN, LINES, effect_named, record_planted
-from inkjet_env.mismatch.joint_fit import Head, JointFit
+from inkjet_env.mismatch.head import Head
+from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.rig.battery import default_battery
 
 HEAD = head_of(0)

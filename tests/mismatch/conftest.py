@@ -7,7 +7,8 @@ import pytest
 
 from experiments.planted import planted, record_planted
 from inkjet_env.identification.convention import in_convention
-from inkjet_env.mismatch.joint_fit import Head, JointFit
+from inkjet_env.mismatch.head import Head
+from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.observed import noise_seen, observe
 from inkjet_env.plant import catalogue
 from inkjet_env.printhead import Printhead

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from inkjet_env.identification import identify
-from inkjet_env.mismatch.joint_fit import Head, JointFit
+from inkjet_env.mismatch.head import Head
+from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe
 from inkjet_env.plant import Plant, Shot
 from inkjet_env.plant.effect import coordinates

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.joint_fit import Head, JointFit
+from inkjet_env.mismatch.head import Head
+from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.locate import locate
 from inkjet_env.mismatch.locate_cells import line_rows, sample_rows, surplus, taken_by_fit
 from inkjet_env.mismatch.locate_drift import shifts

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.joint_fit import Fit, Head, JointFit
+from inkjet_env.mismatch.head import Head
+from inkjet_env.mismatch.joint_fit import Fit, JointFit
 from inkjet_env.mismatch.locate_views import largest_V
 from inkjet_env.mismatch.next_drives import Train, benches, library
 from inkjet_env.mismatch.next_experiment import next_experiment

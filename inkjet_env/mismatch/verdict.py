@@ -1,0 +1,176 @@
+"""The figures of a verdict: fit before and after, what is left, hypotheses compared, effects with their intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.identification.identification import Estimate
+from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis
+from inkjet_env.mismatch.diagnosis import Attribution, Named, Trace
+from inkjet_env.mismatch.dynamics import QUANTILE_90
+from inkjet_env.mismatch.flexible import Flexible
+from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.select import Selection, cosine
+from inkjet_env.plant import Effect
+from inkjet_env.plant.effect import coordinates
+
+Real = NDArray[np.float64]
+
+SURE = 5.0
+"""Standard deviations by which what is left must exceed the noise to count."""
+LEAST_EXCESS = 0.03
+"""Of the noise's power: less is taken for its own uncertainty."""
+MOST_COMPARED = 24
+"""Hypotheses that a diagnosis lists."""
+
+
+def traces_of(bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Flexible) -> tuple[Trace, ...]:
+    """Every recording with what the base model, without effects by chance, and the chosen hypothesis make of it."""
+    # Where nothing tells the noise, it is at most what the flexible model leaves of what is left.
+    most = math.sqrt(1 - min(max(flexible.share, 0.0), 1.0))
+    base, augmented = bare.modelled(bare.base), joint.modelled(chosen.fit)
+    return tuple(
+        Trace(
+            o.name,
+            o.channel,
+            o.unit,
+            o.shot.order,
+            o.shot.step_s,
+            o.shot.drive_V,
+            o.measured,
+            base[o.name],
+            augmented[o.name],
+            o.fitted,
+            joint.noise.models[o.noise_key].rms * (1.0 if joint.noise.known(o) else most),
+        )
+        for o in joint.observed
+        if o.channel != "drive_monitor"
+    )
+
+
+def closure_of(traces: Sequence[Trace]) -> float:
+    """Over held-out recordings of all channels, each in units of its noise."""
+    before = after = samples = 0.0
+    for t in traces:
+        rows = t.measured.size - t.fitted
+        if rows and t.noise_rms > 0:
+            before += rows * (t.rms("base", True) / t.noise_rms) ** 2
+            after += rows * (t.rms("augmented", True) / t.noise_rms) ** 2
+            samples += rows
+    if not samples or before - samples < LEAST_EXCESS * samples + SURE * math.sqrt(2 * samples):
+        return math.nan
+    return (before - after) / (before - samples)
+
+
+def share_left(base: Hypothesis, chosen: Hypothesis, flexible: Flexible) -> float:
+    """Share of the base model's mismatch that is left beyond noise; 0 where it is not surely there."""
+    known = {o.name for o in base.joint.seen if base.joint.noise.known(o)}
+    if known:
+        keep = np.concatenate([np.full(o.fitted, o.name in known) for o in base.joint.seen])
+        rows = int(keep.sum())
+        told = sum(base.joint.noise.samples[key] for key in {o.noise_key for o in base.joint.seen if o.name in known})
+        doubt = math.sqrt(2 * rows + 2 * rows**2 / max(told, 1))
+        left = float(np.sum(chosen.left[keep] ** 2)) - rows + chosen.columns.shape[1]
+        mismatch = float(np.sum(base.left[keep] ** 2)) - rows + base.columns.shape[1]
+        sure = left > SURE * doubt and left > LEAST_EXCESS * rows
+    else:
+        # What is left was taken for noise: only what a flexible model foretells of it is surely not.
+        left = flexible.share * float(np.sum(chosen.left**2))
+        mismatch = float(np.sum(base.left**2))
+        sure = flexible.foretold > 8 + 2 * flexible.error
+    return left / max(mismatch, left) if sure else 0.0
+
+
+def compared(selection: Selection) -> tuple[Attribution, ...]:
+    """How well each hypothesis does, best first."""
+    rows = []
+    most = max((h.gain for h in selection.compared), default=0.0)
+    best = selection.chosen
+    for h in selection.compared[:MOST_COMPARED]:
+        start = base_hypothesis(h.joint)
+        gains, errors = start.foretold.gains_of(h.foretold)
+        rows.append(
+            Attribution(
+                h.ids,
+                h.gain,
+                float(gains.sum()),
+                float(np.sqrt(np.sum(errors**2))),
+                h.gain / most if most > 0 else 0.0,
+                cosine(start, best, h) if best.ids else math.nan,
+                " ".join(e.told(v, _signal_unit(h.joint)) for e, v in h.fit.with_values),
+            )
+        )
+    return tuple(rows)
+
+
+def closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], float] | None:
+    """The hypothesis that explains most of the fitted recordings' mismatch, and how much of it."""
+    best = max(selection.compared, key=lambda h: h.gain, default=None)
+    if best is None or best.gain <= 0:
+        return None
+    known = all(base.joint.noise.known(o) for o in base.joint.seen)
+    start = base_hypothesis(best.joint)
+    mismatch = 0.5 * start.excess if known else start.fit.nll
+    return best.ids, min(best.gain / max(mismatch, best.gain), 1.0)
+
+
+def _errors(chosen: Hypothesis) -> Real:
+    """Standard errors of the point, shape (k,), widened where more than noise is left."""
+    q, _ = chosen.joint.basis
+    slopes = chosen.fit.slopes - q @ (q.T @ chosen.fit.slopes)
+    size = np.linalg.norm(slopes, axis=0)
+    told = size > 1e-9 * np.maximum(np.linalg.norm(chosen.fit.slopes, axis=0), 1e-300)
+    errors: Real = np.full(size.size, np.inf)
+    columns = slopes[:, told] / size[told]
+    inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-12)
+    loud = max(1.0, 2 * chosen.fit.nll / max(chosen.left.size - chosen.columns.shape[1], 1))
+    errors[told] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[told]
+    return errors
+
+
+def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estimate]) -> dict[str, float]:
+    """The values, less the strengths that may as well be nothing; all of them where all may be."""
+    vain = {name for name in effect.strengths if estimates[name].low <= 0 <= estimates[name].high}
+    if vain == set(effect.strengths):
+        return values
+    return {name: 0.0 if name in vain else value for name, value in values.items()}
+
+
+def _signal_unit(joint: JointFit) -> str:
+    """Of a fast sensor's signal, where there is one."""
+    return next((o.unit for o in joint.observed if o.shot.fast), joint.observed[0].unit)
+
+
+def as_estimates(values: dict[str, float]) -> dict[str, Estimate]:
+    """Values of which no interval is known."""
+    return {name: Estimate(value, value, value) for name, value in values.items()}
+
+
+def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> list[Named]:
+    """The chosen effects with intervals and evidence."""
+    errors = _errors(chosen)
+    lower, upper = joint.limits(chosen.fit.effects)
+    result, at = [], 0
+    for effect, values in chosen.fit.with_values:
+        count = len(effect.parameters)
+        rest = [(e, v) for e, v in chosen.fit.with_values if e is not effect]
+        smaller = base_hypothesis(joint)
+        if rest:
+            point = np.concatenate([coordinates(e, v) for e, v in rest])
+            smaller = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
+        estimates = {}
+        for k, p in enumerate(effect.parameters, start=at):
+            reach = QUANTILE_90 * errors[k]
+            ends = [p.value(float(np.clip(chosen.fit.point[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
+            estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
+        gain = smaller.fit.nll - chosen.fit.nll
+        p_value = selection.p_values.get(effect.id, math.exp(-gain))
+        unit = _signal_unit(joint)
+        sentence = effect.told(_surely(effect, values, estimates), unit)
+        result.append(Named(effect, sentence, gain, p_value, estimates, unit))
+        at += count
+    return result
