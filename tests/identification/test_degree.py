@@ -4,7 +4,7 @@ import numpy as np
 
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.degree import HIGHEST_DEGREE, choose_degree
-from inkjet_env.identification.separable import triangle
+from inkjet_env.identification.linearised import triangle
 from inkjet_env.printhead import BranchLaw, Printhead
 
 FULL_SCALE_V = 180.0

@@ -8,8 +8,9 @@ import pytest
 
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.measurements import Measurement
+from inkjet_env.identification.model import Fitted, Model, channels_of
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.identification.separable import Fitted, Model, channels_of, fit_everything
+from inkjet_env.identification.separable import fit_everything
 from inkjet_env.printhead import Printhead
 
 HEAD = Printhead.published()

@@ -1,0 +1,306 @@
+"""The steps of a fit: noise, a start, the degree, everything together, and intervals that follow a loud residual."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from inkjet_env.identification.basis import drive_basis
+from inkjet_env.identification.constrained import density_constraints
+from inkjet_env.identification.covariance import Solution
+from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE, DegreeChoice, choose_degree
+from inkjet_env.identification.linearised import linearised_blocks
+from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
+from inkjet_env.identification.model import Fitted, Model
+from inkjet_env.identification.noise import NoiseModel
+from inkjet_env.identification.separable import fit_everything
+from inkjet_env.identification.starting_point import best_start
+from inkjet_env.recordings import Campaign
+
+STARTING_DEGREE = 5
+"""Of the branch law while the search for the resonator begins."""
+DEGREES_UNSEEN = 2
+"""Dynamics and gains allow for so many more powers than the law has."""
+MOST_DEGREE_ROUNDS = 4
+MOST_NOISE_ROUNDS = 5
+RESIDUAL = "the residual of the fit"
+"""Source of a noise that nothing else tells."""
+NOISE_TOLERANCE = 1.05
+"""A channel whose residual exceeds its noise by less is explained; beyond, its weight and all intervals follow the
+residual."""
+
+
+class Fit:
+    """One fit of a campaign, its branch law of one full scale; parameters as of `identify`.
+
+    Attributes
+    ----------
+    all, train, gauge, fast : sequence of Measurement
+        Every recording; those with fitted samples; of these, where the drive moves, the strain gauge's and the others.
+    full_scale_V, reached_V : float
+        Change of drive at ``x = 1``, and the largest that was fitted.
+    noise : dict
+        Noise models by channel and sampling step.
+    solution : Solution
+    joint, alone : DegreeChoice
+        Error against degree on everything, and on the strain gauge alone (on everything where there is none).
+    misfit : dict of str to float
+        Of each channel: root mean square of the whitened residual; 1 is the noise.
+    notes : list of str
+
+    Raises
+    ------
+    ValueError
+        No fast recording, or a channel that shows one value throughout.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        degree: int | None,
+        degree_rule: str,
+        valid_density: bool,
+        full_scale_V: float | None,
+        held_out: Sequence[str] | None,
+        progress: Callable[[str], None],
+    ) -> None:
+        self.degree_given, self.degree_rule, self.valid_density = degree, degree_rule, valid_density
+        self.all = measurements(campaign, held_out)
+        self.notes: list[str] = []
+        self.noise = noise_of(self.all)
+        lost = {key: noise.lost for key, noise in self.noise.items()}
+        self.train = [m for m in self.all if m.fitted >= 2 + lost.get(m.noise_key, 0)]
+        short = [name for m in self.all if m.fitted and m not in self.train for name in m.names]
+        if short:
+            self.notes.append(f"{', '.join(short)}: too short beside how long the noise remembers; not fitted.")
+        moving = [m for m in self.train if not m.still]
+        # What only rested tells noise and no gain.
+        self.train = [m for m in self.train if m.channel in {mine.channel for mine in moving}]
+        self.gauge = [m for m in moving if m.channel == "strain_gauge"]
+        self.fast = [m for m in moving if m.channel != "strain_gauge"]
+        if not self.fast:
+            raise ValueError(
+                f"campaign {campaign.name!r} has no recording to identify a0, a1 and b1 from: they need a self_sensing "
+                "or displacement recording whose drive moves and that is not held out. Take pulses and a multisine; "
+                "`inkjet record --plan FOLDER` writes such drives for a generator."
+            )
+        for channel in {m.channel for m in moving}:
+            if all(np.ptp(m.mean) == 0 for m in moving if m.channel == channel):
+                raise ValueError(
+                    f"channel {channel} shows one value throughout while the drive moves; is its sensor connected?"
+                )
+        self.full_scale_V = full_scale_V or _largest_change_V(self.gauge or self.fast)
+        self.reached_V = _largest_change_V(moving)
+        self.least = least_noise(self.all)
+        self.progress = progress
+        self.loudness: dict[str, float] = {}
+        self.coloured: set[str] = set()  # channels whose residual is no white noise once it is whitened
+        self.correlation: dict[str, float] = {}
+
+    def solve(self, start: Model | None = None) -> None:
+        """The fit of everything, its resonator begun with that of ``start``; residuals may exceed the noise."""
+        unseen = {m.noise_key for m in self.train} - set(self.noise)
+        for key in unseen:
+            level = 0.01 * max(float(np.std(m.mean)) for m in self.train if m.noise_key == key)
+            level = max(level, self.least[key[0]])
+            self.noise[key] = NoiseModel(np.ones(1), level, level, "a first guess")
+        model = Model(start.a0, start.a1, np.ones(1), {}, {}) if start else self._start()
+        if unseen:
+            model = self._noise_from_residuals(model, unseen)
+        self.solution, alone, self.joint = self._with_degree(model)
+        self.alone, self.misfit = alone or self.joint, self.solution.rms
+
+    @property
+    def deviance(self) -> float:
+        """Minus twice the logarithm of the likelihood, but for a constant; and what chance would gain by each power."""
+        fitted = self.fitted(self.train, 1)
+        scale = sum(f.samples // len(f.measurement.signals) * math.log(f.noise.innovation) for f in fitted)
+        return self.solution.chi_square + 2 * scale + CHANCE_F * self.solution.model.weights.size
+
+    def widen(self) -> None:
+        """Fit again with channels whose residual exceeds their noise weighed by it, and intervals widened."""
+        self.loudness = {channel: rms for channel, rms in self.misfit.items() if rms > self._tolerance(channel)}
+        if not self.loudness:
+            return
+        self.coloured |= set(self.loudness)
+        self.solution = self.refined(self.solution.model, self.solution.model.weights.size)
+        for channel, rms in self.loudness.items():
+            self.notes.append(
+                f"{channel}: the residual is {rms:.3g} times the noise, so the model leaves something out; the "
+                "channel's weight and the intervals follow the residual."
+            )
+
+    def _tolerance(self, channel: str) -> float:
+        """Residual over noise up to which a channel is explained; few samples scatter more."""
+        samples = sum(m.fitted for m in self.train if m.channel == channel)
+        return NOISE_TOLERANCE + 3 / math.sqrt(2 * samples)
+
+    def fitted(self, chosen: Sequence[Measurement], degree: int) -> list[Fitted]:
+        """Recordings with their bases of one degree."""
+        return [
+            Fitted(
+                m,
+                drive_basis(m.drive_V, m.step_s, self.full_scale_V, degree, m.initial_state),
+                self.noise[m.noise_key],
+                self.loudness.get(m.channel, 1.0),
+            )
+            for m in chosen
+        ]
+
+    def _start(self) -> Model:
+        """A resonator, and a branch law where a strain gauge shows it."""
+        self.progress("looking for the resonance")
+        degree = self.degree_given or STARTING_DEGREE
+        if not self.gauge:
+            a0, a1 = best_start(self.fitted(self.fast, degree), None)
+            return Model(a0, a1, np.ones(1), {}, {})
+        law = fit_everything(self.fitted(self.gauge, degree), _still(degree)).model.weights
+        a0, a1 = best_start(self.fitted(self.fast, degree), law)
+        return Model(a0, a1, law, {}, {})
+
+    def _with_degree(self, model: Model) -> tuple[Solution, DegreeChoice | None, DegreeChoice]:
+        """The fit at the degree of the rule; error against degree on the strain gauge, and on everything."""
+        alone = None
+        if self.gauge:
+            alone = self._choice(self.fitted(self.gauge, HIGHEST_DEGREE), _still(HIGHEST_DEGREE), leave_out=True)
+        degree = self.degree_given or (self._by_rule(alone) if alone else STARTING_DEGREE)
+        solution = self.refined(model, degree)
+        everything = self.fitted(self.train, HIGHEST_DEGREE)
+        for _ in range(MOST_DEGREE_ROUNDS):
+            joint = self._choice(everything, solution.model, leave_out=not self.gauge)
+            if self.degree_given is not None:
+                break
+            degree = joint.by_flattening if self.degree_rule == "flattening" else self._by_rule(alone or joint)
+            if degree == solution.model.weights.size:
+                break
+            solution = self.refined(solution.model, degree)
+        return solution, alone, joint
+
+    def _by_rule(self, choice: DegreeChoice) -> int:
+        """The degree of the rule on one channel."""
+        if self.degree_rule == "held_out" and choice.by_held_out is not None:
+            return choice.by_held_out
+        return choice.by_flattening
+
+    def _choice(self, fitted: Sequence[Fitted], model: Model, leave_out: bool) -> DegreeChoice:
+        """Error against degree, everything else linearised about a model."""
+        self.progress("error against degree")
+        correlation = max((self.correlation.get(f.measurement.channel, 1.0) for f in fitted), default=1.0)
+        samples = [f.samples // len(f.measurement.signals) for f in fitted]
+        blocks = linearised_blocks(fitted, model)
+        return choose_degree(blocks, samples, correlation, blocks[0].shape[1] - HIGHEST_DEGREE - 1, leave_out)
+
+    def refined(self, start: Model, degree: int) -> Solution:
+        """The fit of everything from a start whose weights may have another degree."""
+        self.progress(f"fitting all recordings, degree {degree}")
+        fitted = self.fitted(self.train, degree)
+        weights = np.zeros(degree)
+        weights[: min(degree, start.weights.size)] = start.weights[:degree]
+        ratios = dict(start.ratios)
+        missing = {m.channel for m in self.train} - set(ratios)
+        if missing:  # the start's law may lack the reference's gain
+            reference = self._gain(self.reference, start)
+            for channel in sorted(missing):
+                ratios[channel] = 1.0 if channel == self.reference else self._gain(channel, start) / reference
+        offsets = {channel: start.offsets.get(channel, 0.0) for channel in ratios}
+        constraints = density_constraints(degree) if self.valid_density else None
+        begin = replace(start, weights=weights, ratios=ratios, offsets=offsets)
+        return fit_everything(fitted, begin, constraints, self.coloured)
+
+    @property
+    def reference(self) -> str:
+        """The channel whose gain the weights carry."""
+        if self.gauge:
+            return "strain_gauge"
+        return "self_sensing" if any(m.channel == "self_sensing" for m in self.fast) else "displacement"
+
+    def _gain(self, channel: str, start: Model) -> float:
+        """Gain of a channel by itself on the start's branch law."""
+        psi, y = [], []
+        for f in self.fitted([m for m in self.train if m.channel == channel], start.weights.size):
+            n = f.measurement.fitted
+            psi.append(f.basis.response(channel, start.a0, start.a1)[:n] @ start.weights)
+            y.append(f.measurement.mean[:n])
+        x, target = np.concatenate(psi), np.concatenate(y)
+        x = x - x.mean()
+        power = float(x @ x)
+        return float(x @ (target - target.mean())) / power if power > 0 else 1.0
+
+    def _noise_from_residuals(self, model: Model, unseen: Collection[tuple[str, float]]) -> Model:
+        """White noise of the residual's RMS where nothing else tells it, from a law as rich as may be; the model of it.
+
+        That the residual is hardly white is kept in mind: its channel counts as coloured, and chance as stronger.
+        """
+        channels = sorted({channel for channel, _ in unseen})
+        self.coloured |= set(channels)
+        for _ in range(MOST_NOISE_ROUNDS):
+            model = self.refined(model, self.degree_given or HIGHEST_DEGREE).model
+            changed = 1.0
+            for key in unseen:
+                keyed = self.fitted([m for m in self.train if m.noise_key == key], model.weights.size)
+                rms = max(_rms_left(keyed, model), self.least[key[0]])
+                before = self.noise[key].rms
+                self.correlation[key[0]] = max((_band_rms(keyed, model) * before / rms) ** 2, 1.0)
+                self.noise[key] = NoiseModel(np.ones(1), rms, rms, RESIDUAL)
+                changed = max(changed, rms / before, before / rms)
+            if changed < 1.02:
+                break
+        self.notes.append(
+            f"No exact repeats and no recording at rest tell the noise of {' and '.join(channels)}; it was taken from "
+            "the fit's own residual, so what the model leaves out counts as noise there."
+        )
+        return model
+
+    def richer(self) -> Solution:
+        """The fit with a law of more powers than these recordings tell, which dynamics and gains are taken from.
+
+        A power that was left out because it was not seen may still be there, and would pull everything else.
+        """
+        degree = self.solution.model.weights.size
+        richer = min(HIGHEST_DEGREE, degree + DEGREES_UNSEEN)
+        if self.degree_given is not None or richer == degree:
+            return self.solution
+        return self.refined(self.solution.model, richer)
+
+
+def _still(degree: int) -> Model:
+    """Of the strain gauge alone, a law yet to be fitted; the resonator is a placeholder."""
+    return Model(1.0, 0.5, np.zeros(degree), {"strain_gauge": 1.0}, {"strain_gauge": 0.0})
+
+
+def _rms_left(fitted: Sequence[Fitted], model: Model) -> float:
+    """RMS of what the model leaves of the fitted samples."""
+    left = [(f.measurement.mean - model.predicted(f.measurement, f.basis))[: f.measurement.fitted] for f in fitted]
+    return math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
+
+
+def _band_rms(fitted: Sequence[Fitted], model: Model) -> float:
+    """RMS of the whitened residual as a white one would have it that is as strong in the signal's own band.
+
+    A residual that the model's errors make has its power where the signal has, and misleads the parameters by more
+    than white noise of its RMS would.
+    """
+    power = shared = 0.0
+    for f in fitted:
+        modelled = model.predicted(f.measurement, f.basis)
+        pair = np.column_stack([f.measurement.mean - modelled, modelled - modelled.mean()])
+        left, signal = np.abs(np.fft.rfft(f.whitened(pair), axis=0).T) ** 2
+        shared += float(np.mean(left * signal))
+        power += float(np.mean(signal)) * f.measurement.fitted
+    return math.sqrt(shared / power) if power > 0 else 1.0
+
+
+def _largest_change_V(measured: Sequence[Measurement]) -> float:
+    """The largest argument of the branch law, in volts, to three digits: a sampled sine misses its top by a hair.
+
+    The virgin curve's is twice the drive; of a periodic drive only a level shows it, and self-sensing has none.
+    """
+    changes = []
+    for m in measured:
+        changes.append(float(np.ptp(m.drive_V)))
+        if m.initial_state != "periodic" or m.channel != "self_sensing":
+            changes.append(2 * float(np.abs(m.drive_V).max()))
+    return float(f"{max(changes):.3g}")

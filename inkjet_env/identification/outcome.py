@@ -1,0 +1,181 @@
+"""What is made of a fit: the printhead, its intervals, the residual of every recording, and what a reader must know."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.identification.basis import drive_basis
+from inkjet_env.identification.convention import conventional_swing
+from inkjet_env.identification.covariance import Solution
+from inkjet_env.identification.degree import CHANCE_F
+from inkjet_env.identification.fit import Fit
+from inkjet_env.identification.identification import Estimate, Identification, Residual
+from inkjet_env.identification.model import Model
+from inkjet_env.identification.starting_point import ringing_gain
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+QUANTILE_90 = 1.6448536269514722
+"""Of the normal distribution: 90 % of it lie within so many standard deviations."""
+LARGEST_UNCERTAINTY = math.log(10)
+"""Half width of the interval of ``ln a0`` or ``ln a1`` from which on the resonator counts as not identified."""
+LEAST_RINGING_GAIN = 50.0
+"""By how much a resonance must lower χ² against a head without one, the search having tried many."""
+NOTHING_RINGS = (
+    "nothing in them rings. Take pulses with short edges, or a multisine about the resonance, sampled at ten times its "
+    "frequency; `inkjet record --plan FOLDER` writes such drives."
+)
+
+
+def outcome_of(fit: Fit) -> Identification:
+    """The identification that a solved fit comes to.
+
+    Raises
+    ------
+    ValueError
+        The first channel does not follow the drive, nothing rings, or ``a0`` or ``a1`` is all but unknown.
+    """
+    law, d = fit.solution.model.weights, fit.solution.model.weights.size
+    swing = _gain_of_reference(fit, fit.solution.model)
+    coefficients = law / swing
+    richer = fit.richer()
+    gain = _gain_of_reference(fit, richer.model)
+    model = replace(richer.model, weights=coefficients * gain)
+    if _chi_square(fit, model) > fit.solution.chi_square + 2 * CHANCE_F:
+        # These recordings do not tell how far the law swings: law and gains only go together.
+        model, gain = fit.solution.model, swing
+    gains = _gains(fit, model, richer, gain)
+    if ringing_gain(fit.fitted(fit.fast, d), model.a0, model.a1) < LEAST_RINGING_GAIN:
+        raise ValueError(f"a head without any resonance fits these recordings as well: {NOTHING_RINGS}")
+    dynamics = _resonator(model, richer)
+    a0 = dynamics["a0"]
+    by_convention = Estimate(math.sqrt(a0.value), math.sqrt(a0.low), math.sqrt(a0.high))
+    dynamics["b1"] = gains.get("self_sensing", by_convention)
+    printhead = Printhead(
+        model.a0,
+        model.a1,
+        dynamics["b1"].value,
+        (*(float(c) for c in coefficients[::-1]), 0.0),
+        fit.full_scale_V,
+    )
+    shape = (np.eye(d) - np.outer(law, np.ones(d)) / law.sum()) / swing
+    return Identification(
+        printhead,
+        dynamics,
+        gains,
+        dict(model.offsets),
+        shape @ fit.solution.covariance[:d, :d] @ shape.T,
+        fit.alone,
+        fit.joint,
+        fit.noise,
+        _residuals(fit, model),
+        fit.misfit,
+        (*fit.notes, *_notes(fit, printhead, gains)),
+    )
+
+
+def _gain_of_reference(fit: Fit, model: Model) -> float:
+    """Of the law's swing over the convention's."""
+    swing = float(model.weights.sum())
+    if not math.isfinite(swing) or abs(swing) < 1e-12 * float(np.abs(model.weights).sum()):
+        raise ValueError(f"channel {fit.reference} does not follow the drive at all; is its sensor connected?")
+    return swing / conventional_swing(fit.full_scale_V)
+
+
+def _chi_square(fit: Fit, model: Model) -> float:
+    """Of the whitened residuals of the fitted samples."""
+    total = 0.0
+    for f in fit.fitted(fit.train, model.weights.size):
+        left = f.measurement.mean - model.predicted(f.measurement, f.basis, f.noise)
+        total += float(np.sum(f.whitened(left[:, None]) ** 2))
+    return total
+
+
+def _gains(fit: Fit, model: Model, richer: Solution, gain_of_reference: float) -> dict[str, Estimate]:
+    """Of each channel, with the errors of the richer fit."""
+    swings = np.array([float(name.startswith("w")) for name in richer.names])
+    gains = {}
+    for channel, ratio in model.ratios.items():
+        gradient = ratio * swings / conventional_swing(fit.full_scale_V)
+        if channel != fit.reference:
+            gradient[richer.names.index(f"ratio {channel}")] = gain_of_reference
+        value = ratio * gain_of_reference
+        error = QUANTILE_90 * richer.error_of(gradient)
+        gains[channel] = Estimate(value, value - error, value + error)
+    return gains
+
+
+def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:
+    """``a0`` and ``a1``, with the errors of the richer fit."""
+    estimates = {}
+    for name, value in (("a0", model.a0), ("a1", model.a1)):
+        error = QUANTILE_90 * richer.error_of(np.eye(len(richer.names))[richer.names.index(f"ln {name}")])
+        if not error < LARGEST_UNCERTAINTY:
+            raise ValueError(
+                f"these recordings do not tell {name} to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: "
+                + NOTHING_RINGS
+            )
+        estimates[name] = Estimate(value, value * math.exp(-error), value * math.exp(error))
+    return estimates
+
+
+def _notes(fit: Fit, printhead: Printhead, gains: Mapping[str, Estimate]) -> list[str]:
+    """What a reader must know of the outcome, in sentences."""
+    notes = []
+    if "self_sensing" not in gains:
+        notes.append(
+            "b1, the gain of self-sensing, is not observable without a self_sensing recording. It was set to √a0: "
+            "the signal then is the deflection's speed over √a0 in hysteretic volts, a convention."
+        )
+    if not fit.solution.converged:
+        notes.append("The fit had not settled when it was stopped; its intervals mean little.")
+    told = {"all recordings": fit.joint.by_flattening}
+    if fit.gauge:
+        told["the strain gauge alone"] = fit.alone.by_flattening
+    else:
+        notes.append(
+            "Without a strain-gauge recording the hysteresis was identified from the fast channels themselves."
+        )
+    if fit.alone.by_held_out is not None:
+        told["drives held out in turn"] = fit.alone.by_held_out
+    if fit.degree_given is None and len(set(told.values())) > 1:
+        words = ", ".join(f"{degree} by {source}" for source, degree in told.items())
+        notes.append(f"Degree {words}; {len(printhead.coefficients) - 1} is used.")
+    if fit.solution.held:
+        notes.append("p(r) ≥ 0 was asked for and binds: without it the law would have a negative density.")
+    x = np.linspace(0.0, 1.0, 2001)
+    negative = x[printhead.branch_law.curvature(x) < -1e-9]
+    if negative.size:
+        notes.append(
+            f"p(r) is negative for x = |Δu|/{fit.full_scale_V:g} V between {negative[0]:.3f} and "
+            f"{negative[-1]:.3f}: not quite a valid Prandtl–Ishlinskii density."
+        )
+    partly = [m for m in fit.all if 0 < m.fitted < m.drive_V.size]
+    if partly:
+        names = " and ".join(partly[0].names)
+        notes.append(f"Too few recordings to hold one out whole; the last quarter of {names} was held out.")
+    elif all(m.fitted for m in fit.all if m.channel != "strain_gauge"):
+        notes.append("No fast recording was held out, so nothing here tells how well others are foretold.")
+    return notes
+
+
+def _residuals(fit: Fit, model: Model) -> tuple[Residual, ...]:
+    """One a recording of the channels that the model has, by name."""
+    rows: list[Residual] = []
+    for m in fit.all:
+        if m.channel not in model.ratios:
+            continue
+        basis = drive_basis(m.drive_V, m.step_s, fit.full_scale_V, model.weights.size, m.initial_state)
+        modelled = model.predicted(m, basis)
+        rms = fit.noise[m.noise_key].rms if m.noise_key in fit.noise else math.nan
+        rows.extend(
+            Residual(name, m.channel, m.unit, m.step_s, m.drive_V, signal, modelled, m.fitted, rms)
+            for name, signal in zip(m.names, m.signals, strict=True)
+        )
+    return tuple(sorted(rows, key=lambda r: r.name))
