@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.foretold import Foretold, foretold, orthonormal
 from inkjet_env.mismatch.joint_fit import Fit, JointFit
+from inkjet_env.mismatch.kept import Kept
 from inkjet_env.mismatch.signatures import Signatures, point_of
 from inkjet_env.plant import Effect
 
@@ -107,6 +108,7 @@ def attribute(
     crew: Crew,
     progress: Callable[[str], None],
     hopeless: float = HOPELESS,
+    kept: Kept | None = None,
 ) -> list[Hypothesis]:
     """The hypotheses that have one more effect on than ``beside``, best first.
 
@@ -126,33 +128,36 @@ def attribute(
     progress : callable
     hopeless : float
         Share of the best gain below which an effect is not fitted to the end.
+    kept : Kept, optional
+        Fits that were finished before.
     """
-    given = beside.fit
+    given, kept = beside.fit, kept or Kept()
 
-    def few_steps(task: tuple[Effect, dict[str, float]]) -> Fit | None:
-        effect, start = task
-        point = np.concatenate([given.point, point_of([effect], [start])])
-        return _tried(joint, (*given.effects, effect), point, given, FIRST_STEPS)
+    def few_steps(question: tuple[tuple[Effect, ...], Real, Fit, int]) -> Fit | None:
+        return _tried(joint, *question)
 
     best_score = found.best(beside.left)
     worth = WORTH_STARTS * max(best_score.values(), default=0.0)
     tasks = [
-        (effect, start)
+        ((*given.effects, effect), np.concatenate([given.point, point_of([effect], [start])]), given, FIRST_STEPS)
         for effect in effects
         if effect.id in best_score and effect.id not in given.ids
         for _, start in found.ranked(effect, beside.left)[: STARTS if best_score[effect.id] >= worth else 1]
     ]
     best: dict[str, Fit] = {}
-    for k, ((effect, _), fit) in enumerate(zip(tasks, crew.map(few_steps, tasks), strict=True)):
-        progress(f"{' + '.join((*given.ids, effect.id))} ({k + 1} of {len(tasks)} starts)")
-        if fit is not None and (effect.id not in best or fit.nll < best[effect.id].nll):
-            best[effect.id] = fit
+    for k, fit in enumerate(kept.fits(crew, joint, few_steps, tasks, tasks)):
+        ids = [effect.id for effect in tasks[k][0]]
+        progress(f"{' + '.join(ids)} ({k + 1} of {len(tasks)} starts)")
+        if fit is not None and (ids[-1] not in best or fit.nll < best[ids[-1]].nll):
+            best[ids[-1]] = fit
     most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
     promising = [fit for fit in best.values() if given.nll - fit.nll >= hopeless * most]
     hypotheses = [Hypothesis(fit, joint) for fit in best.values() if given.nll - fit.nll < hopeless * most]
-    for k, fit in enumerate(crew.map(lambda fit: settled(joint, fit).fit, promising)):
-        progress(f"{' + '.join(fit.ids)}, to the end ({k + 1} of {len(promising)})")
-        hypotheses.append(Hypothesis(fit, joint.near(fit)))
+    questions = [(fit.effects, fit.point, fit, None) for fit in promising]
+    for k, fit in enumerate(kept.fits(crew, joint, lambda fit: settled(joint, fit).fit, promising, questions)):
+        if fit is not None:
+            progress(f"{' + '.join(fit.ids)}, to the end ({k + 1} of {len(promising)})")
+            hypotheses.append(Hypothesis(fit, joint.near(fit)))
     return sorted(hypotheses, key=lambda h: -h.score)
 
 

@@ -33,6 +33,15 @@ WORST = 1e300
 
 
 @dataclass(frozen=True, eq=False)
+class Place:
+    """Where a fit is: base parameters, coordinates of the effects' parameters, free initial states by recording."""
+
+    head: Head
+    point: Real
+    states: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
 class Fit:
     """Base model and effects at the minimum.
 
@@ -51,6 +60,10 @@ class Fit:
     slopes : ndarray, shape (rows, k)
         Whitened sensitivities to the point, chance taken out; rows of the fitted samples in order.
     converged : bool
+    sloped : Place
+        Where the sensitivities were taken: before the last step.
+    started : Head
+        Base model whose free ringing stands for unknown initial states.
     """
 
     head: Head
@@ -61,6 +74,8 @@ class Fit:
     nll: float
     slopes: Real
     converged: bool
+    sloped: Place
+    started: Head
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -221,8 +236,9 @@ class JointFit:
         left, nll = self._left(head, effects, point, states)
         q, r = self.basis
         damping, converged = 1e-3, False
-        slopes = np.zeros((left.size, 0))
+        slopes, sloped = np.zeros((left.size, 0)), Place(head, point, states)
         for _ in range(most_steps):
+            sloped = Place(head, point, states)
             slopes = self.slopes(head, effects, point, states, low, high)
             own = left - q @ (q.T @ left)
             mine = slopes - q @ (q.T @ slopes)
@@ -252,10 +268,24 @@ class JointFit:
             if promise < CONVERGED or gained < CONVERGED:
                 converged = True
                 break
-        told = split(effects, point)
-        everything = self.signals(head, told, states, self.observed)
+        return self._ended(effects, Place(head, point, states), nll, slopes, converged, sloped)
+
+    def _ended(
+        self, effects: tuple[Effect, ...], end: Place, nll: float, slopes: Real, converged: bool, sloped: Place
+    ) -> Fit:
+        told = split(effects, end.point)
+        everything = self.signals(end.head, told, end.states, self.observed)
         remains = {o.name: self.whitened(o, o.measured - everything[o.name], told) for o in self.observed}
-        return Fit(head, effects, point, states, remains, nll, slopes, converged)
+        head, point, states = end.head, end.point, end.states
+        return Fit(head, effects, point, states, remains, nll, slopes, converged, sloped, self.start)
+
+    def again(self, effects: tuple[Effect, ...], end: Place, sloped: Place, started: Head, converged: bool) -> Fit:
+        """A fit of which it is known where it ended."""
+        here = JointFit(self.observed, self.noise, started, self.standing, self.base)
+        _, nll = here._left(end.head, effects, end.point, end.states)
+        low, high = here.limits(effects)
+        slopes = here.slopes(sloped.head, effects, sloped.point, sloped.states, low, high)
+        return here._ended(effects, end, nll, slopes, converged, sloped)
 
     def limits(self, effects: Sequence[Effect]) -> tuple[Real, Real]:
         """Bounds of the point, shape (k,) each."""

@@ -11,6 +11,7 @@ import numpy as np
 from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis, settled
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.kept import Kept
 from inkjet_env.mismatch.signatures import Signatures, point_of
 from inkjet_env.plant import Effect
 
@@ -69,6 +70,7 @@ def select(
     crew: Crew,
     rng: np.random.Generator,
     progress: Callable[[str], None],
+    kept: Kept | None = None,
 ) -> Selection:
     """Forward from the base model in a beam, then deletions and swaps; each addition must foretell the unseen."""
     base = base_hypothesis(joint)
@@ -91,7 +93,7 @@ def select(
                 worth = LEAST_LOOK * scores[promising[0]]
                 tried = [e for e in tried if scores[e.id] > worth]
             found_good = 0
-            for hypothesis in attribute(joint, parent, tried, beside, crew, progress):
+            for hypothesis in attribute(joint, parent, tried, beside, crew, progress, kept=kept):
                 compared[frozenset(hypothesis.ids)] = hypothesis
                 if found_good < BEAM and supported(parent, hypothesis):
                     found_good += 1
@@ -109,7 +111,7 @@ def select(
             break
     chosen = _without_idle(joint, chosen, compared)
     alternatives = {
-        name: _as_good(joint, chosen, name, effects, found, compared, crew, progress) for name in chosen.ids
+        name: _as_good(joint, chosen, name, effects, found, compared, crew, progress, kept) for name in chosen.ids
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
     return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), p_values)
@@ -186,6 +188,7 @@ def _as_good(
     compared: dict[frozenset[str], Hypothesis],
     crew: Crew,
     progress: Callable[[str], None],
+    kept: Kept | None,
 ) -> tuple[str, ...]:
     """Effects that could stand in for one of the chosen: swaps, judged by likelihood and by signature."""
     rest = [(e, v) for e, v in chosen.fit.with_values if e.id != name]
@@ -199,7 +202,7 @@ def _as_good(
         scores = beside.best(without.left)
         worth = LEAST_LOOK * max(scores.values(), default=0.0)
         missing = [e for e in missing if scores.get(e.id, 0.0) > worth]
-        for hypothesis in attribute(joint, without, missing, beside, crew, progress, NEARLY_AS_GOOD):
+        for hypothesis in attribute(joint, without, missing, beside, crew, progress, NEARLY_AS_GOOD, kept):
             compared[frozenset(hypothesis.ids)] = hypothesis
     same = []
     for effect in effects:

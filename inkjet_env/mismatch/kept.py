@@ -1,0 +1,173 @@
+"""Finished fits of a diagnosis, kept in a folder, so that one that was interrupted goes on where it was.
+
+A fit is found again by what it was asked: recordings, noise, effects, starting point and the code itself. What is kept
+is where it ended, in numbers; simulating it there once more gives the fit again, digit for digit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+import inkjet_env
+from inkjet_env.mismatch.crew import Crew
+from inkjet_env.mismatch.head import Head
+from inkjet_env.mismatch.joint_fit import Fit, JointFit, Place
+from inkjet_env.plant import Effect
+from inkjet_env.printhead import Printhead
+from inkjet_env.storage import write_json
+
+Real = NDArray[np.float64]
+Task = TypeVar("Task")
+
+
+class Kept:
+    """A folder of finished fits; none are kept without a folder.
+
+    Parameters
+    ----------
+    folder : str or Path, optional
+        Made when the first fit is kept.
+    effects : sequence of Effect
+        Whose code, beside this package's own, decides what a fit gives.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str] | None = None, effects: Sequence[Effect] = ()) -> None:
+        self.folder = None if folder is None else Path(folder)
+        self.code = b""
+        if self.folder is not None:
+            files = {inspect.getfile(type(effect)) for effect in effects}
+            files |= {str(path) for path in Path(inkjet_env.__file__).parent.rglob("*.py")}
+            self.code = _digest(*(Path(file).read_bytes() for file in sorted(files)))
+
+    def fits(
+        self, crew: Crew, joint: JointFit, function: Callable[[Task], Fit | None], tasks: Sequence[Task],
+        questions: Sequence[tuple[Sequence[Effect], Real, Fit, int | None]],
+    ) -> Iterator[Fit | None]:  # fmt: skip
+        """`Crew.map`, but for the fits that are there already; each is kept as soon as it comes.
+
+        Parameters
+        ----------
+        crew : Crew
+        joint : JointFit
+        function : callable
+            From a task to its fit, None where it cannot be simulated.
+        tasks : sequence
+        questions : sequence of tuple
+            What each task asks: effects, point to begin at, fit to go on from, most steps.
+        """
+        if self.folder is None:
+            yield from crew.map(function, tasks)
+            return
+        begun = _of_joint(joint)
+        names = [self._name(begun, *question) for question in questions]
+        there = [self._found(name) for name in names]
+        missing = crew.map(function, [task for task, record in zip(tasks, there, strict=True) if record is None])
+        for name, record, (effects, *_) in zip(names, there, questions, strict=True):
+            if record is None:
+                fit = next(missing)
+                self.folder.mkdir(parents=True, exist_ok=True)
+                write_json(self.folder / name, {"fit": None if fit is None else _as_json(fit)})
+            else:
+                told = record["fit"]
+                fit = None if told is None else joint.again(tuple(effects), *_from_json(told))
+            yield fit
+
+    def clear(self) -> None:
+        """Delete the folder and the fits in it; other files stay."""
+        if self.folder is not None and self.folder.is_dir():
+            for file in self.folder.glob("*.fit.json"):
+                file.unlink()
+            if not any(self.folder.iterdir()):
+                self.folder.rmdir()
+
+    def _name(self, begun: bytes, effects: Sequence[Effect], point: Real, fit: Fit, steps: int | None) -> str:
+        ids = "+".join(effect.id for effect in effects)
+        place = json.dumps(_place_json(Place(fit.head, point, fit.states)))
+        return _digest(self.code, begun, ids.encode(), place.encode(), str(steps).encode()).hex()[:32] + ".fit.json"
+
+    def _found(self, name: str) -> dict[str, Any] | None:
+        if self.folder is None or not (self.folder / name).is_file():
+            return None
+        try:
+            record: dict[str, Any] = json.loads((self.folder / name).read_text())
+            if record["fit"] is not None:
+                _from_json(record["fit"])
+        except (ValueError, TypeError, LookupError, AttributeError):
+            raise ValueError(f"{self.folder / name} is damaged: it is not as it was written. Delete it.") from None
+        return record
+
+
+def _digest(*parts: bytes) -> bytes:
+    sha = hashlib.sha256()
+    for part in parts:
+        sha.update(len(part).to_bytes(8, "little"))
+        sha.update(part)
+    return sha.digest()
+
+
+def _of_joint(joint: JointFit) -> bytes:
+    """Of everything that a fit depends on but its question."""
+    parts = []
+    for o in joint.observed:
+        shot = o.shot
+        told = (o.name, o.channel, o.condition, o.fitted, shot.initial_state, shot.step_s, shot.order, shot.parts)
+        signals = [o.measured, shot.drive_V] + ([] if shot.neighbour_V is None else [shot.neighbour_V])
+        parts += [repr(told).encode(), *(np.ascontiguousarray(signal).tobytes() for signal in signals)]
+    for key, model in sorted(joint.noise.models.items()):
+        parts.append(repr((key, list(model.coefficients), model.innovation, model.colour)).encode())
+    standing = [(effect.id, dict(values)) for effect, values in joint.standing]
+    around = None if joint.around is None else (joint.around.ids, _as_json(joint.around))
+    parts.append(repr((_head_json(joint.start), _as_json(joint.base), standing, around)).encode())
+    return _digest(*parts)
+
+
+def _head_json(head: Head) -> dict[str, Any]:
+    p = head.printhead
+    return {
+        "a0": float(p.a0),
+        "a1": float(p.a1),
+        "b1": float(p.b1),
+        "coefficients": [float(c) for c in p.coefficients],
+        "full_scale_V": float(p.full_scale_V),
+        "gains": {channel: float(v) for channel, v in head.gains.items()},
+        "offsets": {channel: float(v) for channel, v in head.offsets.items()},
+    }
+
+
+def _head(told: Mapping[str, Any]) -> Head:
+    law = tuple(told["coefficients"])
+    return Head(
+        Printhead(told["a0"], told["a1"], told["b1"], law, told["full_scale_V"]), told["gains"], told["offsets"]
+    )
+
+
+def _place_json(place: Place) -> dict[str, Any]:
+    states = {name: [float(v) for v in state] for name, state in place.states.items()}
+    return {"head": _head_json(place.head), "point": [float(v) for v in place.point], "states": states}
+
+
+def _place(told: Mapping[str, Any]) -> Place:
+    states = {name: (state[0], state[1]) for name, state in told["states"].items()}
+    return Place(_head(told["head"]), np.array(told["point"]), states)
+
+
+def _as_json(fit: Fit) -> dict[str, Any]:
+    return {
+        "end": _place_json(Place(fit.head, fit.point, fit.states)),
+        "sloped": _place_json(fit.sloped),
+        "started": _head_json(fit.started),
+        "converged": fit.converged,
+    }
+
+
+def _from_json(told: Mapping[str, Any]) -> tuple[Place, Place, Head, bool]:
+    return _place(told["end"]), _place(told["sloped"]), _head(told["started"]), bool(told["converged"])
