@@ -43,7 +43,13 @@ def diagnose(
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,
-    workers: Annotated[int | None, typer.Option(help="threads (2)")] = None,
+    workers: Annotated[int | None, typer.Option(help="processes (2)")] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            help="folder for what is done when interrupted; beside the JSON, report or printhead file unless given"
+        ),
+    ] = None,
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
@@ -67,16 +73,28 @@ def diagnose(
     if workers is not None:
         options["workers"] = workers
     reading = reading_options(channel, columns, initial_state)
+    options["keep"] = keep = _folder_to_keep(keep, json, report, printhead_out)
     try:
         found = _diagnosed(folder, printhead, reading, chosen_seed(seed), options)
     except KeyboardInterrupt:
-        print("Interrupted; nothing is written.", file=sys.stderr)
+        if keep is None:
+            print("Interrupted; nothing is kept. With --keep FOLDER the fits made so far would be.", file=sys.stderr)
+        else:
+            print(f"Interrupted; finished fits are kept in {keep}. The same command goes on.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     written = _written(found, json, files)
     if str(json) != "-":
         print_diagnosis(found)
         for what, file in written.items():
             print(f"{file}: {what}")
+
+
+def _folder_to_keep(keep: Path | None, *outputs: Path | None) -> Path | None:
+    """Where finished fits go: where it was said, or beside the first file that is asked for."""
+    if keep is not None and keep.exists() and not keep.is_dir():
+        raise ValueError(f"--keep: {keep} is a file. Name a folder, or one that is not there yet.")
+    named = [path for path in outputs if path is not None and str(path) != "-"]
+    return keep or (named[0].with_name(f"{named[0].name}.fits") if named else None)
 
 
 def _diagnosed(

@@ -14,10 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from inkjet_env.identification.identification import Estimate
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch.observed import Noise, Observed, noise_seen
 from inkjet_env.plant import Effect
-from inkjet_env.plant.effect import coordinates, values_at
+from inkjet_env.plant.effect import Parameter, coordinates, values_at
+from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
 
@@ -27,6 +29,9 @@ LEAST_GAIN = 15.0
 """Of the log-likelihood, for such an effect to count as there; more by the logarithm of as many frequencies as there
 were to choose from."""
 
+PROFILE_90 = 1.353
+"""Loss of log-likelihood at the ends of a 90 % interval: half the chi-square of one degree of freedom."""
+BISECTIONS = 12
 LEAST_AT_REST = 3.0
 """Of the recordings at rest alone."""
 
@@ -43,12 +48,15 @@ class ByChance:
         The amplitude is the root mean square over the recordings of what it adds at its strongest.
     gain : float
         Of the log-likelihood over noise alone.
+    estimates : dict of str to Estimate
+        The values with their 90 % intervals.
     """
 
     effect: Effect
     channel: str
     values: dict[str, float]
     gain: float
+    estimates: dict[str, Estimate]
 
 
 def by_chance(
@@ -56,6 +64,7 @@ def by_chance(
     left: dict[str, Real],
     noise: Noise,
     effects: Sequence[Effect],
+    printhead: Printhead,
 ) -> list[ByChance]:
     """How well each such effect does on each channel, best first; only those that gain enough.
 
@@ -69,6 +78,8 @@ def by_chance(
         With nothing of the kind.
     effects : sequence of Effect
         Those that have nuisances.
+    printhead : Printhead
+        Which they may take their starts from.
     """
     found: list[ByChance] = []
     for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):
@@ -81,7 +92,7 @@ def by_chance(
         alone = noise_seen(mine, left, dict(noise.models))  # from these recordings, as it will be with the effect
         before = _noise_alone(mine, left, alone)
         for effect in effects:
-            best = _best(effect, mine, left, alone, before)
+            best = _best(effect, mine, left, alone, before, printhead)
             if best is not None and best.gain > _least_gain(effect, mine) and _at_rest(best, mine, left, alone):
                 found.append(best)
         for o in mine:
@@ -118,14 +129,19 @@ def without(
 
 
 def _best(
-    effect: Effect, observed: Sequence[Observed], left: dict[str, Real], noise: Noise, before: float
+    effect: Effect,
+    observed: Sequence[Observed],
+    left: dict[str, Real],
+    noise: Noise,
+    before: float,
+    printhead: Printhead,
 ) -> ByChance | None:
     from scipy.optimize import minimize_scalar
 
     free = [p for p in effect.parameters if p.name not in effect.strengths]
     starts = [
         start
-        for start in effect.starts(None, [o.shot for o in observed])  # type: ignore[arg-type]
+        for start in effect.starts(printhead, [o.shot for o in observed])
         if any(effect.nuisances(start, o.shot) is not None for o in observed)
     ]
     # A loud tone shapes the noise model that is to judge it; so starts are ranked by bare power as well.
@@ -156,12 +172,57 @@ def _best(
             values = values_at(effect, point)
         models: dict[tuple[str, float], NoiseModel] = dict(noise.models)
         less = noise_seen(observed, without(effect, values, observed, left), models)
-        after, amplitude = _with_amplitudes(effect, values, observed, left, less)
+        after, peaks = _with_amplitudes(effect, values, observed, left, less)
+        size = _root_mean_square(peaks)
         for name in effect.strengths:
-            values[name] = amplitude
+            values[name] = size.value
         if best is None or before - after > best.gain:
-            best = ByChance(effect, observed[0].channel, values, before - after)
+            estimates = {
+                p.name: size
+                if p.name in effect.strengths
+                else _shapes_interval(effect, values, p, observed, left, less)
+                for p in effect.parameters
+            }
+            best = ByChance(effect, observed[0].channel, values, before - after, estimates)
     return best
+
+
+def _root_mean_square(peaks: Real) -> Estimate:
+    """Of all recordings there could be, from those there are: as if each peak were one normal amplitude."""
+    from scipy.special import chdtri
+
+    value, count = float(np.sqrt(np.mean(peaks**2))), peaks.size
+    low, high = (value * math.sqrt(count / float(chdtri(count, tail))) for tail in (0.05, 0.95))
+    return Estimate(value, low, high)
+
+
+def _shapes_interval(
+    effect: Effect,
+    values: dict[str, float],
+    parameter: Parameter,
+    observed: Sequence[Observed],
+    left: dict[str, Real],
+    noise: Noise,
+) -> Estimate:
+    """Where the log-likelihood, amplitudes at their likeliest, is so little less: by bisection from outside in."""
+    place = [p.name for p in effect.parameters].index(parameter.name)
+    point = coordinates(effect, values)
+    least = _with_amplitudes(effect, values, observed, left, noise)[0]
+    longest = max(o.shot.samples * o.shot.step_s for o in observed)
+    width = 1 / max(values[parameter.name] * longest, 1.0)
+    ends = []
+    for sign in (-1, 1):
+        inside, outside = 0.0, width
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (inside + outside)
+            there = point.copy()
+            there[place] += sign * middle
+            if _with_amplitudes(effect, values_at(effect, there), observed, left, noise)[0] - least < PROFILE_90:
+                inside = middle
+            else:
+                outside = middle
+        ends.append(parameter.value(float(point[place] + sign * outside)))
+    return Estimate(values[parameter.name], min(ends), max(ends))
 
 
 def _white(noise: Noise) -> Noise:
@@ -181,8 +242,8 @@ def _noise_alone(observed: Sequence[Observed], left: dict[str, Real], noise: Noi
 
 def _with_amplitudes(
     effect: Effect, values: dict[str, float], observed: Sequence[Observed], left: dict[str, Real], noise: Noise
-) -> tuple[float, float]:
-    """Negative log-likelihood with random amplitudes of the likeliest variance; and their root mean square."""
+) -> tuple[float, Real]:
+    """Negative log-likelihood with random amplitudes of the likeliest variance; and the peak in each recording."""
     squares, sizes = [], []
     explained = []
     for o in observed:
@@ -197,13 +258,12 @@ def _with_amplitudes(
         explained.append(columns @ np.linalg.lstsq(r, amplitudes, rcond=1e-12)[0])
     total = _noise_alone(observed, left, noise)
     if not squares:
-        return total, 0.0
+        return total, np.zeros(1)
     a, size = np.concatenate(squares), np.concatenate(sizes)
     variances = np.geomspace(1e-3, 1e9, 200) / float(np.median(size))
     share = variances[:, None] * size
     gains = 0.5 * np.sum(a * share / (1 + share) - np.log1p(share), axis=1)
-    peak = math.sqrt(float(np.mean([np.max(np.abs(e)) ** 2 for e in explained])))
-    return total - max(float(gains.max()), 0.0), peak
+    return total - max(float(gains.max()), 0.0), np.array([np.max(np.abs(e)) for e in explained])
 
 
 def _lines_Hz(observed: Sequence[Observed], left: dict[str, Real]) -> list[float]:

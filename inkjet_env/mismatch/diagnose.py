@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -10,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from inkjet_env.identification import identify
 from inkjet_env.identification.noise import NoiseModel
@@ -22,13 +24,14 @@ from inkjet_env.mismatch.flexible import Flexible, flexible_residual
 from inkjet_env.mismatch.head import Head, gains_and_offsets, in_convention
 from inkjet_env.mismatch.headline import headline
 from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.kept import Kept
 from inkjet_env.mismatch.locate import locate
 from inkjet_env.mismatch.next_experiment import next_experiment
 from inkjet_env.mismatch.observed import Observed, finer, noise_seen, observe
 from inkjet_env.mismatch.select import Selection, leftover, select, supported
 from inkjet_env.mismatch.signatures import Signatures, signatures
 from inkjet_env.mismatch.verdict import (
-    as_estimates,
+    chance_of,
     closest,
     closure_of,
     compared,
@@ -56,6 +59,8 @@ NODES_A_PERIOD = 36
 """At least, of the resonance."""
 MOST_BASE_ROUNDS = 10
 """Times that the base model is fitted again from where it has come to."""
+SURELY_FORETOLD = 2.0
+"""Standard errors by which a flexible model must do better on held-out recordings to be offered as a correction."""
 SAME_GAIN = 0.02
 """Two effects by chance of which one gains so little more than the other are not told apart."""
 
@@ -69,6 +74,7 @@ def diagnose(
     held_out: Sequence[str] | None = None,
     workers: int = 2,
     progress: Callable[[str], None] | None = None,
+    keep: str | os.PathLike[str] | None = None,
 ) -> Diagnosis:
     """Tell where recordings and the base model differ, and which physics was left out.
 
@@ -87,6 +93,9 @@ def diagnose(
         Processes.
     progress : callable, optional
         Told what is being done, in words.
+    keep : str or Path, optional
+        Folder for the fits made so far: a diagnosis that was interrupted goes on there, to the same end. It is removed
+        when the diagnosis is complete.
 
     Raises
     ------
@@ -97,14 +106,19 @@ def diagnose(
     twice = [name for name, count in Counter(effect.id for effect in catalogued).items() if count > 1]
     if twice:
         raise ValueError(f"effects must have ids of their own; {twice[0]!r} comes twice. Rename one.")
+    kept = Kept(keep, catalogued)
     work = _Work(
         campaign,
         catalogued,
         np.random.default_rng(rng),
         Crew(workers),
         progress or (lambda _: None),
+        kept,
     )
-    return work.diagnosis(printhead, held_out)
+    with threadpool_limits(1):  # linear algebra is small here, and the processes have the cores
+        found = work.diagnosis(printhead, held_out)
+    kept.clear()
+    return found
 
 
 class _Work:
@@ -117,8 +131,9 @@ class _Work:
         rng: np.random.Generator,
         crew: Crew,
         progress: Callable[[str], None],
+        kept: Kept,
     ) -> None:
-        self.campaign, self.rng, self.crew, self.progress = campaign, rng, crew, progress
+        self.campaign, self.rng, self.crew, self.progress, self.kept = campaign, rng, crew, progress, kept
         self.started = self.last = time.perf_counter()
         self.stages: dict[str, float] = {}
         self.notes: list[str] = []
@@ -175,7 +190,9 @@ class _Work:
         """The base model and the noise."""
         given = printhead is not None
         if printhead is None:
-            found = identify(self.campaign, held_out=held_out, progress=self.progress)
+            # The gauge alone: where something is left out, the fast recordings would have a law of any degree.
+            rule = "strain_gauge" if any(o.channel == "strain_gauge" for o in observed) else "flattening"
+            found = identify(self.campaign, degree_rule=rule, held_out=held_out, progress=self.progress)
             gains = {channel: gain.value for channel, gain in found.gains.items()}
             offsets, printhead, otherwise = dict(found.offsets), found.printhead, dict(found.noise)
         else:
@@ -242,7 +259,7 @@ class _Work:
             modelled = joint.modelled(fit)
             left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
             here = [e for e in effects if e.id not in {s.effect.id for s in standing}]
-            found = by_chance(chosen, left, joint.noise, here) if chosen else []
+            found = by_chance(chosen, left, joint.noise, here, fit.head.printhead) if chosen else []
             if not found:
                 break
             best = found[0]
@@ -267,7 +284,7 @@ class _Work:
         """Signatures and selection on one noise."""
         found = signatures(joint, effects, self.crew, self.progress)
         self.took("signatures")
-        selection = select(joint, effects, found, self.crew, self.rng, self.progress)
+        selection = select(joint, effects, found, self.crew, self.rng, self.progress, self.kept)
         self.took("selection")
         return found, selection
 
@@ -337,8 +354,9 @@ class _Work:
         named = [
             *(
                 Named(
-                    s.effect, s.effect.told(s.values, units[s.channel]), s.gain, math.exp(-s.gain),
-                    as_estimates(s.values), units[s.channel],
+                    s.effect, s.effect.told(s.values, units[s.channel]), s.gain,
+                    chance_of(s.gain, len(s.values), max(o.shot.samples for o in joint.observed)),
+                    s.estimates, units[s.channel],
                 )
                 for s in standing
             ),
@@ -348,7 +366,7 @@ class _Work:
             groups = []
         listed = compared(selection)
         correction = None
-        if verdict == "unknown":
+        if verdict == "unknown" and flexible.foretold > SURELY_FORETOLD * flexible.error:
             correction = Correction(flexible.share, flexible.foretold, flexible.error, flexible.modelled)
         fits = [chosen.fit]
         for group in groups:

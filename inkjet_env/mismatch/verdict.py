@@ -24,6 +24,8 @@ SURE = 5.0
 """Standard deviations by which what is left must exceed the noise to count."""
 LEAST_EXCESS = 0.03
 """Of the noise's power: less is taken for its own uncertainty."""
+LEAST_FORETOLD = 8.0
+"""Of the log-likelihood, for what a flexible model foretells to count."""
 MOST_COMPARED = 24
 """Hypotheses that a diagnosis lists."""
 
@@ -68,21 +70,42 @@ def closure_of(traces: Sequence[Trace]) -> float:
 
 def share_left(base: Hypothesis, chosen: Hypothesis, flexible: Flexible) -> float:
     """Share of the base model's mismatch that is left beyond noise; 0 where it is not surely there."""
-    known = {o.name for o in base.joint.seen if base.joint.noise.known(o)}
-    if known:
-        keep = np.concatenate([np.full(o.fitted, o.name in known) for o in base.joint.seen])
-        rows = int(keep.sum())
-        told = sum(base.joint.noise.samples[key] for key in {o.noise_key for o in base.joint.seen if o.name in known})
-        doubt = math.sqrt(2 * rows + 2 * rows**2 / max(told, 1))
-        left = float(np.sum(chosen.left[keep] ** 2)) - rows + chosen.columns.shape[1]
-        mismatch = float(np.sum(base.left[keep] ** 2)) - rows + base.columns.shape[1]
-        sure = left > SURE * doubt and left > LEAST_EXCESS * rows
-    else:
-        # What is left was taken for noise: only what a flexible model foretells of it is surely not.
-        left = flexible.share * float(np.sum(chosen.left**2))
-        mismatch = float(np.sum(base.left**2))
-        sure = flexible.foretold > 8 + 2 * flexible.error
-    return left / max(mismatch, left) if sure else 0.0
+    known, unknown = _beyond_noise(base, chosen), _foretold_beyond(base, chosen, flexible)
+    left, mismatch = known[0] + unknown[0], known[1] + unknown[1]
+    return left / max(mismatch, left) if left > 0 else 0.0
+
+
+def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
+    """Sums of squares of what is left, and of the mismatch, where the noise is known."""
+    joint = base.joint
+    known = {o.name for o in joint.seen if joint.noise.known(o)}
+    keep = np.concatenate([np.full(o.fitted, o.name in known) for o in joint.seen])
+    rows = int(keep.sum())
+    if not rows:
+        return 0.0, 0.0
+    told = sum(joint.noise.samples[key] for key in {o.noise_key for o in joint.seen if o.name in known})
+    doubt = math.sqrt(2 * rows + 2 * rows**2 / max(told, 1))
+    left = float(np.sum(chosen.left[keep] ** 2)) - rows + chosen.columns.shape[1]
+    mismatch = float(np.sum(base.left[keep] ** 2)) - rows + base.columns.shape[1]
+    sure = left > SURE * doubt and left > LEAST_EXCESS * rows
+    return (left if sure else 0.0), mismatch
+
+
+def _foretold_beyond(base: Hypothesis, chosen: Hypothesis, flexible: Flexible) -> tuple[float, float]:
+    """The same where it is not: what is left was taken for noise, so only what a flexible model foretells counts."""
+    gain = error = power = left = mismatch = 0.0
+    for o in base.joint.observed:
+        if base.joint.noise.known(o):
+            continue
+        seen, unseen = o.rows(held_out=False), o.rows(held_out=True)
+        after, added = chosen.fit.left[o.name][unseen], flexible.modelled[o.name][unseen]
+        gain += 0.5 * float(after @ after - (after - added) @ (after - added))
+        error += float(added @ added)
+        power += float(after @ after)
+        left += float(np.sum(chosen.fit.left[o.name][seen] ** 2))
+        mismatch += float(np.sum(base.fit.left[o.name][seen] ** 2))
+    sure = gain > LEAST_FORETOLD + 2 * math.sqrt(error)
+    return (2 * gain / power * left if sure else 0.0), mismatch
 
 
 def compared(selection: Selection) -> tuple[Attribution, ...]:
@@ -145,9 +168,14 @@ def _signal_unit(joint: JointFit) -> str:
     return next((o.unit for o in joint.observed if o.shot.fast), joint.observed[0].unit)
 
 
-def as_estimates(values: dict[str, float]) -> dict[str, Estimate]:
-    """Values of which no interval is known."""
-    return {name: Estimate(value, value, value) for name, value in values.items()}
+def chance_of(gain: float, parameters: int, tried: int) -> float:
+    """Probability that so many parameters gain so much log-likelihood of noise alone, the best of so many tries.
+
+    Wilks's chi-square and Bonferroni's bound: no more than this.
+    """
+    from scipy.special import gammaincc
+
+    return min(1.0, tried * float(gammaincc(parameters / 2, max(gain, 0.0))))
 
 
 def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> list[Named]:
@@ -168,7 +196,7 @@ def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> 
             ends = [p.value(float(np.clip(chosen.fit.point[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
         gain = smaller.fit.nll - chosen.fit.nll
-        p_value = selection.p_values.get(effect.id, math.exp(-gain))
+        p_value = selection.p_values.get(effect.id, chance_of(gain, count, len(selection.compared)))
         unit = _signal_unit(joint)
         sentence = effect.told(_surely(effect, values, estimates), unit)
         result.append(Named(effect, sentence, gain, p_value, estimates, unit))

@@ -1,6 +1,7 @@
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -251,14 +252,21 @@ def test_help_shows_an_example(inkjet):
     assert "\n  inkjet diagnose campaign " in out
 
 
-def test_an_interrupted_diagnosis_says_so_and_writes_nothing(inkjet, folder, tmp_path, monkeypatch):
-    def diagnose(*_, **__):
+def test_an_interrupted_diagnosis_says_what_is_kept(inkjet, folder, tmp_path, monkeypatch):
+    asked = []
+
+    def diagnose(*_, keep, **__):
+        asked.append(keep)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(mismatch, "diagnose", diagnose)
     status, _, err = inkjet("diagnose", "campaign", "--json", "found.json", "--report", "page.html")
     assert status == 130
-    assert err.endswith("Interrupted; nothing is written.\n")
+    assert err.endswith("Interrupted; finished fits are kept in found.json.fits. The same command goes on.\n")
+    assert inkjet("diagnose", "campaign", "--keep", "mine", "--report", "page.html")[0] == 130
+    err = inkjet("diagnose", "campaign")[2]
+    assert err.endswith("Interrupted; nothing is kept. With --keep FOLDER the fits made so far would be.\n")
+    assert asked == [Path("found.json.fits"), Path("mine"), None]
     assert [path.name for path in tmp_path.iterdir()] == ["campaign"]
 
 
