@@ -1,0 +1,78 @@
+"""What the peers of the diagnosis stand on and are judged by: a base model, and what is put aside and left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch import Diagnosis
+from inkjet_env.mismatch.diagnose import NODES_A_PERIOD
+from inkjet_env.mismatch.head import Head
+from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe
+from inkjet_env.plant import Plant
+from inkjet_env.recordings import Campaign
+
+Real = NDArray[np.float64]
+
+DEGREE = 8
+"""Of the branch law that all peers stand on: the published one's."""
+ASIDE_EVERY = 4
+"""Of the fitted conditions of a channel, one in so many is put aside to choose by."""
+
+
+def base_fit(campaign: Campaign, head: Head) -> JointFit:
+    """The base model of degree `DEGREE` on a campaign, from a head that is near; noise as the diagnosis sees it."""
+    law = head.printhead.branch_law
+    x = np.linspace(0, 1, 1001)
+    powers = x[:, None] ** np.arange(1, DEGREE + 1)
+    coefficients = np.linalg.lstsq(powers, law.Q(x), rcond=None)[0]
+    printhead = replace(head.printhead, coefficients=(*(float(c) for c in coefficients[::-1]), 0.0))
+    head = replace(head, printhead=printhead)
+    observed = observe(campaign)
+    coarsest_s = max(o.shot.step_s for o in observed if o.shot.fast)
+    observed = finer(observed, 2 * math.ceil(NODES_A_PERIOD * head.printhead.frequency_Hz * coarsest_s / 2))
+
+    def noise(signals: Mapping[str, Real]) -> Noise:
+        return noise_seen(observed, {o.name: o.measured - signals[o.name] for o in observed}, {})
+
+    first = JointFit(observed, noise({o.name: head.plant().signal(o.shot) for o in observed}), head)
+    return JointFit(observed, noise(first.modelled(first.base)), first.base.head)
+
+
+def base_of(found: Diagnosis, campaign: Campaign) -> Head:
+    """The base model of a diagnosis, gains and offsets read from its signals."""
+    plant = Plant(found.base_printhead, {"self_sensing": found.base_printhead.b1})
+    shots = {o.name: o.shot for o in observe(campaign)}
+    gains, offsets = {}, {}
+    for channel in {trace.channel for trace in found.traces}:
+        mine = [trace for trace in found.traces if trace.channel == channel]
+        shown = np.concatenate([plant.motion(shots[t.name].drive_at_nodes_V, shots[t.name]) for t in mine])
+        size = float(np.abs(shown).max())
+        table = np.column_stack([shown / size, np.ones(shown.size)])
+        gain, offset = np.linalg.lstsq(table, np.concatenate([t.base for t in mine]), rcond=None)[0]
+        gains[channel], offsets[channel] = float(gain) / size, float(offset)
+    return Head(found.base_printhead, gains, offsets)
+
+
+def over_noise(joint: JointFit, modelled: Mapping[str, Real], chosen: Sequence[Observed] | None = None) -> float:
+    """RMS of what a model leaves, whitened; of the held-out samples, or of the fitted ones of chosen recordings.
+
+    NaN where the model has no signal.
+    """
+    parts = []
+    for o in joint.observed if chosen is None else chosen:
+        parts.append(joint.whitened(o, o.measured - modelled[o.name])[o.rows(held_out=chosen is None)])
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+def put_aside(joint: JointFit, channel: str, fold: int = 1) -> tuple[list[Observed], list[Observed]]:
+    """The fitted recordings of a channel: those to fit, and those to choose by, whole conditions of them."""
+    mine = [o for o in joint.seen if o.channel == channel and not o.still]
+    conditions = sorted({o.condition for o in mine})
+    aside = set(conditions[fold::ASIDE_EVERY])
+    return [o for o in mine if o.condition not in aside], [o for o in mine if o.condition in aside]

@@ -1,0 +1,183 @@
+"""What a sparse regression makes of a mismatch: a polynomial force on the resonator, and the effects its terms name.
+
+pysindy's library and STLSQ. Every term goes through the base model's resonator before the regression, so that noise is
+never differentiated.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.peer_base import ASIDE_EVERY, over_noise, put_aside
+from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.observed import Observed
+from inkjet_env.plant import Resonance, Shot
+
+Real = NDArray[np.float64]
+
+THRESHOLDS = (2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 2.0)
+"""Least part of a term, of the size of what is to be explained; the last leaves none."""
+MOST_ROUNDS = 60
+SETTLED = 1e-6
+"""Change of the variables, of the largest, at which force and motion agree."""
+MOST_CHANGE_V = 1e6
+NEVER = 50.0
+"""Logarithm of the error where a force has no steady motion."""
+STIFFER, LOSSIER = {"x^3", "x p^2"}, {"p^3", "x^2 p"}
+LATE = ("amplifier_bandwidth", "feedthrough", "sensor_bandwidth", "trigger_delay")
+
+
+@dataclass(frozen=True, eq=False)
+class SparseForce:
+    """A polynomial force on the resonator of one channel.
+
+    Attributes
+    ----------
+    joint : JointFit
+        Whose base model it is added to.
+    sizes : ndarray, shape (k,)
+        What the variables are divided by.
+    coefficients : ndarray, shape (terms,)
+        In hysteretic volts.
+    """
+
+    joint: JointFit
+    sizes: Real
+    coefficients: Real
+
+    def terms(self, variables: Real) -> Real:
+        """Values of all terms, shape (n, terms)."""
+        scaled = variables / self.sizes
+        powers = _library(self.sizes.size - 1).transform(scaled[:, :-1])
+        return np.column_stack([np.asarray(powers, dtype=np.float64), scaled[:, -1]])
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Terms that are not zero."""
+        variables = list("xpv")[-(self.sizes.size - 1) :]
+        names = [*_library(len(variables)).get_feature_names(variables), "w"]
+        return tuple(name for name, c in zip(names, self.coefficients, strict=True) if c)
+
+    def signal(self, o: Observed) -> Real:
+        """Free run, shape (n,): motion and force found in turn until they agree; NaN where they never do."""
+        plant = self.joint.base.head.plant()
+        shown, variables = _motion(self.joint, o, np.zeros(_fine(o).samples))
+        for _ in range(MOST_ROUNDS):
+            before = variables
+            shown, variables = _motion(self.joint, o, self.terms(before) @ self.coefficients)
+            change = float(np.abs(variables - before).max())
+            if change <= SETTLED * float(np.abs(before).max()):
+                return plant.gain(o.channel) * shown + plant.offsets[o.channel]
+            if not change < MOST_CHANGE_V:
+                break
+        return np.full(o.shot.samples, np.nan)
+
+
+def _library(variables: int) -> Any:
+    from pysindy import PolynomialLibrary
+
+    return PolynomialLibrary(degree=3).fit(np.zeros((2, variables)))
+
+
+def _fine(o: Observed) -> Shot:
+    """The shot with every second node a sample."""
+    shot, pairs = o.shot, o.shot.parts // 2
+    drive_V = np.ascontiguousarray(shot.drive_at_nodes_V[::2])
+    return replace(shot, step_s=shot.step_s / pairs, drive_V=drive_V, parts=2, kept={})
+
+
+def _motion(joint: JointFit, o: Observed, force_V: Real) -> tuple[Real, Real]:
+    """What the channel shows for a gain of 1, at the samples, and the variables, shape (fine samples, k)."""
+    printhead = joint.base.head.printhead
+    fine, pairs = _fine(o), o.shot.parts // 2
+    drive_V = joint.base.head.plant().hysteretic_V(o.shot.drive_at_nodes_V, o.shot)
+    omega0 = math.sqrt(printhead.a0)
+    hysteretic_V = fine.sampled(drive_V)
+    rate_V = np.gradient(hysteretic_V) / np.float64(fine.step_s * omega0)
+    if not o.shot.fast:
+        return (hysteretic_V - force_V)[::pairs], np.column_stack([hysteretic_V, rate_V])
+    fine = replace(fine, start=joint.base.states.get(o.name, (0.0, 0.0)))
+    resonance = Resonance(printhead.a0, printhead.a1, printhead.a0)
+    pushed_V = np.ascontiguousarray(drive_V - fine.refined(force_V))
+    deflection_V = resonance.motion(pushed_V, replace(fine, channel="displacement"))
+    speed = resonance.motion(pushed_V, replace(fine, channel="self_sensing"))
+    shown = (speed if o.channel == "self_sensing" else deflection_V)[::pairs]
+    return shown, np.column_stack([deflection_V, speed * omega0, hysteretic_V, rate_V])
+
+
+def sparse_force(joint: JointFit, channel: str) -> SparseForce:
+    """Fitted to one channel."""
+    folds = [put_aside(joint, channel, fold) for fold in range(ASIDE_EVERY)]
+    everything = [*folds[0][0], *folds[0][1]]
+    variables = {o.name: _motion(joint, o, np.zeros(_fine(o).samples))[1] for o in everything}
+    sizes = np.max([np.abs(table).max(axis=0) for table in variables.values()], axis=0)
+    none = SparseForce(joint, sizes, np.zeros(_library(sizes.size - 1).n_output_features_ + 1))
+    columns = {o.name: _as_seen(joint, o, none.terms(variables[o.name])) for o in everything}
+    left = {o.name: joint.base.left[o.name][: o.fitted] for o in everything}
+
+    def fitted(chosen: Sequence[Observed], threshold: float) -> SparseForce:
+        table = np.concatenate([columns[o.name] for o in chosen])
+        target = np.concatenate([left[o.name] for o in chosen])
+        return replace(none, coefficients=_sparse(table, target, threshold))
+
+    def errors(force: SparseForce, aside: Sequence[Observed]) -> list[float]:
+        return [over_noise(joint, {o.name: force.signal(o)}, [o]) ** 2 for o in aside]
+
+    tried = np.log([[error for fit, aside in folds for error in errors(fitted(fit, t), aside)] for t in THRESHOLDS])
+    tried[np.isnan(tried)] = NEVER
+    best = tried[int(np.argmin(tried.mean(axis=1)))]
+    for threshold, found in reversed(list(zip(THRESHOLDS, tried, strict=True))):
+        worse = found - best
+        if worse.mean() <= np.std(worse) / math.sqrt(worse.size):
+            return fitted(everything, threshold)
+    return none
+
+
+def _as_seen(joint: JointFit, o: Observed, terms: Real) -> Real:
+    """What each term adds to a recording to first order, whitened; fitted rows, shape (rows, terms)."""
+    printhead, gain = joint.base.head.printhead, joint.base.head.plant().gain(o.channel)
+    fine, pairs = replace(_fine(o), start=(0.0, 0.0)), o.shot.parts // 2
+    resonance = Resonance(printhead.a0, printhead.a1, printhead.a0)
+    added = []
+    for term in terms.T:
+        pushed = -np.ascontiguousarray(term)
+        added.append(gain * (resonance.motion(fine.refined(pushed), fine) if o.shot.fast else pushed)[::pairs])
+    return joint.whitened(o, np.column_stack(added))[: o.fitted]
+
+
+def _sparse(columns: Real, target: Real, threshold: float) -> Real:
+    """pysindy's thresholded least squares on columns of unit length."""
+    from pysindy import STLSQ
+
+    sizes = np.linalg.norm(columns, axis=0)
+    sizes[sizes == 0] = np.inf
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that no term is left, which is an answer
+        size = float(np.linalg.norm(target))
+        found = STLSQ(threshold=threshold * size, alpha=1e-8).fit(columns / sizes, target[:, None])
+    return np.asarray(found.coef_, dtype=np.float64)[0] / sizes
+
+
+def said(terms: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """The effects that terms of a `SparseForce` stand for; where they are several, in groups that are the same to it.
+
+    >>> said(["1", "x", "x^3"])
+    (('cubic_stiffness',),)
+    >>> said(["w", "x^3", "x^2 p"])
+    (('ferroelastic_softening',), ('amplifier_bandwidth', 'feedthrough', 'sensor_bandwidth', 'trigger_delay'))
+    """
+    groups: list[tuple[str, ...]] = []
+    stiffer, lossier = bool(STIFFER & set(terms)), bool(LOSSIER & set(terms))
+    if stiffer or lossier:
+        both = stiffer and lossier
+        groups.append(("ferroelastic_softening" if both else "cubic_stiffness" if stiffer else "quadratic_damping",))
+    meanings = {"v^2": ("asymmetric_hysteresis",), "w": LATE}
+    groups += [meaning for term, meaning in meanings.items() if term in terms]
+    return tuple(groups)
