@@ -51,7 +51,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.diagnosis_study import STRENGTHS, Case, cases, head_of, judged
+from experiments.diagnosis_study import STRENGTHS, Case, cases, head_of, told
 from experiments.peer_base import base_fit, base_of, over_noise, put_aside
 from experiments.peer_network import with_network
 from experiments.peer_sindy import said, sparse_force
@@ -135,7 +135,7 @@ def _told(campaign: Campaign, truth: Sequence[str] | None, seed: int) -> dict[st
     row |= {"name": campaign.name if truth is None else "+".join(truth) or "nothing", "diagnosis": verdict}
     row["said"] = [list(group) for group in groups]
     if truth is not None:
-        right = {"diagnosis": judged({"effects": truth} | verdict), "pysindy": verdict_on(groups, truth)}
+        right = {"diagnosis": told({"effects": truth} | verdict).judged, "pysindy": verdict_on(groups, truth)}
         row["judged"] = {peer: right.get(peer, verdict_on((), truth)) for peer in PEERS}
     return row
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from experiments.planted import MEDIUM, STRONG, effect_named, planted, record_planted
 from experiments.progress import shown_progress
+from experiments.verdict_scores import OUTCOMES, Told, confusion, f1, share
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import diagnose
 from inkjet_env.plant import Effect, catalogue
@@ -157,18 +158,10 @@ def rows() -> list[dict[str, Any]]:
     return [json.loads(line) for line in RESULTS.read_text(encoding="utf-8").splitlines() if line]
 
 
-def judged(row: dict[str, Any]) -> str:
-    """right, in the set, unknown, none, partly or wrong."""
-    truth = set(row["effects"])
-    if row["verdict"] in ("unknown", "none", "refused"):
-        return "right" if row["verdict"] == "none" and not truth else row["verdict"]
-    told = set(row["found"])
-    for group in row.get("candidates", []):
-        if told & set(group) and truth & set(group):
-            told = (told - set(group)) | (truth & set(group))
-    if told == truth:
-        return "right" if row["verdict"] == "named" else "in the set"
-    return "partly" if told & truth else "wrong"
+def told(row: dict[str, Any]) -> Told:
+    """What a line says."""
+    groups = tuple(frozenset(group) for group in row.get("candidates", []))
+    return Told(frozenset(row["effects"]), row["verdict"], frozenset(row["found"]), groups)
 
 
 def summary() -> None:
@@ -176,39 +169,59 @@ def summary() -> None:
     found = rows()
     for part in ("null", "single", "pairs", "withheld"):
         mine = [row for row in found if row["part"] == part]
-        if not mine:
-            continue
-        print(f"\n{part}: {len(mine)} campaigns")
-        for strength in sorted({row["strength"] for row in mine}):
-            these = [row for row in mine if row["strength"] == strength]
-            print(f"  {strength}: {dict(Counter(judged(row) for row in these))}")
-            for row in these:
-                if judged(row) not in ("right", "in the set"):
-                    told = "+".join(row["found"]) or row["headline"][:60]
-                    hidden = "+".join(row["effects"]) or "nothing"
-                    print(f"    {hidden} ({row['seed']}): {row['verdict']} {told} {row.get('candidates', '')}")
-        closures = [row["closure"] for row in mine if row.get("closure") is not None and row["verdict"] == "named"]
-        if closures:
-            print(
-                f"  closure, named: median {np.median(closures):.3f}, 10th percentile {np.quantile(closures, 0.1):.3f}"
-            )
-        sizes = [len(group) for row in mine for group in row.get("candidates", [])]
-        if sizes:
-            print(f"  sets: {len(sizes)}, mean size {np.mean(sizes):.2f}")
-        if part == "null":
-            print(f"  located somewhere: {sum(row['located'] for row in mine if 'located' in row)}")
-        print(f"  seconds: median {np.median([row['seconds'] for row in mine if 'seconds' in row]):.1f}")
+        if mine:
+            _print_part(part, mine)
+    single = [row for row in found if row["part"] == "single"]
     inside = [
         low <= truth <= high
-        for row in found
-        if row["part"] == "single"
+        for row in single
         for name, estimates in row.get("parameters", {}).items()
         if name in row["effects"] and name not in ("mains_hum", "baseline_drift")
         for truth, _, low, high in estimates.values()
         if truth
     ]
     if inside:
-        print(f"\n90 % intervals: {np.mean(inside):.1%} of {len(inside)} hold the truth")
+        value, low, high = share(sum(inside), len(inside))
+        print(f"\n90 % intervals: {value:.1%} ({low:.1%} … {high:.1%}) of {len(inside)} hold the truth")
+
+
+def _print_part(part: str, mine: list[dict[str, Any]]) -> None:
+    print(f"\n{part}: {len(mine)} campaigns")
+    for strength in sorted({row["strength"] for row in mine}):
+        these = [row for row in mine if row["strength"] == strength]
+        print(f"  {strength}: {dict(Counter(told(row).judged for row in these))}")
+        for row in these:
+            if told(row).judged not in ("right", "in the set"):
+                said = "+".join(row["found"]) or row["headline"][:60]
+                hidden = "+".join(row["effects"]) or "nothing"
+                print(f"    {hidden} ({row['seed']}): {row['verdict']} {said} {row.get('candidates', '')}")
+        if part == "single":
+            _print_confusion([told(row) for row in these])
+    if part == "pairs":
+        print(f"  F1: {f1(told(row) for row in mine):.3f}")
+    closures = [row["closure"] for row in mine if row.get("closure") is not None and row["verdict"] == "named"]
+    if closures:
+        print(f"  closure, named: median {np.median(closures):.3f}, 10th percentile {np.quantile(closures, 0.1):.3f}")
+    sizes = [len(group) for row in mine for group in row.get("candidates", [])]
+    if sizes:
+        print(f"  sets: {len(sizes)}, mean size {np.mean(sizes):.2f}")
+    if part == "null":
+        print(f"  located somewhere: {sum(row['located'] for row in mine if 'located' in row)}")
+    seconds = [row["seconds"] for row in mine if "seconds" in row]
+    print(f"  seconds: median {np.median(seconds):.1f}, most {max(seconds):.1f}")
+
+
+def _print_confusion(these: list[Told]) -> None:
+    """Rows: hidden. Columns: said, by the effects' numbers."""
+    names = [effect.id for effect in catalogue()]
+    table = confusion(these, names)
+    width = max(map(len, names)) + 4
+    print(" " * (width + 4) + " ".join(f"{k:2d}" for k in range(1, len(names) + 1)) + "  " + "  ".join(OUTCOMES))
+    for k, name in enumerate(names, start=1):
+        row = table[name]
+        counts = " ".join(f"{row[other] or '.':>2}" for other in names)
+        rest = "  ".join(f"{row[outcome] or '.':>{len(outcome)}}" for outcome in OUTCOMES)
+        print(f"    {f'{k} {name}':<{width}}{counts}  {rest}")
 
 
 def main() -> None:
