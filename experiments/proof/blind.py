@@ -1,0 +1,130 @@
+"""One case diagnosed blind: a process of its own, in an empty folder, that is given a copy of the campaign alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from experiments.proof.campaign_files import ProofError, digest, unpack
+from experiments.proof.watched import SEEN
+
+ANSWER_FORMAT = "proof-answer/1"
+TIME_LIMIT_S = 3600.0
+REFUSED = 2
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+)
+KEPT_OF_ENVIRONMENT = ("PATH", "SYSTEMROOT", "LD_LIBRARY_PATH")
+
+
+class WorkLostError(RuntimeError):
+    """A process was killed from outside: its work is to be done again."""
+
+
+def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, Any]:
+    """The answer to one campaign.
+
+    Parameters
+    ----------
+    name : str
+        Of the campaign.
+    packed : bytes
+        Its files, see `campaign_files.pack`.
+    sealed_digest : str
+        What the manifest says of it.
+
+    Returns
+    -------
+    dict
+        ``answer``: status ("diagnosed", "refused" or "failed"), sentence, the ``diagnosis/1`` without its seconds, the
+        augmented and the base printhead as ``printhead/1``; ``run``: seconds, CPU seconds, what was opened elsewhere.
+
+    Raises
+    ------
+    ProofError
+        The campaign is not the one that was sealed.
+    WorkLostError
+        The process was killed.
+    """
+    with tempfile.TemporaryDirectory(prefix="inkjet-blind-") as place:
+        scratch = Path(place)
+        unpack(packed, scratch / name)
+        if digest(scratch / name) != sealed_digest:
+            raise ProofError(f"{name} is not the campaign that was sealed. Begin again in another folder.")
+        begin_s, begin_cpu_s = time.perf_counter(), _children_cpu_s()
+        answer: dict[str, Any] = {
+            "status": "diagnosed",
+            "sentence": "",
+            "verdict": None,
+            "augmented": None,
+            "base": None,
+        }
+        seen: set[str] = set()
+        status, said = _inkjet(scratch, seen, "identify", name, "--out", "base.json")
+        if status == 0:
+            outputs = ("--json", "verdict.json", "--printhead-out", "augmented.json")
+            status, said = _inkjet(scratch, seen, "diagnose", name, *outputs, "--seed", "0", "--workers", "1")
+        if status == 0:
+            for part in ("verdict", "augmented", "base"):
+                answer[part] = json.loads((scratch / f"{part}.json").read_text(encoding="utf-8"))
+            answer["verdict"].pop("seconds", None)
+        else:
+            answer |= {"status": "refused" if status == REFUSED else "failed", "sentence": said}
+        run = {
+            "seconds": round(time.perf_counter() - begin_s, 3),
+            "cpu_seconds": round(_children_cpu_s() - begin_cpu_s, 3),
+            "seen": sorted(seen),
+        }
+        return {"format": ANSWER_FORMAT, "name": name, "campaign": sealed_digest, "answer": answer, "run": run}
+
+
+def _inkjet(scratch: Path, seen: set[str], *arguments: str) -> tuple[int, str]:
+    """Run the command; exit status and, where it is not 0, what it said last."""
+    command = [sys.executable, "-m", "experiments.proof.watched", *arguments]
+    try:
+        done = subprocess.run(
+            command,
+            cwd=scratch,
+            env=clean_environment(scratch),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=TIME_LIMIT_S,
+            start_new_session=True,
+        )
+    except subprocess.TimeoutExpired:
+        return 1, f"inkjet {arguments[0]} took more than {TIME_LIMIT_S:g} s."
+    if done.returncode < 0:
+        raise WorkLostError(f"inkjet {arguments[0]} was killed by signal {-done.returncode}.")
+    record = scratch / SEEN
+    if record.exists():
+        seen.update(json.loads(record.read_text(encoding="utf-8")))
+        record.unlink()
+    lines = done.stderr.decode(errors="replace").strip().splitlines()
+    return done.returncode, _last_words(lines, scratch) if done.returncode else ""
+
+
+def _last_words(lines: Sequence[str], scratch: Path) -> str:
+    """The sentence of a refusal, or of a traceback; the scratch folder's name, which is chance, left out."""
+    last = lines[-1] if lines else "it said nothing."
+    return last.removeprefix("inkjet: ").replace(f"{scratch}{os.sep}", "")
+
+
+def clean_environment(scratch: Path) -> Mapping[str, str]:
+    """What a blind process is told: where programs are and where the package is, one thread, no hash seed of chance."""
+    kept = {name: os.environ[name] for name in KEPT_OF_ENVIRONMENT if name in os.environ}
+    package = Path(__file__).resolve().parents[2]
+    own = {"PYTHONPATH": str(package), "PYTHONHASHSEED": "0", "LANG": "C.UTF-8", "HOME": str(scratch)}
+    return kept | ONE_THREAD | own | {"TMPDIR": str(scratch)}
+
+
+def _children_cpu_s() -> float:
+    """CPU time of all processes that this one has waited for."""
+    times = os.times()
+    return times.children_user + times.children_system

@@ -1,0 +1,174 @@
+"""Where cases run: a Dask cluster on this machine, or any other; a lost worker loses nothing."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from experiments.proof.blind import ONE_THREAD, WorkLostError
+from experiments.proof.campaign_files import ProofError
+
+TRIES = 5
+"""How often a case is begun before it counts as one that kills whoever works on it."""
+IN_FLIGHT_A_WORKER = 2
+POLL_S = 0.05
+COUNT_EVERY_S = 0.5
+SAY_WAITING_AFTER_S = 10.0
+CONNECT_S = 15.0
+
+
+@contextmanager
+def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
+    """A Dask client: of the cluster at an address, or of processes on this machine, which end with the block.
+
+    Parameters
+    ----------
+    scheduler : str or None
+        As ``tcp://host:8786``.
+    workers : int or None
+        Processes, where there is no scheduler; as many as cores unless given.
+
+    Raises
+    ------
+    ProofError
+        Nobody answers at the address.
+    """
+    import dask
+    from distributed import Client, LocalCluster
+
+    settings = {
+        "distributed.scheduler.allowed-failures": TRIES - 1,
+        "distributed.worker.daemon": False,
+        "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
+        "distributed.nanny.pre-spawn-environ": ONE_THREAD,
+    }
+    with dask.config.set(settings):
+        if scheduler is not None:
+            try:
+                client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+            except (OSError, ValueError) as error:
+                raise ProofError(
+                    f"no Dask scheduler answers at {scheduler} ({error}). Start one, or leave out --scheduler."
+                ) from None
+            with client:
+                yield client
+            return
+        with (
+            LocalCluster(
+                n_workers=workers or os.cpu_count() or 1,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                memory_limit=0,
+                silence_logs="CRITICAL",
+            ) as cluster,
+            Client(cluster, set_as_default=False) as client,
+        ):
+            yield client
+
+
+def run_each(
+    client: Any,
+    function: Callable[..., Any],
+    jobs: Mapping[str, Callable[[], tuple[Any, ...]]],
+    keep: Callable[[str, Any], None],
+) -> None:
+    """Call a function for every job on the cluster, and keep each result as it comes.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    function : callable
+        Of a module that the workers have too.
+    jobs : mapping of str to callable
+        By name: makes the arguments, when the job's turn comes.
+    keep : callable
+        Of name and result; called here, once a job.
+
+    Raises
+    ------
+    ProofError
+        The scheduler is gone; or a job that `TRIES` workers did not survive. What was kept stays kept.
+    Exception
+        What the function raises, but for `WorkLostError`: its job is done again.
+    """
+    from distributed import as_completed
+
+    waiting = list(jobs)[::-1]
+    begun: dict[str, int] = {}
+    running: dict[Any, str] = {}
+    completed = as_completed(loop=client.loop)
+
+    def begin(name: str) -> None:
+        begun[name] = begun.get(name, 0) + 1
+        key = f"{function.__name__}-{name}-{begun[name]}-{os.getpid()}-{time.monotonic_ns()}"
+        future = client.submit(function, *jobs[name](), key=key, pure=False)
+        running[future] = name
+        completed.add(future)
+
+    try:
+        since_s, counted_s, workers = time.monotonic(), -math.inf, 0
+        while waiting or running:
+            _check_connection(client)
+            if time.monotonic() - counted_s > COUNT_EVERY_S:
+                workers, counted_s = _workers(client), time.monotonic()
+            while waiting and len(running) < max(1, IN_FLIGHT_A_WORKER * workers):
+                begin(waiting.pop())
+            done = completed.next_batch(block=False)
+            for future in done:
+                name = running.pop(future)
+                lost = _lost(future)
+                if lost is None:
+                    keep(name, future.result())
+                elif begun[name] >= TRIES:
+                    raise ProofError(f"{name} was begun {TRIES} times and never ended: {lost}. See the workers' logs.")
+                else:
+                    _check_connection(client)
+                    waiting.append(name)
+            if done or workers:
+                since_s = time.monotonic()
+            elif time.monotonic() - since_s > SAY_WAITING_AFTER_S:
+                print("no worker is connected; waiting for one …", file=sys.stderr, flush=True)
+                since_s = time.monotonic()
+            if not done:
+                time.sleep(POLL_S)
+    finally:
+        if running and client.status == "running":
+            client.cancel(list(running), force=True)
+
+
+def _workers(client: Any) -> int:
+    """How many threads there are to work."""
+    try:
+        told = client.scheduler_info(n_workers=-1)["workers"]
+    except OSError:
+        return 0  # the next look at the connection says so
+    return sum(worker["nthreads"] for worker in told.values())
+
+
+def _check_connection(client: Any) -> None:
+    if client.status != "running":
+        raise ProofError(
+            "the Dask scheduler is gone. What is finished is kept: start another, and give the same command."
+        )
+
+
+def _lost(future: Any) -> str | None:
+    """How the work was lost, in words; None where there is a result, or an error of the function's own."""
+    from concurrent.futures import CancelledError as Cancelled
+
+    from distributed import CancelledError, KilledWorker
+
+    if future.status == "finished":
+        return None
+    if future.status in ("cancelled", "lost"):
+        return "its worker was lost"
+    error = future.exception()
+    if isinstance(error, (WorkLostError, KilledWorker, CancelledError, Cancelled)):
+        return str(error)
+    return None

@@ -1,0 +1,114 @@
+"""The command that proves: `inkjet prove`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from experiments.arguments import check_outputs
+from experiments.options import JsonFile
+from experiments.progress import announce_compiling
+
+INTERRUPTED = 130
+FALLS_SHORT = 1
+REPORT = "report.html"
+
+
+def prove(
+    out: Annotated[Path, typer.Option(help="results folder; what is found there is not done again")] = Path(
+        "results/proof"
+    ),
+    seed: Annotated[int | None, typer.Option(help="of the corpus, for development (1)")] = None,
+    published: Annotated[
+        bool,
+        typer.Option("--published", help="the corpus of the published seed: once a version, when the code is done"),
+    ] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="60 cases of every kind in place of 1,200")] = False,
+    scheduler: Annotated[
+        str | None, typer.Option(help="of a Dask cluster, as tcp://host:8786; processes of this machine unless given")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(help="processes on this machine; one a core unless given")] = None,
+    reoptimise: Annotated[
+        int | None, typer.Option(help="heads whose waveform is optimised anew (100; with --quick 3)")
+    ] = None,
+    baselines: Annotated[
+        int | None, typer.Option(help="cases that refit, SINDy and network are tried on too (60; with --quick 0)")
+    ] = None,
+    json: JsonFile = None,
+    report: Annotated[Path | None, typer.Option(help="the page: .html; report.html in the folder unless given")] = None,
+) -> None:
+    """Conceal effects in heads of another make, diagnose them blind, and score what was said.
+
+    inkjet prove --quick --out results/quick-proof
+
+    A plant that shares no code with the diagnosis draws heads, conceals effects in them and records campaigns under
+    opaque names. The truth is sealed and its SHA-256 printed; then a process that has nothing but one campaign at a
+    time runs "inkjet diagnose"; the answers are hashed, the truth is unsealed, and everything is scored. Stopped, the
+    same command goes on. Exit status 1 where a figure falls short of what is asked of a first-rate diagnosis.
+    """
+    from experiments.proof.corpus import DEVELOPMENT_SEED, PUBLISHED_SEED
+    from experiments.proof.sealing import Settings
+
+    check_outputs(json=json, report=report)
+    for name, value, least in (("workers", workers, 1), ("reoptimise", reoptimise, 0), ("baselines", baselines, 0)):
+        if value is not None and value < least:
+            raise ValueError(f"--{name} must be at least {least}; got {value}.")
+    if report is not None and report.suffix.lower() != ".html":
+        raise ValueError(f"--report must end in .html; got {report}.")
+    if scheduler is not None and workers is not None:
+        raise ValueError(
+            "--workers belongs to this machine; a cluster given by --scheduler has its own. Leave one out."
+        )
+    if published and seed is not None:
+        raise ValueError("--published has a seed of its own; leave out --seed.")
+    if seed is not None and seed < 0:
+        raise ValueError(f"--seed must be at least 0; got {seed}.")
+    if seed == PUBLISHED_SEED:
+        raise ValueError(f"seed {seed} is the published one: give --published in its place, once the code is done.")
+    chosen = PUBLISHED_SEED if published else DEVELOPMENT_SEED if seed is None else seed
+    settings = Settings(chosen, "quick" if quick else "full")
+    asked = (
+        (3 if quick else 100) if reoptimise is None else reoptimise,
+        (0 if quick else 60) if baselines is None else baselines,
+    )
+    announce_compiling()
+    try:
+        status = _proved(settings, out, scheduler, workers, asked, json, report or out / REPORT)
+    except KeyboardInterrupt:
+        print(f"Interrupted; finished cases are kept in {out}. The same command goes on.", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    raise typer.Exit(status)
+
+
+def _proved(
+    settings: Any,
+    out: Path,
+    scheduler: str | None,
+    workers: int | None,
+    asked: tuple[int, int],
+    json: Path | None,
+    report: Path,
+) -> int:
+    """Do the proof, write and print what it came to; the exit status."""
+    from experiments.proof.cluster import workers_of
+    from experiments.proof.judging import judge_case, questions
+    from experiments.proof.page import write_page
+    from experiments.proof.run import Steps, answer_case, conceal_case, prove
+    from experiments.proof.score import print_score, score
+    from inkjet_env.storage import json_text, write_atomically, write_json
+
+    steps = Steps(conceal_case, answer_case, judge_case)
+    with workers_of(scheduler, workers) as client:
+        outcome = prove(settings, out, client, steps, questions(*asked))
+    found = score(outcome)
+    write_atomically(out / "score.json", json_text(found))
+    write_page(report, found)
+    if json is not None:
+        write_json(json, found)
+    if str(json) != "-":
+        print_score(found)
+        print(f"Report: {report}")
+    return FALLS_SHORT if found["short"] else 0

@@ -1,0 +1,85 @@
+"""The door to the concealed plant, the only one: a draw becomes a campaign and its truth, or the plant itself again."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from experiments.proof.campaign_files import ProofError, check_campaign_only, digest, pack
+from experiments.proof.corpus import MOST_ATTEMPTS, Draw
+
+RIG = "experiments.concealed_rig"
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """What one case has become.
+
+    Attributes
+    ----------
+    packed : bytes
+        The campaign, see `campaign_files.pack`.
+    digest : str
+        Of its folder.
+    truth : dict
+        What the plant tells of itself, as plain JSON values.
+    attempt : int
+        At which physics allowed the draw, from 0.
+    """
+
+    packed: bytes
+    digest: str
+    truth: Mapping[str, Any]
+    attempt: int
+
+
+def conceal(draw: Draw, name: str, rig: str = RIG) -> Concealed:
+    """Draw, record and pack a case.
+
+    Parameters
+    ----------
+    draw : Draw
+    name : str
+        Of the campaign: opaque.
+    rig : str
+        Module of the concealed plant.
+
+    Raises
+    ------
+    ProofError
+        No attempt of `MOST_ATTEMPTS` gave the strength that was asked for.
+    """
+    reason = ""
+    for attempt in range(MOST_ATTEMPTS):
+        try:
+            plant = plant_of(draw, attempt, rig)
+        except ValueError as error:  # a strength out of reach: draw again
+            reason = str(error)
+            continue
+        with tempfile.TemporaryDirectory(prefix="inkjet-conceal-") as scratch:
+            folder = Path(scratch) / name
+            plant.write(folder, name)
+            check_campaign_only(folder)
+            return Concealed(pack(folder), digest(folder), plant.truth(), attempt)
+    raise ProofError(
+        f"case {draw.number} ({draw.family} {'+'.join(draw.effects)}, {draw.strength}) was drawn "
+        f"{MOST_ATTEMPTS} times in vain: {reason}"
+    )
+
+
+def plant_of(draw: Draw, attempt: int, rig: str = RIG) -> Any:
+    """The concealed plant of a case: the same at every call."""
+    module = import_module(rig)
+    case = module.Case(
+        number=draw.number,
+        seed=draw.case_seed(attempt),
+        family=draw.family,
+        effects=draw.effects,
+        strength=draw.strength,
+        meagre=draw.meagre,
+    )
+    return module.build(case)

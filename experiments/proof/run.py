@@ -1,0 +1,251 @@
+"""The proof from end to end: conceal, seal, diagnose blind, commit, unseal, judge; each goes on where it stopped."""
+
+from __future__ import annotations
+
+import functools
+import json
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+from experiments.progress import shown_progress
+from experiments.proof.blind import diagnose_blind
+from experiments.proof.campaign_files import ProofError, digest, pack, unpack
+from experiments.proof.cluster import run_each
+from experiments.proof.concealment import conceal
+from experiments.proof.corpus import Draw, corpus, opaque_name
+from experiments.proof.sealing import (
+    JUDGE_SOURCES,
+    SOURCES,
+    Settings,
+    answer_file,
+    check_answer,
+    code_digest,
+    commit_answers,
+    open_folder,
+    read_answer,
+    read_json,
+    salt_of,
+    seal,
+    unseal,
+    verified_manifest,
+)
+from inkjet_env.storage import UNFINISHED, json_text, write_atomically
+
+JUDGED_FORMAT = "proof-judged/1"
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What workers do to a case; of modules that they have too.
+
+    Attributes
+    ----------
+    conceal : callable
+        (draw as JSON, name, rig, code digest) → campaign's bytes, its digest, truth, attempt.
+    answer : callable
+        (name, campaign's bytes, its digest, code digest) → answer.
+    judge : callable
+        (case as sealed, answer, campaign's bytes, what is asked, rig, code digest) → judgement.
+    """
+
+    conceal: Callable[..., Any]
+    answer: Callable[..., Any]
+    judge: Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A finished proof.
+
+    Attributes
+    ----------
+    manifest, answers : dict
+        The two commitments.
+    cases : list of dict
+        In the order of their numbers: name, draw, truth, answer, run, judged.
+    """
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    answers: Mapping[str, Any]
+    cases: list[dict[str, Any]]
+
+
+def conceal_case(draw: Mapping[str, Any], name: str, rig: str, code: str) -> tuple[bytes, str, Mapping[str, Any], int]:
+    """What `concealment.conceal` makes of a draw, at a worker."""
+    _check_code("rig", SOURCES["rig"], code)
+    made = conceal(Draw.from_json(dict(draw)), name, rig)
+    return made.packed, made.digest, made.truth, made.attempt
+
+
+def answer_case(name: str, packed: bytes, sealed_digest: str, code: str) -> dict[str, Any]:
+    """What `blind.diagnose_blind` says of a campaign, at a worker."""
+    _check_code("finder", SOURCES["finder"], code)
+    return diagnose_blind(name, packed, sealed_digest)
+
+
+@functools.cache
+def _own_code(patterns: tuple[str, ...]) -> str:
+    return code_digest(patterns)
+
+
+def _check_code(part: str, patterns: tuple[str, ...], expected: str) -> None:
+    if _own_code(patterns) != expected:
+        raise ProofError(
+            f"a worker runs another {part} than the one that drives the proof. Give all machines the same code, start "
+            "the workers again, and give the same command."
+        )
+
+
+def prove(
+    settings: Settings, folder: Path, client: Any, steps: Steps, asked: Callable[[Draw], Mapping[str, Any]]
+) -> Outcome:
+    """Do all that ``folder`` does not hold yet.
+
+    Parameters
+    ----------
+    settings : Settings
+    folder : Path
+        Made if missing.
+    client : distributed.Client
+    steps : Steps
+    asked : callable
+        What is asked of the judge beside the usual, of a draw.
+
+    Raises
+    ------
+    ProofError
+        Whatever would make the result worthless; see `sealing`.
+    """
+    open_folder(folder, settings)
+    code = read_json(folder / "proof.json")["code"]
+    rig = import_module(settings.rig)
+    draws = corpus(settings.seed, settings.profile, rig.OUTSIDE, rig.BASES)
+    salt = salt_of(folder)
+    named = dict(sorted(((opaque_name(salt, draw), draw) for draw in draws), key=itemgetter(0)))
+    if not (folder / "manifest.json").exists():
+        _conceal_all(folder, named, settings.rig, client, steps, code["rig"])
+    cases = {name: read_json(folder / "sealed" / "cases" / f"{name}.json") for name in named}
+    manifest = seal(folder, cases)
+    _say(f"Sealed: SHA-256 of salt and truth is {manifest['truth_sha256']}.")
+    _answer_all(folder, manifest, client, steps, code["finder"])
+    committed = commit_answers(folder, manifest)
+    _say(f"Committed: SHA-256 of all answers is {committed['answers_sha256']}.")
+    truth = unseal(folder, verified_manifest(folder))
+    _say("Unsealed: the truth is the one that was sealed.")
+    judged = _judge_all(folder, truth, client, steps, asked, settings.rig)
+    told = []
+    for name, case in truth.items():
+        entry = read_answer(folder, name)
+        told.append({"name": name, **case, "answer": entry["answer"], "run": entry["run"], "judged": judged[name]})
+    return Outcome(folder, manifest, committed, sorted(told, key=lambda case: case["draw"]["number"]))
+
+
+def _say(sentence: str) -> None:
+    print(sentence, file=sys.stderr, flush=True)
+
+
+def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any, steps: Steps, code: str) -> None:
+    """Record every case that is not recorded yet; the file that tells its truth is written last."""
+
+    def told(name: str) -> Path:
+        return folder / "sealed" / "cases" / f"{name}.json"
+
+    jobs = {
+        name: functools.partial(lambda n, d: (d.as_json(), n, rig, code), name, draw)
+        for name, draw in named.items()
+        if not told(name).exists()
+    }
+    with shown_progress("conceal", len(named), len(named) - len(jobs)) as progress:
+        done = len(named) - len(jobs)
+
+        def keep(name: str, made: tuple[bytes, str, Mapping[str, Any], int]) -> None:
+            nonlocal done
+            packed, campaign, truth, attempt = made
+            place = folder / "campaigns" / name
+            unfinished = place.with_name(f"{name}{UNFINISHED}")
+            unpack(packed, unfinished)
+            if place.exists():  # written by a run that was stopped before it told the truth
+                shutil.rmtree(place)
+            unfinished.rename(place)
+            case = {"draw": named[name].as_json(), "attempt": attempt, "campaign": campaign, "truth": truth}
+            write_atomically(told(name), json_text(case))
+            done += 1
+            progress(done, name)
+
+        run_each(client, steps.conceal, jobs, keep)
+
+
+def _answer_all(folder: Path, manifest: Mapping[str, Any], client: Any, steps: Steps, code: str) -> None:
+    """Have every campaign diagnosed that has no answer yet, in the order of their opaque names."""
+    campaigns: Mapping[str, str] = manifest["campaigns"]
+
+    def job(name: str) -> tuple[Any, ...]:
+        place = folder / "campaigns" / name
+        if digest(place) != campaigns[name]:
+            raise ProofError(f"{place} was changed after it was sealed. Put back what was there, or begin again.")
+        return name, pack(place), campaigns[name], code
+
+    jobs = {name: functools.partial(job, name) for name in campaigns if not answer_file(folder, name).exists()}
+    done = len(campaigns) - len(jobs)
+    if done and jobs:
+        _say(f"{done} of {len(campaigns)} answers are there already; going on.")
+    with shown_progress("diagnose blind", len(campaigns), done) as progress:
+
+        def keep(name: str, entry: dict[str, Any]) -> None:
+            nonlocal done
+            check_answer(folder, entry, manifest)
+            write_atomically(answer_file(folder, name), json_text(entry))
+            done += 1
+            progress(done, f"{name}: {_in_short(entry['answer'])}")
+
+        run_each(client, steps.answer, jobs, keep)
+
+
+def _in_short(answer: Mapping[str, Any]) -> str:
+    if answer["verdict"] is None:
+        return str(answer["status"])
+    ids = "+".join(effect["id"] for effect in answer["verdict"]["effects"])
+    return f"{answer['verdict']['verdict']} {ids}".strip()
+
+
+def _judge_all(
+    folder: Path,
+    truth: Mapping[str, Mapping[str, Any]],
+    client: Any,
+    steps: Steps,
+    asked: Callable[[Draw], Mapping[str, Any]],
+    rig: str,
+) -> dict[str, Any]:
+    """Judge every answer that was not judged yet by this code, on these questions."""
+    code = code_digest(JUDGE_SOURCES)
+    questions = {name: dict(asked(Draw.from_json(case["draw"]))) for name, case in truth.items()}
+    judged: dict[str, Any] = {}
+    for name in truth:
+        file = folder / "judged" / f"{name}.json"
+        if file.exists():
+            entry = read_json(file)
+            if (entry.get("code"), entry.get("asked")) == (code, json.loads(json_text(questions[name]))):
+                judged[name] = entry["judged"]
+
+    def job(name: str) -> tuple[Any, ...]:
+        answer = read_answer(folder, name)["answer"]
+        return truth[name], answer, pack(folder / "campaigns" / name), questions[name], rig, code
+
+    jobs = {name: functools.partial(job, name) for name in truth if name not in judged}
+    with shown_progress("judge", len(truth), len(judged)) as progress:
+
+        def keep(name: str, found: dict[str, Any]) -> None:
+            judged[name] = found
+            entry = {"format": JUDGED_FORMAT, "code": code, "asked": questions[name], "judged": found}
+            write_atomically(folder / "judged" / f"{name}.json", json_text(entry))
+            progress(len(judged), name)
+
+        run_each(client, steps.judge, jobs, keep)
+    return judged

@@ -1,0 +1,292 @@
+"""The order of a proof, kept in its folder: settings, sealed truth, campaigns, answers; each step checked on the next.
+
+``proof.json``      what was asked: version, seed, profile, code; written first
+``sealed/``         salt, what each case conceals, and all of it in ``truth.json``: for whoever judges
+``campaigns/``      a folder a case under its opaque name: all that a diagnosis is given
+``manifest.json``   the commitment, made before anything is diagnosed: SHA-256 of salt and truth, and of every campaign
+``answers/``        what was said of each campaign
+``answers.json``    the commitment to the answers, made before the truth is opened
+``judged/``         an answer against the truth
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import shutil
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from experiments.proof.campaign_files import ProofError, check_campaign_only, digest
+from experiments.proof.concealment import RIG
+from experiments.proof.corpus import PUBLISHED_SEED, STAGES, VERSION
+from inkjet_env.storage import UNFINISHED, json_text, remove_unfinished, write_atomically
+
+SETTINGS, MANIFEST, ANSWERS = "proof.json", "manifest.json", "answers.json"
+PARTS = ("sealed/cases", "campaigns", "answers", "judged")
+SOURCES = {
+    "rig": ("experiments/concealed_rig/**/*.py", "experiments/proof/corpus.py"),
+    "finder": ("inkjet_env/**/*.py", "experiments/*.py"),
+}
+"""What decides the campaigns, and what decides the answers."""
+JUDGE_SOURCES = (*SOURCES["rig"], *SOURCES["finder"], "optimizers/**/*.py", "experiments/proof/*.py")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Everything that decides a proof's numbers.
+
+    Attributes
+    ----------
+    seed : int
+    profile : {"full", "quick"}
+    rig : str
+        Module of the concealed plant.
+    """
+
+    seed: int
+    profile: str
+    rig: str = RIG
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values, with the code's digests and the versions of what it stands on."""
+        from experiments.bench import versions
+
+        return {
+            "format": "proof-settings/1",
+            "version": VERSION,
+            "seed": self.seed,
+            "profile": self.profile,
+            "published": self.seed == PUBLISHED_SEED,
+            "rig": self.rig,
+            "code": {part: code_digest(patterns) for part, patterns in SOURCES.items()},
+            "versions": versions(),
+        }
+
+
+def code_digest(patterns: Iterable[str]) -> str:
+    """SHA-256 over the package's sources that match, in hexadecimal."""
+    root = Path(__file__).resolve().parents[2]
+    total = sha256()
+    for file in sorted({file for pattern in patterns for file in root.glob(pattern)}):
+        total.update(f"{file.relative_to(root).as_posix()}\0{sha256(file.read_bytes()).hexdigest()}\0".encode())
+    return total.hexdigest()
+
+
+def open_folder(folder: Path, settings: Settings) -> None:
+    """Make ``folder`` this proof's own, or check that it is.
+
+    Raises
+    ------
+    ProofError
+        It holds a proof of another version, seed, profile or code, or something else. Nothing in it is changed.
+    """
+    from experiments.bench import first_difference
+
+    file, asked = folder / SETTINGS, settings.to_json()
+    if file.exists():
+        if difference := first_difference(read_json(file), asked):
+            raise ProofError(
+                f"{folder} holds a proof of other settings: {difference}. "
+                "Results are never mixed: give another folder with --out, or delete that one."
+            )
+    elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ProofError(f"{folder} is neither empty nor a proof's results folder. Give another one with --out.")
+    for part in PARTS:
+        (folder / part).mkdir(parents=True, exist_ok=True)
+        for leftover in (folder / part).glob(f"*{UNFINISHED}"):
+            if leftover.is_dir():
+                shutil.rmtree(leftover)
+        remove_unfinished(folder / part)
+    remove_unfinished(folder)
+    if not file.exists():
+        write_atomically(file, json_text(asked))
+
+
+def salt_of(folder: Path) -> str:
+    """The proof's salt, drawn at the first call: 256 bits in hexadecimal, from the system and not from the seed."""
+    file = folder / "sealed" / "salt.txt"
+    if not file.exists():
+        write_atomically(file, secrets.token_hex(32) + "\n")
+    salt = file.read_text(encoding="utf-8").strip()
+    if len(salt) != 64:
+        raise ProofError(f"{file} is damaged: it must hold 64 hexadecimal digits. Begin again in another folder.")
+    return salt
+
+
+def canonical(value: Any) -> str:
+    """The one JSON text of a value."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
+
+
+def commitment(salt: str, truth: Any) -> str:
+    """SHA-256 of salt and truth: binds to the truth and tells nothing of it."""
+    return sha256(f"{salt}{canonical(truth)}".encode()).hexdigest()
+
+
+def seal(folder: Path, cases: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Write the truth, then the manifest that commits to it and to every campaign; or read that again.
+
+    Parameters
+    ----------
+    folder : Path
+    cases : mapping of str to dict
+        By opaque name: draw, attempt, digest of the campaign, truth.
+
+    Raises
+    ------
+    ProofError
+        A campaign that is not the one recorded, or that holds more than a campaign.
+    """
+    if (folder / MANIFEST).exists():
+        return verified_manifest(folder)
+    for name, case in cases.items():
+        check_campaign_only(folder / "campaigns" / name)
+        _check_digest(folder, name, case["campaign"])
+    truth = {name: dict(cases[name]) for name in sorted(cases)}
+    write_atomically(folder / "sealed" / "truth.json", json_text({"format": "proof-truth/1", "cases": truth}))
+    settings = read_json(folder / SETTINGS)
+    manifest = settings | {
+        "format": "proof/1",
+        "truth_sha256": commitment(salt_of(folder), truth),
+        "campaigns": {name: case["campaign"] for name, case in truth.items()},
+    }
+    write_atomically(folder / MANIFEST, json_text(manifest))
+    return manifest
+
+
+def verified_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest, every campaign held against it.
+
+    Raises
+    ------
+    ProofError
+        A campaign that was changed, added or removed after sealing; or a manifest of other settings.
+    """
+    manifest: dict[str, Any] = read_json(folder / MANIFEST)
+    settings = read_json(folder / SETTINGS)
+    if {name: manifest.get(name) for name in settings} != settings | {"format": "proof/1"}:
+        raise ProofError(f"{folder / MANIFEST} is not of the settings in {SETTINGS}. Begin again in another folder.")
+    sealed = manifest["campaigns"]
+    for path in sorted((folder / "campaigns").iterdir()):
+        if path.name not in sealed:
+            raise ProofError(f"{path} was not sealed. Remove it; nothing may join a proof after its truth was sealed.")
+    for name, expected in sealed.items():
+        check_campaign_only(folder / "campaigns" / name)
+        _check_digest(folder, name, expected)
+    return manifest
+
+
+def _check_digest(folder: Path, name: str, expected: str) -> None:
+    campaign = folder / "campaigns" / name
+    if digest(campaign) != expected:
+        raise ProofError(
+            f"{campaign} was changed after it was sealed: its SHA-256 is no longer {expected[:16]}…. "
+            "Put back what was there, or begin again in another folder."
+        )
+
+
+def check_answer(folder: Path, entry: Mapping[str, Any], manifest: Mapping[str, Any]) -> None:
+    """Raise ``ProofError`` at an answer that cannot be scored.
+
+    It is of no sealed campaign, or of other bytes; it names an id that nobody knows; or whoever gave it looked into
+    the proof's folder.
+    """
+    name = entry["name"]
+    if manifest["campaigns"].get(name) != entry["campaign"]:
+        raise ProofError(
+            f"the answer to {name} is not to the campaign that was sealed. Delete {name}.json in {folder}."
+        )
+    verdict = entry["answer"]["verdict"] or {"effects": [], "candidates": []}
+    told = [effect["id"] for effect in verdict["effects"]]
+    told += [one for group in verdict["candidates"] for one in group]
+    for one in told:
+        if one not in STAGES:
+            raise ProofError(
+                f"the verdict on {name} names {one!r}, which is no id of the catalogue. Nothing is scored."
+            )
+    inside = str(folder.resolve())
+    for path in entry["run"]["seen"]:
+        if path == inside or path.startswith(inside + "/"):
+            raise ProofError(
+                f"whoever diagnosed {name} opened {path}, which only the judge may see. Nothing is scored."
+            )
+
+
+def commit_answers(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """Write, or check against what was written, the digests of all answers; with one digest of them all.
+
+    Raises
+    ------
+    ProofError
+        An answer that is missing, was changed after it was committed to, or cannot be scored.
+    """
+    found = {}
+    for name in sorted(manifest["campaigns"]):
+        entry = read_answer(folder, name)
+        check_answer(folder, entry, manifest)
+        found[name] = sha256(canonical(entry["answer"]).encode()).hexdigest()
+    content = {
+        "format": "proof-answers/1",
+        "answers_sha256": sha256(canonical(found).encode()).hexdigest(),
+        "each": found,
+    }
+    file = folder / ANSWERS
+    if not file.exists():
+        write_atomically(file, json_text(content))
+    committed: dict[str, Any] = read_json(file)
+    for name, expected in committed["each"].items():
+        if found.get(name) != expected:
+            raise ProofError(
+                f"{answer_file(folder, name)} was changed after all answers were committed to. "
+                "Put back what was there, or begin again in another folder."
+            )
+    return committed
+
+
+def unseal(folder: Path, manifest: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The truth by opaque name, held against the commitment.
+
+    Raises
+    ------
+    ProofError
+        It is not the truth that was sealed.
+    """
+    file = folder / "sealed" / "truth.json"
+    truth: dict[str, dict[str, Any]] = read_json(file)["cases"]
+    if commitment(salt_of(folder), truth) != manifest["truth_sha256"]:
+        raise ProofError(
+            f"{file} is not the truth that was sealed: with the salt, its SHA-256 is not the manifest's. "
+            "Nothing is scored."
+        )
+    return truth
+
+
+def answer_file(folder: Path, name: str) -> Path:
+    """Where the answer to a campaign is kept."""
+    return folder / "answers" / f"{name}.json"
+
+
+def read_answer(folder: Path, name: str) -> dict[str, Any]:
+    """The answer to a campaign; ``ProofError`` where it is missing or damaged."""
+    file = answer_file(folder, name)
+    entry = read_json(file)
+    if entry.get("name") != name or not {"answer", "run", "campaign"} <= entry.keys():
+        raise ProofError(f"{file} is not the answer to {name}. Delete that file to have it diagnosed again.")
+    return entry
+
+
+def read_json(file: Path) -> dict[str, Any]:
+    """An object from a file of the proof; ``ProofError`` where it is missing or damaged."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        if not isinstance(content, dict):
+            raise ValueError("it is not a JSON object")
+    except (OSError, ValueError, RecursionError) as error:
+        raise ProofError(
+            f"{file} cannot be read ({type(error).__name__}). Begin again in another folder, or put it back."
+        ) from None
+    return content

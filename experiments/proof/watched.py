@@ -1,0 +1,81 @@
+"""The process that diagnoses blind: ``inkjet`` as ever, but watched, and unable to load the concealed plant.
+
+``python -m experiments.proof.watched diagnose head-… --json verdict.json``. Beside what the command writes, the current
+folder receives `SEEN`: every path and address that Python opened or listed outside the installation and that folder.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+FORBIDDEN = ("experiments.concealed_rig", "experiments.proof")
+ALLOWED = ("experiments.proof", "experiments.proof.command", "experiments.proof.watched")
+PACKAGES = ("inkjet_env", "optimizers", "experiments")
+SYSTEM = ("/dev", "/proc", "/sys", "/etc", "/usr", "/bin", "/lib", "/lib64", "/opt")
+SEEN = "seen.json"
+PATH_EVENTS = ("open", "os.listdir", "os.scandir")
+OTHER_EVENTS = ("socket.connect", "subprocess.Popen", "os.system")
+
+
+def watch(seen: set[str]) -> None:
+    """From now on note what is opened in ``seen``, and refuse to import what conceals; it cannot be switched off."""
+
+    def hook(event: str, arguments: tuple[Any, ...]) -> None:
+        if event in PATH_EVENTS:
+            if isinstance(arguments[0], (str, bytes, os.PathLike)):
+                seen.add(os.path.abspath(os.fsdecode(arguments[0])))
+        elif event in OTHER_EVENTS:
+            seen.add(f"{event} {arguments[0] if event != 'socket.connect' else arguments[1]}")
+        elif event == "import":
+            name = arguments[0]
+            if name not in ALLOWED and any(name == p or name.startswith(f"{p}.") for p in FORBIDDEN):
+                raise ImportError(f"{name} is not there for a diagnosis that is made blind.")
+
+    sys.addaudithook(hook)
+
+
+def outside(seen: set[str], scratch: Path) -> list[str]:
+    """What of ``seen`` is neither in the installation nor in the scratch folder."""
+    root = Path(__file__).resolve().parents[2]
+    own = [sys.prefix, sys.base_prefix, *SYSTEM, str(scratch), *(str(root / package) for package in PACKAGES)]
+    roots = {os.path.abspath(p) for p in own} | {os.path.realpath(p) for p in own}
+
+    def inside(path: str) -> bool:
+        return any(path == r or path.startswith(r + os.sep) for r in roots)
+
+    return sorted(entry for entry in seen if not (inside(entry) and inside(os.path.realpath(entry))))
+
+
+def end_with_parent(parent: int) -> None:
+    """End this process when the one that started it has gone, however that ended."""
+
+    def wait() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def main() -> None:
+    """Run the command under watch."""
+    end_with_parent(os.getppid())
+    scratch, seen = Path.cwd(), set[str]()
+    watch(seen)
+    from experiments.cli import main as inkjet
+
+    try:
+        inkjet(sys.argv[1:])
+    finally:
+        text = json.dumps(outside(seen, scratch))
+        (scratch / SEEN).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

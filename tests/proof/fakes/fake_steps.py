@@ -1,0 +1,37 @@
+"""What workers do to a case where nothing is to be found out: quick, but slow enough to be killed in between."""
+
+import hashlib
+import os
+import time
+import zipfile
+from io import BytesIO
+from pathlib import Path
+
+from experiments.proof.corpus import STAGES
+from experiments.proof.run import Steps, conceal_case
+
+
+def answer(name, packed, sealed_digest, code):
+    """Depends on the recordings alone; tells where it is at work, and by which process."""
+    if place := os.environ.get("AT_WORK"):
+        (Path(place) / f"{os.getpid()}").write_text(name)
+    time.sleep(float(os.environ.get("ANSWER_SECONDS", "0")))
+    with zipfile.ZipFile(BytesIO(packed)) as archive:
+        chance = hashlib.sha256(archive.read("r001.csv")).digest()
+    ids = list(STAGES)
+    verdict = {
+        "format": "diagnosis/1",
+        "verdict": "named" if chance[0] % 3 else "none",
+        "effects": [{"id": ids[chance[1] % len(ids)], "parameters": {}}] if chance[0] % 3 else [],
+        "candidates": [],
+    }
+    told = {"status": "diagnosed", "sentence": "", "verdict": verdict, "augmented": None, "base": None}
+    run = {"seconds": 0.1, "cpu_seconds": 0.1, "seen": []}
+    return {"format": "proof-answer/1", "name": name, "campaign": sealed_digest, "answer": told, "run": run}
+
+
+def judge(case, answer, packed, asked, rig, code):
+    return {"said": [e["id"] for e in answer["verdict"]["effects"]], "truth": case["truth"]["effects"]}
+
+
+STEPS = Steps(conceal_case, answer, judge)

@@ -1,0 +1,100 @@
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from experiments.proof import cluster
+from experiments.proof.campaign_files import ProofError
+
+SECONDS = 0.15
+
+
+def wait_until(true, seconds=60):
+    end_s = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end_s, "it never came to that"
+        time.sleep(0.02)
+
+
+def answers(folder):
+    return len(list((folder / "answers").glob("*.json"))) if (folder / "answers").exists() else 0
+
+
+def done(process, seconds=120):
+    out, err = process.communicate(timeout=seconds)
+    assert process.returncode == 0, err
+    return out, err
+
+
+def test_a_killed_driver_loses_nothing_that_is_finished(start, driver, finished, tmp_path):
+    folder = tmp_path / "killed"
+    first = start(driver, folder, ANSWER_SECONDS=SECONDS)
+    wait_until(lambda: answers(folder) >= 5)
+    os.kill(first.pid, signal.SIGKILL)
+    first.communicate()
+    kept = {path: path.read_bytes() for path in (folder / "answers").glob("*.json")}
+    assert 5 <= len(kept) < 60
+    out, err = done(start(driver, folder))
+    assert "answers are there already; going on." in err
+    assert out == finished[1]
+    assert all(path.read_bytes() == content for path, content in kept.items())
+
+
+def test_a_killed_driver_leaves_no_process_behind(start, driver, tmp_path):
+    folder, at_work = tmp_path / "killed", tmp_path / "at-work"
+    at_work.mkdir()
+    first = start(driver, folder, ANSWER_SECONDS=SECONDS, AT_WORK=at_work)
+    wait_until(lambda: any(at_work.iterdir()))
+    (worker,) = (int(path.name) for path in at_work.iterdir())
+    os.kill(first.pid, signal.SIGKILL)
+    first.communicate()
+    wait_until(lambda: not Path(f"/proc/{worker}").exists(), 30)
+
+
+@pytest.fixture
+def scheduler(start, tmp_path):
+    """A Dask scheduler in a process of its own; its address and process."""
+    file = tmp_path / "scheduler.json"
+    start(
+        "-m",
+        "distributed.cli.dask_scheduler",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        "0",
+        "--no-dashboard",
+        "--scheduler-file",
+        file,
+    )
+    wait_until(file.exists)
+    return json.loads(file.read_text())["address"]
+
+
+def worker(start, scheduler, **environment):
+    return start(
+        "-m", "distributed.cli.dask_worker", scheduler, "--nthreads", "1", "--no-nanny", "--no-dashboard", **environment
+    )
+
+
+def test_the_cases_of_a_killed_worker_run_again(start, driver, scheduler, finished, tmp_path):
+    folder, at_work = tmp_path / "on-a-cluster", tmp_path / "at-work"
+    at_work.mkdir()
+    workers = [worker(start, scheduler, ANSWER_SECONDS=SECONDS, AT_WORK=at_work) for _ in range(2)]
+    first = start(driver, folder, scheduler)
+    wait_until(lambda: answers(folder) >= 5 and len(list(at_work.iterdir())) == 2)
+    os.kill(workers[0].pid, signal.SIGKILL)
+    assert answers(folder) < 60
+    out, _ = done(first)
+    assert out == finished[1]
+
+
+def test_a_scheduler_that_is_not_there_is_told_in_one_sentence(monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    with (
+        pytest.raises(ProofError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"),
+        cluster.workers_of("tcp://127.0.0.1:9", None),
+    ):
+        pass
