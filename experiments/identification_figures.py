@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from experiments import pictures
 from inkjet_env.identification import Identification, NoiseModel, Residual
-from inkjet_env.identification.identify import QUANTILE_90
+from inkjet_env.identification.outcome import QUANTILE_90
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,7 +18,7 @@ from experiments import identification_figures as figures
 from experiments.identification_figures import CHANNEL_WORDS, Part, parts_of, unit_text
 from experiments.pictures import svg_text
 from inkjet_env.identification import Estimate, Identification, NoiseModel, Residual
-from inkjet_env.identification.identify import RESIDUAL
+from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.storage import write_atomically
 
 Real = NDArray[np.float64]

@@ -239,13 +239,15 @@ class Fit:
         for _ in range(MOST_NOISE_ROUNDS):
             model = self.refined(model, self.degree_given or HIGHEST_DEGREE).model
             changed = 1.0
-            for key in unseen:
+            correlation: dict[str, float] = {}
+            for key in sorted(unseen):
                 keyed = self.fitted([m for m in self.train if m.noise_key == key], model.weights.size)
                 rms = max(_rms_left(keyed, model), self.least[key[0]])
                 before = self.noise[key].rms
-                self.correlation[key[0]] = max((_band_rms(keyed, model) * before / rms) ** 2, 1.0)
+                correlation[key[0]] = max((_band_rms(keyed, model) * before / rms) ** 2, correlation.get(key[0], 1.0))
                 self.noise[key] = NoiseModel(np.ones(1), rms, rms, RESIDUAL)
                 changed = max(changed, rms / before, before / rms)
+            self.correlation.update(correlation)
             if changed < 1.02:
                 break
         self.notes.append(

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from threadpoolctl import threadpool_limits
+
 from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE
-from inkjet_env.identification.fit import RESIDUAL, Fit
+from inkjet_env.identification.fit import Fit
 from inkjet_env.identification.identification import Identification
-from inkjet_env.identification.outcome import QUANTILE_90, outcome_of
+from inkjet_env.identification.outcome import outcome_of
 from inkjet_env.printhead import check_name
 from inkjet_env.recordings import Campaign
-
-__all__ = ["QUANTILE_90", "RESIDUAL", "identify"]
 
 DEGREE_RULES = ("flattening", "strain_gauge", "held_out")
 
@@ -66,17 +66,18 @@ def identify(
     def begun(swing_V: float | None) -> Fit:
         return Fit(campaign, degree, degree_rule, valid_density, swing_V, held_out, progress or (lambda _: None))
 
-    fit = begun(full_scale_V)
-    fit.solve()
-    if full_scale_V is None and fit.reached_V > 1.01 * fit.full_scale_V:
-        # The fast drives go beyond the gauge's: does the law go straight on there, or does it bend on?
-        wider = begun(fit.reached_V)
-        wider.solve(fit.solution.model)
-        if wider.deviance < fit.deviance - CHANCE_F:
-            wider.notes.append(
-                f"The law bends on beyond the strain gauge's {fit.full_scale_V:g} V, as the fast recordings tell; "
-                f"full scale is {wider.full_scale_V:g} V."
-            )
-            fit = wider
-    fit.widen()
-    return outcome_of(fit)
+    with threadpool_limits(1):  # its matrices are small: threads would but wait for each other
+        fit = begun(full_scale_V)
+        fit.solve()
+        if full_scale_V is None and fit.reached_V > 1.01 * fit.full_scale_V:
+            # The fast drives go beyond the gauge's: does the law go straight on there, or does it bend on?
+            wider = begun(fit.reached_V)
+            wider.solve(fit.solution.model)
+            if wider.deviance < fit.deviance - CHANCE_F:
+                wider.notes.append(
+                    f"The law bends on beyond the strain gauge's {fit.full_scale_V:g} V, as the fast recordings tell; "
+                    f"full scale is {wider.full_scale_V:g} V."
+                )
+                fit = wider
+        fit.widen()
+        return outcome_of(fit)

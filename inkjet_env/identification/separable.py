@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.identification.covariance import Solution, solution_of
 from inkjet_env.identification.linearised import Linearised
-from inkjet_env.identification.model import Fitted, Model, has_free_state
-
-__all__ = ["Fitted", "Model", "Solution", "fit_everything", "has_free_state"]
+from inkjet_env.identification.model import Fitted, Model
 
 Real = NDArray[np.float64]
 

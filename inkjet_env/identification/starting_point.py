@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.identification.separable import Fitted, has_free_state
+from inkjet_env.identification.model import Fitted, has_free_state
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]

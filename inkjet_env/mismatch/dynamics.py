@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification import Estimate
+from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.mismatch.attribute import Hypothesis
 
 Real = NDArray[np.float64]
 
-QUANTILE_90 = 1.6448536269514722
-"""Of the normal distribution, two-sided."""
 UNTOLD = 5.0
 """A standard error of a logarithm beyond which a value is not told at all."""
 

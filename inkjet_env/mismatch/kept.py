@@ -17,7 +17,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-import inkjet_env
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.head import Head
 from inkjet_env.mismatch.joint_fit import Fit, JointFit, Place
@@ -45,7 +44,7 @@ class Kept:
         self.code = b""
         if self.folder is not None:
             files = {inspect.getfile(type(effect)) for effect in effects}
-            files |= {str(path) for path in Path(inkjet_env.__file__).parent.rglob("*.py")}
+            files |= {str(path) for path in Path(__file__).parents[1].rglob("*.py")}
             self.code = _digest(*(Path(file).read_bytes() for file in sorted(files)))
 
     def fits(

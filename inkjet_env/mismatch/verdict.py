@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.identification import Estimate
+from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.diagnosis import Attribution, Named, Trace
-from inkjet_env.mismatch.dynamics import QUANTILE_90
 from inkjet_env.mismatch.flexible import Flexible
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.select import Selection, cosine

@@ -10,12 +10,12 @@ from numba import njit
 
 
 def discard_stale_code(file: str) -> None:
-    """Delete the compiled code of a module where a source of the simulator is newer.
+    """Delete the compiled code of a module where a source of the simulator, or one beside it, is newer.
 
     numba sees when the file of a function changes, but not when one changes that the function calls.
     """
     module = Path(file)
-    sources = [module, *Path(__file__).parent.glob("*.py")]
+    sources = [module, *module.parent.glob("*.py"), *Path(__file__).parent.glob("*.py")]
     newest = max(source.stat().st_mtime for source in sources)
     for index in (module.parent / "__pycache__").glob(f"{module.stem}.*.nbi"):
         # Another process was faster; or the folder is not ours to write, and then numba does not use it either.

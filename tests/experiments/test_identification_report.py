@@ -22,7 +22,7 @@ from experiments.identification_report import (
     write_identification_report,
 )
 from inkjet_env.identification import Estimate, identify
-from inkjet_env.identification.identify import RESIDUAL
+from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig import default_battery, record_campaign
