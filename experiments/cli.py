@@ -32,6 +32,7 @@ from experiments.options import (
     Window,
 )
 from experiments.progress import announce_compiling
+from experiments.proof import command as proof_command
 
 if TYPE_CHECKING:
     from optimizers.loop import Run
@@ -273,6 +274,7 @@ app.command()(campaign_commands.record)
 app.command()(campaign_commands.identify)
 app.command()(campaign_commands.evaluate)
 app.command()(diagnosis_command.diagnose)
+app.command()(proof_command.prove)
 
 
 def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None) -> None:

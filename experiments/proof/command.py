@@ -102,7 +102,7 @@ def _proved(
 
     steps = Steps(conceal_case, answer_case, judge_case)
     with workers_of(scheduler, workers) as client:
-        outcome = prove(settings, out, client, steps, questions(*asked))
+        outcome = prove(settings, out, client, steps, lambda draws: questions(draws, *asked))
     found = score(outcome)
     write_atomically(out / "score.json", json_text(found))
     write_page(report, found)

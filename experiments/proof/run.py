@@ -6,7 +6,7 @@ import functools
 import json
 import shutil
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from operator import itemgetter
@@ -90,21 +90,16 @@ def answer_case(name: str, packed: bytes, sealed_digest: str, code: str) -> dict
     return diagnose_blind(name, packed, sealed_digest)
 
 
-@functools.cache
-def _own_code(patterns: tuple[str, ...]) -> str:
-    return code_digest(patterns)
-
-
 def _check_code(part: str, patterns: tuple[str, ...], expected: str) -> None:
-    if _own_code(patterns) != expected:
+    if code_digest(patterns) != expected:
         raise ProofError(
-            f"a worker runs another {part} than the one that drives the proof. Give all machines the same code, start "
-            "the workers again, and give the same command."
+            f"the {part} is no longer the code that this proof was begun with, here or at a worker. Put that code back "
+            "on all machines, start the workers again, and give the same command; or begin again in another folder."
         )
 
 
 def prove(
-    settings: Settings, folder: Path, client: Any, steps: Steps, asked: Callable[[Draw], Mapping[str, Any]]
+    settings: Settings, folder: Path, client: Any, steps: Steps, asked: Callable[[Sequence[Draw]], Mapping[int, Any]]
 ) -> Outcome:
     """Do all that ``folder`` does not hold yet.
 
@@ -116,7 +111,7 @@ def prove(
     client : distributed.Client
     steps : Steps
     asked : callable
-        What is asked of the judge beside the usual, of a draw.
+        Of all draws: what is asked of the judge beside the usual, by the number of a case.
 
     Raises
     ------
@@ -139,7 +134,7 @@ def prove(
     _say(f"Committed: SHA-256 of all answers is {committed['answers_sha256']}.")
     truth = unseal(folder, verified_manifest(folder))
     _say("Unsealed: the truth is the one that was sealed.")
-    judged = _judge_all(folder, truth, client, steps, asked, settings.rig)
+    judged = _judge_all(folder, truth, client, steps, asked(draws), settings.rig)
     told = []
     for name, case in truth.items():
         entry = read_answer(folder, name)
@@ -220,12 +215,12 @@ def _judge_all(
     truth: Mapping[str, Mapping[str, Any]],
     client: Any,
     steps: Steps,
-    asked: Callable[[Draw], Mapping[str, Any]],
+    asked: Mapping[int, Any],
     rig: str,
 ) -> dict[str, Any]:
     """Judge every answer that was not judged yet by this code, on these questions."""
     code = code_digest(JUDGE_SOURCES)
-    questions = {name: dict(asked(Draw.from_json(case["draw"]))) for name, case in truth.items()}
+    questions = {name: asked[case["draw"]["number"]] for name, case in truth.items()}
     judged: dict[str, Any] = {}
     for name in truth:
         file = folder / "judged" / f"{name}.json"

@@ -13,6 +13,8 @@ from experiments.proof.sealing import Settings
 if __name__ == "__main__":
     folder, scheduler = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else None
     with workers_of(scheduler, None if scheduler else 1) as client:
-        outcome = prove(Settings(1, "quick", "fake_rig"), folder, client, STEPS, lambda draw: {})
+        outcome = prove(
+            Settings(1, "quick", "fake_rig"), folder, client, STEPS, lambda draws: {draw.number: {} for draw in draws}
+        )
     table = [[case["draw"]["number"], case["judged"]] for case in outcome.cases]
     print(json.dumps(table))

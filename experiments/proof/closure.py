@@ -1,0 +1,109 @@
+"""Base and augmented model against the concealed plant, on drives that neither has seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant import Plant, Shot
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.printhead_file import printhead_of
+from inkjet_env.printhead import Printhead
+
+Real = NDArray[np.float64]
+
+NODES_A_PERIOD = 200
+UNFORETOLD = ("mains_hum", "baseline_drift", "crosstalk")
+"""By chance, or of a neighbour that fresh drives have not: base and augmented model say the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A head, with or without effects, and its sensors; made by `model_of`.
+
+    Attributes
+    ----------
+    head : Printhead or AugmentedPrinthead
+    plant : Plant
+    order : int
+        Of the recording after which it is meant.
+    channels : frozenset of str
+        Whose gain is known.
+    """
+
+    head: Printhead | AugmentedPrinthead
+    plant: Plant
+    order: int
+    channels: frozenset[str]
+
+    def signal(self, drive_V: Real, step_s: float, channel: str, initial_state: str) -> Real:
+        """What the sensor would show, shape (n,), but for an offset.
+
+        Raises
+        ------
+        FloatingPointError
+            A motion that grows without bound.
+        """
+        parts = 2 * max(1, math.ceil(NODES_A_PERIOD * self.plant.printhead.frequency_Hz * step_s / 2))
+        parts = parts if channel != "strain_gauge" else 2
+        return self.plant.signal(Shot(channel, initial_state, step_s, drive_V, self.order, parts=parts))
+
+
+def model_of(data: Mapping[str, Any]) -> Model:
+    """The model that a ``printhead/1`` describes; ``ValueError`` where `printhead_of` refuses it."""
+    head = printhead_of(data)
+    channels = (data.get("fit") or {}).get("channels") or {}
+    gains = {channel: float(entry["gain"]["value"]) for channel, entry in channels.items() if "gain" in entry}
+    known = frozenset({"self_sensing", *gains})
+    if isinstance(head, AugmentedPrinthead):
+        return Model(head, Plant(head.printhead, gains, effects=head.effects), head.order, known)
+    return Model(head, Plant(head, gains), 1, known)
+
+
+def closure(base: Model, augmented: Model, plant: Any, seed: int) -> dict[str, Any]:
+    """How much of the base model's error on fresh drives the augmented one removes.
+
+    Each model may have one offset a drive. Errors are pooled over the drives relative to each one's own signal, so that
+    a gauge's volts and a current's count alike.
+
+    Parameters
+    ----------
+    base, augmented : Model
+    plant : object
+        The concealed one, with ``fresh_drives`` and ``response``.
+    seed : int
+        Of the fresh drives.
+
+    Returns
+    -------
+    dict
+        ``closure`` (1: all, 0: nothing, below: it made things worse), and of base and augmented model the RMS over the
+        signal's, pooled; NaN where a model has no bounded answer counts as no closure at all.
+    """
+    errors: dict[str, list[float]] = {"base": [], "augmented": []}
+    for drive in plant.fresh_drives(np.random.default_rng(seed)):
+        if drive.channel not in base.channels & augmented.channels:
+            continue
+        true = plant.response(drive.drive_V, drive.step_s, drive.channel, drive.initial_state)
+        size = float(np.mean((true - true.mean()) ** 2))
+        if size == 0:
+            continue  # a drive that stands still
+        for name, model in (("base", base), ("augmented", augmented)):
+            try:
+                left = true - model.signal(drive.drive_V, drive.step_s, drive.channel, drive.initial_state)
+            except FloatingPointError:
+                left = np.full(true.size, np.nan)
+            errors[name].append(float(np.mean((left - left.mean()) ** 2)) / size)
+    before, after = (float(np.mean(errors[name])) for name in ("base", "augmented"))
+    share = 1 - after / before if math.isfinite(after) else -math.inf
+    return {
+        "closure": max(share, -1e3),
+        "drives": len(errors["base"]),
+        "base_rms": math.sqrt(before),
+        "augmented_rms": math.sqrt(after) if math.isfinite(after) else None,
+    }

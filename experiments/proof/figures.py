@@ -1,0 +1,134 @@
+"""Pictures of a proof: detection against strength, who was taken for whom, closures, what it is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments import pictures
+from experiments.proof.corpus import STAGES
+from experiments.verdict_scores import OUTCOMES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH = 5.4
+RIGHT, WRONG, ABSTAINED = "#1b5e8c", "#b3541e", "#777777"
+NOTHING_AT = 0.03
+"""Where a strength of 0 stands on the logarithmic axis."""
+
+
+def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Share detected, and rightly named, against strength, with 90 % intervals."""
+    figure, axes = pictures.new_figure(WIDTH, 3.5)
+    at = [row["rho"] if row["strength"] != "nothing" else NOTHING_AT for row in rows]
+    for name, label, colour, mark in (
+        ("detected", "something found", pictures.COLOURS[0], "o"),
+        ("right", "right name or right set", pictures.COLOURS[1], "s"),
+    ):
+        shown = [(x, row[name]) for x, row in zip(at, rows, strict=True) if row[name] is not None]
+        x = np.array([place for place, _ in shown]) * (1.0 if name == "detected" else 1.04)
+        value, low, high = (np.array([100 * entry[key] for _, entry in shown]) for key in ("value", "low", "high"))
+        axes.errorbar(
+            x, value, [value - low, high - value], fmt=mark, color=colour, ms=5, capsize=3, lw=1.2, label=label
+        )
+        strong = x > 1.5 * NOTHING_AT
+        axes.plot(x[strong], value[strong], color=colour, lw=1.2)
+    axes.set(xscale="log", ylim=(-3, 103))
+    axes.set_xticks(at, ["nothing\nconcealed" if x == NOTHING_AT else f"{x:.2g}" for x in at])
+    axes.minorticks_off()
+    axes.set_xlabel("strength ρ: RMS of the mismatch over the noise, base parameters projected out")
+    axes.set_ylabel("share of heads (%)")
+    axes.legend(frameon=False, loc="upper left")
+    return figure
+
+
+def confusion_figure(table: Mapping[str, Mapping[str, int]]) -> Figure:
+    """Rows: what was concealed; columns: what was said; numbers: heads. Blue is right, orange wrong, grey abstained."""
+    rows = [name for name, counts in table.items() if sum(counts.values())]
+    columns = [*STAGES, *OUTCOMES]
+    figure, axes = pictures.new_figure(8.6, 1.9 + 0.235 * len(rows))
+    share = np.array([[table[row][column] / sum(table[row].values()) for column in columns] for row in rows])
+    image = np.ones((*share.shape, 3))
+    for i, row in enumerate(rows):
+        for j, column in enumerate(columns):
+            if share[i, j]:
+                colour = _colour(row, column)
+                base = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+                image[i, j] = 1 - (0.15 + 0.85 * share[i, j]) * (1 - base)
+                dark = share[i, j] > 0.45
+                axes.text(
+                    j, i, str(table[row][column]), ha="center", va="center", fontsize=7, color="w" if dark else "k"
+                )
+    axes.imshow(image, aspect="auto", interpolation="nearest")
+    axes.set_xticks(range(len(columns)), [_words(c) for c in columns], rotation=60, ha="left", fontsize=7.5)
+    axes.set_yticks(range(len(rows)), [_words(r) for r in rows], fontsize=7.5)
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0)
+    axes.grid(visible=False)
+    axes.set_xticks(np.arange(len(columns) + 1) - 0.5, minor=True)
+    axes.set_yticks(np.arange(len(rows) + 1) - 0.5, minor=True)
+    axes.grid(visible=True, which="minor", color="#dddddd", lw=0.5)
+    axes.tick_params(which="minor", length=0)
+    for edge in axes.spines.values():
+        edge.set_visible(False)
+    axes.axvline(len(STAGES) - 0.5, color="#444444", lw=0.8)
+    if "nothing" in rows:
+        axes.axhline(rows.index("nothing") + 0.5, color="#444444", lw=0.8)
+    inside = sum(row == "nothing" or row in STAGES for row in rows)
+    if inside < len(rows):
+        axes.axhline(inside - 0.5, color="#444444", lw=0.8)
+    axes.set_ylabel("concealed")
+    axes.set_title("said", fontsize=9)
+    return figure
+
+
+def _colour(row: str, column: str) -> str:
+    if row == "nothing":
+        return RIGHT if column == "none" else WRONG
+    if row in STAGES:
+        return RIGHT if column in (row, "set") else ABSTAINED if column in ("unknown", "none", "refused") else WRONG
+    return RIGHT if column == "unknown" else ABSTAINED if column in ("none", "refused") else WRONG
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def closures_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Closure on fresh drives, a dot a head, by effect."""
+    names = [name for name in STAGES if any(row["effect"] == name for row in rows)]
+    figure, axes = pictures.new_figure(WIDTH, 1.3 + 0.2 * max(len(names), 4))
+    for strength, colour, shift in (("strong", pictures.COLOURS[0], -0.14), ("medium", pictures.COLOURS[4], 0.14)):
+        mine = [row for row in rows if row["strength"] == strength]
+        x = [max(row["closure"], -0.5) for row in mine]
+        y = [names.index(row["effect"]) + shift for row in mine]
+        if mine:
+            axes.plot(x, y, "o", color=colour, ms=4, alpha=0.8, mec="none", label=strength, clip_on=False)
+    axes.axvline(0.9, color="#444444", lw=0.8, ls="--")
+    axes.set_yticks(range(len(names)), [_words(name) for name in names], fontsize=7.5)
+    axes.set(ylim=(len(names) - 0.5, -0.5), xlim=(-0.52, 1.02))
+    axes.set_xlabel("closure on drives nobody saw (1: nothing left; −0.5: or less); dashed: 0.9")
+    if rows:
+        axes.legend(frameon=False, fontsize=8, loc="upper left")
+    return figure
+
+
+def worth_figure(heads: Sequence[Mapping[str, Any]]) -> Figure:
+    """Peak cost on the concealed head of the three waveforms, a line a head, the largest gain first."""
+    order = sorted(heads, key=lambda head: head["oracle"] - head["base"])
+    figure, axes = pictures.new_figure(WIDTH, 1.3 + 0.2 * max(len(order), 4))
+    at = np.arange(len(order))
+    base, augmented, oracle = (np.array([head[name] for head in order]) for name in ("base", "augmented", "oracle"))
+    axes.hlines(at, np.minimum(base, oracle), np.maximum(base, oracle), color=pictures.GREY, lw=0.8)
+    axes.plot(base, at, "o", color=pictures.COLOURS[1], mfc="white", ms=5, label="of the base model")
+    axes.plot(augmented, at, "o", color=pictures.COLOURS[0], ms=4, label="of the augmented model")
+    axes.plot(oracle, at, "|", color="#222222", ms=9, mew=1.6, label="of the head itself")
+    axes.set_yticks(at, [_words(" + ".join(head["effects"])) for head in order], fontsize=7 if len(order) < 40 else 4)
+    axes.set(ylim=(len(order) - 0.4, -0.6))
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("peak cost on the concealed head (V; less is better)")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    return figure

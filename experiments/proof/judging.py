@@ -1,0 +1,170 @@
+"""An answer held against the truth: what only whoever concealed can know."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from experiments.proof.campaign_files import ProofError
+from experiments.proof.concealment import plant_of
+from experiments.proof.corpus import Draw
+from experiments.proof.sealing import JUDGE_SOURCES, code_digest
+
+COMPARED = {
+    ("amplifier_bandwidth", "bandwidth_Hz"): ("bandwidth_Hz", ("first_order",)),
+    ("sensor_bandwidth", "bandwidth_Hz"): ("bandwidth_Hz", ("first_order",)),
+    ("slew_limit", "slew_rate_V_s"): ("slew_rate_V_per_s", ("hard",)),
+    ("trigger_delay", "delay_s"): ("delay_s", ()),
+    ("second_mode", "frequency_Hz"): ("frequency_Hz", ("parallel",)),
+    ("second_mode", "damping_ratio"): ("damping_ratio", ("parallel",)),
+    ("second_mode", "strength"): ("share", ("parallel",)),
+    ("wave_echo", "delay_s"): ("delay_s", ("single_return",)),
+    ("wave_echo", "strength"): ("share", ("single_return",)),
+    ("air_bubble", "bubble_frequency_Hz"): ("frequency_Hz", ("compliant",)),
+    ("air_bubble", "bubble_damping_ratio"): ("damping_ratio", ("compliant",)),
+    ("meniscus_refill", "recovery_s"): ("recovery_s", ("relaxing",)),
+    ("feedthrough", "capacitive_s"): ("feedthrough_s", ("capacitive",)),
+    ("sensor_saturation", "limit"): ("level_V", ("clip", "tanh")),
+    ("mains_hum", "frequency_Hz"): ("frequency_Hz", ()),
+}
+"""Parameters that mean the same to diagnosis and concealed plant: the plant's name for each, and in which of its
+variants (all where none is listed). Left out is whatever hangs on hysteretic volts, which are a convention that two
+models need not share, and whatever the two describe by different laws."""
+COVERED = 0.5
+"""Of a true stretch, what was told must hold so much."""
+
+
+def questions(draws: Sequence[Draw], reoptimise: int, baselines: int) -> dict[int, dict[str, bool]]:
+    """What is asked of each case beside the usual, by its number.
+
+    Parameters
+    ----------
+    draws : sequence of Draw
+        The corpus.
+    reoptimise, baselines : int
+        How many heads have their waveform optimised anew, and on how many campaigns the peers are tried: of strong
+        effects that fresh drives show, taken in turn from all of them.
+    """
+    from experiments.proof.closure import UNFORETOLD
+
+    turns: Counter[str] = Counter()
+    shown = []
+    for draw in sorted(draws, key=lambda draw: draw.number):
+        effect = draw.effects[0] if draw.family == "effect" else ""
+        if effect and draw.strength == "strong" and not draw.meagre and effect not in UNFORETOLD:
+            shown.append((turns[effect], draw.number))
+            turns[effect] += 1
+    chosen = [number for _, number in sorted(shown)]
+    return {
+        draw.number: {
+            "reoptimise": draw.number in chosen[:reoptimise],
+            "baselines": draw.number in chosen[:baselines],
+        }
+        for draw in draws
+    }
+
+
+def judge_case(
+    case: Mapping[str, Any], answer: Mapping[str, Any], packed: bytes, asked: Mapping[str, Any], rig: str, code: str
+) -> dict[str, Any]:
+    """Everything about one answer that the truth is needed for.
+
+    Parameters
+    ----------
+    case : dict
+        As sealed: draw, attempt, truth.
+    answer : dict
+        See `blind.diagnose_blind`.
+    packed : bytes
+        The campaign.
+    asked : dict
+        Whether to ``reoptimise`` and to try the ``baselines``.
+    rig, code : str
+        Module of the concealed plant, and the digest of the code that judges.
+
+    Raises
+    ------
+    ProofError
+        The worker's code is another.
+    """
+    if code_digest(JUDGE_SOURCES) != code:
+        raise ProofError(
+            "the judge's code was changed, here or at a worker. Start the workers again with the same code."
+        )
+    draw, truth = Draw.from_json(dict(case["draw"])), case["truth"]
+    nothing: dict[str, Any] = {"closure": None, "fresh": None, "parameters": [], "location": {}}
+    verdict = answer["verdict"]
+    if verdict is None:
+        return nothing
+    found = nothing | {"parameters": parameters(verdict, truth), "location": located(verdict, truth)}
+    plant = plant_of(draw, case["attempt"], rig)
+    if draw.family in ("effect", "pair", "outside", "base"):
+        from experiments.proof.closure import UNFORETOLD, closure, model_of
+
+        base, augmented = model_of(answer["base"]), model_of(answer["augmented"])
+        if not set(draw.effects) & set(UNFORETOLD):
+            found["fresh"] = closure(base, augmented, plant, draw.case_seed(case["attempt"]))
+            found["closure"] = found["fresh"]["closure"]
+        if asked.get("reoptimise"):
+            from experiments.proof.worth import reoptimised
+
+            found["reoptimised"] = reoptimised(base.head, augmented.head, plant, draw.number)
+    if asked.get("baselines"):
+        from experiments.proof.rivals import baselines
+
+        found["baselines"] = baselines(packed, draw.effects, verdict)
+    return found
+
+
+def parameters(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Parameters of `COMPARED` of effects that were rightly found, beside their true values."""
+    rows = []
+    concealed = {entry["id"]: entry for entry in truth["concealed"]}
+    for effect in verdict["effects"]:
+        true = concealed.get(effect["id"])
+        for name, estimate in effect["parameters"].items():
+            there, variants = COMPARED.get((effect["id"], name), ("", ()))
+            if not there or true is None or (variants and true["variant"] not in variants):
+                continue
+            if estimate["value"] is not None and true["parameters"][there]:
+                row = {"effect": effect["id"], "parameter": name, "truth": float(true["parameters"][there])}
+                rows.append(row | {part: estimate[part] for part in ("value", "low", "high", "unit")})
+    return rows
+
+
+def located(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, bool]:
+    """Whether recordings, time, frequency and drive that were told hold the true ones; nothing where none are true."""
+    told, true = verdict["location"], truth.get("location")
+    if not true:
+        return {}
+    found: dict[str, bool] = {}
+    if names := true["recordings"]:
+        found["recordings"] = len(set(names) & set(told["recordings"])) >= COVERED * len(names)
+    for place, key, scale in (
+        ("time", "time_s", float),
+        ("frequency", "frequency_Hz", _log),
+        ("drive", "drive_V", float),
+    ):
+        if spans := true[key]:
+            shares = [_covered((scale(a), scale(b)), [(scale(c), scale(d)) for c, d in told[key]]) for a, b in spans]
+            found[place] = sum(shares) / len(shares) >= COVERED
+    return found
+
+
+def _log(value: float) -> float:
+    return math.log(max(value, 1e-12))
+
+
+def _covered(span: tuple[float, float], told: Sequence[tuple[float, float]]) -> float:
+    """Share of a stretch that lies in the union of others; of a point, whether it does."""
+    low, high = span
+    if high <= low:
+        return float(any(a <= low <= b for a, b in told))
+    total, reached = 0.0, low
+    for a, b in sorted(told):
+        a, b = max(a, reached), min(b, high)
+        if b > a:
+            total, reached = total + b - a, b
+    return total / (high - low)

@@ -1,0 +1,64 @@
+"""What else one could do about a mismatch, tried on the same campaigns: refit, SINDy, ridge, network."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from experiments.proof.campaign_files import unpack
+
+
+def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """Held-out RMS over the noise of each peer of the diagnosis on a campaign, and how far what it named is right.
+
+    The peers stand on the base model of a diagnosis, so it is made once more here.
+
+    Parameters
+    ----------
+    packed : bytes
+        The campaign.
+    truth : sequence of str
+        Ids of the concealed effects.
+    verdict : dict
+        The ``diagnosis/1`` of the blind run.
+
+    Returns
+    -------
+    dict
+        ``over_noise`` by peer, ``judged`` by peer, and whether the diagnosis said the ``same`` again.
+    """
+    from experiments.diagnosis_peers import PEERS, compared, verdict_on
+    from experiments.peer_sindy import said
+    from inkjet_env.mismatch import diagnose
+    from inkjet_env.recordings import read_campaign
+
+    with tempfile.TemporaryDirectory(prefix="inkjet-peers-") as scratch:
+        folder = Path(scratch) / "campaign"
+        unpack(packed, folder)
+        campaign = read_campaign(folder)
+    found = diagnose(campaign, rng=0, workers=1)
+    row = compared(campaign, found, 0)
+    named = said([term for terms in row["terms"].values() for term in terms])
+    groups = [[effect.effect.id] for effect in found.effects]
+    words = {peer: verdict_on(named if peer == "pysindy" else (), truth) for peer in PEERS}
+    words["diagnosis"] = (
+        "nothing" if not groups and found.verdict == "unknown" else verdict_on(_with_sets(found), truth)
+    )
+    same = [effect["id"] for effect in verdict["effects"]] == [effect.effect.id for effect in found.effects]
+    return {
+        "over_noise": row["over_noise"],
+        "judged": words,
+        "pysindy": [list(group) for group in named],
+        "same": same and verdict["verdict"] == found.verdict,
+    }
+
+
+def _with_sets(found: Any) -> list[tuple[str, ...]]:
+    """The named effects, each with those that it was not told apart from."""
+    groups = []
+    for effect in found.effects:
+        mine = next((group for group in found.candidates if effect.effect.id in group), (effect.effect.id,))
+        groups.append(tuple(mine))
+    return groups

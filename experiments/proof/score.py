@@ -1,0 +1,318 @@
+"""What a proof came to: every figure that is asked of a first-rate diagnosis beside what was reached."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.proof.corpus import STAGES
+from experiments.proof.figures_of_merit import Figure, counted, estimated, finite
+from experiments.verdict_scores import OUTCOMES, Told, confusion, f1
+
+if TYPE_CHECKING:
+    from experiments.proof.run import Outcome
+
+SCORE_FORMAT = "proof-score/1"
+ALARMS = ("named", "set", "unknown")
+CLEAR = ("strong", "medium")
+"""Strengths that the figures are of."""
+PLACES = ("recordings", "time", "frequency", "drive")
+MOST_ALARMS = 8 / 300
+NEVER_RIGHT = "outside the catalogue"
+
+Case = Mapping[str, Any]
+
+
+def told(case: Case) -> Told:
+    """What was said of a case."""
+    draw, verdict = case["draw"], case["answer"]["verdict"]
+    truth = frozenset(draw["effects"]) if draw["family"] in ("effect", "pair") else frozenset[str]()
+    if draw["family"] in ("outside", "base"):
+        truth = frozenset([NEVER_RIGHT])
+    if verdict is None:
+        return Told(truth, "refused", frozenset())
+    found = frozenset(effect["id"] for effect in verdict["effects"])
+    return Told(truth, verdict["verdict"], found, tuple(frozenset(group) for group in verdict["candidates"]))
+
+
+def score(outcome: Outcome) -> dict[str, Any]:
+    """The ``proof-score/1``: figures, curve, confusion matrix, closures, worth, peers, and what was refused."""
+    cases = outcome.cases
+    figures = table(cases)
+    manifest = outcome.manifest
+    seconds = [case["run"]["cpu_seconds"] for case in cases]
+    return {
+        "format": SCORE_FORMAT,
+        **{name: manifest[name] for name in ("version", "seed", "profile", "published", "code", "versions")},
+        "truth_sha256": manifest["truth_sha256"],
+        "answers_sha256": outcome.answers["answers_sha256"],
+        "cases": len(cases),
+        "figures": [figure.as_json() for figure in figures],
+        "short": [figure.name for figure in figures if figure.met is False],
+        "curve": curve(cases),
+        "confusion": matrix(cases),
+        "closures": closures(cases),
+        "parameters": parameters(cases),
+        "worth": worth(cases),
+        "peers": peers(cases),
+        "misses": misses(cases),
+        "cpu_seconds": {"median": float(np.median(seconds)), "most": max(seconds), "sum": float(sum(seconds))},
+    }
+
+
+def of(cases: Sequence[Case], family: str, strengths: Sequence[str] = (), meagre: bool = False) -> list[Case]:
+    """The cases of a family, of some strengths (all where none is given)."""
+    return [
+        case
+        for case in cases
+        if case["draw"]["family"] == family
+        and case["draw"]["meagre"] == meagre
+        and (not strengths or case["draw"]["strength"] in strengths)
+    ]
+
+
+def alarm(case: Case) -> bool:
+    """Whether anything was found."""
+    return told(case).verdict in ALARMS
+
+
+def right(case: Case) -> bool:
+    """Whether the truth was named, or is what a set holds."""
+    return told(case).judged in ("right", "in the set")
+
+
+def wrong(case: Case) -> bool:
+    """Whether something was named, and nothing of it is there."""
+    return told(case).judged == "wrong"
+
+
+def table(cases: Sequence[Case]) -> list[Figure]:
+    """All figures, in the order in which they are read."""
+    null, clear, faint = of(cases, "null"), of(cases, "effect", CLEAR), of(cases, "effect", ["faint"])
+    outside, base, pairs = of(cases, "outside"), of(cases, "base"), of(cases, "pair")
+    meagre = [case for case in cases if case["draw"]["meagre"]]
+    said = [told(case) for case in clear]
+    sizes = [float(_size(one)) for one in said if one.verdict in ("named", "set")]
+    closed = [row["closure"] for row in closures(cases)]
+    held_out = [
+        value
+        for case in clear
+        if (value := _held_out_closure(case)) is not None and told(case).verdict in ("named", "set")
+    ]
+    known = parameters(cases)
+    hidden_meagre = [case for case in meagre if case["draw"]["family"] != "null"]
+    return [
+        counted("false alarms where nothing is concealed", [alarm(c) for c in null], most=MOST_ALARMS),
+        counted("detected, strong and medium", [alarm(c) for c in clear], least=0.95),
+        counted("right name or right set", [right(c) for c in clear], least=0.90),
+        counted("right name alone", [told(c).judged == "right" for c in clear]),
+        counted("right in part: something else named too", [told(c).judged == "partly" for c in clear]),
+        estimated("mean size of a set", sizes, _mean, most=1.5),
+        counted("confidently wrong, inside the catalogue", [wrong(c) for c in clear], most=0.03),
+        counted("confidently wrong, outside the catalogue", [wrong(c) for c in outside], most=0.10),
+        counted("outside the catalogue told as unknown", [told(c).verdict == "unknown" for c in outside], least=0.80),
+        counted("outside the catalogue, noticed at all", [alarm(c) for c in outside]),
+        estimated("median closure on drives nobody saw", closed, _median, least=0.9),
+        estimated("10th percentile of that closure", closed, _tenth, least=0.6),
+        estimated("median closure as the diagnosis tells it", held_out, _median),
+        estimated("F1 of two effects at once", [told(c) for c in pairs], f1, least=0.8),
+        counted("90 % intervals that hold the truth", [bool(row["inside"]) for row in known], least=0.85, most=0.95),
+        estimated("median error of a parameter", [row["error"] for row in known], _median, kind="share"),
+        *(_located(clear, place) for place in PLACES),
+        counted("detected, faint", [alarm(c) for c in faint]),
+        counted("confidently wrong, faint", [wrong(c) for c in faint]),
+        counted("another law of hysteresis: something named", [wrong(c) for c in base]),
+        counted("meagre campaigns: false alarms", [alarm(c) for c in meagre if c["draw"]["family"] == "null"]),
+        counted("meagre campaigns: confidently wrong", [wrong(c) for c in hidden_meagre]),
+        counted("refused or broken down", [c["answer"]["verdict"] is None for c in cases]),
+        estimated("share of the oracle's gain won back", worth(cases)["heads"], _won_back, kind="share"),
+    ]
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values))
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values))
+
+
+def _tenth(values: Sequence[float]) -> float:
+    return float(np.percentile(values, 10))
+
+
+def _size(one: Told) -> int:
+    """Number of effects that a verdict leaves open in the place of one: 1 where it is named."""
+    return max([1, *(len(group) for group in one.candidates)]) if one.verdict == "set" else 1
+
+
+def _held_out_closure(case: Case) -> float | None:
+    verdict = case["answer"]["verdict"]
+    return None if verdict is None else verdict["fit"]["closure"]
+
+
+def _located(cases: Sequence[Case], place: str) -> Figure:
+    hits = [hit for case in cases if (hit := case["judged"]["location"].get(place)) is not None]
+    words = {
+        "recordings": "in which recordings",
+        "time": "when",
+        "frequency": "at which frequency",
+        "drive": "at which drive",
+    }
+    return counted(f"located: {words[place]}", hits)
+
+
+def closures(cases: Sequence[Case]) -> list[dict[str, Any]]:
+    """Closure on fresh drives of every strong or medium effect that shows there."""
+    return [
+        {
+            "effect": case["draw"]["effects"][0],
+            "strength": case["draw"]["strength"],
+            "judged": told(case).judged,
+            "closure": case["judged"]["closure"],
+        }
+        for case in of(cases, "effect", CLEAR)
+        if case["judged"]["closure"] is not None
+    ]
+
+
+def parameters(cases: Sequence[Case]) -> list[dict[str, Any]]:
+    """Parameters in physical units, of effects that were rightly found: truth, estimate, interval, relative error."""
+    rows = []
+    for case in of(cases, "effect", CLEAR):
+        for row in case["judged"]["parameters"]:
+            low = -math.inf if row["low"] is None else row["low"]
+            high = math.inf if row["high"] is None else row["high"]
+            rows.append(
+                row
+                | {
+                    "strength": case["draw"]["strength"],
+                    "inside": low <= row["truth"] <= high,
+                    "error": abs(row["value"] / row["truth"] - 1),
+                }
+            )
+    return rows
+
+
+def curve(cases: Sequence[Case]) -> list[dict[str, Any]]:
+    """Detection against strength, with nothing concealed as the first point."""
+    rows = []
+    for label, mine in (
+        ("nothing", of(cases, "null")),
+        *((strength, of(cases, "effect", [strength])) for strength in ("faint", "medium", "strong")),
+    ):
+        if mine:
+            reached = [case["truth"].get("rho") or 0.0 for case in mine]
+            rows.append(
+                {
+                    "strength": label,
+                    "rho": float(np.median(reached)),
+                    "detected": counted("detected", [alarm(c) for c in mine]).as_json(),
+                    "right": counted("right name or set", [right(c) for c in mine]).as_json()
+                    if label != "nothing"
+                    else None,
+                }
+            )
+    return rows
+
+
+def matrix(cases: Sequence[Case]) -> dict[str, dict[str, int]]:
+    """What was concealed against what was said: nothing, strong and medium effects, outside families, other laws."""
+    mine = [told(case) for case in (*of(cases, "null"), *of(cases, "effect", CLEAR))]
+    rows = confusion(mine, list(STAGES))
+    for case in (*of(cases, "outside"), *of(cases, "base")):
+        row = rows.setdefault(case["draw"]["effects"][0], dict.fromkeys((*STAGES, *OUTCOMES), 0))
+        row[told(case).column] += 1
+    return rows
+
+
+def worth(cases: Sequence[Case]) -> dict[str, Any]:
+    """Peak cost on the concealed plant of the waveforms of base model, augmented model and plant itself."""
+    heads = [
+        {"effects": case["draw"]["effects"], "strength": case["draw"]["strength"], **case["judged"]["reoptimised"]}
+        for case in cases
+        if case["judged"].get("reoptimised")
+    ]
+    return {"heads": heads, "share": finite(_won_back(heads))}
+
+
+def _won_back(heads: Sequence[Mapping[str, Any]]) -> float:
+    """Gain of the augmented model's waveforms over the base model's, of what the plant's own gain, over all heads."""
+    gain = sum(head["base"] - head["augmented"] for head in heads)
+    oracle = sum(head["base"] - head["oracle"] for head in heads)
+    return gain / oracle if oracle > 0 else math.nan
+
+
+def peers(cases: Sequence[Case]) -> dict[str, Any]:
+    """Median held-out RMS over the noise of each peer on the cases they were tried on, and what each said."""
+    rows = [case["judged"]["baselines"] for case in cases if case["judged"].get("baselines")]
+    names = list(rows[0]["over_noise"]) if rows else []
+    errors = {
+        name: [math.inf if row["over_noise"][name] is None else row["over_noise"][name] for row in rows]
+        for name in names
+    }
+    judged: dict[str, dict[str, int]] = {}
+    for row in rows:
+        for name, word in row["judged"].items():
+            counts = judged.setdefault(name, {})
+            counts[word] = counts.get(word, 0) + 1
+    return {
+        "cases": len(rows),
+        "median_over_noise": {name: finite(float(np.median(values))) for name, values in errors.items()},
+        "judged": judged,
+    }
+
+
+def misses(cases: Sequence[Case]) -> list[dict[str, Any]]:
+    """Every case of which something else was said than the truth, for whoever wants to look."""
+    rows = []
+    for case in cases:
+        draw, one = case["draw"], told(case)
+        fine = right(case) or (draw["family"] in ("outside", "base") and one.verdict == "unknown")
+        fine = fine or (draw["family"] in ("base",) and one.verdict == "none")
+        if not fine:
+            said = "+".join(sorted(one.found)) or case["answer"]["sentence"]
+            rows.append(
+                {
+                    "name": case["name"],
+                    "number": draw["number"],
+                    "concealed": "+".join(draw["effects"]) or "nothing",
+                    "strength": draw["strength"] + (", meagre" if draw["meagre"] else ""),
+                    "verdict": one.verdict,
+                    "said": said,
+                }
+            )
+    return rows
+
+
+def figure_text(value: float | None, kind: str) -> str:
+    """A figure for people.
+
+    Examples
+    --------
+    >>> figure_text(0.0267, "share"), figure_text(1.25, "number"), figure_text(None, "number")
+    ('2.7 %', '1.25', '–')
+    """
+    if value is None:
+        return "–"
+    return f"{100 * value:.1f} %" if kind == "share" else f"{value:.3g}"
+
+
+def print_score(found: Mapping[str, Any]) -> None:
+    """Print the table, and how many figures fall short."""
+    from experiments.tables import print_table
+
+    marks = {True: "yes", False: "SHORT", None: ""}
+    rows = []
+    for figure in found["figures"]:
+        if figure["of"]:
+            value, low, high = (figure_text(figure[name], figure["kind"]) for name in ("value", "low", "high"))
+            count = f"{figure['hits']}/{figure['of']}" if figure["hits"] is not None else str(figure["of"])
+            rows.append((figure["name"], value, f"{low} … {high}", count, figure["asked"], marks[figure["met"]]))
+    print_table(("figure", "reached", "90 % interval", "cases", "asked", "met"), rows)
+    judged = [figure for figure in found["figures"] if figure["met"] is not None]
+    print(f"{len(judged) - len(found['short'])} of {len(judged)} figures are what is asked of a first-rate diagnosis.")
+    print(f"Truth sealed as {found['truth_sha256']}, answers as {found['answers_sha256']}.")
