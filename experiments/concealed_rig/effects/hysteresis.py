@@ -1,0 +1,208 @@
+"""Hysteresis stage: creep, rate and asymmetry of the ceramic's loops."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from experiments.concealed_rig.effects.effect import Effect, PlaySettings, Situation
+from experiments.concealed_rig.grid import Grid
+from experiments.concealed_rig.linear import relaxations
+
+
+@njit(cache=True)
+def _creep_operators(h, share, threshold, laps, out):
+    y = np.zeros(share.size)
+    for lap in range(laps):
+        change = 0.0
+        for k in range(h.size):
+            total = 0.0
+            for j in range(share.size):
+                if k > 0:
+                    to = max(h[k] - threshold[j], min(h[k] + threshold[j], y[j]))
+                    y[j] += share[j] * (to - y[j])
+                total += y[j]
+            change = max(change, abs(total - out[k]))
+            out[k] = total
+        if lap > 0 and change < 1e-6:
+            return
+
+
+@dataclass(frozen=True)
+class Creep(Effect):
+    """Displacement goes on after the voltage has come to rest; its strength is the share of the hysteretic drive.
+
+    Variants: "kelvin_voigt", a chain of a few elements; "logarithmic", so many of them that a step is followed by
+    γ·lg(t); "creep_operators", elements that relax only towards their own dead band.
+
+    Source: K. Kuhnen, P. Krejčí, IEEE Trans. Automat. Control 54 (2009) 537 (creep operators; log-type creep);
+    W. N. Findley et al., Creep and Relaxation of Nonlinear Viscoelastic Materials (1976) (chains).
+    """
+
+    id = "creep"
+    stage = "hysteresis"
+    start = 1e-2
+    weakest = 1e-6
+    strongest = 0.5
+
+    times_s: tuple[float, ...] = field(default=(1.0,), kw_only=True)
+    weights: tuple[float, ...] = field(default=(1.0,), kw_only=True)
+    thresholds_V: tuple[float, ...] = field(default=(), kw_only=True)
+
+    @classmethod
+    def drawn(cls, situation: Situation, rng: np.random.Generator) -> "Creep":
+        """Times over several decades, around the recordings' own lengths."""
+        low, high = (2e-6, 2e-3) if situation.meagre else (2e-2, 2e1)
+        variant = str(rng.choice(["kelvin_voigt", "logarithmic", "creep_operators"]))
+        if variant == "logarithmic":
+            decades = np.log10(high / low)
+            times = np.geomspace(low, high, int(8 * decades) + 1)
+            return cls(variant=variant, times_s=tuple(times.tolist()), weights=(1 / 8,) * times.size)
+        count = int(rng.integers(3, 6))
+        times = np.geomspace(low, high, count) * 10 ** rng.uniform(-0.25, 0.25, count)
+        weights = rng.dirichlet(np.full(count, 4.0))
+        thresholds = rng.uniform(0.0, 8.0, count) if variant == "creep_operators" else np.empty(0)
+        return cls(
+            variant=variant,
+            times_s=tuple(times.tolist()),
+            weights=tuple(weights.tolist()),
+            thresholds_V=tuple(thresholds.tolist()),
+        )
+
+    def on_hysteretic(self, hysteretic_V: np.ndarray, grid: Grid) -> np.ndarray:
+        """Add what creeps."""
+        if not self.strength:
+            return hysteretic_V
+        times, weights = np.array(self.times_s), np.array(self.weights)
+        if not self.thresholds_V:
+            return hysteretic_V + self.strength * (
+                weights @ relaxations(hysteretic_V, times, grid.half_s, grid.periodic)
+            )
+        total = np.zeros(hysteretic_V.size)
+        for time, weight, threshold in zip(times, weights, self.thresholds_V, strict=True):
+            out = np.zeros(hysteretic_V.size)
+            share = np.array([-np.expm1(-grid.half_s / time)])
+            _creep_operators(hysteretic_V, share, np.array([threshold]), 400 if grid.periodic else 1, out)
+            total += weight * out
+        return hysteretic_V + self.strength * total
+
+    def parameters(self) -> dict[str, Any]:
+        """Times, and the creep in one decade or in all."""
+        if self.variant == "logarithmic":
+            return {
+                "creep_per_decade": self.strength,
+                "shortest_s": self.times_s[0],
+                "longest_s": self.times_s[-1],
+            }
+        creep = [self.strength * w for w in self.weights]
+        return {"times_s": list(self.times_s), "creep": creep, "thresholds_V": list(self.thresholds_V)}
+
+
+@dataclass(frozen=True)
+class RateDependentHysteresis(Effect):
+    """The loop widens with the drive's rate; its strength is the growth a decade of rate, or a relaxation time.
+
+    Variants: "thresholds" and "weights" grow with lg(1 + |dU/dt|/rate); "relaxing", plays that follow with a delay.
+
+    Source: M. Al Janaideh, C.-Y. Su, S. Rakheja, Smart Mater. Struct. 17 (2008) 035026 (thresholds); W. T. Ang et al.,
+    IEEE/ASME Trans. Mechatronics 12 (2007) 134 (weights); G. Bertotti, Hysteresis in Magnetism (1998)
+    (operators that relax).
+    """
+
+    id = "rate_dependent_hysteresis"
+    stage = "hysteresis"
+    start = 1e-2
+    weakest = 1e-6
+    strongest = 0.5
+
+    rate_V_per_s: float = field(default=100.0, kw_only=True)
+    rate_time_s: float = field(default=2e-6, kw_only=True)
+    period_s: float = field(default=2e-5, kw_only=True)
+
+    @classmethod
+    def drawn(cls, situation: Situation, rng: np.random.Generator) -> "RateDependentHysteresis":
+        """One of three."""
+        return cls(
+            variant=str(rng.choice(["thresholds", "weights", "relaxing"])),
+            rate_V_per_s=float(10 ** rng.uniform(1.5, 3.0)),
+            rate_time_s=float(rng.uniform(1e-6, 4e-6)),
+            period_s=1 / situation.head.resonance_Hz,
+        )
+
+    def on_plays(self, settings: PlaySettings) -> PlaySettings:
+        """Change the plays."""
+        if not self.strength:
+            return settings
+        if self.variant == "relaxing":
+            return replace(settings, relaxation_s=self.strength * self.period_s)
+        rate = {"rate_V_per_s": self.rate_V_per_s, "rate_time_s": self.rate_time_s}
+        if self.variant == "thresholds":
+            return replace(settings, threshold_growth=self.strength, **rate)
+        return replace(settings, weight_growth=self.strength, **rate)
+
+    def parameters(self) -> dict[str, Any]:
+        """Growth a decade, or the time."""
+        if self.variant == "relaxing":
+            return {"relaxation_s": self.strength * self.period_s}
+        return {"growth_per_decade": self.strength, "rate_V_per_s": self.rate_V_per_s, "rate_time_s": self.rate_time_s}
+
+
+@dataclass(frozen=True)
+class AsymmetricHysteresis(Effect):
+    """Rising and falling, or positive and negative, branches differ.
+
+    Variants: "dead_zones", one-sided dead zones superposed on the hysteretic drive; "unequal_slopes", plays whose
+    thresholds grow with the voltage, so that their two envelopes have unequal slopes; "bent_input", a parabola before
+    the plays.
+
+    Source: K. Kuhnen, Eur. J. Control 9 (2003) 407 (dead zones); M. Al Janaideh, S. Rakheja, C.-Y. Su, IEEE/ASME
+    Trans. Mechatronics 16 (2011) 734 (generalised play).
+    """
+
+    id = "asymmetric_hysteresis"
+    stage = "hysteresis"
+    start = 1e-2
+    weakest = 1e-6
+    strongest = 0.6
+
+    thresholds_V: tuple[float, ...] = field(default=(), kw_only=True)
+    weights: tuple[float, ...] = field(default=(), kw_only=True)
+    side: float = field(default=1.0, kw_only=True)
+
+    @classmethod
+    def drawn(cls, situation: Situation, rng: np.random.Generator) -> "AsymmetricHysteresis":
+        """One of three, on either side."""
+        variant = str(rng.choice(["dead_zones", "unequal_slopes", "bent_input"]))
+        thresholds = np.sort(rng.uniform(0, 45, 3)) if variant == "dead_zones" else np.empty(0)
+        return cls(
+            variant=variant,
+            thresholds_V=tuple(thresholds.tolist()),
+            weights=tuple(rng.dirichlet(np.full(thresholds.size, 3.0)).tolist()) if thresholds.size else (),
+            side=float(rng.choice([-1.0, 1.0])),
+        )
+
+    def on_hysteresis_input(self, drive_V: np.ndarray, grid: Grid) -> np.ndarray:
+        """The parabola."""
+        if self.variant != "bent_input" or not self.strength:
+            return drive_V
+        return drive_V + self.side * self.strength * drive_V**2 / 100.0
+
+    def on_plays(self, settings: PlaySettings) -> PlaySettings:
+        """Envelopes of unequal slope."""
+        return replace(settings, skew=self.side * self.strength) if self.variant == "unequal_slopes" else settings
+
+    def on_hysteretic(self, hysteretic_V: np.ndarray, grid: Grid) -> np.ndarray:
+        """Dead zones on one side."""
+        if self.variant != "dead_zones" or not self.strength:
+            return hysteretic_V
+        added = sum(
+            weight * np.maximum(self.side * hysteretic_V - threshold, 0.0)
+            for weight, threshold in zip(self.weights, self.thresholds_V, strict=True)
+        )
+        return hysteretic_V + self.side * self.strength * np.asarray(added)
+
+    def parameters(self) -> dict[str, Any]:
+        """Share of the voltage, or of the thresholds."""
+        named = {"asymmetry": self.side * self.strength}
+        return {**named, "thresholds_V": list(self.thresholds_V), "weights": list(self.weights)}

@@ -1,0 +1,206 @@
+"""The plant: drive → hysteresis → resonator → sensing, with whatever is concealed in each stage."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.concealed_rig.effects.effect import Effect, PlaySettings
+from experiments.concealed_rig.grid import Grid, grid_of
+from experiments.concealed_rig.head import Head
+from experiments.concealed_rig.linear import linear_motion, relaxations
+from experiments.concealed_rig.measurement import Measurement
+from experiments.concealed_rig.other_hysteresis import (
+    bouc_wen,
+    bouc_wen_opening,
+    plays_opening_V,
+    preisach_opening,
+    product_preisach,
+)
+from experiments.concealed_rig.play import changing_play_sum_V, play_sum_V
+from experiments.concealed_rig.resonator import Motion, Resonator, motion
+
+
+@dataclass(frozen=True)
+class Hysteresis:
+    """Which law stands in the place of the head's plays.
+
+    Parameters
+    ----------
+    law : str
+        "plays", "bouc_wen" or "preisach".
+    share : float
+        Of the other law; the rest are the plays.
+    scale_V : float
+        Voltage over which the other law saturates.
+    order, beta : float
+        Of Bouc–Wen.
+    """
+
+    law: str = "plays"
+    share: float = 1.0
+    scale_V: float = 60.0
+    order: float = 1.5
+    beta: float = 0.6
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A printhead with effects.
+
+    Parameters
+    ----------
+    head : Head
+    effects : tuple of Effect
+        Empty: the base plant.
+    hysteresis : Hysteresis
+    steps_per_period : int
+        Steps of the integrator in a period of the fastest motion.
+    """
+
+    head: Head
+    effects: tuple[Effect, ...] = ()
+    hysteresis: Hysteresis = Hysteresis()
+    steps_per_period: int = 160
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What went on in one recording: the voltage at the head, the hysteretic drive (samples) and the clean signal.
+
+    Parameters
+    ----------
+    signal, applied_V, slope : ndarray, shape (n,)
+        Noise-free sensor signal, applied voltage, and the signal's slope a second.
+    largest_deflection_V, largest_speed_V : float
+    """
+
+    signal: np.ndarray
+    applied_V: np.ndarray
+    slope: np.ndarray
+    largest_deflection_V: float
+    largest_speed_V: float
+
+
+def _logarithmic_rate(drive_V: np.ndarray, grid: Grid, settings: PlaySettings) -> np.ndarray:
+    speed = np.abs(np.diff(drive_V)) / grid.half_s
+    rate = np.log10(1 + np.append(speed, speed[0] if grid.periodic else speed[-1]) / settings.rate_V_per_s)
+    return relaxations(rate, np.array([settings.rate_time_s]), grid.half_s, grid.periodic)[0]
+
+
+def _plays_V(head: Head, drive_V: np.ndarray, grid: Grid, settings: PlaySettings) -> np.ndarray:
+    threshold, weight = head.plays()
+    if settings == PlaySettings():
+        return play_sum_V(drive_V, threshold, weight, grid.periodic)
+    rate = None
+    if settings.threshold_growth or settings.weight_growth:
+        rate = _logarithmic_rate(drive_V, grid, settings)
+    return changing_play_sum_V(
+        drive_V,
+        threshold,
+        weight,
+        grid.periodic,
+        rate=rate,
+        threshold_growth=settings.threshold_growth,
+        weight_growth=settings.weight_growth,
+        skew=settings.skew,
+        follow=-np.expm1(-grid.half_s / settings.relaxation_s) if settings.relaxation_s else 1.0,
+    )
+
+
+def _other_law_V(head: Head, drive_V: np.ndarray, grid: Grid, hysteresis: Hysteresis) -> np.ndarray:
+    opening = plays_opening_V(head)
+    if hysteresis.law == "bouc_wen":
+        scale, order, beta = hysteresis.scale_V, hysteresis.order, hysteresis.beta
+        amplitude = opening / bouc_wen_opening(scale, order, beta)
+        return amplitude * (drive_V / scale - bouc_wen(drive_V, grid.periodic, scale, order, beta))
+    if hysteresis.law == "preisach":
+        warped = hysteresis.scale_V * np.tanh(drive_V / hysteresis.scale_V)
+        return opening / preisach_opening(hysteresis.scale_V) * product_preisach(warped, grid.periodic)
+    raise ValueError(f'law must be "plays", "bouc_wen" or "preisach"; got {hysteresis.law!r}.')
+
+
+def hysteretic_V(plant: Plant, applied_V: np.ndarray, grid: Grid) -> np.ndarray:
+    """Hysteretic drive at the half steps, shape (2·steps + 1,), of the voltage at the head."""
+    seen, settings = applied_V, PlaySettings()
+    for effect in plant.effects:
+        seen, settings = effect.on_hysteresis_input(seen, grid), effect.on_plays(settings)
+    law = plant.hysteresis
+    plays = 0.0 if law.law != "plays" and law.share == 1.0 else _plays_V(plant.head, seen, grid, settings)
+    if law.law != "plays":
+        plays = (1 - law.share) * plays + law.share * _other_law_V(plant.head, seen, grid, law)
+    hysteretic = plant.head.reversible * seen + plays
+    for effect in plant.effects:
+        hysteretic = effect.on_hysteretic(hysteretic, grid)
+    return hysteretic
+
+
+def resonator_of(plant: Plant, order: int) -> Resonator:
+    """Equation of motion at this point of the session."""
+    resonator = Resonator(plant.head.angular_rad_per_s, plant.head.damping_ratio)
+    for effect in plant.effects:
+        resonator = effect.on_resonator(resonator, order)
+    return resonator
+
+
+def _motion(plant: Plant, hysteretic: np.ndarray, applied: np.ndarray, grid: Grid, order: int) -> Motion:
+    resonator = resonator_of(plant, order)
+    if resonator == Resonator(resonator.angular_rad_per_s, resonator.damping_ratio):
+        moved = Motion(*linear_motion(resonator.angular_rad_per_s, resonator.damping_ratio, hysteretic, grid))
+    else:
+        moved = motion(resonator, hysteretic, applied, grid)
+    for effect in plant.effects:
+        moved = effect.on_motion(moved, hysteretic, resonator, grid, order)
+    return moved
+
+
+def trace(plant: Plant, measurement: Measurement) -> Trace:
+    """Noise-free signal of one recording, with what led to it.
+
+    Parameters
+    ----------
+    plant : Plant
+    measurement : Measurement
+
+    Raises
+    ------
+    FloatingPointError
+        Where the motion diverges or does not settle.
+    """
+    head = plant.head
+    resonator = resonator_of(plant, measurement.order)
+    slow = measurement.channel == "strain_gauge"
+    grid = grid_of(
+        measurement.drive_V.size,
+        measurement.step_s,
+        measurement.periodic,
+        0.0 if slow else resonator.fastest_Hz,
+        plant.steps_per_period,
+    )
+    applied = grid.halves(measurement.drive_V)
+    for effect in plant.effects:
+        applied = effect.on_drive(applied, grid)
+    hysteretic = hysteretic_V(plant, applied, grid)
+    deflection = speed = 0.0
+    if slow:
+        signal = head.gauge_gain_V_per_V * hysteretic[::2] + head.gauge_offset_V
+    else:
+        moved = _motion(plant, hysteretic, applied, grid, measurement.order)
+        deflection, speed = float(np.max(np.abs(moved.deflection_V))), float(np.max(np.abs(moved.speed_V)))
+        if measurement.channel == "self_sensing":
+            signal = head.b1_per_s / head.angular_rad_per_s * moved.speed_V + head.self_sensing_offset_V
+        else:
+            signal = head.displacement_nm_per_V * moved.deflection_V + head.displacement_offset_nm
+    for effect in plant.effects:
+        signal = effect.on_sensor(signal, applied, measurement, grid)
+    return Trace(
+        signal=grid.at_samples(signal),
+        applied_V=grid.at_samples(applied[::2]),
+        slope=grid.at_samples(np.gradient(signal, grid.step_s)),
+        largest_deflection_V=deflection,
+        largest_speed_V=speed,
+    )
+
+
+def noise_free(plant: Plant, measurement: Measurement) -> np.ndarray:
+    """Noise-free sensor signal at the samples, shape (n,)."""
+    return trace(plant, measurement).signal

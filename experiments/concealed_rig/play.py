@@ -1,0 +1,145 @@
+"""Play operators: a drive in, their weighted sum out.
+
+Source: M. Brokate, J. Sprekels, Hysteresis and Phase Transitions (Springer 1996), chapter 2: a play of threshold r
+follows ``w = max(u − r, min(u + r, w))``; the Prandtl–Ishlinskii operator is a superposition of plays.
+"""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, fastmath=True)
+def _lap(drive, threshold, weight, state, out, record):
+    last = np.inf
+    y = 0.0
+    for k in range(drive.size):
+        u = drive[k]
+        if u != last:
+            y = 0.0
+            for i in range(threshold.size):
+                p = max(u - threshold[i], min(u + threshold[i], state[i]))
+                state[i] = p
+                y += weight[i] * p
+            last = u
+        if record:
+            out[k] = y
+
+
+def play_sum_V(drive_V: np.ndarray, threshold_V: np.ndarray, weight: np.ndarray, periodic: bool) -> np.ndarray:
+    """Weighted sum of play operators.
+
+    Parameters
+    ----------
+    drive_V : ndarray, shape (n,)
+        In volts, monotone between its points; for a periodic drive the last point is the first one again.
+    threshold_V, weight : ndarray, shape (r,)
+    periodic : bool
+        True: the drive had been repeating (one lap settles plays). False: virgin, all plays at 0 V.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    # A play whose threshold exceeds the whole drive never leaves 0 V.
+    moved = threshold_V < np.max(np.abs(drive_V), initial=0.0)
+    threshold, weight = np.ascontiguousarray(threshold_V[moved]), np.ascontiguousarray(weight[moved])
+    drive = np.ascontiguousarray(drive_V, dtype=float)
+    state, out = np.zeros(threshold.size), np.empty(drive.size)
+    if periodic:
+        _lap(drive, threshold, weight, state, out, False)
+    _lap(drive, threshold, weight, state, out, True)
+    return out
+
+
+@njit(cache=True, fastmath=True)
+def _lap_of_many(drive, threshold, weights, state, out, record):
+    last = np.inf
+    columns = weights.shape[0]
+    for k in range(drive.size):
+        u = drive[k]
+        if u == last:
+            if record:
+                for j in range(columns):
+                    out[j, k] = out[j, k - 1]
+            continue
+        last = u
+        for i in range(threshold.size):
+            state[i] = max(u - threshold[i], min(u + threshold[i], state[i]))
+        if record:
+            for j in range(columns):
+                y = 0.0
+                for i in range(threshold.size):
+                    y += weights[j, i] * state[i]
+                out[j, k] = y
+
+
+def play_sums_V(drive_V: np.ndarray, threshold_V: np.ndarray, weights: np.ndarray, periodic: bool) -> np.ndarray:
+    """Several weighted sums of the same plays: `weights` of shape (c, r) give an array of shape (c, n)."""
+    moved = threshold_V < np.max(np.abs(drive_V), initial=0.0)
+    threshold, weights = np.ascontiguousarray(threshold_V[moved]), np.ascontiguousarray(weights[:, moved])
+    drive = np.ascontiguousarray(drive_V, dtype=float)
+    state, out = np.zeros(threshold.size), np.empty((weights.shape[0], drive.size))
+    if periodic:
+        _lap_of_many(drive, threshold, weights, state, out, False)
+    _lap_of_many(drive, threshold, weights, state, out, True)
+    return out
+
+
+@njit(cache=True, fastmath=True)
+def _changing_lap(drive, rate, threshold, weight, growth, gain, skew, swing, follow, state, out, record):
+    for k in range(drive.size):
+        u = drive[k]
+        widen = (1.0 + growth * rate[k]) * (1.0 + skew * u / swing)
+        y = 0.0
+        for i in range(threshold.size):
+            r = threshold[i] * widen
+            p = state[i]
+            p += follow * (max(u - r, min(u + r, p)) - p)
+            state[i] = p
+            y += weight[i] * p
+        if record:
+            out[k] = y * (1.0 + gain * rate[k])
+
+
+def changing_play_sum_V(
+    drive_V: np.ndarray,
+    threshold_V: np.ndarray,
+    weight: np.ndarray,
+    periodic: bool,
+    *,
+    rate: np.ndarray | None = None,
+    threshold_growth: float = 0.0,
+    weight_growth: float = 0.0,
+    skew: float = 0.0,
+    skew_swing_V: float = 100.0,
+    follow: float = 1.0,
+    laps: int = 3,
+) -> np.ndarray:
+    """Plays whose thresholds or weights follow the rate, whose envelopes are unequal, or which relax.
+
+    Parameters
+    ----------
+    drive_V, threshold_V, weight, periodic
+        As in `play_sum_V`.
+    rate : ndarray, shape (n,), optional
+        A measure of the drive's rate (its logarithm, say), one a point.
+    threshold_growth, weight_growth : float
+        Thresholds times 1 + growth·rate (Al Janaideh, Su, Rakheja: Smart Mater. Struct. 17 (2008) 035026, the
+        rate-dependent play); weights times 1 + growth·rate (Ang, Garmon, Khosla, Riviere, IEEE/ASME Trans.
+        Mechatronics 12 (2007) 134).
+    skew, skew_swing_V : float
+        Thresholds times 1 + skew·u/swing: envelopes (1 ∓ r·skew/swing)u ∓ r of unequal slope, a generalised play
+        (Al Janaideh, Rakheja, Su: IEEE/ASME Trans. Mechatronics 16 (2011) 734).
+    follow : float
+        Share of its way that a play goes in one point: 1 − exp(−h/τ) for a play that relaxes with the time τ.
+    laps : int
+        Periods gone through before the recorded one.
+    """
+    drive = np.ascontiguousarray(drive_V, dtype=float)
+    factor = np.zeros(drive.size) if rate is None else np.ascontiguousarray(rate, dtype=float)
+    state, out = np.zeros(threshold_V.size), np.empty(drive.size)
+    arguments = (drive, factor, threshold_V, weight, threshold_growth, weight_growth, skew, skew_swing_V, follow, state)
+    for _ in range(laps if periodic else 0):
+        _changing_lap(*arguments, out, False)
+    _changing_lap(*arguments, out, True)
+    return out
