@@ -93,11 +93,13 @@ def drawn_head(rng: np.random.Generator) -> Head:
     rng : numpy.random.Generator
     """
     if rng.random() < 0.5:
-        density, shape = "exponential", (float(rng.uniform(0.35, 1.5)),)
+        density = "exponential"
+        shape: tuple[float, ...] = (float(rng.uniform(0.35, 1.5)),)
     else:
         # 1 + c (1 − 2x) + d (1 − 2x)² stays positive on 0 … 1 for |c| + |d| < 1.
         c, d = rng.uniform(-0.2, 0.5), rng.uniform(-0.3, 0.3)
-        density, shape = "polynomial", (float(1 + c + d), float(-2 * c - 4 * d), float(4 * d))
+        density = "polynomial"
+        shape = (float(1 + c + d), float(-2 * c - 4 * d), float(4 * d))
     return Head(
         resonance_Hz=float(rng.uniform(35e3, 70e3)),
         damping_ratio=float(rng.uniform(0.03, 0.08)),

@@ -12,21 +12,30 @@ from experiments.concealed_rig.linear import relaxations
 
 
 @njit(cache=True)
-def _creep_operators(h, share, threshold, laps, out):
-    y = np.zeros(share.size)
-    for lap in range(laps):
-        change = 0.0
-        for k in range(h.size):
-            total = 0.0
-            for j in range(share.size):
-                if k > 0:
-                    to = max(h[k] - threshold[j], min(h[k] + threshold[j], y[j]))
-                    y[j] += share[j] * (to - y[j])
-                total += y[j]
-            change = max(change, abs(total - out[k]))
-            out[k] = total
-        if lap > 0 and change < 1e-6:
-            return
+def _creep_lap(h, share, threshold, y, out):
+    for k in range(h.size):
+        if k > 0:
+            y += share * (max(h[k] - threshold, min(h[k] + threshold, y)) - y)
+        out[k] = y
+    return y
+
+
+@njit(cache=True)
+def _creep_operator(h, share, threshold, periodic, out):
+    start = 0.0
+    if periodic:
+        # The state after a lap is a monotone, contracting function of the state before: its fixed point by secants.
+        low, gap = start, _creep_lap(h, share, threshold, start, out) - start
+        at = low + gap
+        for _ in range(60):
+            further = _creep_lap(h, share, threshold, at, out) - at
+            if abs(further) <= 1e-12 * (1.0 + abs(at)) or further == gap:
+                break
+            slope = (further - gap) / (at - low)
+            low, gap = at, further
+            at -= further / slope
+        start = at
+    _creep_lap(h, share, threshold, start, out)
 
 
 @dataclass(frozen=True)
@@ -82,8 +91,7 @@ class Creep(Effect):
         total = np.zeros(hysteretic_V.size)
         for time, weight, threshold in zip(times, weights, self.thresholds_V, strict=True):
             out = np.zeros(hysteretic_V.size)
-            share = np.array([-np.expm1(-grid.half_s / time)])
-            _creep_operators(hysteretic_V, share, np.array([threshold]), 400 if grid.periodic else 1, out)
+            _creep_operator(hysteretic_V, -np.expm1(-grid.half_s / time), threshold, grid.periodic, out)
             total += weight * out
         return hysteretic_V + self.strength * total
 

@@ -62,8 +62,8 @@ class CoulombFriction(Effect):
 class ElectroSoftening(Effect):
     """Stiffness that follows the applied voltage, a parametric excitation; strength is the change at 100 V.
 
-    Source: A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations (1979), chapter 5 (parametric excitation); IEEE Std 176-1987
-    (stiffness of a piezoelectric depends on the electric boundary condition).
+    Source: A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations (1979), chapter 5 (parametric excitation); IEEE Std
+    176-1987 (stiffness of a piezoelectric depends on the electric boundary condition).
     """
 
     id = "electro_softening"
