@@ -51,11 +51,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.diagnosis_study import STRENGTHS, Case, cases, head_of, told
+from experiments.diagnosis_study import Case, cases, recorded, told
 from experiments.peer_base import base_fit, base_of, over_noise, put_aside
 from experiments.peer_network import with_network
 from experiments.peer_sindy import said, sparse_force
-from experiments.planted import effect_named, planted, record_planted
 from experiments.progress import shown_progress
 from experiments.tables import print_table
 from inkjet_env.mismatch import Diagnosis, diagnose
@@ -118,9 +117,7 @@ def told_of(subject: Case | Path) -> dict[str, Any]:
     """Record a planted case, or read measured recordings whose truth nobody knows; diagnose, and let the peers try."""
     if isinstance(subject, Path):
         return _told(read_campaign(subject), None, 0)
-    head, strength = head_of(subject.seed), STRENGTHS[subject.strength]
-    on = [(effect, planted(effect, strength, head)) for effect in map(effect_named, subject.effects)]
-    return _told(record_planted(head, on, 1000 + subject.seed), subject.effects, subject.seed)
+    return _told(recorded(subject)[0], subject.effects, subject.seed)
 
 
 def _told(campaign: Campaign, truth: Sequence[str] | None, seed: int) -> dict[str, Any]:

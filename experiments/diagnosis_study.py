@@ -26,6 +26,7 @@ from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import diagnose
 from inkjet_env.plant import Effect, catalogue
 from inkjet_env.printhead import Printhead
+from inkjet_env.recordings import Campaign
 
 RESULTS = Path("results/diagnosis/cases.jsonl")
 STRENGTHS = {"strong": STRONG, "medium": MEDIUM}
@@ -88,14 +89,17 @@ def cases(part: str, seeds: int) -> Iterator[Case]:
         raise ValueError(f"part must be null, single, pairs, withheld or summary; got {part!r}.")
 
 
+def recorded(case: Case) -> tuple[Campaign, list[tuple[Effect, dict[str, float]]]]:
+    """The campaign of a case, and what was planted in it."""
+    head = head_of(case.seed)
+    on = [(effect, planted(effect, STRENGTHS[case.strength], head)) for effect in map(effect_named, case.effects)]
+    return record_planted(head, on, 1000 + case.seed, monitored=case.monitored), on
+
+
 def outcome(case: Case) -> dict[str, Any]:
     """Record, diagnose, and tell."""
     head = head_of(case.seed)
-    on: list[tuple[Effect, dict[str, float]]] = []
-    for name in case.effects:
-        effect = effect_named(name)
-        on.append((effect, planted(effect, STRENGTHS[case.strength], head)))
-    campaign = record_planted(head, on, 1000 + case.seed, monitored=case.monitored)
+    campaign, on = recorded(case)
     known = [e for e in catalogue() if case.part != "withheld" or e.id not in case.effects]
     found = diagnose(campaign, effects=known, rng=case.seed, workers=1)
     # hysteretic volts are a convention, which depends on the swing at which the law was identified
