@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.proof.campaign_files import ProofError, digest, unpack
-from experiments.proof.watched import SEEN
+from experiments.proof.watched import PARENT, SEEN
 
 ANSWER_FORMAT = "proof-answer/1"
 TIME_LIMIT_S = 3600.0
@@ -121,7 +121,7 @@ def clean_environment(scratch: Path) -> Mapping[str, str]:
     kept = {name: os.environ[name] for name in KEPT_OF_ENVIRONMENT if name in os.environ}
     package = Path(__file__).resolve().parents[2]
     own = {"PYTHONPATH": str(package), "PYTHONHASHSEED": "0", "LANG": "C.UTF-8", "HOME": str(scratch)}
-    return kept | ONE_THREAD | own | {"TMPDIR": str(scratch)}
+    return kept | ONE_THREAD | own | {"TMPDIR": str(scratch), PARENT: str(os.getpid())}
 
 
 def _children_cpu_s() -> float:

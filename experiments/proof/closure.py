@@ -90,9 +90,9 @@ def closure(base: Model, augmented: Model, plant: Any, seed: int) -> dict[str, A
         if drive.channel not in base.channels & augmented.channels:
             continue
         true = plant.response(drive.drive_V, drive.step_s, drive.channel, drive.initial_state)
-        size = float(np.mean((true - true.mean()) ** 2))
-        if size == 0:
+        if np.ptp(true) == 0:
             continue  # a drive that stands still
+        size = float(np.mean((true - true.mean()) ** 2))
         for name, model in (("base", base), ("augmented", augmented)):
             try:
                 left = true - model.signal(drive.drive_V, drive.step_s, drive.channel, drive.initial_state)

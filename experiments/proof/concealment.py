@@ -71,6 +71,12 @@ def conceal(draw: Draw, name: str, rig: str = RIG) -> Concealed:
     )
 
 
+def families(rig: str = RIG) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What the plant can conceal that no catalogue has, and the laws of hysteresis of its own."""
+    module = import_module(f"{rig}.case")
+    return tuple(module.OUTSIDE), tuple(module.BASES)
+
+
 def plant_of(draw: Draw, attempt: int, rig: str = RIG) -> Any:
     """The concealed plant of a case: the same at every call."""
     module = import_module(rig)
@@ -79,7 +85,7 @@ def plant_of(draw: Draw, attempt: int, rig: str = RIG) -> Any:
         seed=draw.case_seed(attempt),
         family=draw.family,
         effects=draw.effects,
-        strength=draw.strength,
+        strength=None if draw.strength == "none" else draw.strength,
         meagre=draw.meagre,
     )
     return module.build(case)

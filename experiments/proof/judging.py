@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from experiments.proof.campaign_files import ProofError
@@ -121,7 +121,7 @@ def judge_case(
 def parameters(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Parameters of `COMPARED` of effects that were rightly found, beside their true values."""
     rows = []
-    concealed = {entry["id"]: entry for entry in truth["concealed"]}
+    concealed = {entry["id"]: entry for entry in truth["effects"]}
     for effect in verdict["effects"]:
         true = concealed.get(effect["id"])
         for name, estimate in effect["parameters"].items():
@@ -135,22 +135,27 @@ def parameters(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dic
 
 
 def located(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, bool]:
-    """Whether recordings, time, frequency and drive that were told hold the true ones; nothing where none are true."""
-    told, true = verdict["location"], truth.get("location")
-    if not true:
+    """Whether recordings, time, frequency and drive that were told hold those of the recordings that show most.
+
+    Empty where nothing is to be seen anywhere.
+    """
+    told, details = verdict["location"], truth["location"]["details"]
+    if not details:
         return {}
-    found: dict[str, bool] = {}
-    if names := true["recordings"]:
-        found["recordings"] = len(set(names) & set(told["recordings"])) >= COVERED * len(names)
-    for place, key, scale in (
-        ("time", "time_s", float),
-        ("frequency", "frequency_Hz", _log),
-        ("drive", "drive_V", float),
-    ):
-        if spans := true[key]:
-            shares = [_covered((scale(a), scale(b)), [(scale(c), scale(d)) for c, d in told[key]]) for a, b in spans]
-            found[place] = sum(shares) / len(shares) >= COVERED
-    return found
+
+    def held(
+        spans: Sequence[Sequence[float]], among: Sequence[Sequence[float]], scale: Callable[[float], float]
+    ) -> bool:
+        places = [(scale(low), scale(high)) for low, high in among]
+        return sum(_covered((scale(low), scale(high)), places) for low, high in spans) >= COVERED * len(spans)
+
+    largest_V = [max(map(abs, one["recording_drive_V"])) for one in details]
+    return {
+        "recordings": sum(one["recording"] in told["recordings"] for one in details) >= COVERED * len(details),
+        "time": held([one["time_s"] for one in details], told["time_s"], float),
+        "frequency": held([one["frequency_Hz"] for one in details], told["frequency_Hz"], _log),
+        "drive": held([(volts, volts) for volts in largest_V], told["drive_V"], float),
+    }
 
 
 def _log(value: float) -> float:

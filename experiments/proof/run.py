@@ -8,7 +8,6 @@ import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from experiments.progress import shown_progress
 from experiments.proof.blind import diagnose_blind
 from experiments.proof.campaign_files import ProofError, digest, pack, unpack
 from experiments.proof.cluster import run_each
-from experiments.proof.concealment import conceal
+from experiments.proof.concealment import conceal, families
 from experiments.proof.corpus import Draw, corpus, opaque_name
 from experiments.proof.sealing import (
     JUDGE_SOURCES,
@@ -120,8 +119,7 @@ def prove(
     """
     open_folder(folder, settings)
     code = read_json(folder / "proof.json")["code"]
-    rig = import_module(settings.rig)
-    draws = corpus(settings.seed, settings.profile, rig.OUTSIDE, rig.BASES)
+    draws = corpus(settings.seed, settings.profile, *families(settings.rig))
     salt = salt_of(folder)
     named = dict(sorted(((opaque_name(salt, draw), draw) for draw in draws), key=itemgetter(0)))
     if not (folder / "manifest.json").exists():

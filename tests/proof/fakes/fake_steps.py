@@ -31,7 +31,7 @@ def answer(name, packed, sealed_digest, code):
 
 
 def judge(case, answer, packed, asked, rig, code):
-    return {"said": [e["id"] for e in answer["verdict"]["effects"]], "truth": case["truth"]["effects"]}
+    return {"said": [e["id"] for e in answer["verdict"]["effects"]], "truth": case["draw"]["effects"]}
 
 
 STEPS = Steps(conceal_case, answer, judge)

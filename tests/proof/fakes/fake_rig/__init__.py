@@ -1,34 +1,23 @@
 """A concealed plant that is none: enough of the real one's interface for everything around it to be tried."""
 
 import json
-from dataclasses import dataclass
 
 import numpy as np
 
-OUTSIDE = ("coulomb_friction", "clock_jitter")
-BASES = ("bouc_wen",)
+from fake_rig.case import Case
 
-
-@dataclass(frozen=True)
-class Case:
-    number: int
-    seed: int
-    family: str
-    effects: tuple
-    strength: str
-    meagre: bool
+__all__ = ["Case", "build"]
 
 
 class Plant:
     def __init__(self, case):
         self.case = case
-        self.rng_seed = case.seed
 
     def write(self, folder, name):
         folder.mkdir(parents=True)
-        rng = np.random.default_rng(self.rng_seed)
+        rng = np.random.default_rng(self.case.seed)
         resources = []
-        for order in range(1, 3):
+        for order in (1, 2):
             recording = f"r{order:03d}"
             rows = "".join(f"{k * 1e-7:.9g},{k % 3},{rng.normal():.6g}\n" for k in range(20))
             (folder / f"{recording}.csv").write_text("time_s,drive_V,sensor_V\n" + rows)
@@ -47,7 +36,9 @@ class Plant:
         (folder / "datapackage.json").write_text(json.dumps(descriptor))
 
     def truth(self):
-        return {"family": self.case.family, "effects": list(self.case.effects), "rho": 1.0, "seed": self.case.seed}
+        effects = [{"id": name, "variant": "", "parameters": {}} for name in self.case.effects]
+        location = {"recordings": [], "details": []}
+        return {"family": self.case.family, "effects": effects, "rho": 1.0, "location": location}
 
 
 def build(case):

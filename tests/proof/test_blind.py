@@ -1,0 +1,116 @@
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from experiments.proof import blind, watched
+from experiments.proof.blind import WorkLostError, clean_environment, diagnose_blind
+from experiments.proof.campaign_files import ProofError, digest, pack
+
+
+@pytest.fixture
+def campaign(finished):
+    return sorted((finished[0] / "campaigns").iterdir())[0]
+
+
+def run_watched(scratch, code):
+    """Python code in a process that is watched as a blind one; what it said, and what was noted."""
+    begin = (
+        f"from experiments.proof.watched import watch, outside; from pathlib import Path; s = set(); watch(s)\n{code}\n"
+    )
+    script = begin + "import json; print(json.dumps(outside(s, Path.cwd())))"
+    return subprocess.run(
+        [sys.executable, "-c", script], cwd=scratch, env=clean_environment(scratch), capture_output=True, text=True
+    )
+
+
+def test_a_campaign_that_the_command_refuses_is_an_answer_with_its_sentence(campaign):
+    entry = diagnose_blind(campaign.name, pack(campaign), digest(campaign))
+    assert entry["answer"]["status"] == "refused"
+    assert entry["answer"]["verdict"] is None
+    assert entry["answer"]["sentence"].endswith(".")
+    assert "inkjet-blind" not in entry["answer"]["sentence"]
+
+
+def test_nothing_of_the_proofs_folder_is_seen_by_a_blind_process(finished, campaign):
+    entry = diagnose_blind(campaign.name, pack(campaign), digest(campaign))
+    assert not [path for path in entry["run"]["seen"] if path.startswith(str(finished[0].parent))]
+
+
+def test_another_campaign_than_the_sealed_one_is_not_diagnosed(campaign):
+    with pytest.raises(ProofError, match="is not the campaign that was sealed"):
+        diagnose_blind(campaign.name, pack(campaign), "0" * 64)
+
+
+def test_a_blind_process_cannot_load_the_concealed_plant(tmp_path):
+    done = run_watched(tmp_path, "import experiments.concealed_rig")
+    assert "ImportError: experiments.concealed_rig is not there for a diagnosis that is made blind" in done.stderr
+
+
+def test_what_a_blind_process_opens_elsewhere_is_noted(tmp_path):
+    elsewhere = tmp_path / "sealed"
+    elsewhere.mkdir()
+    (elsewhere / "truth.json").write_text("{}")
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    own = "open('own.txt', 'w').close()"
+    done = run_watched(
+        scratch, f"{own}; open({str(elsewhere / 'truth.json')!r}); import os; os.listdir({str(elsewhere)!r})"
+    )
+    assert {str(elsewhere), str(elsewhere / "truth.json")} <= set(json.loads(done.stdout))
+    assert not [path for path in json.loads(done.stdout) if path.endswith("own.txt")]
+
+
+def test_a_link_out_of_the_scratch_folder_is_noted_too(tmp_path):
+    (tmp_path / "truth.json").write_text("{}")
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    (scratch / "innocent.csv").symlink_to(tmp_path / "truth.json")
+    done = run_watched(scratch, "open('innocent.csv').close()")
+    assert str(scratch / "innocent.csv") in json.loads(done.stdout)
+
+
+def test_a_blind_process_is_told_nothing_but_where_programs_are(tmp_path, monkeypatch):
+    monkeypatch.setenv("TRUTH", "creep")
+    told = clean_environment(tmp_path)
+    assert "TRUTH" not in told
+    assert told["OPENBLAS_NUM_THREADS"] == told["OMP_NUM_THREADS"] == "1"
+    assert told["HOME"] == told["TMPDIR"] == str(tmp_path)
+
+
+def test_a_blind_process_that_is_killed_is_lost_work_and_no_answer(campaign, monkeypatch):
+    monkeypatch.setattr(blind.sys, "executable", sys.executable)
+
+    def killed(*arguments, **options):
+        return subprocess.CompletedProcess(arguments, -9, b"", b"")
+
+    monkeypatch.setattr(blind.subprocess, "run", killed)
+    with pytest.raises(WorkLostError, match="killed by signal 9"):
+        diagnose_blind(campaign.name, pack(campaign), digest(campaign))
+
+
+def test_a_command_that_breaks_down_is_told_by_its_last_line(campaign, monkeypatch):
+    def broken(*arguments, **options):
+        return subprocess.CompletedProcess(arguments, 1, b"", b"Traceback\nKeyError: 'x'\n")
+
+    monkeypatch.setattr(blind.subprocess, "run", broken)
+    answer = diagnose_blind(campaign.name, pack(campaign), digest(campaign))["answer"]
+    assert (answer["status"], answer["sentence"]) == ("failed", "KeyError: 'x'")
+
+
+def test_a_watched_process_ends_with_the_one_that_started_it():
+    code = "import os, time; from experiments.proof.watched import end_with_parent; end_with_parent(os.getppid())"
+    begin = f"subprocess.Popen([sys.executable, '-c', {f'{code}; time.sleep(60)'!r}], stdout=subprocess.DEVNULL)"
+    script = f"import subprocess, sys, time; print({begin}.pid); time.sleep(1)"
+    environment = os.environ | {"PYTHONPATH": str(Path(watched.__file__).parents[2])}
+    done = subprocess.run(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment, timeout=30
+    )
+    end_s = time.monotonic() + 10
+    while Path(f"/proc/{done.stdout.strip()}").exists():
+        assert time.monotonic() < end_s
+        time.sleep(0.1)

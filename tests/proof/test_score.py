@@ -1,0 +1,245 @@
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from experiments.proof.corpus import STAGES, corpus
+from experiments.proof.figures_of_merit import Figure, counted, estimated
+from experiments.proof.page import headline, page_html, sentences
+from experiments.proof.run import Outcome
+from experiments.proof.score import print_score, score, told
+from inkjet_env.storage import json_text
+
+OUTSIDE, BASES = ("friction", "backlash"), ("bouc_wen",)
+PLACES = dict.fromkeys(("recordings", "time", "frequency", "drive"), True)
+
+
+def verdict(word, *ids, candidates=(), closure=0.97):
+    effects = [{"id": one, "parameters": {}} for one in ids]
+    return {
+        "verdict": word,
+        "effects": effects,
+        "candidates": [list(c) for c in candidates],
+        "fit": {"closure": closure},
+    }
+
+
+def perfect(draw):
+    if draw.family == "null":
+        return verdict("none")
+    if draw.family in ("outside", "base"):
+        return verdict("unknown")
+    return verdict("named", *draw.effects)
+
+
+def case_of(draw, said, **judged):
+    hidden = draw.family in ("effect", "pair")
+    answer = {"status": "diagnosed" if said else "refused", "sentence": "Too short.", "verdict": said}
+    found = {"closure": 0.95 if hidden else None, "fresh": None, "parameters": [], "location": PLACES if hidden else {}}
+    rho = {"strong": 2.0, "medium": 0.5, "faint": 0.1}.get(draw.strength, 0.0)
+    run = {"seconds": 1.0, "cpu_seconds": 1.0, "seen": []}
+    return {
+        "name": f"head-{draw.number}",
+        "draw": draw.as_json(),
+        "truth": {"rho": rho},
+        "answer": answer,
+        "run": run,
+        "judged": found | judged,
+    }
+
+
+def scored(cases):
+    manifest = {"version": 1, "seed": 1, "profile": "quick", "published": False, "truth_sha256": "ab" * 32}
+    manifest |= {"code": {"rig": "1", "finder": "2"}, "versions": {"python": "3"}}
+    return score(Outcome(None, manifest, {"answers_sha256": "cd" * 32}, cases))
+
+
+def figure(found, name):
+    return next(f for f in found["figures"] if f["name"] == name)
+
+
+@pytest.fixture(scope="module")
+def draws():
+    return corpus(1, "quick", OUTSIDE, BASES)
+
+
+@pytest.fixture(scope="module")
+def flawless(draws):
+    return [case_of(d, perfect(d)) for d in draws]
+
+
+def with_answer(cases, which, said):
+    return [case | {"answer": case["answer"] | {"verdict": said}} if which(case["draw"]) else case for case in cases]
+
+
+def test_flawless_answers_reach_every_figure(flawless):
+    found = scored(flawless)
+    assert found["short"] == []
+    assert figure(found, "false alarms where nothing is concealed")["hits"] == 0
+    assert figure(found, "right name or right set")["value"] == 1
+    assert figure(found, "F1 of two effects at once")["value"] == 1
+    assert found["misses"] == []
+
+
+def test_an_answer_that_is_always_none_detects_nothing_and_is_not_confidently_wrong(flawless):
+    found = scored(with_answer(flawless, lambda draw: True, verdict("none")))
+    assert figure(found, "detected, strong and medium")["hits"] == 0
+    assert figure(found, "confidently wrong, inside the catalogue")["hits"] == 0
+    assert "detected, strong and medium" in found["short"]
+
+
+def test_an_answer_that_is_always_unknown_raises_false_alarms_and_names_nothing(flawless):
+    found = scored(with_answer(flawless, lambda draw: True, verdict("unknown")))
+    assert figure(found, "false alarms where nothing is concealed")["value"] == 1
+    assert figure(found, "right name or right set")["value"] == 0
+    assert figure(found, "outside the catalogue told as unknown")["value"] == 1
+
+
+def test_a_wrong_name_is_confidently_wrong_inside_and_outside(flawless):
+    found = scored(with_answer(flawless, lambda draw: draw["family"] == "outside", verdict("named", "creep")))
+    assert figure(found, "confidently wrong, outside the catalogue")["value"] == 1
+    wrong = with_answer(flawless, lambda draw: draw["effects"] == ["slew_limit"], verdict("named", "creep"))
+    assert figure(scored(wrong), "confidently wrong, inside the catalogue")["hits"] >= 1
+    assert scored(wrong)["confusion"]["slew_limit"]["creep"] >= 1
+
+
+def test_a_set_that_holds_the_truth_counts_with_its_size(flawless):
+    said = verdict("set", "sensor_bandwidth", candidates=[("sensor_bandwidth", "amplifier_bandwidth", "trigger_delay")])
+    answers = with_answer(flawless, lambda draw: draw["effects"] == ["amplifier_bandwidth"], said)
+    found = scored(answers)
+    assert figure(found, "right name or right set")["value"] == 1
+    assert figure(found, "mean size of a set")["value"] > 1
+    assert found["confusion"]["amplifier_bandwidth"]["set"] >= 1
+
+
+def test_a_refusal_is_neither_an_alarm_nor_right(flawless):
+    found = scored(with_answer(flawless, lambda draw: draw["family"] == "null", None))
+    assert figure(found, "false alarms where nothing is concealed")["hits"] == 0
+    assert figure(found, "refused or broken down")["hits"] == 13
+    assert [m["verdict"] for m in found["misses"]] == ["refused"] * 13
+    assert told(with_answer(flawless, lambda draw: True, None)[0]).verdict == "refused"
+
+
+def test_meagre_campaigns_are_counted_apart(flawless):
+    found = scored(with_answer(flawless, lambda draw: draw["meagre"], verdict("named", "creep")))
+    assert figure(found, "false alarms where nothing is concealed")["hits"] == 0
+    assert figure(found, "meagre campaigns: false alarms")["hits"] == 1
+
+
+def test_intervals_that_hold_the_truth_are_counted_open_ends_too(draws):
+    rows = [
+        {
+            "effect": "trigger_delay",
+            "parameter": "delay_s",
+            "truth": 1.0,
+            "value": v,
+            "low": low,
+            "high": high,
+            "unit": "s",
+        }
+        for v, low, high in ((1.1, 0.9, 1.2), (2.0, 1.5, None), (0.9, None, 1.0))
+    ]
+    draw = next(d for d in draws if d.effects == ("trigger_delay",))
+    found = scored([case_of(draw, perfect(draw), parameters=rows)])
+    covered = figure(found, "90 % intervals that hold the truth")
+    assert (covered["hits"], covered["of"]) == (2, 3)
+    assert figure(found, "median error of a parameter")["value"] == pytest.approx(0.1)
+
+
+def test_the_share_of_the_oracles_gain_is_of_all_heads_together(draws):
+    draw = next(d for d in draws if d.family == "effect")
+    heads = [(-20.0, -24.0, -25.0), (-22.0, -21.0, -22.0)]
+    cases = [
+        case_of(
+            draw, perfect(draw), reoptimised={"base": b, "augmented": a, "oracle": o, "waveforms": {}, "foretold": {}}
+        )
+        for b, a, o in heads
+    ]
+    assert scored(cases)["worth"]["share"] == pytest.approx(3 / 5)
+
+
+def test_peers_are_compared_by_their_median(draws):
+    draw = next(d for d in draws if d.family == "effect")
+    rows = [
+        {
+            "over_noise": {"base": 3.0, "diagnosis": 1.0},
+            "judged": {"base": "nothing", "diagnosis": "right"},
+            "same": True,
+        },
+        {
+            "over_noise": {"base": None, "diagnosis": 1.2},
+            "judged": {"base": "nothing", "diagnosis": "right"},
+            "same": True,
+        },
+    ]
+    peers = scored([case_of(draw, perfect(draw), baselines=row) for row in rows])["peers"]
+    assert peers["median_over_noise"] == {"base": None, "diagnosis": 1.1}
+    assert peers["judged"]["diagnosis"] == {"right": 2}
+
+
+def test_the_order_of_the_cases_does_not_change_the_score(flawless):
+    spoilt = with_answer(flawless, lambda draw: draw["number"] % 7 == 0, verdict("unknown"))
+    assert json_text(scored(spoilt)["figures"]) == json_text(scored(spoilt)["figures"])
+    assert scored(spoilt)["curve"] == scored(spoilt[::-1])["curve"]
+
+
+def test_the_curve_begins_where_nothing_is_concealed(flawless):
+    curve = scored(flawless)["curve"]
+    assert [row["strength"] for row in curve] == ["nothing", "medium", "strong"]
+    assert [row["rho"] for row in curve] == [0.0, 0.5, 2.0]
+
+
+def test_eight_false_alarms_in_300_are_enough_and_nine_too_many():
+    assert counted("", [True] * 8 + [False] * 292, most=8 / 300).met
+    assert counted("", [True] * 9 + [False] * 291, most=8 / 300).met is False
+
+
+def test_nothing_counted_is_neither_met_nor_short():
+    assert counted("", [], least=0.9).met is None
+    assert estimated("", [], np.mean, least=0.9).met is None
+
+
+def test_a_range_is_asked_of_coverage():
+    for value, met in ((0.84, False), (0.9, True), (0.96, False)):
+        assert Figure("", value, 0, 1, 10, "share", least=0.85, most=0.95).met is met
+
+
+def test_a_bootstrap_gives_the_same_interval_at_every_call():
+    sample = [float(v) for v in np.random.default_rng(3).normal(size=40)]
+    first, second = (estimated("", sample, lambda s: float(np.mean(s))) for _ in range(2))
+    assert (first.low, first.high) == (second.low, second.high)
+    assert first.high - first.low == pytest.approx(2 * 1.645 * np.std(sample) / math.sqrt(40), rel=0.15)
+
+
+def test_the_page_stands_alone_and_begins_with_what_was_proven(flawless):
+    spoilt = with_answer(flawless, lambda draw: draw["family"] == "outside", verdict("named", "creep"))
+    found = scored(spoilt)
+    page = page_html(json.loads(json_text(found)))
+    assert "falls short" in headline(found)
+    assert page.index("Nothing was concealed in 12 heads; 0 of them") < page.index("<table>")
+    assert not re.search(r"https?://|<script|<link|src=", page)
+    assert page.count("<svg") >= 3
+    assert found["truth_sha256"] in page
+
+
+def test_a_page_of_nulls_alone_is_a_page(flawless):
+    nulls = [case for case in flawless if case["draw"]["family"] == "null"]
+    assert "<svg" in page_html(scored(nulls))
+
+
+def test_what_falls_short_is_said_in_words(flawless):
+    spoilt = with_answer(flawless, lambda draw: draw["family"] == "outside", verdict("none"))
+    assert any("Short of what is asked: outside the catalogue told as unknown" in s for s in sentences(scored(spoilt)))
+
+
+def test_the_table_is_printed_with_what_is_asked(flawless, capsys):
+    print_score(scored(with_answer(flawless, lambda draw: draw["family"] == "pair", verdict("unknown"))))
+    out = capsys.readouterr().out
+    assert re.search(r"F1 of two effects at once\s+0\s.*≥ 0.8\s+SHORT", out)
+    assert "figures are what is asked of a first-rate diagnosis" in out
+
+
+def test_every_id_has_a_row_in_the_confusion_matrix(flawless):
+    assert set(STAGES) | {"nothing", *OUTSIDE, *BASES} == set(scored(flawless)["confusion"])
