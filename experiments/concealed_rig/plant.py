@@ -92,7 +92,7 @@ def _plays_V(head: Head, drive_V: np.ndarray, grid: Grid, settings: PlaySettings
     if settings == PlaySettings():
         return play_sum_V(drive_V, threshold, weight, grid.periodic)
     rate = None
-    if settings.threshold_growth or settings.weight_growth:
+    if settings.threshold_growth_V or settings.weight_growth:
         rate = _logarithmic_rate(drive_V, grid, settings)
     return changing_play_sum_V(
         drive_V,
@@ -100,7 +100,7 @@ def _plays_V(head: Head, drive_V: np.ndarray, grid: Grid, settings: PlaySettings
         weight,
         grid.periodic,
         rate=rate,
-        threshold_growth=settings.threshold_growth,
+        threshold_growth_V=settings.threshold_growth_V,
         weight_growth=settings.weight_growth,
         skew=settings.skew,
         follow=-np.expm1(-grid.half_s / settings.relaxation_s) if settings.relaxation_s else 1.0,

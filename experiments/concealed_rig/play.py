@@ -89,10 +89,11 @@ def play_sums_V(drive_V: np.ndarray, threshold_V: np.ndarray, weights: np.ndarra
 def _changing_lap(drive, rate, threshold, weight, growth, gain, skew, swing, follow, state, out, record):
     for k in range(drive.size):
         u = drive[k]
-        widen = (1.0 + growth * rate[k]) * (1.0 + skew * u / swing)
+        wider = growth * rate[k]
+        lean = 1.0 + skew * u / swing
         y = 0.0
         for i in range(threshold.size):
-            r = threshold[i] * widen
+            r = (threshold[i] + wider) * lean
             p = state[i]
             p += follow * (max(u - r, min(u + r, p)) - p)
             state[i] = p
@@ -108,7 +109,7 @@ def changing_play_sum_V(
     periodic: bool,
     *,
     rate: np.ndarray | None = None,
-    threshold_growth: float = 0.0,
+    threshold_growth_V: float = 0.0,
     weight_growth: float = 0.0,
     skew: float = 0.0,
     skew_swing_V: float = 100.0,
@@ -123,8 +124,8 @@ def changing_play_sum_V(
         As in `play_sum_V`.
     rate : ndarray, shape (n,), optional
         A measure of the drive's rate (its logarithm, say), one a point.
-    threshold_growth, weight_growth : float
-        Thresholds times 1 + growth·rate (Al Janaideh, Su, Rakheja: Smart Mater. Struct. 17 (2008) 035026, the
+    threshold_growth_V, weight_growth : float
+        Thresholds plus growth·rate, in volts (Al Janaideh, Su, Rakheja: Smart Mater. Struct. 17 (2008) 035026, the
         rate-dependent play); weights times 1 + growth·rate (Ang, Garmon, Khosla, Riviere, IEEE/ASME Trans.
         Mechatronics 12 (2007) 134).
     skew, skew_swing_V : float
@@ -138,7 +139,18 @@ def changing_play_sum_V(
     drive = np.ascontiguousarray(drive_V, dtype=float)
     factor = np.zeros(drive.size) if rate is None else np.ascontiguousarray(rate, dtype=float)
     state, out = np.zeros(threshold_V.size), np.empty(drive.size)
-    arguments = (drive, factor, threshold_V, weight, threshold_growth, weight_growth, skew, skew_swing_V, follow, state)
+    arguments = (
+        drive,
+        factor,
+        threshold_V,
+        weight,
+        threshold_growth_V,
+        weight_growth,
+        skew,
+        skew_swing_V,
+        follow,
+        state,
+    )
     for _ in range(laps if periodic else 0):
         _changing_lap(*arguments, out, False)
     _changing_lap(*arguments, out, True)

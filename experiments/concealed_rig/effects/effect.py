@@ -15,7 +15,7 @@ from experiments.concealed_rig.resonator import Motion, Resonator
 class PlaySettings:
     """How the play operators of the base hysteresis are changed; see `play.changing_play_sum_V`."""
 
-    threshold_growth: float = 0.0
+    threshold_growth_V: float = 0.0
     weight_growth: float = 0.0
     rate_V_per_s: float = 1.0
     rate_time_s: float = 1e-6

@@ -10,6 +10,8 @@ from experiments.concealed_rig.effects.effect import Effect, PlaySettings, Situa
 from experiments.concealed_rig.grid import Grid
 from experiments.concealed_rig.linear import relaxations
 
+GROWING_V = 20.0  # growth of the thresholds a decade of rate at strength 1
+
 
 @njit(cache=True)
 def _creep_lap(h, share, threshold, y, out):
@@ -146,14 +148,18 @@ class RateDependentHysteresis(Effect):
             return replace(settings, relaxation_s=self.strength * self.period_s)
         rate = {"rate_V_per_s": self.rate_V_per_s, "rate_time_s": self.rate_time_s}
         if self.variant == "thresholds":
-            return replace(settings, threshold_growth=self.strength, **rate)
+            return replace(settings, threshold_growth_V=self.strength * GROWING_V, **rate)
         return replace(settings, weight_growth=self.strength, **rate)
 
     def parameters(self) -> dict[str, Any]:
         """Growth a decade, or the time."""
         if self.variant == "relaxing":
             return {"relaxation_s": self.strength * self.period_s}
-        return {"growth_per_decade": self.strength, "rate_V_per_s": self.rate_V_per_s, "rate_time_s": self.rate_time_s}
+        if self.variant == "thresholds":
+            growth = {"growth_V_per_decade": self.strength * GROWING_V}
+        else:
+            growth = {"growth_per_decade": self.strength}
+        return {**growth, "rate_V_per_s": self.rate_V_per_s, "rate_time_s": self.rate_time_s}
 
 
 @dataclass(frozen=True)

@@ -88,15 +88,19 @@ class ElectroSoftening(Effect):
         return {"stiffness_per_V": self.sign * self.strength / 100.0}
 
 
-def diffusive_states(power: float, count: int = 16) -> tuple[np.ndarray, np.ndarray]:
-    """Rates λ and weights c with Dᵅx ≈ Σ cⱼzⱼ, z' = x' − λz, about the resonance (ω = 1).
+def diffusive_states(power: float, count: int = 18) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Rates λ and weights c with Dᵅx ≈ Σ cⱼzⱼ + k x + d x', z' = x' − λz, about the resonance (ω = 1).
 
-    λ^(α−1) sin(πα)/π over 0 … ∞, by the trapezoidal rule in ln λ.
+    λ^(α−1) sin(πα)/π over 0 … ∞, by the trapezoidal rule in ln λ; slower states are a spring, faster ones a damper.
 
     Source: L. Yuan, O. P. Agrawal, J. Vib. Acoust. 124 (2002) 321; G. Montseny, ESAIM Proc. 5 (1998) 159.
     """
-    rate = np.geomspace(3e-3, 40.0, count)
-    return rate, np.sin(np.pi * power) / np.pi * rate**power * np.log(rate[1] / rate[0])
+    rate = np.geomspace(1e-3, 50.0, count)
+    scale = np.sin(np.pi * power) / np.pi
+    weight = scale * rate**power * np.log(rate[1] / rate[0])
+    weight[[0, -1]] /= 2
+    spring, damper = scale * rate[0] ** power / power, scale * rate[-1] ** (power - 1) / (1 - power)
+    return rate, weight, float(spring), float(damper)
 
 
 @dataclass(frozen=True)
@@ -123,9 +127,11 @@ class FractionalDamping(Effect):
         """Add its states."""
         if not self.strength:
             return resonator
-        rate, weight = diffusive_states(self.power)
+        rate, weight, spring, damper = diffusive_states(self.power)
         return replace(
             resonator,
+            added_stiffness=resonator.added_stiffness + self.strength * spring,
+            damping_ratio=resonator.damping_ratio + self.strength * damper / 2,
             diffusive_rate=tuple(rate.tolist()),
             diffusive_weight=tuple((self.strength * weight).tolist()),
         )

@@ -1,0 +1,154 @@
+"""Drive and hysteresis stages: a limit and a second way of computing for each element."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.concealed_rig.effects.drive import AmplifierBandwidth, SlewLimit, TriggerDelay, low_passed
+from experiments.concealed_rig.effects.hysteresis import (
+    AsymmetricHysteresis,
+    Creep,
+    RateDependentHysteresis,
+    _creep_lap,
+    _creep_operator,
+)
+from experiments.concealed_rig.grid import Grid
+from experiments.concealed_rig.head import drawn_head
+from experiments.concealed_rig.linear import relaxations
+from experiments.concealed_rig.measurement import Measurement
+from experiments.concealed_rig.plant import Plant, noise_free
+from experiments.concealed_rig.play import changing_play_sum_V, play_sum_V
+
+
+def triangle(top, samples):
+    return top * np.interp(np.arange(samples) / samples, [0, 0.25, 0.75, 1], [0, 1, -1, 0])
+
+
+@pytest.mark.parametrize(("second", "gain"), [(False, 1 / np.sqrt(2)), (True, 1 / 1.4)])
+def test_a_tone_at_the_bandwidth_loses_three_decibels(second, gain):
+    t = np.arange(4001) * 1e-8
+    tone = np.sin(2 * np.pi * 1e5 * t)
+    out = low_passed(tone, 1e5, second, 1e-8, True)
+    assert np.max(np.abs(out)) == pytest.approx(gain, rel=1e-3)
+
+
+def test_a_wide_amplifier_is_none():
+    drive = np.append(triangle(80.0, 2000), 0.0)
+    grid = Grid(1000, 4e-7, 1, True)
+    narrow = AmplifierBandwidth(1e-3, variant="second_order", resonance_Hz=5e4).on_drive(drive, grid)
+    np.testing.assert_allclose(narrow, drive, atol=5e-2)
+
+
+def test_a_slew_limit_stretches_an_edge_to_its_height_over_the_limit():
+    grid = Grid(401, 1e-7, 1, False)
+    drive = np.interp(np.arange(801) * 5e-8, [1e-6, 2e-6, 2.5e-5, 3.5e-5], [0, 100, 100, 0])
+    slow = SlewLimit(4.0, variant="hard", steepest_V_per_s=1e8).on_drive(drive, grid)
+    reached = np.argmax(slow > 99.999) * 5e-8
+    assert reached == pytest.approx(1e-6 + 100 / 2.5e7, abs=2e-7)
+    np.testing.assert_allclose(np.max(np.abs(np.diff(slow))) / 5e-8, 2.5e7, rtol=1e-6)
+    untouched = SlewLimit(1.0, variant="hard", steepest_V_per_s=1e8).on_drive(drive, grid)
+    np.testing.assert_allclose(untouched, drive, atol=1e-6)
+    soft = SlewLimit(4.0, variant="soft", steepest_V_per_s=1e8).on_drive(drive, grid)
+    assert np.max(np.abs(np.diff(soft))) / 5e-8 <= 2.5e7 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_delay_of_whole_points_is_a_shift(periodic):
+    drive = triangle(50.0, 400)
+    drive = np.append(drive, drive[0])
+    grid = Grid(200, 1e-7, 1, periodic)
+    late = TriggerDelay(0.01, variant="constant", period_s=2e-5).on_drive(drive, grid)
+    np.testing.assert_allclose(late[4:], drive[:-4], atol=1e-9)
+
+
+def test_a_dense_kelvin_voigt_chain_creeps_with_the_logarithm_of_time():
+    times = np.geomspace(1e-3, 1e4, 57)
+    grid = Grid(2, 1.0, 1, False)
+    creep = Creep(0.02, variant="logarithmic", times_s=tuple(times), weights=(1 / 8,) * 57)
+    for decade in (0.1, 1.0, 10.0):
+        late, later = (
+            creep.strength * np.sum(relaxations(np.ones(2), times, t, False)[:, 1] * 0 + 1 - np.exp(-t / times)) / 8
+            for t in (decade, 10 * decade)
+        )
+        assert later - late == pytest.approx(0.02, rel=0.01)
+    # The same chain by the plant's own recursion, a step at the first point and held.
+    held = np.concatenate(([0.0], np.ones(4000)))
+    out = Creep.on_hysteretic(creep, held, Grid(2001, 0.02, 1, False)) - held
+    t = np.arange(4001) * 0.01
+    assert out[4000] - out[400] == pytest.approx(0.02, rel=0.01)
+    assert out[400] - out[100] == pytest.approx(0.02 * np.log10(t[400] / t[100]), rel=0.02)
+    assert grid.steps == 1
+
+
+def test_a_creep_operator_without_dead_band_is_a_kelvin_voigt_element_and_settles_where_a_long_run_does():
+    h = triangle(30.0, 2000) + 10 * np.sin(np.arange(2000) * np.pi / 500)
+    h = np.append(h, h[0])
+    out, run = np.zeros(h.size), np.zeros(h.size)
+    for threshold in (0.0, 4.0, 200.0):
+        _creep_operator(h, 1e-3, threshold, True, out)
+        y = 0.0
+        for _ in range(30):
+            y = _creep_lap(h, 1e-3, threshold, y, run)
+        np.testing.assert_allclose(out, run, atol=1e-9)
+    _creep_operator(h, -np.expm1(-1e-4), 0.0, True, out)
+    exact = relaxations(h, np.array([1e4]), 1.0, True)[0]
+    np.testing.assert_allclose(out, exact, atol=1e-2)
+
+
+def test_at_a_constant_rate_thresholds_that_grow_are_wider_plays():
+    head = drawn_head(np.random.default_rng(2))
+    threshold, weight = head.plays()
+    drive = np.append(triangle(80.0, 4000), 0.0)
+    grown = changing_play_sum_V(drive, threshold, weight, True, rate=np.full(drive.size, 2.5), threshold_growth_V=0.4)
+    np.testing.assert_allclose(grown, play_sum_V(drive, threshold + 1.0, weight, True), atol=1e-9)
+    heavier = changing_play_sum_V(drive, threshold, weight, True, rate=np.full(drive.size, 2.5), weight_growth=0.04)
+    np.testing.assert_allclose(heavier, 1.1 * play_sum_V(drive, threshold, weight, True), atol=1e-9)
+
+
+@pytest.mark.parametrize("variant", ["thresholds", "weights"])
+def test_the_loop_widens_with_the_rate_and_not_at_rest(variant):
+    head = replace(drawn_head(np.random.default_rng(2)), density="exponential", shape=(0.5,))
+    effect = RateDependentHysteresis(0.02, variant=variant, rate_V_per_s=100.0)
+
+    def opening(frequency, effects):
+        row = Measurement("strain_gauge", "arbitrary", "periodic", 1 / frequency / 2000, triangle(80.0, 2000))
+        y = noise_free(Plant(head, effects), row)
+        return abs(y[0] - y[1000])
+
+    base = opening(1.0, ())
+    widths = [opening(f, (effect,)) / base for f in (1e-3, 0.5, 5.0)]
+    assert widths[0] == pytest.approx(1.0, abs=1e-3)
+    assert widths[0] < widths[1] < widths[2]
+
+
+def test_a_play_that_relaxes_lags_a_ramp_by_its_time():
+    drive = np.linspace(0, 200, 4001)
+    y = changing_play_sum_V(drive, np.array([10.0]), np.array([1.0]), False, follow=-np.expm1(-1 / 100))
+    assert drive[-1] - 10 - y[-1] == pytest.approx(100 * 0.05, rel=0.02)
+
+
+def test_unequal_envelopes_have_the_slopes_that_are_said():
+    drive = np.concatenate((np.linspace(0, 100, 401), np.linspace(100, -100, 801)[1:]))
+    y = changing_play_sum_V(drive, np.array([20.0]), np.array([1.0]), False, skew=0.2, skew_swing_V=100.0)
+    assert y[400] - y[300] == pytest.approx((1 - 20 * 0.2 / 100) * 25, rel=1e-9)
+    assert y[-101] - y[-1] == pytest.approx((1 + 20 * 0.2 / 100) * 25, rel=1e-9)
+
+
+@pytest.mark.parametrize("variant", ["dead_zones", "unequal_slopes", "bent_input"])
+def test_only_an_asymmetric_head_tells_a_drive_from_its_mirror_image(variant):
+    head = drawn_head(np.random.default_rng(6))
+    drive = triangle(90.0, 800)
+
+    def even_part(effects):
+        up, down = (
+            noise_free(
+                Plant(head, effects), Measurement("strain_gauge", "arbitrary", "demagnetised", 1e-3, side * drive)
+            )
+            for side in (1, -1)
+        )
+        return np.max(np.abs(up + down - 2 * head.gauge_offset_V)) / np.ptp(up)
+
+    zones = {"thresholds_V": (0.0, 10.0), "weights": (0.5, 0.5)} if variant == "dead_zones" else {}
+    assert even_part(()) < 1e-12
+    assert even_part((AsymmetricHysteresis(0.05, variant=variant, **zones),)) > 1e-3
