@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from experiments.concealed_rig.grid import Grid, grid_of
 from experiments.concealed_rig.head import LARGEST_DRIVE_V, Head
@@ -14,20 +15,54 @@ DENSITIES = 9  # polynomials of degree 0 … 8, beside the reversible part
 RELATIVE_STEP = 1e-5
 
 
+@njit(cache=True)
+def _without(row, directions, count):
+    """Take the first `count` orthonormal directions out of a row, in place."""
+    for k in range(count):
+        product = 0.0
+        for i in range(row.size):
+            product += directions[k, i] * row[i]
+        for i in range(row.size):
+            row[i] -= product * directions[k, i]
+
+
+@njit(cache=True)
+def _orthonormal(rows, smallest):
+    """Modified Gram–Schmidt, twice over, in place; the number of directions, which come first."""
+    count = 0
+    for k in range(rows.shape[0]):
+        row = rows[k].copy()
+        before = np.sqrt(np.sum(row * row))
+        if before == 0.0:
+            continue
+        row /= before
+        _without(row, rows, count)
+        after = np.sqrt(np.sum(row * row))
+        if after <= smallest:
+            continue
+        row /= after
+        _without(row, rows, count)
+        rows[count] = row / np.sqrt(np.sum(row * row))
+        count += 1
+    return count
+
+
 @dataclass(frozen=True)
 class BaseTangent:
-    """Orthonormal columns over all samples of a campaign, each sample in units of its channel's noise.
+    """Orthonormal directions over all samples of a campaign, each sample in units of its channel's noise.
 
     Parameters
     ----------
-    columns : ndarray, shape (samples, parameters)
+    directions : ndarray, shape (parameters, samples)
     """
 
-    columns: np.ndarray
+    directions: np.ndarray
 
     def unexplained(self, mismatch: np.ndarray) -> np.ndarray:
         """A weighted mismatch, shape (samples,), less what a refit of the base absorbs."""
-        return mismatch - self.columns @ (self.columns.T @ mismatch)
+        left = np.array(mismatch, dtype=float)
+        _without(left, self.directions, self.directions.shape[0])
+        return left
 
 
 def _hysteretic_components(head: Head, drive_V: np.ndarray, periodic: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -86,7 +121,5 @@ def base_tangent(head: Head, rows: list[Measurement], sigma: dict[str, float]) -
     sigma : dict
         Standard deviation of the noise by channel.
     """
-    matrix = np.vstack([_block(head, row) / sigma[row.channel] for row in rows])
-    size = np.linalg.norm(matrix, axis=0)
-    left, singular, _ = np.linalg.svd(matrix[:, size > 0] / size[size > 0], full_matrices=False)
-    return BaseTangent(left[:, singular > 1e-6 * singular[0]])
+    matrix = np.hstack([_block(head, row).T / sigma[row.channel] for row in rows])
+    return BaseTangent(matrix[: _orthonormal(matrix, 1e-6)].copy())

@@ -9,11 +9,11 @@ import pytest
 from experiments.concealed_rig import Case, build
 
 CASES = [
-    Case(3, 50),
-    Case(3, 50, "effect", ("air_bubble",), "strong"),
-    Case(3, 50, "effect", ("mains_hum",), "strong"),
-    Case(3, 50, "outside", ("coarse_quantisation",), "medium"),
-    Case(3, 50, "base", ("bouc_wen",)),
+    Case(3, 50, meagre=True),
+    Case(3, 50, "effect", ("air_bubble",), "strong", True),
+    Case(3, 50, "effect", ("mains_hum",), "strong", True),
+    Case(3, 50, "outside", ("coarse_quantisation",), "medium", True),
+    Case(3, 50, "base", ("bouc_wen",), meagre=True),
 ]
 
 
@@ -46,13 +46,14 @@ def test_half_of_the_other_cases_have_a_firing_neighbour_and_all_of_crosstalk():
     def heard(case):
         return any(row.neighbour_V is not None for row in build(case).session.rows)
 
-    share = np.mean([heard(Case(k, 52, meagre=True)) for k in range(40)])
-    assert 0.25 < share < 0.75
-    assert all(heard(Case(k, 52, "effect", ("crosstalk",), "strong", True)) for k in range(6))
+    share = np.mean([heard(Case(k, 52, meagre=True)) for k in range(16)])
+    assert 0.2 < share < 0.8
+    assert all(heard(Case(k, 52, "effect", ("crosstalk",), "strong", True)) for k in range(3))
 
 
 def test_the_plan_is_the_one_that_was_described():
-    rows = build(Case(5, 53)).session.rows
+    built = build(Case(5, 53))
+    rows = built.session.rows
     assert 24 <= len(rows) <= 29
     assert [row.order for row in rows] == list(range(1, len(rows) + 1))
     repeats = [row for row in rows if row.repeat_of]
@@ -64,8 +65,7 @@ def test_the_plan_is_the_one_that_was_described():
         r.excitation for r in rows
     }
     fast = [row for row in rows if row.channel == "self_sensing"]
-    head = build(Case(5, 53)).plant.head
-    assert all(1 / head.resonance_Hz / row.step_s >= 40 for row in fast)
+    assert all(1 / built.plant.head.resonance_Hz / row.step_s >= 40 for row in fast)
     assert any(row.initial_state == "demagnetised" for row in fast)
     orders = [[r.excitation for r in build(Case(k, 53)).session.rows] for k in range(2)]
     assert orders[0] != orders[1]
@@ -82,9 +82,9 @@ def test_nothing_is_planted_in_a_null_case_and_only_noise_is_left():
         sigma = built.session.instruments.sigma[row.channel]
         assert np.std(sensor - base.signal) < 2.5 * sigma
     fast = [
-        np.std(t.signal)
-        for r, t in zip(built.session.rows, built.session.base, strict=True)
-        if r.channel == "self_sensing"
+        np.std(trace.signal)
+        for row, trace in zip(built.session.rows, built.session.base, strict=True)
+        if row.channel == "self_sensing"
     ]
     assert 40 <= 20 * np.log10(max(fast) / built.session.instruments.sigma["self_sensing"]) <= 60
 

@@ -1,5 +1,7 @@
 """Every effect: nothing at strength 0, and as strong as is asked where it is planted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,8 +91,6 @@ def test_a_base_law_of_its_own_shows_in_full_or_as_much_as_is_asked():
 
 def test_what_the_base_absorbs_is_no_mismatch():
     """Another gain, another offset, a resonance a little lower, another density: nothing is left of them."""
-    from dataclasses import replace
-
     rows = measuring_plan(HEAD, np.random.default_rng(5), displacement=True)
     tangent = base_tangent(HEAD, rows, SIGMA)
 
@@ -112,9 +112,9 @@ def test_what_the_base_absorbs_is_no_mismatch():
 
 
 def test_a_strength_that_cannot_be_is_refused_by_name():
-    with pytest.raises(ValueError, match="second_mode .* does not reach rho 2"):
+    with pytest.raises(ValueError, match=r"second_mode .* does not reach rho 2"):
         solved_strength(lambda s: s, 2.0, 0.1, 1e-3, 1.0, "second_mode (parallel)")
-    with pytest.raises(ValueError, match="cannot be as faint"):
+    with pytest.raises(ValueError, match=r"cannot be as faint"):
         solved_strength(lambda s: 1 + s, 0.5, 0.1, 1e-3, 1.0, "x")
     with pytest.raises(ValueError, match="jumps"):
         solved_strength(lambda s: 0.1 if s < 0.3 else 1.0, 0.5, 0.1, 1e-3, 1.0, "x")
