@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from experiments.concealed_rig.effects.effect import Effect, PlaySettings
 from experiments.concealed_rig.grid import Grid, grid_of
 from experiments.concealed_rig.head import Head
-from experiments.concealed_rig.linear import linear_motion, relaxations
+from experiments.concealed_rig.linear import linear_motion
 from experiments.concealed_rig.measurement import Measurement
 from experiments.concealed_rig.other_hysteresis import (
     bouc_wen,
@@ -82,9 +83,12 @@ class Trace:
 
 
 def _logarithmic_rate(drive_V: np.ndarray, grid: Grid, settings: PlaySettings) -> np.ndarray:
-    speed = np.abs(np.diff(drive_V)) / grid.half_s
-    rate = np.log10(1 + np.append(speed, speed[0] if grid.periodic else speed[-1]) / settings.rate_V_per_s)
-    return relaxations(rate, np.array([settings.rate_time_s]), grid.half_s, grid.periodic)[0]
+    """lg(1 + |dU/dt|/rate) after a relaxation, at the half steps; the rate is constant between them."""
+    rate = np.log10(1 + np.abs(np.diff(drive_V)) / grid.half_s / settings.rate_V_per_s)
+    keep = np.exp(-grid.half_s / settings.rate_time_s)
+    laps = 2 if grid.periodic else 1
+    relaxed = lfilter([1 - keep], [1, -keep], np.tile(rate, laps))[-rate.size :]
+    return np.concatenate(([relaxed[-1] if grid.periodic else 0.0], relaxed))
 
 
 def _plays_V(head: Head, drive_V: np.ndarray, grid: Grid, settings: PlaySettings) -> np.ndarray:
@@ -103,7 +107,7 @@ def _plays_V(head: Head, drive_V: np.ndarray, grid: Grid, settings: PlaySettings
         threshold_growth_V=settings.threshold_growth_V,
         weight_growth=settings.weight_growth,
         skew=settings.skew,
-        follow=-np.expm1(-grid.half_s / settings.relaxation_s) if settings.relaxation_s else 1.0,
+        relaxation_points=settings.relaxation_s / grid.half_s,
     )
 
 

@@ -86,9 +86,9 @@ def play_sums_V(drive_V: np.ndarray, threshold_V: np.ndarray, weights: np.ndarra
 
 
 @njit(cache=True, fastmath=True)
-def _changing_lap(drive, rate, threshold, weight, growth, gain, skew, swing, follow, state, out, record):
+def _changing_lap(drive, rate, threshold, weight, growth, gain, skew, swing, follow, late, state, out, record):
     for k in range(drive.size):
-        u = drive[k]
+        u = drive[k] - late * (drive[k] - drive[k - 1] if k > 0 else 0.0)
         wider = growth * rate[k]
         lean = 1.0 + skew * u / swing
         y = 0.0
@@ -102,6 +102,17 @@ def _changing_lap(drive, rate, threshold, weight, growth, gain, skew, swing, fol
             out[k] = y * (1.0 + gain * rate[k])
 
 
+def following(time_points: float) -> tuple[float, float]:
+    """Share f of its way that x' = (u − x)/τ goes in one point, and by how much of a point's change u is to be late.
+
+    x += f(u − late·Δu − x) then lags a ramp by τ exactly: f = 1 − exp(−1/τ), late = 1 + τ − 1/f, τ in points.
+    """
+    if time_points <= 0:
+        return 1.0, 0.0
+    follow = -np.expm1(-1 / time_points)
+    return float(follow), float(1 + time_points - 1 / follow)
+
+
 def changing_play_sum_V(
     drive_V: np.ndarray,
     threshold_V: np.ndarray,
@@ -113,7 +124,7 @@ def changing_play_sum_V(
     weight_growth: float = 0.0,
     skew: float = 0.0,
     skew_swing_V: float = 100.0,
-    follow: float = 1.0,
+    relaxation_points: float = 0.0,
     laps: int = 3,
 ) -> np.ndarray:
     """Plays whose thresholds or weights follow the rate, whose envelopes are unequal, or which relax.
@@ -131,26 +142,16 @@ def changing_play_sum_V(
     skew, skew_swing_V : float
         Thresholds times 1 + skew·u/swing: envelopes (1 ∓ r·skew/swing)u ∓ r of unequal slope, a generalised play
         (Al Janaideh, Rakheja, Su: IEEE/ASME Trans. Mechatronics 16 (2011) 734).
-    follow : float
-        Share of its way that a play goes in one point: 1 − exp(−h/τ) for a play that relaxes with the time τ.
+    relaxation_points : float
+        Time within which a play goes to where it should be, in points; exact for a play that follows a ramp.
     laps : int
         Periods gone through before the recorded one.
     """
     drive = np.ascontiguousarray(drive_V, dtype=float)
     factor = np.zeros(drive.size) if rate is None else np.ascontiguousarray(rate, dtype=float)
     state, out = np.zeros(threshold_V.size), np.empty(drive.size)
-    arguments = (
-        drive,
-        factor,
-        threshold_V,
-        weight,
-        threshold_growth_V,
-        weight_growth,
-        skew,
-        skew_swing_V,
-        follow,
-        state,
-    )
+    changes = (threshold_growth_V, weight_growth, skew, skew_swing_V, *following(relaxation_points))
+    arguments = (drive, factor, threshold_V, weight, *changes, state)
     for _ in range(laps if periodic else 0):
         _changing_lap(*arguments, out, False)
     _changing_lap(*arguments, out, True)

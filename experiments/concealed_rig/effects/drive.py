@@ -26,7 +26,10 @@ def low_passed(signal: np.ndarray, bandwidth_Hz: float, second: bool, interval_s
 
 @dataclass(frozen=True)
 class AmplifierBandwidth(Effect):
-    """The amplifier is a low-pass; its strength is f₀ over its bandwidth."""
+    """The amplifier is a low-pass; its strength is f₀ over its bandwidth.
+
+    Source: see `low_passed`.
+    """
 
     id = "amplifier_bandwidth"
     stage = "drive"
@@ -55,22 +58,39 @@ class AmplifierBandwidth(Effect):
 
 
 @njit(cache=True)
-def _slewed(u, most, soft, v, out):
+def _slewed(u, most, v, out):
     for k in range(u.size):
-        way = u[k] - v
-        if soft:
-            v += way / np.sqrt(np.sqrt(1.0 + (way / most) ** 4))
-        else:
-            v += max(-most, min(most, way))
+        v += max(-most, min(most, u[k] - v))
+        out[k] = v
+    return v
+
+
+@njit(cache=True)
+def _slewed_softly(u, most, linear, v, out):
+    """v' = S tanh((u − v)/linear) by Runge–Kutta, with `most` = S times the interval, in steps that follow it."""
+    pieces = int(2.0 * most / linear) + 1
+    s = most / pieces
+    for k in range(u.size):
+        rise = (u[k] - u[k - 1]) / pieces if k > 0 else 0.0
+        for i in range(pieces if k > 0 else 0):
+            a = u[k - 1] + i * rise
+            k1 = s * np.tanh((a - v) / linear)
+            k2 = s * np.tanh((a + 0.5 * rise - v - 0.5 * k1) / linear)
+            k3 = s * np.tanh((a + 0.5 * rise - v - 0.5 * k2) / linear)
+            k4 = s * np.tanh((a + rise - v - k3) / linear)
+            v += (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
         out[k] = v
     return v
 
 
 @dataclass(frozen=True)
 class SlewLimit(Effect):
-    """|dU/dt| ≤ S, hard or with a soft knee; its strength is the steepest edge over S.
+    """|dU/dt| ≤ S; its strength is the steepest edge over S.
 
-    Source: P. Horowitz, W. Hill, The Art of Electronics (2015): slew rate.
+    Variants: "hard"; "soft", dU/dt = S·tanh(error/range), an input stage of finite linear range.
+
+    Source: J. E. Solomon, IEEE J. Solid-State Circuits 9 (1974) 314 (slewing and the input stage's range);
+    P. Horowitz, W. Hill, The Art of Electronics (2015): slew rate.
     """
 
     id = "slew_limit"
@@ -80,11 +100,13 @@ class SlewLimit(Effect):
     strongest = 20.0
 
     steepest_V_per_s: float = field(default=1e8, kw_only=True)
+    linear_V: float = field(default=5.0, kw_only=True)
 
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "SlewLimit":
         """Hard or soft."""
-        return cls(variant=str(rng.choice(["hard", "soft"])), steepest_V_per_s=situation.steepest_V_per_s)
+        variant, steepest = str(rng.choice(["hard", "soft"])), situation.steepest_V_per_s
+        return cls(variant=variant, steepest_V_per_s=steepest, linear_V=float(rng.uniform(1.0, 4.0)))
 
     def on_drive(self, drive_V: np.ndarray, grid: Grid) -> np.ndarray:
         """Follow the drive no faster than S."""
@@ -93,20 +115,29 @@ class SlewLimit(Effect):
         most = self.steepest_V_per_s / self.strength * grid.half_s
         # Rounding in the drive's own differences must not be taken for an edge that is too steep.
         most *= 1 + 1e-9
-        out = np.empty(drive_V.size)
-        end = _slewed(drive_V, most, self.variant == "soft", float(drive_V[0]), out)
-        if grid.periodic:
-            _slewed(drive_V, most, self.variant == "soft", end, out)
+        out, v = np.empty(drive_V.size), float(drive_V[0])
+        if self.variant == "soft" and most > 100 * self.linear_V:
+            return drive_V  # it settles within a hundredth of the interval
+        for _ in range(2 if grid.periodic else 1):
+            v = (
+                _slewed_softly(drive_V, most, self.linear_V, v, out)
+                if self.variant == "soft"
+                else (_slewed(drive_V, most, v, out))
+            )
         return out
 
     def parameters(self) -> dict[str, Any]:
         """The limit."""
-        return {"slew_rate_V_per_s": self.steepest_V_per_s / self.strength}
+        named = {"slew_rate_V_per_s": self.steepest_V_per_s / self.strength}
+        return {**named, "linear_V": self.linear_V} if self.variant == "soft" else named
 
 
 @dataclass(frozen=True)
 class TriggerDelay(Effect):
-    """The drive is late; its strength is the delay in periods of the resonance."""
+    """The drive is late; its strength is the delay in periods of the resonance.
+
+    Source: A. V. Oppenheim, A. S. Willsky, Signals and Systems (1997), chapter 1 (time shift).
+    """
 
     id = "trigger_delay"
     stage = "drive"

@@ -9,35 +9,37 @@ from numba import njit
 from experiments.concealed_rig.effects.effect import Effect, PlaySettings, Situation
 from experiments.concealed_rig.grid import Grid
 from experiments.concealed_rig.linear import relaxations
+from experiments.concealed_rig.play import following
 
 GROWING_V = 20.0  # growth of the thresholds a decade of rate at strength 1
 
 
 @njit(cache=True)
-def _creep_lap(h, share, threshold, y, out):
+def _creep_lap(h, share, late, threshold, y, out):
     for k in range(h.size):
         if k > 0:
-            y += share * (max(h[k] - threshold, min(h[k] + threshold, y)) - y)
+            at = h[k] - late * (h[k] - h[k - 1])
+            y += share * (max(at - threshold, min(at + threshold, y)) - y)
         out[k] = y
     return y
 
 
 @njit(cache=True)
-def _creep_operator(h, share, threshold, periodic, out):
+def _creep_operator(h, share, late, threshold, periodic, out):
     start = 0.0
     if periodic:
         # The state after a lap is a monotone, contracting function of the state before: its fixed point by secants.
-        low, gap = start, _creep_lap(h, share, threshold, start, out) - start
+        low, gap = start, _creep_lap(h, share, late, threshold, start, out) - start
         at = low + gap
         for _ in range(60):
-            further = _creep_lap(h, share, threshold, at, out) - at
+            further = _creep_lap(h, share, late, threshold, at, out) - at
             if abs(further) <= 1e-12 * (1.0 + abs(at)) or further == gap:
                 break
             slope = (further - gap) / (at - low)
             low, gap = at, further
             at -= further / slope
         start = at
-    _creep_lap(h, share, threshold, start, out)
+    _creep_lap(h, share, late, threshold, start, out)
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class Creep(Effect):
         total = np.zeros(hysteretic_V.size)
         for time, weight, threshold in zip(times, weights, self.thresholds_V, strict=True):
             out = np.zeros(hysteretic_V.size)
-            _creep_operator(hysteretic_V, -np.expm1(-grid.half_s / time), threshold, grid.periodic, out)
+            _creep_operator(hysteretic_V, *following(time / grid.half_s), threshold, grid.periodic, out)
             total += weight * out
         return hysteretic_V + self.strength * total
 

@@ -76,7 +76,10 @@ class Feedthrough(Effect):
 
 @dataclass(frozen=True)
 class SensorBandwidth(Effect):
-    """The sensing amplifier is a low-pass; its strength is f₀ over its bandwidth."""
+    """The sensing amplifier is a low-pass; its strength is f₀ over its bandwidth.
+
+    Source: see `drive.low_passed`.
+    """
 
     id = "sensor_bandwidth"
     stage = "sensing"
@@ -97,7 +100,10 @@ class SensorBandwidth(Effect):
         if not self.strength or measurement.channel == "strain_gauge":
             return signal
         bandwidth = self.resonance_Hz / self.strength
-        return low_passed(signal, bandwidth, self.variant == "second_order", grid.step_s, grid.periodic)
+        # Straight lines between the steps are a low-pass of 1 − (ω·step)²/12; a second difference makes up for it.
+        ends = (signal[-2], signal[1]) if grid.periodic else (signal[0], signal[-1])
+        bend = np.diff(np.concatenate((ends[:1], signal, ends[1:])), 2)
+        return low_passed(signal - bend / 12, bandwidth, self.variant == "second_order", grid.step_s, grid.periodic)
 
     def parameters(self) -> dict[str, Any]:
         """Bandwidth (−3 dB of first order; natural frequency of second order)."""

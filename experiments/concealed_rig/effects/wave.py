@@ -98,12 +98,13 @@ class SecondMode(Effect):
 
 
 @njit(cache=True)
-def _characteristics(source, delay1, delay2, r1, r2, keep, laps, out):
+def _characteristics(source, delay1, delay2, r1, r2, keep, mean, laps, out):
     """Waves n towards the nozzle and m towards the refill at the actuator; what returns of both."""
     points = source.size - (1 if laps > 1 else 0)
     n, m = np.zeros(source.size), np.zeros(source.size)
     before_n, before_m = np.zeros(source.size), np.zeros(source.size)
     low_n, low_m = 0.0, 0.0
+    last_n, last_m = 0.0, 0.0
     for lap in range(laps):
         change = 0.0
         largest = 0.0
@@ -128,8 +129,10 @@ def _characteristics(source, delay1, delay2, r1, r2, keep, laps, out):
                     from_n = value
                 else:
                     from_m = value
-            low_n = keep * low_n + (1.0 - keep) * r1 * from_n
-            low_m = keep * low_m + (1.0 - keep) * r2 * from_m
+            # First order, exact for lines between steps.
+            low_n = keep * low_n + r1 * ((mean - keep) * last_n + (1.0 - mean) * from_n)
+            low_m = keep * low_m + r2 * ((mean - keep) * last_m + (1.0 - mean) * from_m)
+            last_n, last_m = from_n, from_m
             n[k], m[k] = source[k] + low_m, source[k] + low_n
             echo = low_n + low_m
             change = max(change, abs(echo - out[k]))
@@ -181,9 +184,10 @@ def channel_echo(
         raise ValueError(f"The waves must travel for a step, {step_s} s, at least; got {nozzle_s} and {refill_s} s.")
     out = np.zeros(source.size)
     keep = np.exp(-step_s / loss_s) if loss_s else 0.0
+    mean = (1 - keep) * loss_s / step_s
     half = np.ascontiguousarray(source) / 2
     ends = (nozzle_s / step_s, refill_s / step_s, nozzle_reflection, refill_reflection)
-    _characteristics(half, *ends, keep, 60 if periodic else 1, out)
+    _characteristics(half, *ends, keep, mean, 60 if periodic else 1, out)
     return out
 
 
