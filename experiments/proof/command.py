@@ -93,15 +93,17 @@ def _proved(
     report: Path,
 ) -> int:
     """Do the proof, write and print what it came to; the exit status."""
-    from experiments.proof.cluster import workers_of
+    from experiments.proof import cluster
     from experiments.proof.judging import judge_case, questions
     from experiments.proof.page import write_page
     from experiments.proof.run import Steps, answer_case, conceal_case, prove
     from experiments.proof.score import print_score, score
+    from experiments.proof.sealing import open_folder
     from inkjet_env.storage import json_text, write_atomically, write_json
 
     steps = Steps(conceal_case, answer_case, judge_case)
-    with workers_of(scheduler, workers) as client:
+    open_folder(out, settings)  # what cannot go on is refused before any process is started
+    with cluster.workers_of(scheduler, workers) as client:
         outcome = prove(settings, out, client, steps, lambda draws: questions(draws, *asked))
     found = score(outcome)
     write_atomically(out / "score.json", json_text(found))

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 WIDTH = 5.4
 RIGHT, WRONG, ABSTAINED = "#1b5e8c", "#b3541e", "#777777"
+LEAST_SHADE, LEAST_WRONG = 0.2, 0.55
+"""Of a cell that holds one head among many; a wrong one shows."""
 NOTHING_AT = 0.03
 """Where a strength of 0 stands on the logarithmic axis."""
 
@@ -39,7 +41,7 @@ def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.set(xscale="log", ylim=(-3, 103))
     axes.set_xticks(at, ["nothing\nconcealed" if x == NOTHING_AT else f"{x:.2g}" for x in at])
     axes.minorticks_off()
-    axes.set_xlabel("strength ρ: RMS of the mismatch over the noise, base parameters projected out")
+    axes.set_xlabel("strength ρ")
     axes.set_ylabel("share of heads (%)")
     axes.legend(frameon=False, loc="upper left")
     return figure
@@ -57,13 +59,17 @@ def confusion_figure(table: Mapping[str, Mapping[str, int]]) -> Figure:
             if share[i, j]:
                 colour = _colour(row, column)
                 base = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-                image[i, j] = 1 - (0.15 + 0.85 * share[i, j]) * (1 - base)
-                dark = share[i, j] > 0.45
+                least = LEAST_WRONG if colour == WRONG else LEAST_SHADE
+                depth = least + (1 - least) * share[i, j]
+                image[i, j] = 1 - depth * (1 - base)
+                dark = depth > 0.5
                 axes.text(
                     j, i, str(table[row][column]), ha="center", va="center", fontsize=7, color="w" if dark else "k"
                 )
     axes.imshow(image, aspect="auto", interpolation="nearest")
-    axes.set_xticks(range(len(columns)), [_words(c) for c in columns], rotation=60, ha="left", fontsize=7.5)
+    axes.set_xticks(
+        range(len(columns)), [_words(c) for c in columns], rotation=60, ha="left", rotation_mode="anchor", fontsize=7.5
+    )
     axes.set_yticks(range(len(rows)), [_words(r) for r in rows], fontsize=7.5)
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
@@ -110,7 +116,7 @@ def closures_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.axvline(0.9, color="#444444", lw=0.8, ls="--")
     axes.set_yticks(range(len(names)), [_words(name) for name in names], fontsize=7.5)
     axes.set(ylim=(len(names) - 0.5, -0.5), xlim=(-0.52, 1.02))
-    axes.set_xlabel("closure on drives nobody saw (1: nothing left; −0.5: or less); dashed: 0.9")
+    axes.set_xlabel("closure on drives nobody saw")
     if rows:
         axes.legend(frameon=False, fontsize=8, loc="upper left")
     return figure

@@ -38,12 +38,17 @@ def page_html(found: Mapping[str, Any]) -> str:
         sentences=sentences(found),
         shown=[figure for figure in found["figures"] if figure["of"]],
         curve=svg_text(figures.curve_figure(found["curve"])) if len(found["curve"]) > 1 else None,
-        confusion=svg_text(figures.confusion_figure(found["confusion"])),
+        confusion=svg_text(figures.confusion_figure(found["confusion"])) if any_heads(found) else None,
         closures=svg_text(figures.closures_figure(found["closures"])) if found["closures"] else None,
         worth=svg_text(figures.worth_figure(heads)) if heads else None,
         parameters=parameter_rows(found),
         hours=found["cpu_seconds"]["sum"] / 3600,
     )
+
+
+def any_heads(found: Mapping[str, Any]) -> bool:
+    """Whether the confusion matrix has any."""
+    return any(count for row in found["confusion"].values() for count in row.values())
 
 
 def headline(found: Mapping[str, Any]) -> str:

@@ -247,7 +247,10 @@ def _won_back(heads: Sequence[Mapping[str, Any]]) -> float:
 
 
 def peers(cases: Sequence[Case]) -> dict[str, Any]:
-    """Median held-out RMS over the noise of each peer on the cases they were tried on, and what each said."""
+    """Median held-out RMS over the noise of each peer on the cases they were tried on, and what each said.
+
+    ``same``: how often the diagnosis, made once more beside them, said the same again.
+    """
     rows = [case["judged"]["baselines"] for case in cases if case["judged"].get("baselines")]
     names = list(rows[0]["over_noise"]) if rows else []
     errors = {
@@ -261,6 +264,7 @@ def peers(cases: Sequence[Case]) -> dict[str, Any]:
             counts[word] = counts.get(word, 0) + 1
     return {
         "cases": len(rows),
+        "same": sum(row["same"] for row in rows),
         "median_over_noise": {name: finite(float(np.median(values))) for name, values in errors.items()},
         "judged": judged,
     }

@@ -208,9 +208,8 @@ def check_answer(folder: Path, entry: Mapping[str, Any], manifest: Mapping[str, 
             raise ProofError(
                 f"the verdict on {name} names {one!r}, which is no id of the catalogue. Nothing is scored."
             )
-    inside = str(folder.resolve())
     for path in entry["run"]["seen"]:
-        if path == inside or path.startswith(inside + "/"):
+        if Path(path).is_relative_to(folder.resolve()):
             raise ProofError(
                 f"whoever diagnosed {name} opened {path}, which only the judge may see. Nothing is scored."
             )
