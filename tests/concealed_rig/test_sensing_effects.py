@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import TransferFunction, lsim
 
 from experiments.concealed_rig.effects.chance import BaselineDrift, MainsHum
-from experiments.concealed_rig.effects.outside import (
+from experiments.concealed_rig.effects.outside_sensing import (
     ClockJitter,
     CoarseQuantisation,
     GainWander,

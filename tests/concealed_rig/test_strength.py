@@ -74,6 +74,17 @@ def test_a_family_outside_is_as_strong_as_is_asked_even_with_few_recordings(name
     assert len(built.session.rows) == 8
 
 
+@pytest.mark.parametrize(
+    "name", ["slew_limit", "rate_dependent_hysteresis", "ferroelastic_softening", "wave_echo", "sensor_bandwidth"]
+)
+def test_the_steps_error_is_below_a_hundredth_of_the_mismatch(name):
+    built = build(Case(2, 44, "effect", (name,), "strong", meagre=True))
+    sigma = built.session.instruments.sigma["self_sensing"]
+    rows = built.session.rows
+    coarse, fine = ([noise_free(replace(built.plant, steps_per_period=n), r) for r in rows] for n in (160, 640))
+    assert rms([a - b for a, b in zip(coarse, fine, strict=True)]) / sigma < 0.01 * 2.0
+
+
 def test_effects_of_a_pair_are_each_as_strong_as_is_asked():
     built = build(Case(0, 42, "pair", ("creep", "mains_hum"), "medium"))
     assert built.alone == pytest.approx((0.5, 0.5), rel=0.05)

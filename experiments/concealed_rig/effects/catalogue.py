@@ -4,14 +4,16 @@ from experiments.concealed_rig.effects.chance import BaselineDrift, MainsHum
 from experiments.concealed_rig.effects.drive import AmplifierBandwidth, SlewLimit, TriggerDelay
 from experiments.concealed_rig.effects.effect import Effect
 from experiments.concealed_rig.effects.hysteresis import AsymmetricHysteresis, Creep, RateDependentHysteresis
-from experiments.concealed_rig.effects.outside import (
+from experiments.concealed_rig.effects.outside_motion import (
     Backlash,
     Cavitation,
-    ClockJitter,
-    CoarseQuantisation,
     CoulombFriction,
     ElectroSoftening,
     FractionalDamping,
+)
+from experiments.concealed_rig.effects.outside_sensing import (
+    ClockJitter,
+    CoarseQuantisation,
     GainWander,
     VoltageDependentGain,
 )
