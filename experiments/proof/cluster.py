@@ -44,7 +44,7 @@ def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     from distributed import Client, LocalCluster
 
     settings = {
-        "distributed.scheduler.allowed-failures": TRIES - 1,
+        "distributed.scheduler.allowed-failures": 0,  # `run_each` begins again, and counts
         "distributed.worker.daemon": False,
         "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,

@@ -10,7 +10,6 @@ import typer
 
 from experiments.arguments import check_outputs
 from experiments.options import JsonFile
-from experiments.progress import announce_compiling
 
 INTERRUPTED = 130
 FALLS_SHORT = 1
@@ -74,7 +73,6 @@ def prove(
         (3 if quick else 100) if reoptimise is None else reoptimise,
         (0 if quick else 60) if baselines is None else baselines,
     )
-    announce_compiling()
     try:
         status = _proved(settings, out, scheduler, workers, asked, json, report or out / REPORT)
     except KeyboardInterrupt:
@@ -96,8 +94,9 @@ def _proved(
     from experiments.proof import cluster
     from experiments.proof.judging import judge_case, questions
     from experiments.proof.page import write_page
+    from experiments.proof.printed import print_score
     from experiments.proof.run import Steps, answer_case, conceal_case, prove
-    from experiments.proof.score import print_score, score
+    from experiments.proof.score import score
     from experiments.proof.sealing import open_folder
     from inkjet_env.storage import json_text, write_atomically, write_json
 

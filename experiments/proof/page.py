@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.pictures import svg_text
 from experiments.proof import figures
-from experiments.proof.score import figure_text
+from experiments.proof.printed import figure_text
 from inkjet_env.storage import write_atomically
 
 MOST_WORTH_SHOWN = 100

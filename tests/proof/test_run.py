@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.proof import cluster
+from experiments.proof import cluster, judging, run
 from experiments.proof.campaign_files import ProofError
 
 SECONDS = 0.15
@@ -98,3 +98,25 @@ def test_a_scheduler_that_is_not_there_is_told_in_one_sentence(monkeypatch):
         cluster.workers_of("tcp://127.0.0.1:9", None),
     ):
         pass
+
+
+def test_a_worker_of_other_code_does_nothing():
+    for call in (
+        lambda: run.conceal_case({}, "head-0", "fake_rig", "0" * 64),
+        lambda: run.answer_case("head-0", b"", "", "0" * 64),
+        lambda: judging.judge_case({}, {}, b"", {}, "fake_rig", "0" * 64),
+    ):
+        with pytest.raises(ProofError, match="code"):
+            call()
+
+
+def test_a_case_that_kills_every_worker_is_told(fakes, monkeypatch):
+    import fake_steps
+
+    monkeypatch.setattr(cluster, "TRIES", 2)
+    jobs = {"case": lambda: ("case",)}
+    with (
+        cluster.workers_of(None, 1) as client,
+        pytest.raises(ProofError, match="case was begun 2 times and never ended"),
+    ):
+        cluster.run_each(client, fake_steps.deadly, jobs, print)

@@ -8,8 +8,9 @@ import pytest
 from experiments.proof.corpus import STAGES, corpus
 from experiments.proof.figures_of_merit import Figure, counted, estimated
 from experiments.proof.page import headline, page_html, sentences
+from experiments.proof.printed import print_score
 from experiments.proof.run import Outcome
-from experiments.proof.score import print_score, score, told
+from experiments.proof.score import score, told
 from inkjet_env.storage import json_text
 
 OUTSIDE, BASES = ("friction", "backlash"), ("bouc_wen",)

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import signal
 import time
 import zipfile
 from io import BytesIO
@@ -32,6 +33,11 @@ def answer(name, packed, sealed_digest, code):
 
 def judge(case, answer, packed, asked, rig, code):
     return {"said": [e["id"] for e in answer["verdict"]["effects"]], "truth": case["draw"]["effects"]}
+
+
+def deadly(name):
+    """Kills whoever works on it."""
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 STEPS = Steps(conceal_case, answer, judge)
