@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.identification.noise import NoiseModel, colour_of, noise_model, repeat_deviations
+from inkjet_env.identification.noise import NoiseModel, channel_noise, repeat_deviations
 from inkjet_env.printhead.naming import nearest_name
 from inkjet_env.recordings import Campaign, Recording
 
@@ -161,7 +161,8 @@ def noise_of(gathered: Sequence[Measurement]) -> dict[tuple[str, float], NoiseMo
     channel's noise at the nearest sampling step. Held-out recordings take part.
     """
     models: dict[tuple[str, float], NoiseModel] = {}
-    whitened: dict[str, list[Real]] = {}
+    seen: dict[str, dict[float, list[Real]]] = {}
+    sources: dict[str, dict[float, str]] = {}
     least = least_noise(gathered)
     for key in sorted({m.noise_key for m in gathered}):
         mine = [m for m in gathered if m.noise_key == key]
@@ -176,14 +177,11 @@ def noise_of(gathered: Sequence[Measurement]) -> dict[tuple[str, float], NoiseMo
             level = np.concatenate(resting).mean()
             repeated.extend(stretch - level for stretch in resting)
         if repeated:
-            models[key] = model = noise_model(repeated, source, least[key[0]])
-            if model.rms > least[key[0]]:
-                whitened.setdefault(key[0], []).extend(model.whitened(stretch[:, None])[:, 0] for stretch in repeated)
-    for channel, stretches in whitened.items():
-        colour = colour_of(stretches)
-        for key in models:
-            if key[0] == channel:
-                models[key] = replace(models[key], colour=colour)
+            seen.setdefault(key[0], {})[key[1]] = repeated
+            sources.setdefault(key[0], {})[key[1]] = source
+    for channel, stretches in seen.items():
+        found = channel_noise(stretches, sources[channel], least[channel])
+        models |= {(channel, step_s): model for step_s, model in found.items()}
     for channel, step_s in sorted({m.noise_key for m in gathered} - set(models)):
         known = [other for mine, other in models if mine == channel]
         if known:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 Real = NDArray[np.float64]
 
 LONGEST_FILTER = 24
+FILTER_LENGTHS = (LONGEST_FILTER, 6, 2, 0)
+COLOUR_ROUNDS = 20
+SAME_COLOUR = 0.02
 CORNERS = 40
 CORNER_MARGIN = 10.0
 """The lowest corner frequency considered lies so far below the lowest line."""
@@ -33,9 +36,10 @@ class NoiseModel:
     source : str
         Where it was seen, in words.
     colour : tuple of float
-        ``s0, s1, s2``: the power of the whitened noise is ``s0 + s1/ν + s2/ν²`` at ν cycles a sample; ``(1, 0, 0)``
-        where the autoregression says it all. 1/f noise is strongest at the lowest frequencies, which no short filter
-        sees and a slow loop depends on.
+        ``s0, s1, s2``: at ν cycles a sample the autoregression's power counts ``s0`` times, and 1/f noise and a random
+        walk of the power ``s1/ν + s2/ν²``, in units of the innovation's, are added; ``(1, 0, 0)`` where the
+        autoregression says it all. 1/f noise is strongest at the lowest frequencies, which no short filter sees and a
+        slow loop depends on.
     """
 
     coefficients: Real
@@ -66,20 +70,29 @@ class NoiseModel:
 
         The mean counts like the first line.
         """
-        return self._level(np.maximum(np.abs(np.fft.fftfreq(samples)), 1 / samples))
+        cycles = np.maximum(np.abs(np.fft.fftfreq(samples)), 1 / samples)
+        return self._level(cycles, self.passed(samples))
 
-    def _level(self, cycles_a_sample: Real) -> Real:
+    def passed(self, samples: int) -> Real:
+        """Power that the filter lets through at each line, of white noise as large as the innovation, (samples,)."""
+        padded = np.zeros(max(samples, self.coefficients.size))
+        padded[: self.coefficients.size] = self.coefficients
+        power: Real = np.abs(np.fft.fft(padded)[:samples]) ** 2
+        return power
+
+    def _level(self, cycles_a_sample: Real, passed: Real) -> Real:
         white, flicker, wander = self.colour
-        return white + flicker / cycles_a_sample + wander / cycles_a_sample**2
+        return white + passed * (flicker / cycles_a_sample + wander / cycles_a_sample**2)
 
     def spectrum(self, frequency_Hz: ArrayLike, step_s: float) -> Real:
         """One-sided power spectral density in unit² / Hz, at frequencies above 0, up to half the sampling rate."""
-        phase = np.exp(-2j * np.pi * step_s * np.outer(np.asarray(frequency_Hz), np.arange(self.coefficients.size)))
-        level = self._level(step_s * np.asarray(frequency_Hz))
-        return level * 2 * step_s * self.innovation**2 / np.abs(phase @ self.coefficients) ** 2
+        cycles = step_s * np.asarray(frequency_Hz, dtype=np.float64)
+        phase = np.exp(-2j * np.pi * np.outer(cycles, np.arange(self.coefficients.size)))
+        passed: Real = np.abs(phase @ self.coefficients) ** 2
+        return self._level(cycles, passed) * 2 * step_s * self.innovation**2 / passed
 
 
-def noise_model(samples: Sequence[Real], source: str, least: float) -> NoiseModel:
+def noise_model(samples: Sequence[Real], source: str, least: float, longest: int = LONGEST_FILTER) -> NoiseModel:
     """Autoregressive model of some stretches of noise, its order by the Bayesian information criterion.
 
     Yule–Walker from the pooled autocovariance (which keeps the model stable), by Levinson's recursion.
@@ -92,10 +105,12 @@ def noise_model(samples: Sequence[Real], source: str, least: float) -> NoiseMode
     source : str
     least : float
         Noise below this RMS is taken for white and this large: rounding of numbers, not noise.
+    longest : int
+        Order at most.
     """
     total = sum(stretch.size for stretch in samples)
     shortest = min(stretch.size for stretch in samples)
-    orders = min(LONGEST_FILTER, total // SAMPLES_A_COEFFICIENT, shortest // 20)
+    orders = min(longest, total // SAMPLES_A_COEFFICIENT, shortest // 20)
     covariance = np.array(
         [sum(float(s[lag:] @ s[: s.size - lag]) for s in samples) / total for lag in range(orders + 1)]
     )
@@ -114,8 +129,10 @@ def noise_model(samples: Sequence[Real], source: str, least: float) -> NoiseMode
     return NoiseModel(filters[best], float(np.sqrt(innovations[best])), float(np.sqrt(variance)), source)
 
 
-def colour_of(whitened: Sequence[Real], exponents: tuple[int, ...] = (1, 2)) -> tuple[float, float, float]:
-    """Power of whitened noise as ``s0 + s1/ν + s2/ν²``: white, 1/f and a random walk's.
+def colour_of(
+    whitened: Sequence[tuple[Real, NoiseModel]], exponents: tuple[int, ...] = (1, 2)
+) -> tuple[float, float, float]:
+    """Power of noise as ``s0`` times an autoregression's and ``s1/ν + s2/ν²``: 1/f and a random walk's.
 
     Corner frequencies of ``a (1 + ν_c/ν)`` and ``a (1 + (ν_c/ν)²)`` are weighed by Whittle's likelihood of the
     periodograms; the mean white level and the geometric means of the others count. A short record can hardly tell a
@@ -123,17 +140,18 @@ def colour_of(whitened: Sequence[Real], exponents: tuple[int, ...] = (1, 2)) -> 
 
     Parameters
     ----------
-    whitened : sequence of ndarray
-        Stretches of noise, whitened; of several sampling steps perhaps, for the same amplifier's 1/f noise in the same
-        white noise looks the same in cycles a sample.
+    whitened : sequence of (ndarray, NoiseModel)
+        Stretches of noise, whitened, and by what; of several sampling steps perhaps, for the same amplifier's 1/f noise
+        in the same white noise looks the same in cycles a sample.
     """
-    lines = np.concatenate([np.fft.rfftfreq(stretch.size)[1:] for stretch in whitened])
-    power = np.concatenate([np.abs(np.fft.rfft(stretch)[1:]) ** 2 / stretch.size for stretch in whitened])
+    lines = np.concatenate([np.fft.rfftfreq(stretch.size)[1:] for stretch, _ in whitened])
+    passed = np.concatenate([model.passed(stretch.size)[1 : stretch.size // 2 + 1] for stretch, model in whitened])
+    power = np.concatenate([np.abs(np.fft.rfft(stretch)[1:]) ** 2 / stretch.size for stretch, _ in whitened])
     corners = np.geomspace(lines.min() / CORNER_MARGIN, 0.5, CORNERS)
     likelihoods, levels = np.full((2, CORNERS), -np.inf), np.ones((2, CORNERS))
     for i, exponent in ((exponent - 1, exponent) for exponent in exponents):
         for j, corner in enumerate(corners):
-            shape = 1 + (corner / lines) ** exponent
+            shape = 1 + passed * (corner / lines) ** exponent
             levels[i, j] = level = float(np.mean(power / shape))
             likelihoods[i, j] = -float(np.sum(np.log(level * shape)))
     weights = np.exp(likelihoods - likelihoods.max())
@@ -143,6 +161,81 @@ def colour_of(whitened: Sequence[Real], exponents: tuple[int, ...] = (1, 2)) -> 
     strength = np.log(levels * corners ** np.array([[1], [2]]))
     flicker, wander = share * np.exp(np.sum(weights * strength, axis=1) / np.maximum(share, 1e-300))
     return white, float(flicker), float(wander)
+
+
+def channel_noise(
+    stretches: Mapping[float, Sequence[Real]],
+    sources: Mapping[float, str],
+    least: float,
+    exponents: tuple[int, ...] = (1, 2),
+) -> dict[float, NoiseModel]:
+    """Noise models of one channel by sampling step: an autoregression for each, one colour for all.
+
+    An autoregression long enough passes for 1/f noise but at its lowest lines, which are what a slow loop depends on.
+    So filters of several lengths are fitted in turn with the colour, each to what the other is expected to leave
+    (Dempster, Laird & Rubin 1977). The pair with the best of Whittle's likelihood, less what so many coefficients gain
+    by chance, is taken.
+
+    Parameters
+    ----------
+    stretches : mapping of float to sequence of ndarray
+        Stretches of noise around zero by sampling step, as `noise_model` wants them.
+    sources : mapping of float to str
+    least : float
+    exponents : tuple of int
+        Of `colour_of`.
+    """
+    best, best_score = {}, -np.inf
+    for longest in FILTER_LENGTHS:
+        models: dict[float, NoiseModel] = {}
+        colour = (1.0, 0.0, 0.0)
+        for _ in range(COLOUR_ROUNDS):
+            models = {
+                step: noise_model([_without_colour(s, models.get(step)) for s in mine], sources[step], least, longest)
+                for step, mine in stretches.items()
+            }
+            loud = {step: model for step, model in models.items() if model.rms > least}
+            if not loud:
+                return models
+            before = colour
+            colour = colour_of(
+                [(m.whitened(s[:, None])[:, 0], m) for step, m in loud.items() for s in stretches[step]], exponents
+            )
+            models |= {step: replace(model, colour=colour) for step, model in loud.items()}
+            if np.allclose(colour, before, rtol=SAME_COLOUR, atol=0):
+                break
+        rms = {step: float(np.sqrt(np.mean(np.concatenate(stretches[step]) ** 2))) for step in loud}
+        models |= {step: replace(models[step], rms=rms[step]) for step in loud}
+        score = sum(_whittle(models[step], stretches[step]) for step in loud)
+        if score > best_score:
+            best, best_score = models, score
+        if all(model.lost == 0 for model in loud.values()):
+            break  # shorter is the same
+    return best
+
+
+def _without_colour(stretch: Real, model: NoiseModel | None) -> Real:
+    """A stretch with the power at each line that is expected of the autoregression's share alone."""
+    if model is None or model.colour == (1.0, 0.0, 0.0):
+        return stretch
+    lines = np.fft.rfft(stretch)
+    passed, level = (table[: lines.size] for table in (model.passed(stretch.size), model.levels(stretch.size)))
+    own, share = model.colour[0] * model.innovation**2 / passed, model.colour[0] / level
+    power = np.maximum(np.abs(lines) ** 2 / stretch.size, 1e-300)
+    expected = share**2 * power + (1 - share) * own
+    rest: Real = np.fft.irfft(lines * np.sqrt(expected / power), stretch.size)
+    return rest
+
+
+def _whittle(model: NoiseModel, stretches: Sequence[Real]) -> float:
+    """Log-likelihood of a model by the periodograms, less half a logarithm of the samples for each coefficient."""
+    total = -0.5 * model.lost * np.log(sum(stretch.size for stretch in stretches))
+    for stretch in stretches:
+        lines = slice(1, stretch.size // 2 + 1)
+        density = model.innovation**2 * model.levels(stretch.size)[lines] / model.passed(stretch.size)[lines]
+        power = np.abs(np.fft.rfft(stretch)[1:]) ** 2 / stretch.size
+        total -= float(np.sum(np.log(density) + power / density))
+    return float(total)
 
 
 def repeat_deviations(repeats: Sequence[Real]) -> list[Real]:

@@ -200,9 +200,7 @@ class _Work:
             otherwise = {}
         channels = {o.channel for o in observed}
         for channel in channels - set(offsets):
-            offsets[channel] = 0.0
-            if channel != "drive_monitor":
-                gains[channel] = 1.0
+            offsets[channel], gains[channel] = 0.0, 1.0
         coefficients = (0.0,) * max(0, DEGREE + 1 - len(printhead.coefficients)) + printhead.coefficients
         head = Head(replace(printhead, coefficients=coefficients), gains, offsets)
         coarsest_s = max((o.shot.step_s for o in observed if o.shot.fast), default=0.0)
@@ -350,7 +348,7 @@ class _Work:
         self.progress("where it is")
         location = locate(bare.observed, bare.noise, bare.base, bare.basis[0])
         self.took("location")
-        units = {o.channel: o.unit for o in joint.observed}
+        units = {o.channel: o.unit for o in joint.observed if o.channel != "drive_monitor"}
         named = [
             *(
                 Named(
@@ -378,13 +376,13 @@ class _Work:
         following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
         head = chosen.fit.head
+        gains, offsets = ({c: v for c, v in of.items() if c in units} for of in (head.gains, head.offsets))
         told = all(joint.noise.known(o) for o in joint.seen)
         said = headline(verdict, named, groups, closure, share, closest(base, selection), location, told)
         return Diagnosis(
             self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),
-            location, traces, closure, share, listed, untestable, following, correction, head.printhead, head.gains,
-            {c: o for c, o in head.offsets.items() if c != "drive_monitor"}, joint.base.head.printhead,
-            dynamics(base if verdict == "unknown" else chosen), tuple(self.notes),
+            location, traces, closure, share, listed, untestable, following, correction, head.printhead, gains, offsets,
+            joint.base.head.printhead, dynamics(base if verdict == "unknown" else chosen), tuple(self.notes),
             time.perf_counter() - self.started, self.stages,
         )  # fmt: skip
 

@@ -28,7 +28,7 @@ class Head:
     ----------
     printhead : Printhead
     gains, offsets : dict of str to float
-        By channel, in its unit.
+        By channel, in its unit; of the drive monitor too, for a probe is as exact as its calibration.
     """
 
     printhead: Printhead
@@ -86,6 +86,7 @@ class Head:
         columns = np.zeros((shot.samples, self.size))
         columns[:, d + 2 + len(self.free_gains) + list(self.offsets).index(shot.channel)] = 1.0
         if shot.channel == "drive_monitor":
+            columns[:, d + 2 + self.free_gains.index(shot.channel)] = plant.gain(shot.channel) * shot.drive_V
             return columns
         drive_V = shot.drive_at_nodes_V
         gain = plant.gain(shot.channel)
@@ -125,7 +126,8 @@ def in_convention(head: Head) -> Head:
     if not (math.isfinite(factor) and factor > 0):
         return head
     scaled = replace(law, coefficients=tuple(factor * c for c in law.coefficients), b1=law.b1 / factor)
-    return Head(scaled, {c: g / factor for c, g in head.gains.items()}, head.offsets)
+    gains = {c: g if c == "drive_monitor" else g / factor for c, g in head.gains.items()}
+    return Head(scaled, gains, head.offsets)
 
 
 def gains_and_offsets(observed: Sequence[Observed], printhead: Printhead) -> tuple[dict[str, float], dict[str, float]]:

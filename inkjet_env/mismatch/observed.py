@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.measurements import least_noise, measurements
-from inkjet_env.identification.noise import NoiseModel, colour_of, noise_model, repeat_deviations
+from inkjet_env.identification.noise import NoiseModel, channel_noise, repeat_deviations
 from inkjet_env.plant import Shot
 from inkjet_env.recordings import Campaign
 
@@ -172,7 +172,8 @@ def noise_seen(
     samples: dict[tuple[str, float], int] = {}
     notes: list[str] = []
     least = _least(observed)
-    whitened: dict[str, list[Real]] = {}
+    seen: dict[str, dict[float, list[Real]]] = {}
+    sources: dict[str, dict[float, str]] = {}
     for key in sorted({o.noise_key for o in observed}):
         mine = [o for o in observed if o.noise_key == key]
         resting = [left[o.name] for o in mine if o.still]
@@ -200,17 +201,16 @@ def noise_seen(
             source = ["what comes before the drive"]
         stretches = resting + repeated
         if stretches:
-            models[key] = model = noise_model(stretches, " and ".join(source), least[key[0]])
+            seen.setdefault(key[0], {})[key[1]] = stretches
+            sources.setdefault(key[0], {})[key[1]] = " and ".join(source)
             samples[key] = sum(stretch.size for stretch in stretches)
-            if model.rms > least[key[0]]:
-                white = [model.whitened(stretch[:, None])[:, 0] for stretch in stretches]
-                whitened.setdefault(key[0], []).extend(white)
-    for channel, stretches in whitened.items():
-        colour = colour_of(stretches, exponents=(1,))  # what wanders is for the diagnosis to find
-        for key in models:
-            longest = max(o.shot.samples for o in observed if o.channel == channel)
-            if key[0] == channel and colour[1] * longest > SLIGHT * colour[0]:
-                models[key] = replace(models[key], colour=colour)
+    for channel, by_step in seen.items():
+        # what wanders more than 1/f is for the diagnosis to find
+        found = channel_noise(by_step, sources[channel], least[channel], exponents=(1,))
+        longest = max(o.shot.samples for o in observed if o.channel == channel)
+        for step_s, model in found.items():
+            slight = model.colour[1] * longest < SLIGHT * model.colour[0]
+            models[channel, step_s] = replace(model, colour=(1.0, 0.0, 0.0)) if slight else model
     for key in {o.noise_key for o in observed} - set(models):
         known = [other for channel, other in models if channel == key[0] and samples[channel, other]]
         if known:

@@ -40,7 +40,7 @@ class Plant:
         return [(effect, values) for effect, values in self.effects if effect.stage == stage]
 
     def gain(self, channel: str) -> float:
-        """Unit of the channel per hysteretic volt (self-sensing: of its derivative, ``b1``)."""
+        """Unit of the channel per hysteretic volt (self-sensing: of its derivative, ``b1``; monitor: per volt)."""
         if channel == "self_sensing":
             return self.printhead.b1
         return self.gains.get(channel, 1.0)
@@ -55,7 +55,7 @@ class Plant:
         """
         drive_V = self.at_ceramic_V(shot)
         if shot.channel == "drive_monitor":
-            return shot.sampled(drive_V) + self.offsets.get(shot.channel, 0.0)
+            return self.gain(shot.channel) * shot.sampled(drive_V) + self.offsets.get(shot.channel, 0.0)
         signal = self.gain(shot.channel) * self.motion(drive_V, shot) + self.offsets.get(shot.channel, 0.0)
         for effect, values in self.of("sensing"):
             signal = effect.sensing(values, signal, drive_V, self.printhead, shot)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.identification.measurements import least_noise, measurements, noise_of
-from inkjet_env.identification.noise import NoiseModel, noise_model, repeat_deviations
+from inkjet_env.identification.noise import NoiseModel, channel_noise, noise_model, repeat_deviations
 from inkjet_env.recordings import Campaign, Recording
 
 AR2 = np.array([1.0, -1.4, 0.6])
@@ -57,6 +57,45 @@ def test_whitened_noise_is_white_with_unit_variance(coloured):
 def test_an_autoregression_from_many_short_stretches_is_that_of_a_long_one(coloured):
     model = noise_model(list(coloured.reshape(100, 400)), "a test", 0.0)
     np.testing.assert_allclose(model.coefficients, AR2, atol=0.03)
+
+
+def flicker(rng, samples):
+    """1/f noise, a stretch of a record eight times as long; its power at ν cycles a sample is 1/ν."""
+    long = 8 * samples
+    lines = np.sqrt(0.5 * long / np.arange(1, long // 2 + 1) * long) * (
+        rng.standard_normal(long // 2) + 1j * rng.standard_normal(long // 2)
+    )
+    return np.fft.irfft(np.append(0, lines), long)[:samples]
+
+
+@pytest.mark.parametrize("coefficients", [[1.0], [1.0, 0.8, 0.25], [1.0, -0.5]])
+def test_an_autoregression_and_1_over_f_noise_are_told_apart_down_to_the_lowest_lines(coefficients):
+    """Three stretches tell it; on thirty others each line of the whitened noise has the same power."""
+    rng = np.random.default_rng(1)
+    strength = 0.02
+
+    def stretch():
+        return autoregression(rng, coefficients, 1.0, 2000) + np.sqrt(strength) * flicker(rng, 2000)
+
+    (model,) = channel_noise({1.0: [stretch() for _ in range(3)]}, {1.0: "a test"}, 1e-9).values()
+    assert model.lost == len(coefficients) - 1
+    assert model.colour[1] * model.innovation**2 == pytest.approx(strength, rel=0.6)
+    power = np.zeros(1001)
+    for _ in range(30):
+        white = model.whitened(stretch()[:, None])[:, 0]
+        lines = np.abs(np.fft.rfft(white, 2000)) ** 2 / white.size
+        power += lines / model.levels(2000)[:1001] / 30
+    for band in (slice(1, 5), slice(5, 20), slice(20, 100), slice(100, 1000)):
+        assert 0.6 < power[band].mean() < 1.6
+    assert power[100:].mean() == pytest.approx(1.0, rel=0.05)
+
+
+def test_white_noise_and_an_autoregression_alone_have_hardly_any_colour(coloured):
+    for stretches in ([np.random.default_rng(2).standard_normal(4000)], [coloured[:20_000]]):
+        (model,) = channel_noise({1.0: stretches}, {1.0: "a test"}, 1e-9).values()
+        level = model.levels(stretches[0].size)
+        assert level[4:-4].max() < 1.3
+        assert level[100:-100] == pytest.approx(1.0, abs=0.05)
 
 
 def test_whitening_leaves_nothing_of_columns_shorter_than_the_filter():

@@ -137,6 +137,14 @@ def test_the_voltage_at_the_head_tells_the_amplifiers_apart(name, diagnosed):
     assert all("monitor" not in trace.name for trace in found.traces)
 
 
+def test_a_probe_that_is_half_a_per_cent_off_is_no_mismatch(recorded, head, effects):
+    plain = recorded(monitored=True, seed=7)
+    off = [replace(r, drive_monitor_V=1.005 * r.drive_monitor_V + 0.3) for r in plain.recordings]
+    looked_for = [effects[name] for name in LOOKED_FOR]
+    found = diagnose(replace(plain, recordings=tuple(off)), head, looked_for, 0, workers=1)
+    assert (found.verdict, ids(found)) == ("none", [])
+
+
 def test_what_no_effect_explains_is_unknown_and_still_located(diagnosed):
     found = diagnosed("wave_echo", looked_for=("feedthrough", "quadratic_damping", "cubic_stiffness"))
     assert (found.verdict, ids(found), found.candidates) == ("unknown", [], ())

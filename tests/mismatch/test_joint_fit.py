@@ -23,7 +23,7 @@ def plain(recorded, fitted):
 
 @pytest.fixture
 def four_channels(head):
-    gains = {"strain_gauge": 0.02, "self_sensing": head.b1, "displacement": 3e-3}
+    gains = {"strain_gauge": 0.02, "self_sensing": head.b1, "displacement": 3e-3, "drive_monitor": 1.01}
     return Head(head, gains, {"strain_gauge": 0.05, "self_sensing": -0.1, "displacement": 0.3, "drive_monitor": 0.0})
 
 
@@ -49,7 +49,7 @@ def test_sensitivities_are_derivatives_of_the_plants_signal(channel, state, four
 
 def test_one_gain_is_held_because_the_law_carries_its_scale(four_channels):
     assert four_channels.reference == "strain_gauge"
-    assert four_channels.free_gains == ("self_sensing", "displacement")
+    assert four_channels.free_gains == ("self_sensing", "displacement", "drive_monitor")
     still = four_channels.moved(np.zeros(four_channels.size))
     assert still.gains == four_channels.gains
     assert still.offsets == four_channels.offsets
