@@ -126,6 +126,7 @@ def table(cases: Sequence[Case]) -> list[Figure]:
         counted("confidently wrong, faint", [wrong(c) for c in faint]),
         counted("another law of hysteresis: something named", [wrong(c) for c in base]),
         counted("meagre campaigns: false alarms", [alarm(c) for c in meagre if c["draw"]["family"] == "null"]),
+        counted("meagre campaigns: right name or right set", [right(c) for c in of(cases, "effect", meagre=True)]),
         counted("meagre campaigns: confidently wrong", [wrong(c) for c in hidden_meagre]),
         counted("refused or broken down", [c["answer"]["verdict"] is None for c in cases]),
         estimated("share of the oracle's gain won back", worth(cases)["heads"], _won_back, kind="share"),
