@@ -72,6 +72,9 @@ def _slewed_softly(u, most, linear, v, out):
     s = most / pieces
     for k in range(u.size):
         rise = (u[k] - u[k - 1]) / pieces if k > 0 else 0.0
+        if rise == 0.0 and abs(u[k] - v) < 1e-10:
+            out[k] = v
+            continue
         for i in range(pieces if k > 0 else 0):
             a = u[k - 1] + i * rise
             k1 = s * np.tanh((a - v) / linear)
