@@ -24,7 +24,7 @@ from experiments.concealed_rig.writing import write_campaign
 
 
 @dataclass(frozen=True)
-class Session:
+class Setup:
     """What is the same whatever is concealed: plan, noise, and the base plant's signals.
 
     Parameters
@@ -81,23 +81,23 @@ def rms(rows: list[np.ndarray]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(rows) ** 2)))
 
 
-def _session(case: Case, head: Head) -> Session:
+def _setup(case: Case, head: Head) -> Setup:
     rng = case.generator("instruments")
     neighbour = bool(rng.random() < 0.5) or "crosstalk" in case.effects
     plan = case.generator("plan")
     rows = measuring_plan(head, plan, meagre=case.meagre, neighbour=neighbour, displacement=case.displacement)
     base = [trace(Plant(head), row) for row in rows]
     instruments = drawn_instruments(rows, [t.signal for t in base], rng)
-    return Session(case, rows, base, instruments, base_tangent(head, rows, instruments.sigma))
+    return Setup(case, rows, base, instruments, base_tangent(head, rows, instruments.sigma))
 
 
-def _situation(session: Session, head: Head) -> Situation:
-    fast = [(row, t) for row, t in zip(session.rows, session.base, strict=True) if row.channel == "self_sensing"]
+def _situation(setup: Setup, head: Head) -> Situation:
+    fast = [(row, t) for row, t in zip(setup.rows, setup.base, strict=True) if row.channel == "self_sensing"]
     return Situation(
         head=head,
-        last_order=len(session.rows),
-        meagre=session.case.meagre,
-        sigma=session.instruments.sigma,
+        last_order=len(setup.rows),
+        meagre=setup.case.meagre,
+        sigma=setup.instruments.sigma,
         largest_V=max(float(np.max(np.abs(t.signal))) for _, t in fast),
         largest_deflection_V=max(t.largest_deflection_V for _, t in fast),
         largest_speed_V=max(t.largest_speed_V for _, t in fast),
@@ -105,26 +105,26 @@ def _situation(session: Session, head: Head) -> Situation:
     )
 
 
-def _planted(session: Session, head: Head, effect: Effect, rho: float) -> Effect:
+def _planted(setup: Setup, head: Head, effect: Effect, rho: float) -> Effect:
     kind = type(effect)
 
     def rho_of(strength: float) -> float:
-        return rms(session.mismatches(Plant(head, (replace(effect, strength=strength),))))
+        return rms(setup.mismatches(Plant(head, (replace(effect, strength=strength),))))
 
     name = f"{kind.id} ({effect.variant})"
     strength = solved_strength(rho_of, rho, kind.start, kind.weakest, kind.strongest, name)
     return replace(effect, strength=strength)
 
 
-def _other_law(session: Session, head: Head, name: str, rng: np.random.Generator) -> Hysteresis:
+def _other_law(setup: Setup, head: Head, name: str, rng: np.random.Generator) -> Hysteresis:
     scale = rng.uniform(45, 90) if name == "bouc_wen" else rng.uniform(90, 200)
     law = Hysteresis(name, 1.0, float(scale), float(rng.uniform(1.0, 2.0)), float(rng.uniform(0.5, 0.75)))
-    rho = session.case.rho
+    rho = setup.case.rho
     if rho is None:
         return law
 
     def rho_of(share: float) -> float:
-        return rms(session.mismatches(Plant(head, (), replace(law, share=share))))
+        return rms(setup.mismatches(Plant(head, (), replace(law, share=share))))
 
     return replace(law, share=solved_strength(rho_of, rho, 0.1, 1e-6, 1.0, name))
 
@@ -135,29 +135,29 @@ class Concealed:
 
     Parameters
     ----------
-    session : Session
+    setup : Setup
     plant : Plant
         With what is concealed.
     alone : tuple of float
         Of each effect alone, the RMS of its mismatch over the noise.
     """
 
-    session: Session
+    setup: Setup
     plant: Plant
     alone: tuple[float, ...]
 
     @property
     def case(self) -> Case:
         """What was asked for."""
-        return self.session.case
+        return self.setup.case
 
     def recorded(self) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
         """What the converters gave: sensors, and monitors of the drive where there are any."""
-        session, instruments = self.session, self.session.instruments
+        setup, instruments = self.setup, self.setup.instruments
         sensors, monitors = [], []
-        for row in session.rows:
+        for row in setup.rows:
             now = trace(self.plant, row)
-            analogue = now.signal + session.noise(row) + session.by_chance(self.plant, row, now)
+            analogue = now.signal + setup.noise(row) + setup.by_chance(self.plant, row, now)
             sensors.append(converted(analogue, instruments.converter[row.channel]))
             rng = np.random.default_rng([self.case.seed, self.case.number, 101, row.order])
             monitors.append(instruments.monitored_V(row, now.applied_V, rng))
@@ -172,12 +172,12 @@ class Concealed:
             Where the folder holds something.
         """
         sensors, monitors = self.recorded()
-        write_campaign(Path(folder), name, self.session.rows, sensors, monitors)
+        write_campaign(Path(folder), name, self.setup.rows, sensors, monitors)
 
     def truth(self) -> dict[str, Any]:
         """What is concealed and where it shows, ready for JSON."""
         case, head, law = self.case, self.plant.head, self.plant.hysteresis
-        mismatches = self.session.mismatches(self.plant)
+        mismatches = self.setup.mismatches(self.plant)
         reached = rms(mismatches)
         effects = [
             {
@@ -220,8 +220,8 @@ class Concealed:
                 "density": head.density,
                 "shape": list(head.shape),
             },
-            "instruments": self.session.instruments.described(),
-            "location": location(self.session.rows, mismatches),
+            "instruments": self.setup.instruments.described(),
+            "location": location(self.setup.rows, mismatches),
         }
 
     def response(
@@ -241,12 +241,12 @@ class Concealed:
         ValueError
         """
         drive = np.asarray(drive_V, dtype=float)
-        row = Measurement(channel, "arbitrary", initial_state, step_s, drive, order=len(self.session.rows) + 1)
+        row = Measurement(channel, "arbitrary", initial_state, step_s, drive, order=len(self.setup.rows) + 1)
         return trace(self.plant, row).signal
 
     def fresh_drives(self, rng: np.random.Generator) -> list[Measurement]:
         """Drives of other shapes and amplitudes than the campaign's; see `fresh.fresh_drives`."""
-        order = len(self.session.rows) + 1
+        order = len(self.setup.rows) + 1
         return fresh_drives(self.plant.head, order, rng, self.case.displacement)
 
     def peak_cost(self, waveform: np.ndarray) -> float:
@@ -258,7 +258,7 @@ class Concealed:
             Where the waveform is none.
         """
         head = self.plant.head
-        row = firing(waveform, head.resonance_Hz, head.damping_ratio, len(self.session.rows) + 1)
+        row = firing(waveform, head.resonance_Hz, head.damping_ratio, len(self.setup.rows) + 1)
         signal = trace(self.plant, row).signal - head.self_sensing_offset_V
         return peak_cost(peaks_V(signal, row.step_s, 2 * row.step_s))
 
@@ -276,18 +276,18 @@ def build(case: Case) -> Concealed:
         Where an effect cannot be as strong, or as faint, as is asked; another number draws again.
     """
     head = drawn_head(case.generator("head"))
-    session = _session(case, head)
+    setup = _setup(case, head)
     rng = case.generator("effect")
     if case.family == "base":
-        plant = Plant(head, (), _other_law(session, head, case.effects[0], rng))
-        return Concealed(session, plant, ())
+        plant = Plant(head, (), _other_law(setup, head, case.effects[0], rng))
+        return Concealed(setup, plant, ())
     kinds = OUTSIDE if case.family == "outside" else CATALOGUE
-    situation = _situation(session, head)
+    situation = _situation(setup, head)
     effects: tuple[Effect, ...] = ()
     for name in case.effects:
         rho = case.rho
         if rho is None:
             raise ValueError("strength must be given where something is planted: strong, medium, faint or a number.")
-        effects += (_planted(session, head, kinds[name].drawn(situation, rng), rho),)
-    alone = tuple(rms(session.mismatches(Plant(head, (effect,)))) for effect in effects)
-    return Concealed(session, Plant(head, effects), alone)
+        effects += (_planted(setup, head, kinds[name].drawn(situation, rng), rho),)
+    alone = tuple(rms(setup.mismatches(Plant(head, (effect,)))) for effect in effects)
+    return Concealed(setup, Plant(head, effects), alone)

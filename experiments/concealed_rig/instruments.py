@@ -1,4 +1,4 @@
-"""The instruments of a session: noise and converter of each channel, and a monitor of the drive, or none."""
+"""The instruments of a campaign: noise and converter of each channel, and a monitor of the drive, or none."""
 
 from dataclasses import dataclass
 from typing import Any

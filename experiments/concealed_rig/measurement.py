@@ -22,7 +22,7 @@ class Measurement:
         What the generator is asked for, linear between the samples; periodic recordings hold one period.
     neighbour_V : ndarray, shape (n,), optional
     order : int
-        1, 2, 3 … within the session.
+        1, 2, 3 … within the campaign.
     repeat_of : int, optional
         Order of the measurement that it repeats.
     condition : dict

@@ -139,7 +139,7 @@ def hysteretic_V(plant: Plant, applied_V: np.ndarray, grid: Grid) -> np.ndarray:
 
 
 def resonator_of(plant: Plant, order: int) -> Resonator:
-    """Equation of motion at this point of the session."""
+    """Equation of motion at this point of the campaign."""
     resonator = Resonator(plant.head.angular_rad_per_s, plant.head.damping_ratio)
     for effect in plant.effects:
         resonator = effect.on_resonator(resonator, order)

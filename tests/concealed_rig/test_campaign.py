@@ -44,7 +44,7 @@ def test_what_is_concealed_changes_nothing_but_the_sensors_numbers(tmp_path):
 
 def test_half_of_the_other_cases_have_a_firing_neighbour_and_all_of_crosstalk():
     def heard(case):
-        return any(row.neighbour_V is not None for row in build(case).session.rows)
+        return any(row.neighbour_V is not None for row in build(case).setup.rows)
 
     share = np.mean([heard(Case(k, 52, meagre=True)) for k in range(16)])
     assert 0.2 < share < 0.8
@@ -53,7 +53,7 @@ def test_half_of_the_other_cases_have_a_firing_neighbour_and_all_of_crosstalk():
 
 def test_the_plan_is_the_one_that_was_described():
     built = build(Case(5, 53))
-    rows = built.session.rows
+    rows = built.setup.rows
     assert 24 <= len(rows) <= 29
     assert [row.order for row in rows] == list(range(1, len(rows) + 1))
     repeats = [row for row in rows if row.repeat_of]
@@ -67,7 +67,7 @@ def test_the_plan_is_the_one_that_was_described():
     fast = [row for row in rows if row.channel == "self_sensing"]
     assert all(1 / built.plant.head.resonance_Hz / row.step_s >= 40 for row in fast)
     assert any(row.initial_state == "demagnetised" for row in fast)
-    orders = [[r.excitation for r in build(Case(k, 53)).session.rows] for k in range(2)]
+    orders = [[r.excitation for r in build(Case(k, 53)).setup.rows] for k in range(2)]
     assert orders[0] != orders[1]
 
 
@@ -78,15 +78,15 @@ def test_nothing_is_planted_in_a_null_case_and_only_noise_is_left():
     assert truth["effects"] == []
     json.dumps(truth, allow_nan=False)
     sensors, _ = built.recorded()
-    for row, sensor, base in zip(built.session.rows, sensors, built.session.base, strict=True):
-        sigma = built.session.instruments.sigma[row.channel]
+    for row, sensor, base in zip(built.setup.rows, sensors, built.setup.base, strict=True):
+        sigma = built.setup.instruments.sigma[row.channel]
         assert np.std(sensor - base.signal) < 2.5 * sigma
     fast = [
         np.std(trace.signal)
-        for row, trace in zip(built.session.rows, built.session.base, strict=True)
+        for row, trace in zip(built.setup.rows, built.setup.base, strict=True)
         if row.channel == "self_sensing"
     ]
-    assert 40 <= 20 * np.log10(max(fast) / built.session.instruments.sigma["self_sensing"]) <= 60
+    assert 40 <= 20 * np.log10(max(fast) / built.setup.instruments.sigma["self_sensing"]) <= 60
 
 
 def test_a_folder_that_holds_something_is_not_written_over(tmp_path):

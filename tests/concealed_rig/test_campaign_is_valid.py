@@ -25,8 +25,8 @@ def test_a_written_campaign_is_read_without_a_warning(case, tmp_path, caplog):
         warnings.simplefilter("error")
         campaign = read_campaign(tmp_path / "campaign")
     assert not caplog.records
-    assert len(campaign.recordings) == len(built.session.rows)
-    for recording, row in zip(campaign.recordings, built.session.rows, strict=True):
+    assert len(campaign.recordings) == len(built.setup.rows)
+    for recording, row in zip(campaign.recordings, built.setup.rows, strict=True):
         assert recording.name == row.name
         np.testing.assert_allclose(recording.drive_V, row.drive_V, atol=1e-9)
     descriptor = json.loads((tmp_path / "campaign" / "datapackage.json").read_text())

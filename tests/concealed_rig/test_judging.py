@@ -82,7 +82,7 @@ def test_a_waveform_that_is_none_is_refused(waveform, message):
 
 def test_the_response_is_the_recordings_clean_signal_and_comes_after_the_last_one():
     built = build(Case(4, 71, "effect", ("air_bubble",), "strong"))
-    row = built.session.rows[-1]
+    row = built.setup.rows[-1]
     again = built.response(row.drive_V, row.step_s, row.channel, row.initial_state)
     np.testing.assert_array_equal(again, trace(built.plant, row).signal)
     with pytest.raises(ValueError, match="channel must be one of"):
@@ -99,7 +99,7 @@ def test_fresh_drives_are_of_no_campaign_and_within_its_voltages():
         assert np.max(np.abs(row.drive_V)) <= 105
         assert np.ptp(row.drive_V) > 10
         assert np.all(np.isfinite(built.response(row.drive_V, row.step_s, row.channel, row.initial_state)))
-        for seen in built.session.rows:
+        for seen in built.setup.rows:
             if seen.channel == row.channel:
                 assert seen.drive_V.size != row.drive_V.size or np.max(np.abs(seen.drive_V - row.drive_V)) > 5
     other = built.fresh_drives(np.random.default_rng(2))

@@ -61,7 +61,7 @@ def test_an_effect_is_as_strong_as_is_asked_and_its_truth_says_so(name):
     (effect,) = truth["effects"]
     assert effect["id"] == name
     assert effect["parameters"]
-    assert len(truth["location"]["rms_over_noise"]) == len(built.session.rows)
+    assert len(truth["location"]["rms_over_noise"]) == len(built.setup.rows)
     whole = np.sqrt(np.mean(np.square(list(truth["location"]["rms_over_noise"].values()))))
     assert whole == pytest.approx(truth["rho"], rel=1e-6)  # all recordings are of one length
 
@@ -69,9 +69,9 @@ def test_an_effect_is_as_strong_as_is_asked_and_its_truth_says_so(name):
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_a_family_outside_is_as_strong_as_is_asked_even_with_few_recordings(name):
     built = build(Case(2, 41, "outside", (name,), "strong", meagre=True))
-    assert rms(built.session.mismatches(built.plant)) == pytest.approx(2.0, rel=0.05)
-    assert {row.channel for row in built.session.rows} == {"self_sensing"}
-    assert len(built.session.rows) == 8
+    assert rms(built.setup.mismatches(built.plant)) == pytest.approx(2.0, rel=0.05)
+    assert {row.channel for row in built.setup.rows} == {"self_sensing"}
+    assert len(built.setup.rows) == 8
 
 
 @pytest.mark.parametrize(
@@ -79,8 +79,8 @@ def test_a_family_outside_is_as_strong_as_is_asked_even_with_few_recordings(name
 )
 def test_the_steps_error_is_below_a_hundredth_of_the_mismatch(name):
     built = build(Case(2, 44, "effect", (name,), "strong", meagre=True))
-    sigma = built.session.instruments.sigma["self_sensing"]
-    rows = built.session.rows
+    sigma = built.setup.instruments.sigma["self_sensing"]
+    rows = built.setup.rows
     coarse, fine = ([noise_free(replace(built.plant, steps_per_period=n), r) for r in rows] for n in (160, 640))
     assert rms([a - b for a, b in zip(coarse, fine, strict=True)]) / sigma < 0.01 * 2.0
 

@@ -18,7 +18,7 @@ from experiments.concealed_rig.effects.outside_sensing import (
     VoltageDependentGain,
 )
 from experiments.concealed_rig.effects.sensing import Crosstalk, Feedthrough, SensorBandwidth, SensorSaturation
-from experiments.concealed_rig.effects.session import AirBubble, MeniscusRefill, ThermalDrift
+from experiments.concealed_rig.effects.setup import AirBubble, MeniscusRefill, ThermalDrift
 from experiments.concealed_rig.effects.spring import CubicStiffness, FerroelasticSoftening, QuadraticDamping
 from experiments.concealed_rig.effects.wave import SecondMode, WaveEcho
 

@@ -31,7 +31,7 @@ class Situation:
     ----------
     head : Head
     last_order : int
-        Number of recordings in the session.
+        Number of recordings in the campaign.
     meagre : bool
         Only fast recordings of self-sensing.
     sigma : dict
@@ -99,7 +99,7 @@ class Effect:
         return hysteretic_V
 
     def on_resonator(self, resonator: Resonator, order: int) -> Resonator:
-        """Parameters of the equation of motion at this point of the session."""
+        """Parameters of the equation of motion at this point of the campaign."""
         return resonator
 
     def on_motion(

@@ -1,4 +1,4 @@
-"""Resonator stage: what changes in the course of the session, or with the pulses just before."""
+"""Resonator stage: what changes in the course of the campaign, or with the pulses just before."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -36,7 +36,7 @@ class AirBubble(Effect):
 
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "AirBubble":
-        """Onset in the middle of the session."""
+        """Onset in the middle of the campaign."""
         return cls(
             variant=str(rng.choice(["attached", "compliant"])),
             resonance_Hz=situation.head.resonance_Hz,
@@ -153,7 +153,7 @@ class ThermalDrift(Effect):
 
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "ThermalDrift":
-        """A course over the session, its mean zero and its largest value one."""
+        """A course over the campaign, its mean zero and its largest value one."""
         variant = str(rng.choice(["warm_up", "sinusoid", "random_walk"]))
         k = np.arange(situation.last_order + 1)
         if variant == "warm_up":
@@ -169,7 +169,7 @@ class ThermalDrift(Effect):
         return cls(variant=variant, course=tuple((float(rng.choice([-1, 1])) * course).tolist()), damping_factor=factor)
 
     def on_resonator(self, resonator: Resonator, order: int) -> Resonator:
-        """The resonator at this point of the session; after its end, as right after it."""
+        """The resonator at this point of the campaign; after its end, as right after it."""
         if not self.strength:
             return resonator
         now = self.strength * self.course[min(max(order, 1), len(self.course)) - 1]
