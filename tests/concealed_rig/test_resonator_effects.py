@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from experiments.concealed_rig.effects.setup import AirBubble, ThermalDrift
 
+from experiments.concealed_rig.effects.course import AirBubble, ThermalDrift
 from experiments.concealed_rig.effects.outside_motion import diffusive_states
 from experiments.concealed_rig.effects.spring import FerroelasticSoftening
 from experiments.concealed_rig.effects.wave import WaveEcho, channel_echo, coupled_modes_Hz

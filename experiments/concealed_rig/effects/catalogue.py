@@ -1,6 +1,7 @@
 """The twenty effects of the catalogue, and the families outside it, by name."""
 
 from experiments.concealed_rig.effects.chance import BaselineDrift, MainsHum
+from experiments.concealed_rig.effects.course import AirBubble, MeniscusRefill, ThermalDrift
 from experiments.concealed_rig.effects.drive import AmplifierBandwidth, SlewLimit, TriggerDelay
 from experiments.concealed_rig.effects.effect import Effect
 from experiments.concealed_rig.effects.hysteresis import AsymmetricHysteresis, Creep, RateDependentHysteresis
@@ -18,7 +19,6 @@ from experiments.concealed_rig.effects.outside_sensing import (
     VoltageDependentGain,
 )
 from experiments.concealed_rig.effects.sensing import Crosstalk, Feedthrough, SensorBandwidth, SensorSaturation
-from experiments.concealed_rig.effects.setup import AirBubble, MeniscusRefill, ThermalDrift
 from experiments.concealed_rig.effects.spring import CubicStiffness, FerroelasticSoftening, QuadraticDamping
 from experiments.concealed_rig.effects.wave import SecondMode, WaveEcho
 
