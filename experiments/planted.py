@@ -41,7 +41,7 @@ def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
     """Values of each effect at full strength: some per cent of the recordings."""
     f, period = printhead.frequency_Hz, 1 / printhead.frequency_Hz
     return {
-        "amplifier_bandwidth": {"bandwidth_Hz": 6 * f},
+        "amplifier_bandwidth": {"bandwidth_Hz": 6 * f, "second_order": 0.0},
         "slew_limit": {"slew_rate_V_s": 450.0 * f},
         "trigger_delay": {"delay_s": 0.03 * period},
         "creep": {"creep_per_decade": 0.015, "onset_s": 0.1},
@@ -62,7 +62,7 @@ def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
             "damping_drift": -0.1, "damping_bow": 0.0, "damping_twist": 0.0,
         },
         "feedthrough": {"capacitive_s": 0.01 * printhead.b1 / printhead.a0, "lossy": 2e-4},
-        "sensor_bandwidth": {"bandwidth_Hz": 6 * f},
+        "sensor_bandwidth": {"bandwidth_Hz": 6 * f, "second_order": 0.0},
         "sensor_saturation": {"limit": 0.0, "hardness": 6.0},
         "mains_hum": {"frequency_Hz": 0.9 * f, "amplitude": 2.0},
         "baseline_drift": {"amplitude": 2.0},

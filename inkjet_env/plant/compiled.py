@@ -174,3 +174,29 @@ def lagged(signal, keep, old, new, start, result):
         value = keep * value + old * signal[i - 1] + new * signal[i]
         result[i] = value
     return value
+
+
+@_jit
+def stepped(keep, gained, state, result):
+    """States x with ``x ← keep x + gained``, the first of them in ``result``; ``state`` is left where it ends.
+
+    Parameters
+    ----------
+    keep : ndarray, shape (k, k), k 1 or 2
+    gained : ndarray, shape (n, k)
+    state : ndarray, shape (k,)
+    result : ndarray, shape (n + 1,)
+    """
+    result[0] = state[0]
+    if state.shape[0] == 1:
+        y = state[0]
+        for i in range(gained.shape[0]):
+            y = keep[0, 0] * y + gained[i, 0]
+            result[i + 1] = y
+        state[0] = y
+        return
+    y, w = state[0], state[1]
+    for i in range(gained.shape[0]):
+        y, w = keep[0, 0] * y + keep[0, 1] * w + gained[i, 0], keep[1, 0] * y + keep[1, 1] * w + gained[i, 1]
+        result[i + 1] = y
+    state[0], state[1] = y, w

@@ -43,7 +43,7 @@ def folder(campaign, tmp_path):
 def found(campaign):
     """A verdict with everything that can be written: an effect with an open interval, and a next experiment."""
     effect = EFFECTS["sensor_bandwidth"]
-    values = {"bandwidth_Hz": 9e5}
+    values = {"bandwidth_Hz": 9e5, "second_order": 0.0}
     traces = []
     for recording in campaign.recordings:
         shot = Shot(recording.channel, recording.initial_state, recording.time_s[1], recording.drive_V)
@@ -68,7 +68,15 @@ def found(campaign):
         campaign="virtual-rig",
         verdict="set",
         headline="These recordings cannot tell apart: the sensing or the driving amplifier",
-        effects=(Named(effect, effect.told(values), 40.0, 0.005, {"bandwidth_Hz": Estimate(9e5, 6e5, math.inf)}),),
+        effects=(
+            Named(
+                effect,
+                effect.told(values),
+                40.0,
+                0.005,
+                {"bandwidth_Hz": Estimate(9e5, 6e5, math.inf), "second_order": Estimate(0.0, 0.0, 0.2)},
+            ),
+        ),
         candidates=(("sensor_bandwidth", "amplifier_bandwidth"),),
         location=Location(sentence="On the edges."),
         traces=tuple(traces),
@@ -188,13 +196,16 @@ def test_the_verdict_names_the_drive_from_its_own_folder(
 def test_the_printhead_that_is_written_answers_with_its_effects(made_by_hand, found, inkjet, folder, tmp_path):
     assert inkjet("diagnose", "campaign", "--printhead-out", "head.json")[0] == 0
     written = json.loads((tmp_path / "head.json").read_text())
-    bandwidth = {"value": 9e5, "low": 6e5, "high": None, "unit": "Hz"}
-    assert written["effects"] == [{"id": "sensor_bandwidth", "parameters": {"bandwidth_Hz": bandwidth}}]
+    parameters = {
+        "bandwidth_Hz": {"value": 9e5, "low": 6e5, "high": None, "unit": "Hz"},
+        "second_order": {"value": 0.0, "low": 0.0, "high": 0.2, "unit": "1"},
+    }
+    assert written["effects"] == [{"id": "sensor_bandwidth", "parameters": parameters}]
     assert written["fit"]["channels"]["self_sensing"]["gain"]["value"] == HEAD.b1
     read = read_printhead(tmp_path / "head.json")
     trace = found.traces[0]
     shot = Shot(trace.channel, "periodic", trace.step_s, trace.drive_V)
-    on = ((EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": 9e5}),)
+    on = ((EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": 9e5, "second_order": 0.0}),)
     np.testing.assert_allclose(read.plant.signal(shot), Plant(HEAD, effects=on).signal(shot), atol=1e-9)
     status, out, err = inkjet("evaluate", "campaign", "--printhead", "head.json", "--json", "-")
     assert status == 0, err

@@ -92,7 +92,7 @@ def test_effects_of_sensing_are_added_to_what_the_head_shows():
 
 
 def test_peaks_with_effects_stay_on_a_finer_grid(monkeypatch):
-    lag = (EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": 4e5})
+    lag = (EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": 4e5, "second_order": 0.0})
     effects = ((CUBIC, CUBIC.starts(HEAD, [shot_of(WAVEFORM)])[0]), lag, SATURATION)
     rough = AugmentedPrinthead(HEAD, effects).respond(WAVEFORM)
     monkeypatch.setattr("inkjet_env.plant.augmented.STEPS_A_PERIOD", 1600)
@@ -138,7 +138,7 @@ def test_what_cannot_be_followed_is_refused():
 
 
 def test_a_file_keeps_head_effects_gains_and_order(tmp_path):
-    bandwidth = (EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": np.inf})
+    bandwidth = (EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": np.inf, "second_order": 0.0})
     head = AugmentedPrinthead(HEAD, (FEEDTHROUGH, SATURATION, bandwidth), {"strain_gauge": 2.5e-3}, 17)
     path = tmp_path / "head.json"
     head.to_json(path, effect_intervals={"feedthrough": {"lossy": (5e-4, 2e-3)}})

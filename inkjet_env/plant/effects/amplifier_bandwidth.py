@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from numpy import float64
 from numpy.typing import NDArray
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
-from inkjet_env.plant.lag import lagged
+from inkjet_env.plant.effect import Effect, Values
+from inkjet_env.plant.low_pass import BANDWIDTH, SECOND_ORDER, low_pass_starts, low_passed, time_constant_s
 from inkjet_env.plant.resonance import too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix
@@ -19,21 +19,21 @@ Real = NDArray[float64]
 
 
 class AmplifierBandwidth(Effect):
-    """First-order low-pass of the drive before it reaches the ceramic."""
+    """Low-pass of one pole or two on the drive before it reaches the ceramic."""
 
     id = "amplifier_bandwidth"
     stage = "drive"
     sentence = "The amplifier low-passes the drive before it reaches the ceramic."
-    equation = "u' / (2π f) + u = u_asked"
-    source = "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapter 1: the RC low-pass"
-    parameters = (Parameter("bandwidth_Hz", "Hz", 0.1, math.inf, "reciprocal", "where it passes half the power"),)
+    equation = "u + τ u' + q τ² u'' = u_asked"
+    source = "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapters 1 and 6: low-passes"
+    parameters = (BANDWIDTH, SECOND_ORDER)
     strengths = ("bandwidth_Hz",)
     signature = "edges of the drive are rounded and late, steep and gentle ones, small and large ones alike"
     confusable_with = ("sensor_bandwidth", "trigger_delay", "slew_limit")
     shown_by = "the voltage at the head, recorded along (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        return [{"bandwidth_Hz": ratio * printhead.frequency_Hz} for ratio in (20.0, 6.0, 2.0)]
+        return low_pass_starts(printhead)
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
@@ -44,4 +44,5 @@ class AmplifierBandwidth(Effect):
     def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
         if math.isinf(values["bandwidth_Hz"]):
             return drive_V
-        return lagged(drive_V, 1 / (2 * math.pi * values["bandwidth_Hz"]), shot.node_step_s, shot.periodic)
+        time_s = time_constant_s(values["bandwidth_Hz"], values["second_order"])
+        return low_passed(drive_V, time_s, values["second_order"], shot.node_step_s, shot.periodic)
