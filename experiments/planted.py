@@ -46,7 +46,7 @@ def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
         "trigger_delay": {"delay_s": 0.03 * period},
         "creep": {"creep_per_decade": 0.015, "onset_s": 0.1},
         "rate_dependent_hysteresis": {"growth": 0.06, "rate_V_s": 100.0},
-        "asymmetric_hysteresis": {"asymmetry": 0.03, "bending": 0.02},
+        "asymmetric_hysteresis": {"asymmetry": 0.03, "bending": 0.02, "lean": 0.0},
         "cubic_stiffness": {"stiffening_per_V2": 1.2e-6},
         "quadratic_damping": {"damping_per_V": 2e-4},
         "ferroelastic_softening": {"softening_per_V": 1.5e-4, "loss_ratio": 0.5},

@@ -49,3 +49,33 @@ def _played(u, factor, thresholds_V, weights, states_V):
         states_V[k] = w
         total += weights[k] * w
     return total
+
+
+@_jit
+def leaning_plays(drive_V, lean, thresholds_V, weights, laps, states_V, output_V):
+    """Weighted plays between a steeper rising branch and a flatter falling one, from the demagnetised state.
+
+    Parameters
+    ----------
+    drive_V : ndarray, shape (n,)
+    lean : float
+        The rising branch follows ``(1 + lean) u``, the falling one ``(1 - lean) u``; ``u`` where they have crossed.
+    thresholds_V, weights : ndarray, shape (k,)
+    laps : int
+        The last one stays.
+    states_V : ndarray, shape (k,)
+        Scratch.
+    output_V : ndarray, shape (n,)
+        Filled.
+    """
+    states_V[:] = 0.0
+    for _ in range(laps):
+        for i in range(drive_V.shape[0]):
+            u, apart = drive_V[i], lean * drive_V[i]
+            total = 0.0
+            for k in range(thresholds_V.shape[0]):
+                half = max(thresholds_V[k] - apart, 0.0)
+                w = max(u - half, min(u + half, states_V[k]))
+                states_V[k] = w
+                total += weights[k] * w
+            output_V[i] = total
