@@ -18,7 +18,7 @@ from experiments.proof.campaign_files import ProofError
 TRIES = 5
 """How often a case is begun before it counts as one that kills whoever works on it."""
 IN_FLIGHT_A_WORKER = 2
-POLL_S = 0.05
+POLL_S = 0.1
 COUNT_EVERY_S = 0.5
 SAY_WAITING_AFTER_S = 10.0
 CONNECT_S = 15.0

@@ -31,7 +31,7 @@ def prove(
     ] = None,
     workers: Annotated[int | None, typer.Option(help="processes on this machine; one a core unless given")] = None,
     reoptimise: Annotated[
-        int | None, typer.Option(help="heads whose waveform is optimised anew (100; with --quick 3)")
+        int | None, typer.Option(help="heads whose waveform is optimised anew (100; with --quick 1)")
     ] = None,
     baselines: Annotated[
         int | None, typer.Option(help="cases that refit, SINDy and network are tried on too (60; with --quick 0)")
@@ -70,7 +70,7 @@ def prove(
     chosen = PUBLISHED_SEED if published else DEVELOPMENT_SEED if seed is None else seed
     settings = Settings(chosen, "quick" if quick else "full")
     asked = (
-        (3 if quick else 100) if reoptimise is None else reoptimise,
+        (1 if quick else 100) if reoptimise is None else reoptimise,
         (0 if quick else 60) if baselines is None else baselines,
     )
     try:

@@ -24,14 +24,14 @@ COMPARED = {
     ("wave_echo", "strength"): ("share", ("single_return",)),
     ("air_bubble", "bubble_frequency_Hz"): ("frequency_Hz", ("compliant",)),
     ("air_bubble", "bubble_damping_ratio"): ("damping_ratio", ("compliant",)),
-    ("meniscus_refill", "recovery_s"): ("recovery_s", ("relaxing",)),
     ("feedthrough", "capacitive_s"): ("feedthrough_s", ("capacitive",)),
-    ("sensor_saturation", "limit"): ("level_V", ("clip", "tanh")),
+    ("sensor_saturation", "limit"): ("level_V", ("clip",)),
     ("mains_hum", "frequency_Hz"): ("frequency_Hz", ()),
 }
 """Parameters that mean the same to diagnosis and concealed plant: the plant's name for each, and in which of its
-variants (all where none is listed). Left out is whatever hangs on hysteretic volts, which are a convention that two
-models need not share, and whatever the two describe by different laws."""
+variants (all where none is listed): those in which both write the same equation. Left out is whatever hangs on
+hysteretic volts, which are a convention that two models need not share, and whatever the two describe by other
+equations (the time of a meniscus that follows the flow and not the edges, the rail of a tanh)."""
 COVERED = 0.5
 """Of a true stretch, what was told must hold so much."""
 

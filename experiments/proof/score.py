@@ -279,7 +279,8 @@ def misses(cases: Sequence[Case]) -> list[dict[str, Any]]:
         fine = right(case) or (draw["family"] in ("outside", "base") and one.verdict == "unknown")
         fine = fine or (draw["family"] in ("base",) and one.verdict == "none")
         if not fine:
-            said = "+".join(sorted(one.found)) or case["answer"]["sentence"]
+            verdict = case["answer"]["verdict"]
+            said = "+".join(sorted(one.found)) or (verdict["headline"] if verdict else case["answer"]["sentence"])
             rows.append(
                 {
                     "name": case["name"],

@@ -9,7 +9,7 @@ import pytest
 from experiments.proof import cluster, judging, run
 from experiments.proof.campaign_files import ProofError
 
-SECONDS = 0.15
+SECONDS = 0.06
 
 
 def wait_until(true, seconds=60):

@@ -19,12 +19,9 @@ PLACES = dict.fromkeys(("recordings", "time", "frequency", "drive"), True)
 
 def verdict(word, *ids, candidates=(), closure=0.97):
     effects = [{"id": one, "parameters": {}} for one in ids]
-    return {
-        "verdict": word,
-        "effects": effects,
-        "candidates": [list(c) for c in candidates],
-        "fit": {"closure": closure},
-    }
+    groups = [list(group) for group in candidates]
+    fit = {"closure": closure}
+    return {"verdict": word, "headline": "In words.", "effects": effects, "candidates": groups, "fit": fit}
 
 
 def perfect(draw):
