@@ -89,7 +89,8 @@ def by_chance(
         lines = _lines_Hz(mine, left)
         for o in mine:
             o.shot.kept["lines_Hz"] = lines
-        alone = noise_seen(mine, left, dict(noise.models))  # from these recordings, as it will be with the effect
+        # from these recordings, as it will be with the effect
+        alone = noise_seen(mine, left, dict(noise.models), noise.least)
         before = _noise_alone(mine, left, alone)
         for effect in effects:
             best = _best(effect, mine, left, alone, before, printhead)
@@ -111,7 +112,7 @@ def _at_rest(one: ByChance, observed: Sequence[Observed], left: dict[str, Real],
     if not resting:
         return True
     models = dict(noise.models)
-    less = noise_seen(observed, without(one.effect, one.values, observed, left), models)
+    less = noise_seen(observed, without(one.effect, one.values, observed, left), models, noise.least)
     before = _noise_alone(resting, left, noise)
     return before - _with_amplitudes(one.effect, one.values, resting, left, less)[0] > LEAST_AT_REST
 
@@ -171,7 +172,7 @@ def _best(
             point[place] = refined.x
             values = values_at(effect, point)
         models: dict[tuple[str, float], NoiseModel] = dict(noise.models)
-        less = noise_seen(observed, without(effect, values, observed, left), models)
+        less = noise_seen(observed, without(effect, values, observed, left), models, noise.least)
         after, peaks = _with_amplitudes(effect, values, observed, left, less)
         size = _root_mean_square(peaks)
         for name in effect.strengths:

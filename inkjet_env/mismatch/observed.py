@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,11 +115,14 @@ class Noise:
     samples : dict
         From how many samples each was told; 0: from the residual of a fit.
     notes : tuple of str
+    least : dict of str to float
+        By channel, the RMS below which nothing can be told: that of its converter's step.
     """
 
     models: Mapping[tuple[str, float], NoiseModel]
     samples: Mapping[tuple[str, float], int]
     notes: tuple[str, ...] = ()
+    least: Mapping[str, float] = field(default_factory=dict)
 
     def known(self, observed: Observed) -> bool:
         """Whether anything but a fit's own residual tells the noise."""
@@ -152,7 +155,10 @@ class Noise:
 
 
 def noise_seen(
-    observed: Sequence[Observed], left: Mapping[str, Real], otherwise: Mapping[tuple[str, float], NoiseModel]
+    observed: Sequence[Observed],
+    left: Mapping[str, Real],
+    otherwise: Mapping[tuple[str, float], NoiseModel],
+    least: Mapping[str, float] | None = None,
 ) -> Noise:
     """Noise of each channel and sampling step, from what no model of the head can explain.
 
@@ -167,11 +173,13 @@ def noise_seen(
         Measured minus modelled of each recording, in the channel's unit.
     otherwise : mapping
         Noise models for what nothing else tells.
+    least : mapping, optional
+        Of `Noise`; from these recordings unless given: where there are more, theirs count.
     """
     models: dict[tuple[str, float], NoiseModel] = {}
     samples: dict[tuple[str, float], int] = {}
     notes: list[str] = []
-    least = _least(observed)
+    least = least or _least(observed)
     seen: dict[str, dict[float, list[Real]]] = {}
     sources: dict[str, dict[float, str]] = {}
     for key in sorted({o.noise_key for o in observed}):
@@ -222,7 +230,7 @@ def noise_seen(
             notes.append(
                 f"{key[0]}: no repeats and no recording at rest tell the noise; what the model leaves was taken for it."
             )
-    return Noise(models, samples, tuple(notes))
+    return Noise(models, samples, tuple(notes), least)
 
 
 def _of_most(stretches: Sequence[Real], least: float) -> NoiseModel:

@@ -1,5 +1,7 @@
 """Hum and drift told from noise, by the likelihood of what recordings leave."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -191,6 +193,18 @@ def test_the_gain_is_that_of_a_likelihood_with_normal_amplitudes(effects):
 
     best = min(loss(share) for share in np.geomspace(1e-2, 1e3, 200))
     assert found.gain == pytest.approx(loss(0.0) - best, rel=1e-3)
+
+
+def test_a_converter_whose_steps_hide_the_noise_neither_hums_nor_drifts(look, effects):
+    """At rest every sample is the same; what is below the step, which the moving recordings tell, is nothing."""
+    observed = [replace(o, measured=np.round(20 * np.sin(o.shot.drive_V / 30)) / 20) for o in recordings()]
+    rng = np.random.default_rng(34)
+    left = {o.name: np.zeros(600) if o.still else 0.05 * (rng.random(600) - 0.5) for o in observed}
+    noise = noise_seen(observed, left, {})
+    resting = [o for o in observed if o.still]
+    looked_for = [effects[name] for name in ("mains_hum", "baseline_drift")]
+    rounding = {o.name: np.full(600, 1e-18 * (-1) ** k) for k, o in enumerate(observed)}
+    assert by_chance(resting, rounding, noise, looked_for, HEAD) == []
 
 
 def test_a_drive_monitor_hums_to_nobody(look):
