@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.joint_fit import Fit, JointFit
+from inkjet_env.mismatch.joint_fit import Fit, JointFit, Place
 from inkjet_env.mismatch.locate_views import largest_V
 from inkjet_env.mismatch.next_drives import Train, benches, library
 from inkjet_env.mismatch.next_experiment import next_experiment
@@ -71,7 +71,8 @@ def candidate(joint, effect, values):
     low, high = (np.array(ends) for ends in zip(*(p.bounds for p in effect.parameters), strict=True))
     slopes = joint.slopes(joint.base.head, (effect,), point, joint.base.states, low, high)
     base = joint.base
-    return Fit(base.head, (effect,), point, base.states, base.left, base.nll, slopes, True)
+    place = Place(base.head, point, base.states)
+    return Fit(base.head, (effect,), point, base.states, base.left, base.nll, slopes, True, place, joint.start)
 
 
 @pytest.fixture(scope="module")
