@@ -66,7 +66,7 @@ def by_chance(
     effects: Sequence[Effect],
     printhead: Printhead,
 ) -> list[ByChance]:
-    """How well each such effect does on each channel, best first; only those that gain enough.
+    """How well each such effect does, as one channel tells its shape, best first; only those that gain enough there.
 
     Parameters
     ----------
@@ -81,9 +81,10 @@ def by_chance(
     printhead : Printhead
         Which they may take their starts from.
     """
+    channels: dict[str, _Channel] = {}
     found: list[ByChance] = []
-    for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):
-        mine = [o for o in observed if o.channel == channel]
+    for name in sorted({o.channel for o in observed} - {"drive_monitor"}):
+        mine = [o for o in observed if o.channel == name]
         level = float(np.mean(np.concatenate([left[o.name] for o in mine])))  # an offset is no drift
         left = left | {o.name: left[o.name] - level for o in mine}
         lines = _lines_Hz(mine, left)
@@ -91,14 +92,46 @@ def by_chance(
             o.shot.kept["lines_Hz"] = lines
         # from these recordings, as it will be with the effect
         alone = noise_seen(mine, left, dict(noise.models), noise.least)
-        before = _noise_alone(mine, left, alone)
+        channel = channels[name] = _Channel(mine, left, alone, _noise_alone(mine, left, alone))
         for effect in effects:
-            best = _best(effect, mine, left, alone, before, printhead)
-            if best is not None and best.gain > _least_gain(effect, mine) and _at_rest(best, mine, left, alone):
+            best = _best(effect, channel, printhead)
+            if best is not None and best.gain > _least_gain(effect, mine) and _at_rest(best, channel):
                 found.append(best)
         for o in mine:
             del o.shot.kept["lines_Hz"]
-    return sorted(found, key=lambda c: -c.gain)
+    # One hum is heard on every channel: its frequency is the one that explains most on all of them together.
+    together = [
+        replace(
+            one, gain=one.gain + sum(_gained(one.effect, one.values, channels[c]) for c in channels if c != one.channel)
+        )
+        for one in found
+    ]
+    return sorted(together, key=lambda c: -c.gain)
+
+
+@dataclass(frozen=True, eq=False)
+class _Channel:
+    """Recordings of one channel, what is left of them, and their noise with its negative log-likelihood."""
+
+    observed: Sequence[Observed]
+    left: dict[str, Real]
+    noise: Noise
+    before: float
+
+
+def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> float:
+    """What an effect with these shapes gains on another channel; 0 where that does not show it."""
+    if all(effect.nuisances(values, o.shot) is None for o in channel.observed):
+        return 0.0
+    less = _less(effect, values, channel)
+    gain = channel.before - _with_amplitudes(effect, values, channel.observed, channel.left, less)[0]
+    return gain if gain > LEAST_GAIN else 0.0
+
+
+def _less(effect: Effect, values: dict[str, float], channel: _Channel) -> Noise:
+    """The noise with what the effect can explain taken out."""
+    rest = without(effect, values, channel.observed, channel.left)
+    return noise_seen(channel.observed, rest, dict(channel.noise.models), channel.noise.least)
 
 
 def _least_gain(effect: Effect, observed: Sequence[Observed]) -> float:
@@ -106,15 +139,14 @@ def _least_gain(effect: Effect, observed: Sequence[Observed]) -> float:
     return LEAST_GAIN + shapes * math.log(max(o.shot.samples for o in observed))
 
 
-def _at_rest(one: ByChance, observed: Sequence[Observed], left: dict[str, Real], noise: Noise) -> bool:
+def _at_rest(one: ByChance, channel: _Channel) -> bool:
     """Whether recordings at rest, where there are any, show it too: what needs a drive is no hum and no drift."""
-    resting = [o for o in observed if o.still and one.effect.nuisances(one.values, o.shot) is not None]
+    resting = [o for o in channel.observed if o.still and one.effect.nuisances(one.values, o.shot) is not None]
     if not resting:
         return True
-    models = dict(noise.models)
-    less = noise_seen(observed, without(one.effect, one.values, observed, left), models, noise.least)
-    before = _noise_alone(resting, left, noise)
-    return before - _with_amplitudes(one.effect, one.values, resting, left, less)[0] > LEAST_AT_REST
+    less = _less(one.effect, one.values, channel)
+    before = _noise_alone(resting, channel.left, channel.noise)
+    return before - _with_amplitudes(one.effect, one.values, resting, channel.left, less)[0] > LEAST_AT_REST
 
 
 def without(
@@ -129,16 +161,10 @@ def without(
     return result
 
 
-def _best(
-    effect: Effect,
-    observed: Sequence[Observed],
-    left: dict[str, Real],
-    noise: Noise,
-    before: float,
-    printhead: Printhead,
-) -> ByChance | None:
+def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> ByChance | None:
     from scipy.optimize import minimize_scalar
 
+    observed, left, noise = channel.observed, channel.left, channel.noise
     free = [p for p in effect.parameters if p.name not in effect.strengths]
     starts = [
         start
@@ -171,20 +197,19 @@ def _best(
             refined = minimize_scalar(worse, bounds=bounds, method="bounded", options={"xatol": 1e-3 * width})
             point[place] = refined.x
             values = values_at(effect, point)
-        models: dict[tuple[str, float], NoiseModel] = dict(noise.models)
-        less = noise_seen(observed, without(effect, values, observed, left), models, noise.least)
+        less = _less(effect, values, channel)
         after, peaks = _with_amplitudes(effect, values, observed, left, less)
         size = _root_mean_square(peaks)
         for name in effect.strengths:
             values[name] = size.value
-        if best is None or before - after > best.gain:
+        if best is None or channel.before - after > best.gain:
             estimates = {
                 p.name: size
                 if p.name in effect.strengths
                 else _shapes_interval(effect, values, p, observed, left, less)
                 for p in effect.parameters
             }
-            best = ByChance(effect, observed[0].channel, values, before - after, estimates)
+            best = ByChance(effect, observed[0].channel, values, channel.before - after, estimates)
     return best
 
 

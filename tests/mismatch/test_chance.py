@@ -146,6 +146,18 @@ def test_only_the_channel_that_has_it_is_named(where, look):
     assert found[0].effect.id == "baseline_drift"
 
 
+def test_a_hum_on_every_channel_has_the_frequency_that_the_longest_recordings_tell(look, effects):
+    """Fast ones last a thousandth of its period and show a slope; by themselves they would tell any low frequency."""
+    rng = np.random.default_rng(35)
+    observed = recordings() + recordings("strain_gauge", 2, 4, GAUGE_STEP_S)
+    left = together(white(observed, rng), tone(observed, rng, 7.3, 20 * RMS))
+    best = look(observed, left, ("mains_hum",))[0]
+    assert best.channel == "strain_gauge"
+    assert best.values["frequency_Hz"] == pytest.approx(7.3, abs=0.01)
+    clean = without(best.effect, best.values, observed, left)
+    assert np.std(np.concatenate(list(clean.values()))) == pytest.approx(RMS, rel=0.05)
+
+
 def test_what_recordings_at_rest_do_not_show_is_no_hum(look):
     """It may be anything that needs a drive."""
     rng = np.random.default_rng(29)
