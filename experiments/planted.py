@@ -64,7 +64,7 @@ def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
         "feedthrough": {"capacitive_s": 0.01 * printhead.b1 / printhead.a0, "lossy": 2e-4},
         "sensor_bandwidth": {"bandwidth_Hz": 6 * f, "second_order": 0.0},
         "sensor_saturation": {"limit": 0.0, "hardness": 6.0},
-        "mains_hum": {"frequency_Hz": 0.9 * f, "amplitude": 2.0},
+        "mains_hum": {"frequency_Hz": 0.9 * f, "multiples": 1.0, "amplitude": 2.0},
         "baseline_drift": {"amplitude": 2.0},
         "crosstalk": {"mechanical": 0.03, "electrical": 0.0, "direct": 0.0},
     }  # fmt: skip

@@ -165,7 +165,7 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> ByChance |
     from scipy.optimize import minimize_scalar
 
     observed, left, noise = channel.observed, channel.left, channel.noise
-    free = [p for p in effect.parameters if p.name not in effect.strengths]
+    free = [p for p in effect.parameters if p.name not in effect.strengths and p.scale == "log"]
     starts = [
         start
         for start in effect.starts(printhead, [o.shot for o in observed])
@@ -207,6 +207,8 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> ByChance |
                 p.name: size
                 if p.name in effect.strengths
                 else _shapes_interval(effect, values, p, observed, left, less)
+                if p in free
+                else Estimate(values[p.name], values[p.name], values[p.name])  # chosen, not fitted
                 for p in effect.parameters
             }
             best = ByChance(effect, observed[0].channel, values, channel.before - after, estimates)

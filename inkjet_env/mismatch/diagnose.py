@@ -335,7 +335,7 @@ class _Work:
         bare = JointFit(joint.observed, joint.noise, joint.base.head) if standing else joint
         traces = traces_of(bare, joint, chosen, flexible)
         closure = closure_of(traces)
-        share = share_left(base, chosen, flexible)
+        share = share_left(base_hypothesis(bare), chosen, flexible)
         groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
         groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
         anything = bool(chosen.ids or standing)

@@ -73,7 +73,7 @@ def test_the_gain_is_the_augmented_heads_and_fitted_where_it_has_none():
 
 
 def test_a_hum_explains_nothing_by_itself():
-    hum = (EFFECTS["mains_hum"], {"frequency_Hz": 4e3, "amplitude": 0.5})
+    hum = (EFFECTS["mains_hum"], {"frequency_Hz": 4e3, "multiples": 1.0, "amplitude": 0.5})
     recording = recorded(())
     recording = replace(recording, sensor=recording.sensor + 0.5 * np.sin(2 * np.pi * 4e3 * TIME_S + 1))
     (found,), _ = evaluate(Campaign("c", (recording,)), AugmentedPrinthead(HEAD, (hum,)))

@@ -155,7 +155,7 @@ def test_saturation_begins_at_what_was_measured_where_that_is_known():
 def test_hum_of_any_phase_is_in_its_columns():
     shot = shot_of()
     frequency = 3.21 / (shot.samples * shot.step_s)
-    columns = EFFECTS["mains_hum"].nuisances({"frequency_Hz": frequency, "amplitude": 1.0}, shot)
+    columns = EFFECTS["mains_hum"].nuisances({"frequency_Hz": frequency, "multiples": 1.0, "amplitude": 1.0}, shot)
     time_s = np.arange(shot.samples) * shot.step_s
     hum = 0.4 * np.sin(2 * np.pi * frequency * time_s + 1.1)
     weights = np.linalg.lstsq(columns, hum)[0]
@@ -165,9 +165,11 @@ def test_hum_of_any_phase_is_in_its_columns():
 
 def test_hum_has_no_columns_where_it_is_off_or_sampled_too_seldom():
     shot, effect = shot_of(), EFFECTS["mains_hum"]
-    assert effect.nuisances({"frequency_Hz": 50.0, "amplitude": 0.0}, shot) is None
-    assert effect.nuisances({"frequency_Hz": 0.51 / shot.step_s, "amplitude": 1.0}, shot) is None
-    assert effect.nuisances({"frequency_Hz": 0.49 / shot.step_s, "amplitude": 1.0}, shot) is not None
+    assert effect.nuisances({"frequency_Hz": 50.0, "multiples": 1.0, "amplitude": 0.0}, shot) is None
+    on = {"multiples": 5.0, "amplitude": 1.0}
+    assert effect.nuisances(on | {"frequency_Hz": 0.51 / shot.step_s}, shot) is None
+    for part, columns in ((0.49, 2), (0.24, 4), (0.01, 10)):  # a multiple as well
+        assert effect.nuisances(on | {"frequency_Hz": part / shot.step_s}, shot).shape[1] == columns
 
 
 def test_hum_begins_at_the_lines_that_were_seen_then_at_the_mains_that_show():
@@ -191,7 +193,7 @@ def test_drift_of_any_parabola_is_in_its_columns():
 
 @pytest.mark.parametrize("effect_id", ["mains_hum", "baseline_drift"])
 def test_what_chance_adds_to_the_sensor_is_not_in_the_voltage_at_the_head(effect_id):
-    values = {"frequency_Hz": 2e4, "amplitude": 1.0}
+    values = {"frequency_Hz": 2e4, "multiples": 1.0, "amplitude": 1.0}
     assert EFFECTS[effect_id].nuisances(values, shot_of()) is not None
     assert EFFECTS[effect_id].nuisances(values, shot_of(channel="drive_monitor")) is None
 

@@ -16,10 +16,12 @@ Real = NDArray[np.float64]
 
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0, 150.0)
 MOST_STARTS = 12
+"""Frequencies that a search begins at: of a pure tone, and of one with its multiples."""
+MULTIPLES = 5
 
 
 class MainsHum(Effect):
-    """A tone whose amplitude and phase differ from recording to recording.
+    """A tone, and multiples of it, whose amplitudes and phases differ from recording to recording.
 
     No simulation foretells it: it explains recordings. A recording sampled less than twice a period shows none of it.
     """
@@ -27,10 +29,13 @@ class MainsHum(Effect):
     id = "mains_hum"
     stage = "sensing"
     sentence = "An interference at a fixed frequency is in the recordings; it is not locked to the trigger."
-    equation = "y = y₀ + a cos 2πft + b sin 2πft, with a and b of every recording its own"
+    equation = "y = y₀ + Σₖ aₖ cos 2πkft + bₖ sin 2πkft, with a and b of every recording its own"
     source = "Ott, Electromagnetic Compatibility Engineering, Wiley, 2009: pick-up of the mains and its harmonics"
     parameters = (
         Parameter("frequency_Hz", "Hz", 0.01, 1e8, "log", "of the tone"),
+        Parameter(
+            "multiples", "1", 1.0, 20.0, "linear", "how many of it are heard; 1 is the tone alone", True
+        ),
         Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "of the tone; 0 is none"),
     )
     strengths = ("amplitude",)
@@ -46,12 +51,17 @@ class MainsHum(Effect):
         for frequency in (*seen, *usual, *(periods / longest_s for periods in (3, 10))):
             if all(abs(frequency - other) * longest_s > 0.5 for other in guesses):
                 guesses.append(frequency)
-        return [{"frequency_Hz": f, "amplitude": 1.0} for f in guesses[:MOST_STARTS]]
+        return [
+            {"frequency_Hz": f, "multiples": float(multiples), "amplitude": 1.0}
+            for multiples in (1, MULTIPLES)
+            for f in guesses[:MOST_STARTS]
+        ]
 
     def told(self, values: Values, unit: str = "V") -> str:
         return (
             f"An interference at {with_prefix(values['frequency_Hz'], 'Hz', 3)} is in the recordings, not locked to "
-            f"the trigger; its amplitude is about {with_prefix(values['amplitude'], unit)}."
+            f"the trigger{', with multiples of it' if values['multiples'] > 1 else ''}; it adds up to about "
+            f"{with_prefix(values['amplitude'], unit)}."
         )
 
     def nuisances(self, values: Values, shot: Shot) -> Real | None:
@@ -59,7 +69,8 @@ class MainsHum(Effect):
         if values["amplitude"] == 0 or shot.channel == "drive_monitor" or not 2 * frequency * shot.step_s < 1:
             return None
         angle = 2 * np.pi * frequency * shot.step_s * np.arange(shot.samples)
-        return np.column_stack([np.cos(angle), np.sin(angle)])
+        heard = [k for k in range(1, round(values["multiples"]) + 1) if 2 * k * frequency * shot.step_s < 1]
+        return np.column_stack([wave(k * angle) for k in heard for wave in (np.cos, np.sin)])
 
 
 def _shows(shot: Shot, frequency_Hz: float) -> bool:
