@@ -163,13 +163,21 @@ def test_hum_of_any_phase_is_in_its_columns():
     assert np.hypot(*weights) == pytest.approx(0.4)
 
 
-def test_hum_has_no_columns_where_it_is_off_or_sampled_too_seldom():
-    shot, effect = shot_of(), EFFECTS["mains_hum"]
-    assert effect.nuisances({"frequency_Hz": 50.0, "multiples": 1.0, "amplitude": 0.0}, shot) is None
-    on = {"multiples": 5.0, "amplitude": 1.0}
-    assert effect.nuisances(on | {"frequency_Hz": 0.51 / shot.step_s}, shot) is None
-    for part, columns in ((0.49, 2), (0.24, 4), (0.01, 10)):  # a multiple as well
-        assert effect.nuisances(on | {"frequency_Hz": part / shot.step_s}, shot).shape[1] == columns
+def test_hum_has_no_columns_where_it_is_off():
+    assert EFFECTS["mains_hum"].nuisances({"frequency_Hz": 50.0, "multiples": 1.0, "amplitude": 0.0}, shot_of()) is None
+
+
+@pytest.mark.parametrize(("part", "columns"), [(0.01, 10), (0.49, 10), (0.7, 9), (0.25, 4), (0.5, 2), (1.0, 1)])
+def test_hum_sampled_too_seldom_is_what_its_samples_show(part, columns):
+    """Of five multiples at so many periods a sample: each wave once."""
+    shot = shot_of()
+    on = {"frequency_Hz": part / shot.step_s, "multiples": 5.0, "amplitude": 1.0}
+    found = EFFECTS["mains_hum"].nuisances(on, shot)
+    assert found.shape[1] - columns in (0, 1)  # the mean may be one of them
+    hum = np.cos(2 * np.pi * part * np.arange(shot.samples) + 0.3) + 0.2 * np.sin(
+        6 * np.pi * part * np.arange(shot.samples)
+    )
+    assert found @ np.linalg.lstsq(found, hum)[0] == pytest.approx(hum, abs=1e-9)
 
 
 def test_hum_begins_at_the_lines_that_were_seen_then_at_the_mains_that_show():

@@ -18,12 +18,15 @@ MAINS_HZ = (50.0, 60.0, 100.0, 120.0, 150.0)
 MOST_STARTS = 12
 """Frequencies that a search begins at: of a pure tone, and of one with its multiples."""
 MULTIPLES = 5
+LEAST_OWN = 1e-3
+"""Of a wave, beside those before it, of its size."""
 
 
 class MainsHum(Effect):
     """A tone, and multiples of it, whose amplitudes and phases differ from recording to recording.
 
-    No simulation foretells it: it explains recordings. A recording sampled less than twice a period shows none of it.
+    No simulation foretells it: it explains recordings. One that is sampled less than twice a period shows it at another
+    frequency.
     """
 
     id = "mains_hum"
@@ -33,9 +36,7 @@ class MainsHum(Effect):
     source = "Ott, Electromagnetic Compatibility Engineering, Wiley, 2009: pick-up of the mains and its harmonics"
     parameters = (
         Parameter("frequency_Hz", "Hz", 0.01, 1e8, "log", "of the tone"),
-        Parameter(
-            "multiples", "1", 1.0, 20.0, "linear", "how many of it are heard; 1 is the tone alone", True
-        ),
+        Parameter("multiples", "1", 1.0, 20.0, "linear", "how many of it are heard; 1 is the tone alone", True),
         Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "of the tone; 0 is none"),
     )
     strengths = ("amplitude",)
@@ -66,11 +67,14 @@ class MainsHum(Effect):
 
     def nuisances(self, values: Values, shot: Shot) -> Real | None:
         frequency = values["frequency_Hz"]
-        if values["amplitude"] == 0 or shot.channel == "drive_monitor" or not 2 * frequency * shot.step_s < 1:
+        if values["amplitude"] == 0 or shot.channel == "drive_monitor":
             return None
         angle = 2 * np.pi * frequency * shot.step_s * np.arange(shot.samples)
-        heard = [k for k in range(1, round(values["multiples"]) + 1) if 2 * k * frequency * shot.step_s < 1]
-        return np.column_stack([wave(k * angle) for k in heard for wave in (np.cos, np.sin)])
+        multiples = range(1, round(values["multiples"]) + 1)
+        waves = np.column_stack([wave(k * angle) for k in multiples for wave in (np.cos, np.sin)])
+        # Sampled less than twice a period, one may look like another, or like nothing.
+        own = np.abs(np.diag(np.linalg.qr(waves, mode="r")))
+        return waves[:, own > LEAST_OWN * np.sqrt(shot.samples)]
 
 
 def _shows(shot: Shot, frequency_Hz: float) -> bool:
