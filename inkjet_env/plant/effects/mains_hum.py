@@ -18,6 +18,8 @@ MAINS_HZ = (50.0, 60.0, 100.0, 120.0, 150.0)
 MOST_STARTS = 12
 """Frequencies that a search begins at: of a pure tone, and of one with its multiples."""
 MULTIPLES = 5
+FASTEST = 2.0
+"""Periods a sample of the fastest tone that a recording may show; a slow instrument does not follow faster ones."""
 LEAST_OWN = 1e-3
 """Of a wave, beside those before it, of its size."""
 
@@ -26,7 +28,7 @@ class MainsHum(Effect):
     """A tone, and multiples of it, whose amplitudes and phases differ from recording to recording.
 
     No simulation foretells it: it explains recordings. One that is sampled less than twice a period shows it at another
-    frequency.
+    frequency, one that is far slower shows none of it.
     """
 
     id = "mains_hum"
@@ -67,11 +69,11 @@ class MainsHum(Effect):
 
     def nuisances(self, values: Values, shot: Shot) -> Real | None:
         frequency = values["frequency_Hz"]
-        if values["amplitude"] == 0 or shot.channel == "drive_monitor":
+        heard = range(1, min(round(values["multiples"]), int(FASTEST / (frequency * shot.step_s))) + 1)
+        if values["amplitude"] == 0 or shot.channel == "drive_monitor" or not heard:
             return None
         angle = 2 * np.pi * frequency * shot.step_s * np.arange(shot.samples)
-        multiples = range(1, round(values["multiples"]) + 1)
-        waves = np.column_stack([wave(k * angle) for k in multiples for wave in (np.cos, np.sin)])
+        waves = np.column_stack([wave(k * angle) for k in heard for wave in (np.cos, np.sin)])
         # Sampled less than twice a period, one may look like another, or like nothing.
         own = np.abs(np.diag(np.linalg.qr(waves, mode="r")))
         return waves[:, own > LEAST_OWN * np.sqrt(shot.samples)]
