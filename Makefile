@@ -5,6 +5,8 @@ PIP_FLAGS ?=
 ARGS ?=
 PY := .venv/bin/python
 READY := .venv/.ready
+# A process a core, a file in one process; linear algebra on one thread each, or they wait for one another.
+TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist loadfile
 
 .PHONY: help setup bench test check format figures speed accuracy identification diagnosis lock clean
 
@@ -28,13 +30,13 @@ bench: $(READY)      ## compare the optimisers (ARGS="--repeats 30 …"); resume
 	.venv/bin/inkjet bench $(ARGS)
 
 test: $(READY)       ## run the tests
-	$(PY) -m pytest $(ARGS)
+	$(TEST) $(ARGS)
 
 check: $(READY)      ## lint, format, types, tests
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
-	$(PY) -m pytest $(ARGS)
+	$(TEST) $(ARGS)
 
 format: $(READY)     ## let ruff format and mend what it can
 	.venv/bin/ruff check --fix .
