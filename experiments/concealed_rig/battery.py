@@ -177,11 +177,12 @@ def measuring_plan(
         quick = [k for k, row in enumerate(plan) if row.channel == "self_sensing" and k not in repeats]
         for k in rng.choice(quick, size=max(2, len(quick) // 3), replace=False):
             plan[k] = _neighbour(plan[k], rng)
-    places = [(place, k, None) for k, place in enumerate(rng.permutation(len(plan)).astype(float))]
-    taken = [(*place, plan[place[1]]) for place in places]
+    taken: list[tuple[float, int, int | None, Measurement]] = [
+        (float(place), k, None, plan[k]) for k, place in enumerate(rng.permutation(len(plan)))
+    ]
     for k in repeats:
         earlier = taken[k][0]
-        taken.append((float(rng.uniform(earlier + 0.1, len(plan) + 0.5)), k, k, plan[k]))  # type: ignore[arg-type]
+        taken.append((float(rng.uniform(earlier + 0.1, len(plan) + 0.5)), k, k, plan[k]))
     taken.sort(key=lambda row: row[0])
     order = {row[1]: number for number, row in enumerate(taken, 1) if row[2] is None}
     return [

@@ -75,9 +75,7 @@ class NoiseModel:
 
     def passed(self, samples: int) -> Real:
         """Power that the filter lets through at each line, of white noise as large as the innovation, (samples,)."""
-        padded = np.zeros(max(samples, self.coefficients.size))
-        padded[: self.coefficients.size] = self.coefficients
-        power: Real = np.abs(np.fft.fft(padded)[:samples]) ** 2
+        power: Real = np.abs(np.fft.fft(self.coefficients, max(samples, self.coefficients.size))[:samples]) ** 2
         return power
 
     def _level(self, cycles_a_sample: Real, passed: Real) -> Real:

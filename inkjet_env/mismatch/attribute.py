@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.mismatch.crew import Crew
+from inkjet_env.mismatch.fit import Fit
 from inkjet_env.mismatch.foretold import Foretold, foretold, orthonormal
-from inkjet_env.mismatch.joint_fit import Fit, JointFit
+from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.kept import Kept
 from inkjet_env.mismatch.signatures import Signatures, point_of
 from inkjet_env.plant import Effect

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.mismatch.crew import Crew
+from inkjet_env.mismatch.fit import Fit, Place
 from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.joint_fit import Fit, JointFit, Place
+from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.plant import Effect
 from inkjet_env.printhead import Printhead
 from inkjet_env.storage import write_json

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.mismatch.diagnosis import Location
-from inkjet_env.mismatch.joint_fit import Fit
+from inkjet_env.mismatch.fit import Fit
 from inkjet_env.mismatch.locate_cells import FEWEST, Cell, line_rows, sample_rows, taken_by_fit
 from inkjet_env.mismatch.locate_drift import Trend, shifts, trends
 from inkjet_env.mismatch.locate_views import CHANNELS, MONITOR, largest_V, views

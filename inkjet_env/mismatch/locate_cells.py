@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import free_ringing
-from inkjet_env.mismatch.joint_fit import Fit
+from inkjet_env.mismatch.fit import Fit
 from inkjet_env.mismatch.observed import Noise, Observed
 
 Real = NDArray[np.float64]

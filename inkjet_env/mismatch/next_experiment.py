@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.mismatch.diagnosis import NextExperiment
-from inkjet_env.mismatch.joint_fit import DIFFERENCE, Fit, split
+from inkjet_env.mismatch.fit import Fit, split
+from inkjet_env.mismatch.joint_fit import DIFFERENCE
 from inkjet_env.mismatch.locate_views import CHANNELS, largest_V
 from inkjet_env.mismatch.next_drives import Proposal, benches, library
 from inkjet_env.mismatch.observed import Noise, Observed

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.mismatch.fit import Fit, Place
 from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.joint_fit import Fit, JointFit, Place
+from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.locate_views import largest_V
 from inkjet_env.mismatch.next_drives import Train, benches, library
 from inkjet_env.mismatch.next_experiment import next_experiment

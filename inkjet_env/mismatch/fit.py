@@ -1,0 +1,81 @@
+"""Where a fit of base model and effects has come to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch.head import Head
+from inkjet_env.plant import Effect
+from inkjet_env.plant.effect import values_at
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a fit is: base parameters, coordinates of the effects' parameters, free initial states by recording."""
+
+    head: Head
+    point: Real
+    states: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Base model and effects at the minimum.
+
+    Attributes
+    ----------
+    head : Head
+    effects : tuple of Effect
+    point : ndarray, shape (k,)
+        Coordinates of all effects' parameters, one effect after another.
+    states : dict of str to tuple
+        Initial deflection and speed of recordings with a free initial state.
+    left : dict of str to ndarray
+        Measured minus modelled, whitened, chance differences between recordings taken out; of all samples.
+    nll : float
+        Half the sum of squares over the fitted samples.
+    slopes : ndarray, shape (rows, k)
+        Whitened sensitivities to the point, chance taken out; rows of the fitted samples in order.
+    converged : bool
+    sloped : Place
+        Where the sensitivities were taken: before the last step.
+    started : Head
+        Base model whose free ringing stands for unknown initial states.
+    """
+
+    head: Head
+    effects: tuple[Effect, ...]
+    point: Real
+    states: Mapping[str, tuple[float, float]]
+    left: Mapping[str, Real]
+    nll: float
+    slopes: Real
+    converged: bool
+    sloped: Place
+    started: Head
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of the effects."""
+        return tuple(effect.id for effect in self.effects)
+
+    @property
+    def with_values(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
+        """Each effect with its values."""
+        return split(self.effects, self.point)
+
+
+def split(effects: Sequence[Effect], point: Real) -> tuple[tuple[Effect, dict[str, float]], ...]:
+    """Effects with their values, from the coordinates of all one after another."""
+    result, at = [], 0
+    for effect in effects:
+        count = len(effect.parameters)
+        result.append((effect, values_at(effect, point[at : at + count])))
+        at += count
+    return tuple(result)
