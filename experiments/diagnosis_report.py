@@ -80,6 +80,8 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     zoom = zoom_of(proof, models, diagnosis.printhead.frequency_Hz)
     whole = slice(0, proof.measured.size)
     conditions = condition_rows(diagnosis)
+    channels = channel_rows(diagnosis)
+    held_out = [row for row in channels if row.held_out and row.channel == diagnosis.main_channel]
     experiment = diagnosis.next_experiment
     return environment.get_template("diagnosis.html").render(
         diagnosis=diagnosis,
@@ -95,7 +97,8 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         catalogue={effect.id: effect for effect in catalogue()},
         uncertain={effect_id for group in diagnosis.candidates for effect_id in group},
         told={a.ids[0]: a for a in diagnosis.attributions if len(a.ids) == 1},
-        channels=channel_rows(diagnosis),
+        main=held_out[0] if held_out else None,
+        channels=channels,
         conditions=conditions,
         fits=[svg_text(figures.fits_figure(rows)) for rows in shown_conditions(conditions)],
         most_conditions=MOST_CONDITIONS,

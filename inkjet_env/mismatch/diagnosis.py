@@ -238,19 +238,17 @@ class Diagnosis:
     stages: Mapping[str, float]
 
     def heldout_rms(self, which: str) -> float:
-        """Pooled over held-out recordings of the main channel, in volts of its signal; NaN where nothing is held out.
+        """Pooled over the main channel's held-out samples, in volts (hysteretic ones of a displacement); NaN of none.
 
         ``which``: "base", "augmented" or "noise".
         """
         mine = [t for t in self.traces if t.held_out and t.channel == self.main_channel]
-        if which == "noise":
-            squares = [t.noise_rms**2 for t in mine]
-        else:
-            squares = [t.rms(which, held_out=True) ** 2 for t in mine]
-        if not squares:
+        if not mine:
             return math.nan
+        rows = [t.measured.size - t.fitted for t in mine]
+        sizes = [t.noise_rms if which == "noise" else t.rms(which, held_out=True) for t in mine]
         per_volt = 1.0 if mine[0].unit == "V" else abs(self.gains[self.main_channel])
-        return math.sqrt(sum(squares) / len(squares)) / per_volt
+        return float(np.sqrt(np.average(np.square(sizes), weights=rows))) / per_volt
 
     @property
     def main_channel(self) -> str:

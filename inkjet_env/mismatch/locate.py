@@ -201,7 +201,7 @@ def _sentence(
         parts.append(f"{start}{CHANNELS[o.channel]} differs from the model{_amount(o, noise, fit)}")
     else:
         o = fast[0] if fast else observed[0]
-        parts.append(f"{CHANNELS[o.channel]} differs from the model, in no recording by itself more than noise would")
+        parts.append(f"{CHANNELS[o.channel]} differs from the model, in no recording alone by more than noise would")
     several = len({other.channel for other in observed}) > 1
     prefix = f"{o.channel}: " if several else ""
     for view, words in STANDING_OUT.items():
@@ -226,6 +226,9 @@ def _sentence(
     unknown = sorted({other.channel for other in observed if not noise.known(other)})
     if o.channel in unknown:
         parts.append("compared with the rest of what is left, for nothing tells its noise")
+    times = _stretches([c for c in told if c.view == "time"])
+    if times and not recordings:
+        parts.append(f"{span_told(*times[0], 's')} after their start")
     sentence = ", ".join(parts)
     return sentence[0].upper() + sentence[1:] + "."
 
