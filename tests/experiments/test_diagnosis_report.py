@@ -19,6 +19,7 @@ from experiments.diagnosis_report import (
     write_diagnosis_report,
     zoom_of,
 )
+from experiments.identification_report import short
 from inkjet_env.identification import Estimate
 from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Location, Named, NextExperiment, Trace
 from inkjet_env.plant import Plant, Shot, catalogue
@@ -293,6 +294,15 @@ def test_rows_of_a_channel_pool_its_recordings(named):
     assert row.base == pytest.approx(named.heldout_rms("base"))
     expected = (row.base**2 - row.augmented**2) / (row.base**2 - row.noise**2)
     assert row.closure == pytest.approx(expected)
+
+
+def test_the_first_line_says_what_is_left_in_the_channels_unit(named):
+    """As the table below it does; not in the volts of a displacement's gain."""
+    moved = [replace(t, channel="displacement", unit="um") if t.channel == "self_sensing" else t for t in named.traces]
+    found = replace(named, traces=tuple(moved), gains={"displacement": 0.02, "strain_gauge": 0.01})
+    row = next(r for r in channel_rows(found) if r.held_out and r.channel == "displacement")
+    said = f"{short(row.base)} µm (RMS) before, {short(row.augmented)} µm after, noise {short(row.noise)} µm."
+    assert said in diagnosis_html(found)
 
 
 def test_a_recording_that_leaves_noise_alone_has_no_closure(diagnoses):

@@ -8,8 +8,8 @@ import pytest
 
 from inkjet_env.mismatch.head import Head
 from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.locate import locate
-from inkjet_env.mismatch.locate_cells import line_rows, sample_rows, surplus, taken_by_fit
+from inkjet_env.mismatch.locate import _sentence, locate
+from inkjet_env.mismatch.locate_cells import Cell, line_rows, sample_rows, surplus, taken_by_fit
 from inkjet_env.mismatch.locate_drift import shifts
 from inkjet_env.mismatch.locate_views import phases, pulses
 from inkjet_env.mismatch.observed import Noise, noise_seen, observe
@@ -90,6 +90,15 @@ def draw(small):
         return replace(small.base, left={n: noise[n] - (columns[n] / size) @ step for n in noise})
 
     return one
+
+
+def test_what_all_recordings_show_together_and_none_alone_is_told_with_its_time(small):
+    cell = Cell("time", "460 µs to 470 µs", 1.3, 4.2, (4.6e-4, 4.7e-4), "self_sensing")
+    told = _sentence(small.observed, small.noise, small.base, [cell], [cell], [], [], [])
+    assert told == (
+        "The self-sensing signal differs from the model, in no recording alone by more than noise would, "
+        "460 to 470 µs after their start."
+    )
 
 
 def test_noise_alone_is_pointed_at_in_five_of_a_hundred_campaigns_at_most(small, draw):

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.plays import PLAYS, play_sum_V
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent
 from inkjet_env.printhead import Printhead
-from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
+from inkjet_env.printhead.hysteresis import BranchLaw
 
 Real = NDArray[np.float64]
-
-PLAYS = 32
 
 
 class AsymmetricHysteresis(Effect):
@@ -79,25 +78,10 @@ class AsymmetricHysteresis(Effect):
 
 
 def leaning_plays_V(ends_V: Real, lean: float, law: BranchLaw, periodic: bool, plays: int = PLAYS) -> Real:
-    """What leaning plays in place of the law give, but for its linear part, shape (n,).
-
-    Parameters
-    ----------
-    ends_V : ndarray, shape (n,)
-        Drive at the nodes; where periodic, with the first one again at its end.
-    lean : float
-    law : BranchLaw
-    periodic : bool
-    plays : int
-        How many; the difference from the law falls with their square.
-    """
+    """What leaning plays in place of the law give, but for its linear part, shape (n,); see `play_sum_V`."""
     from inkjet_env.plant import compiled_hysteresis
 
-    sum_ = PlayOperators.of_branch_law(law, plays)
-    thresholds_V, weights = sum_.thresholds_V[1:].copy(), sum_.weights[1:].copy()  # the first is linear
-    states_V, output_V = np.empty(plays), np.empty(ends_V.size)
-    compiled_hysteresis.leaning_plays(ends_V, lean, thresholds_V, weights, 2 if periodic else 1, states_V, output_V)
-    return output_V
+    return play_sum_V(compiled_hysteresis.leaning_plays, ends_V, lean, law, periodic, plays)
 
 
 def _further(part: float) -> str:

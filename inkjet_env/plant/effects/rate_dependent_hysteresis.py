@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.plays import PLAYS, play_sum_V
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
-from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
+from inkjet_env.printhead.hysteresis import BranchLaw
 
 Real = NDArray[np.float64]
 
-PLAYS = 32
 MIDDLING = 0.15
 """By how much the thresholds of a start grow at the highest of the channels' usual rates."""
 
@@ -75,24 +75,10 @@ class RateDependentHysteresis(Effect):
 
 
 def plays_V(ends_V: Real, widening: Real, law: BranchLaw, periodic: bool, plays: int = PLAYS) -> Real:
-    """What plays in place of the law give, but for its linear part, with wider thresholds, shape (n,).
+    """What plays in place of the law give, but for its linear part, with wider thresholds, shape (n,): `play_sum_V`.
 
-    Parameters
-    ----------
-    ends_V : ndarray, shape (n,)
-        Drive at the nodes; where periodic, with the first one again at its end.
-    widening : ndarray, shape (n - 1,)
-        Factor on the thresholds between nodes.
-    law : BranchLaw
-    periodic : bool
-    plays : int
-        How many; the difference from the law falls with their square.
+    ``widening``: factor on the thresholds between nodes, shape (n - 1,).
     """
     from inkjet_env.plant import compiled_hysteresis
 
-    sum_ = PlayOperators.of_branch_law(law, plays)
-    thresholds_V, weights = sum_.thresholds_V[1:].copy(), sum_.weights[1:].copy()  # the first is linear
-    states_V, output_V = np.empty(plays), np.empty(ends_V.size)
-    laps = 2 if periodic else 1
-    compiled_hysteresis.widened_plays(ends_V, widening, thresholds_V, weights, laps, states_V, output_V)
-    return output_V
+    return play_sum_V(compiled_hysteresis.widened_plays, ends_V, widening, law, periodic, plays)

@@ -1,0 +1,39 @@
+"""The branch law as a sum of plays, where an effect changes the plays themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
+
+Real = NDArray[np.float64]
+
+PLAYS = 32
+
+
+def play_sum_V(
+    kernel: Callable[..., None], ends_V: Real, change: Real | float, law: BranchLaw, periodic: bool, plays: int
+) -> Real:
+    """What changed plays in place of the law give, but for its linear part, shape (n,).
+
+    Parameters
+    ----------
+    kernel : compiled function
+        Of `compiled_hysteresis`.
+    ends_V : ndarray, shape (n,)
+        Drive at the nodes; where periodic, with the first one again at its end.
+    change : ndarray or float
+        What the kernel wants to know after the drive.
+    law : BranchLaw
+    periodic : bool
+    plays : int
+        How many; the difference from the law falls with their square.
+    """
+    sum_ = PlayOperators.of_branch_law(law, plays)
+    thresholds_V, weights = sum_.thresholds_V[1:].copy(), sum_.weights[1:].copy()  # the first is linear
+    states_V, output_V = np.empty(plays), np.empty(ends_V.size)
+    kernel(ends_V, change, thresholds_V, weights, 2 if periodic else 1, states_V, output_V)
+    return output_V
