@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.plant import Effect, Plant, Shot, Values, catalogue
+from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig.battery import DriveLine, default_battery
@@ -46,7 +47,7 @@ def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
         "trigger_delay": {"delay_s": 0.03 * period},
         "creep": {"creep_per_decade": 0.015, "onset_s": 0.1},
         "rate_dependent_hysteresis": {"growth": 0.06, "rate_V_s": 100.0},
-        "asymmetric_hysteresis": {"asymmetry": 0.03, "bending": 0.02, "lean": 0.0},
+        "asymmetric_hysteresis": {"asymmetry": 0.03, "bending": 0.02},
         "cubic_stiffness": {"stiffening_per_V2": 1.2e-6},
         "quadratic_damping": {"damping_per_V": 2e-4},
         "ferroelastic_softening": {"softening_per_V": 1.5e-4, "loss_ratio": 0.5},
@@ -58,8 +59,9 @@ def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
         },
         "meniscus_refill": {"recovery_s": 6 * period, "stiffness_change": 0.02},
         "thermal_drift": {
-            "frequency_drift": -0.01, "frequency_bow": 0.003, "frequency_twist": 0.0,
-            "damping_drift": -0.1, "damping_bow": 0.0, "damping_twist": 0.0,
+            "last_order": 29.0,
+            **{f"frequency_{k}": -0.01 * k / 9 + 0.012 * k * (9 - k) / 81 for k in range(1, 10)},
+            **{f"damping_{k}": -0.1 * k / 9 for k in range(1, 10)},
         },
         "feedthrough": {"capacitive_s": 0.01 * printhead.b1 / printhead.a0, "lossy": 2e-4},
         "sensor_bandwidth": {"bandwidth_Hz": 6 * f, "second_order": 0.0},
@@ -72,7 +74,7 @@ def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
 
 def planted(effect: Effect, strength: float, printhead: Printhead) -> dict[str, float]:
     """Values of an effect at a strength, 1 being full."""
-    values = dict(planted_values(printhead)[effect.id])
+    values = complete(effect, **planted_values(printhead)[effect.id])
     for p in effect.parameters:
         if p.name in effect.strengths:
             values[p.name] = values[p.name] / strength if p.scale == "reciprocal" else values[p.name] * strength

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inkjet_env.plant.effect import Effect, Values
+from inkjet_env.plant.effect import Effect, Values, complete
 from inkjet_env.plant.extrema import extrema
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.shot import Shot
@@ -43,6 +43,7 @@ class AugmentedPrinthead:
     ----------
     printhead : Printhead
     effects : tuple of (Effect, values)
+        Values that are not given are those of the simplest law; see `complete`.
     gains : mapping of str to float
         By channel, in its unit per hysteretic volt.
     order : int
@@ -53,6 +54,10 @@ class AugmentedPrinthead:
     effects: tuple[tuple[Effect, Values], ...]
     gains: Mapping[str, float] = field(default_factory=dict)
     order: int = 1
+
+    def __post_init__(self) -> None:
+        whole = tuple((effect, complete(effect, **values)) for effect, values in self.effects)
+        object.__setattr__(self, "effects", whole)
 
     @property
     def frequency_Hz(self) -> float:
@@ -159,12 +164,14 @@ class AugmentedPrinthead:
         try:
             drive_V = plant.at_ceramic_V(before)
             # a copy: of the drive as asked, the powers of the law would be kept, which costs more and serves fits
-            hysteretic_V = plant.hysteretic_V(drive_V.copy(), before)[: first.nodes]
-            hysteretic_V = hysteretic_V - hysteretic_V[0]  # where the head rests
+            repeated_V = plant.hysteretic_V(drive_V.copy(), before)
+            repeated_V = repeated_V - repeated_V[0]  # where the head rests
+            hysteretic_V = repeated_V[: first.nodes]
             head = self.printhead
             resonance = Resonance(head.a0, head.a1, head.a0)
             for effect, values in plant.of("resonator"):
                 resonance = effect.resonator(values, resonance, before)
+            resonance = resonance.refilled(repeated_V, before)
             if resonance.softening is not None:
                 resonance = replace(resonance, softening=resonance.softening[: first.nodes])
             signal = head.b1 * resonance.motion(hysteretic_V, first)

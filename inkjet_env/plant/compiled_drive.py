@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
 _jit = kernel_jit(__file__)
@@ -29,3 +31,51 @@ def slew_limited(signal, most, start, result):
             value = signal[i] if abs(edge) <= most else value + (most if edge > 0.0 else -most) * (1.0 - met)
         result[i] = value
     return value
+
+
+@_jit
+def softly_slewed(signal, most, reach, start, result):
+    """What follows a signal, linear between nodes, as ``u' = most tanh((signal - u) / reach)``; returns the last value.
+
+    ``most`` a step; solved by quadrature, to rounding.
+    """
+    value = start
+    result[0] = value
+    for i in range(1, signal.shape[0]):
+        behind, edge = (signal[i - 1] - value) / reach, (signal[i] - signal[i - 1]) / most
+        if behind != 0.0 or edge != 0.0:
+            value = signal[i] - reach * _behind(behind, edge, most / reach)
+        result[i] = value
+    return value
+
+
+@_jit
+def _behind(x, edge, time):
+    """x after a time, of ``x' = edge - tanh x``: where ``∫ dx / (edge - tanh x)`` is as long."""
+    if abs(abs(edge) - 1.0) < 1e-7:
+        edge += 2e-7  # the two of its terms that grow without bound cancel
+    rate = edge - np.tanh(x)
+    goal = np.arctanh(edge) if abs(edge) < 1.0 else np.copysign(np.inf, edge)
+    if rate == 0.0 or abs(goal - x) < 1e-13 * (1.0 + abs(goal)):
+        return goal if abs(edge) < 1.0 else x + rate * time
+    begun = _primitive(x, edge)
+    slope = 1.0 - np.tanh(x) ** 2
+    last, now = x, x + rate * (-np.expm1(-slope * time) / slope if slope * time > 1e-9 else time)
+    for _ in range(60):
+        if (goal - now) * rate <= 0.0:  # beyond where it comes to rest
+            now = 0.5 * (last + goal)
+        if abs(goal - now) < 1e-13 * (1.0 + abs(goal)):
+            return goal
+        step = ((_primitive(now, edge) - begun) / (edge * edge - 1.0) - time) * (edge - np.tanh(now))
+        last = now
+        now -= step
+        if abs(step) < 1e-13 * (1.0 + abs(now)):
+            break
+    return now
+
+
+@_jit
+def _primitive(x, edge):
+    """Of ``(edge² - 1) / (edge - tanh x)``."""
+    s = 1.0 if x > 0.0 else -1.0
+    return edge * x + abs(x) + np.log(0.5 * abs(edge - s + (edge + s) * np.exp(-2.0 * abs(x))))

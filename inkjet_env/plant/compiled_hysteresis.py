@@ -2,64 +2,27 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
 _jit = kernel_jit(__file__, fastmath={"reassoc"})
 
 
 @_jit
-def widened_plays(drive_V, widening, thresholds_V, weights, laps, states_V, output_V):
-    """Weighted plays whose thresholds vary with time, from the demagnetised state.
+def rated_plays(drive_V, measure, growth, widening_V, relaxation, thresholds_V, weights, laps, states_V, output_V):
+    """Weighted plays whose thresholds follow a measure of the rate and which may lag, from the demagnetised state.
 
     Parameters
     ----------
     drive_V : ndarray, shape (n,)
-    widening : ndarray, shape (n - 1,)
-        Factor on all thresholds from a node to the next; 1 before the first.
-    thresholds_V, weights : ndarray, shape (k,)
-    laps : int
-        The last one stays.
-    states_V : ndarray, shape (k,)
-        Scratch.
-    output_V : ndarray, shape (n,)
-        Filled. At a node where the widening jumps, the mean of what is before and after.
-    """
-    states_V[:] = 0.0
-    factor = 1.0
-    before = _played(drive_V[0], factor, thresholds_V, weights, states_V)
-    for _ in range(laps):
-        for i in range(widening.shape[0]):
-            after = before
-            if widening[i] != factor:
-                factor = widening[i]
-                after = _played(drive_V[i], factor, thresholds_V, weights, states_V)
-            output_V[i] = 0.5 * (before + after)
-            before = after
-            if drive_V[i + 1] != drive_V[i]:
-                before = _played(drive_V[i + 1], factor, thresholds_V, weights, states_V)
-        output_V[widening.shape[0]] = before
-
-
-@_jit
-def _played(u, factor, thresholds_V, weights, states_V):
-    total = 0.0
-    for k in range(thresholds_V.shape[0]):
-        r = factor * thresholds_V[k]
-        w = max(u - r, min(u + r, states_V[k]))
-        states_V[k] = w
-        total += weights[k] * w
-    return total
-
-
-@_jit
-def leaning_plays(drive_V, lean, thresholds_V, weights, laps, states_V, output_V):
-    """Weighted plays between a steeper rising branch and a flatter falling one, from the demagnetised state.
-
-    Parameters
-    ----------
-    drive_V : ndarray, shape (n,)
-    lean : float
-        The rising branch follows ``(1 + lean) u``, the falling one ``(1 - lean) u``; ``u`` where they have crossed.
+        Linear between nodes.
+    measure : ndarray, shape (n,)
+        Of the rate, at the nodes.
+    growth, widening_V : float
+        A threshold r is ``r (1 + growth m) + widening_V m``, not below 0, at the measure m.
+    relaxation : float
+        Time constant, in steps, with which a play goes to where it should be; 0: at once.
     thresholds_V, weights : ndarray, shape (k,)
     laps : int
         The last one stays.
@@ -69,13 +32,108 @@ def leaning_plays(drive_V, lean, thresholds_V, weights, laps, states_V, output_V
         Filled.
     """
     states_V[:] = 0.0
+    output_V[0] = _played(drive_V[0], growth, widening_V, measure[0], thresholds_V, weights, states_V)
+    for _ in range(laps):
+        for i in range(1, drive_V.shape[0]):
+            if relaxation > 0.0:
+                output_V[i] = _followed(
+                    drive_V[i - 1],
+                    drive_V[i],
+                    growth,
+                    widening_V,
+                    measure[i],
+                    relaxation,
+                    thresholds_V,
+                    weights,
+                    states_V,
+                )
+            elif drive_V[i] != drive_V[i - 1] or measure[i] != measure[i - 1]:
+                output_V[i] = _played(drive_V[i], growth, widening_V, measure[i], thresholds_V, weights, states_V)
+            else:
+                output_V[i] = output_V[i - 1]
+        if laps > 1:
+            output_V[0] = output_V[-1]  # a drive that repeats ends where it began
+
+
+@_jit
+def _played(u, growth, widening_V, measure, thresholds_V, weights, states_V):
+    total = 0.0
+    for k in range(thresholds_V.shape[0]):
+        r = max(thresholds_V[k] * (1.0 + growth * measure) + widening_V * measure, 0.0)
+        w = max(u - r, min(u + r, states_V[k]))
+        states_V[k] = w
+        total += weights[k] * w
+    return total
+
+
+@_jit
+def _followed(u, later, growth, widening_V, measure, relaxation, thresholds_V, weights, states_V):
+    """`_played` a step later of plays that go to their branch with a time constant: exact while it drags them."""
+    edge, keep = later - u, np.exp(-1.0 / relaxation)
+    total = 0.0
+    for k in range(thresholds_V.shape[0]):
+        r = max(thresholds_V[k] * (1.0 + growth * measure) + widening_V * measure, 0.0)
+        w = states_V[k]
+        elapsed, sign = 0.0, 1.0 if u - w > r else -1.0
+        for _ in range(2):  # the branch that drags it first, then the other
+            # how far the branch is ahead, in its own direction, from now to the end of the step
+            ahead, end, slope = sign * (u + edge * elapsed - w) - r, sign * (later - w) - r, sign * edge
+            if ahead > 0.0 or end > 0.0:
+                kept = keep if elapsed == 0.0 else np.exp((elapsed - 1.0) / relaxation)
+                if ahead < 0.0:
+                    ahead, kept = 0.0, np.exp(-end / (slope * relaxation))
+                # behind a ramp by the lag, but for what it was before
+                behind = slope * relaxation + (ahead - slope * relaxation) * kept
+                if behind >= 0.0:
+                    w += sign * (end - behind)
+                    break
+                met = relaxation * np.log1p(-ahead / (slope * relaxation))  # the branch comes back and passes it
+                w += sign * (ahead + slope * met)
+                elapsed += met
+            sign = -sign
+        states_V[k] = w
+        total += weights[k] * w
+    return total
+
+
+@_jit
+def leaning_plays(drive_V, lean, tilt, thresholds_V, weights, laps, states_V, output_V):
+    """Weighted plays between branches of unequal slopes, from the demagnetised state.
+
+    Parameters
+    ----------
+    drive_V : ndarray, shape (n,)
+    lean : float
+        Of every play the rising branch follows ``(1 + lean) u``, the falling one ``(1 - lean) u``.
+    tilt : float
+        The same in proportion to the threshold r, per volt: ``(1 ± r tilt) u``.
+    thresholds_V, weights : ndarray, shape (k,)
+    laps : int
+        The last one stays.
+    states_V : ndarray, shape (k,)
+        Scratch.
+    output_V : ndarray, shape (n,)
+        Filled; where the branches have crossed, a play follows ``u``.
+    """
+    states_V[:] = 0.0
     for _ in range(laps):
         for i in range(drive_V.shape[0]):
-            u, apart = drive_V[i], lean * drive_V[i]
+            u = drive_V[i]
+            apart, less = lean * u, 1.0 - tilt * u
             total = 0.0
             for k in range(thresholds_V.shape[0]):
-                half = max(thresholds_V[k] - apart, 0.0)
+                half = max(thresholds_V[k] * less - apart, 0.0)
                 w = max(u - half, min(u + half, states_V[k]))
                 states_V[k] = w
                 total += weights[k] * w
             output_V[i] = total
+
+
+@_jit
+def played(signal, threshold, laps, output):
+    """One play of a signal, from a state of 0; the last lap stays."""
+    w = 0.0
+    for _ in range(laps):
+        for i in range(signal.shape[0]):
+            w = max(signal[i] - threshold, min(signal[i] + threshold, w))
+            output[i] = w

@@ -42,6 +42,9 @@ class Parameter:
     open_ended : bool
         Whether a value at a bound is as good as any: a clipping harder than can be told. Else an effect fitted with a
         shape at its bound has become something else.
+    plain : float, optional
+        Of a shape, the value that makes the law the simplest of its kind: there a fit leaves it, unless it begins
+        elsewhere or the simple law does not do.
     """
 
     name: str
@@ -51,6 +54,7 @@ class Parameter:
     scale: str = "linear"
     meaning: str = ""
     open_ended: bool = False
+    plain: float | None = None
 
     def coordinate(self, value: float) -> float:
         """What is fitted, from the value."""
@@ -89,6 +93,8 @@ class Effect:
     parameters : tuple of Parameter
     strengths : tuple of str
         Names of the parameters that are zero (or infinite) when the effect is off.
+    parts : tuple of tuple of str
+        Strengths that come and go together, where each is not a law by itself.
     signature : str
         What sets it apart.
     confusable_with : tuple of str
@@ -104,6 +110,7 @@ class Effect:
     source: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     strengths: ClassVar[tuple[str, ...]]
+    parts: ClassVar[tuple[tuple[str, ...], ...]] = ()
     signature: ClassVar[str]
     confusable_with: ClassVar[tuple[str, ...]] = ()
     shown_by: ClassVar[str]
@@ -122,6 +129,10 @@ class Effect:
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         """Why these shots cannot show the effect, as the end of a sentence after "because"; None where they can."""
         return None
+
+    def changes(self, name: str, shot: Shot, values: Values) -> bool:
+        """Whether a parameter can change anything in a shot; where not, no simulation is spent on it."""
+        return True
 
     def told(self, values: Values, unit: str = "V") -> str:
         """The effect with its values, in plain words for a reader who knows printheads and not this program.
@@ -178,7 +189,53 @@ def values_at(effect: Effect, point: Real) -> dict[str, float]:
     return {p.name: p.value(float(z)) for p, z in zip(effect.parameters, point, strict=True)}
 
 
+def complete(effect: Effect, **given: float) -> dict[str, float]:
+    """All values of an effect from those that matter: strengths that are not given are off, shapes are plain.
+
+    Raises
+    ------
+    ValueError
+        A name that is no parameter of the effect's, or a shape without which it says nothing.
+    """
+    plain = {p.name: p.plain for p in effect.parameters if p.plain is not None}
+    names = [p.name for p in effect.parameters]
+    if unknown := sorted(set(given) - set(names)):
+        raise ValueError(f"{effect.id} has no parameter {unknown[0]!r}; it has {', '.join(names)}.")
+    values = plain | _off(effect) | given
+    if missing := [name for name in names if name not in values]:
+        raise ValueError(f"{effect.id} needs a value of {missing[0]!r}.")
+    return {name: values[name] for name in names}
+
+
+def parts_of(effect: Effect, point: Real) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+    """Parts of an effect's law that are on and that are not, at what is fitted, shape (k,): names of parameters.
+
+    A part is some strengths, off where they are all exactly nothing, or a shape, off where it is plain.
+    """
+    at = dict(zip((p.name for p in effect.parameters), point, strict=True))
+    strengths = effect.parts or tuple((name,) for name in effect.strengths)
+    shapes = tuple((p.name,) for p in effect.parameters if p.plain is not None)
+    on: list[tuple[str, ...]] = []
+    off: list[tuple[str, ...]] = []
+    for part in (*strengths, *shapes):
+        (off if all(at[p.name] == rest(effect, p) for p in effect.parameters if p.name in part) else on).append(part)
+    return on, off
+
+
+def rest(effect: Effect, parameter: Parameter) -> float:
+    """What is fitted of a parameter where its part of the law is off."""
+    if parameter.name in effect.strengths or parameter.plain is None:
+        return 0.0
+    return parameter.coordinate(parameter.plain)
+
+
 def switched_off(effect: Effect, values: Values) -> dict[str, float]:
     """The values with every strength at nothing."""
-    off = {p.name: math.inf if p.scale == "reciprocal" else 0.0 for p in effect.parameters}
-    return {name: off[name] if name in effect.strengths else value for name, value in values.items()}
+    return {**values, **_off(effect)}
+
+
+def _off(effect: Effect) -> dict[str, float]:
+    """The strengths at nothing."""
+    return {
+        p.name: math.inf if p.scale == "reciprocal" else 0.0 for p in effect.parameters if p.name in effect.strengths
+    }

@@ -28,6 +28,7 @@ SECOND_ORDER = Parameter(
     1.0,
     meaning="0 is one pole, 0.5 Butterworth's two",
     open_ended=True,
+    plain=0.0,
 )
 
 

@@ -15,7 +15,12 @@ PLAYS = 32
 
 
 def play_sum_V(
-    kernel: Callable[..., None], ends_V: Real, change: Real | float, law: BranchLaw, periodic: bool, plays: int
+    kernel: Callable[..., None],
+    ends_V: Real,
+    change: tuple[Real | float, ...],
+    law: BranchLaw,
+    periodic: bool,
+    plays: int,
 ) -> Real:
     """What changed plays in place of the law give, but for its linear part, shape (n,).
 
@@ -25,7 +30,7 @@ def play_sum_V(
         Of `compiled_hysteresis`.
     ends_V : ndarray, shape (n,)
         Drive at the nodes; where periodic, with the first one again at its end.
-    change : ndarray or float
+    change : tuple of ndarray or float
         What the kernel wants to know after the drive.
     law : BranchLaw
     periodic : bool
@@ -35,5 +40,5 @@ def play_sum_V(
     sum_ = PlayOperators.of_branch_law(law, plays)
     thresholds_V, weights = sum_.thresholds_V[1:].copy(), sum_.weights[1:].copy()  # the first is linear
     states_V, output_V = np.empty(plays), np.empty(ends_V.size)
-    kernel(ends_V, change, thresholds_V, weights, 2 if periodic else 1, states_V, output_V)
+    kernel(ends_V, *change, thresholds_V, weights, 2 if periodic else 1, states_V, output_V)
     return output_V

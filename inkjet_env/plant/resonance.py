@@ -25,6 +25,8 @@ Real = NDArray[np.float64]
 MOST_LAPS = 40
 REST_STEPS = 30
 """Enough for forces that are weak beside the spring's."""
+FLOW_V = 100.0
+"""Scaled speed that is a unit of flow."""
 STEADY = 1e-8
 """A periodic state is steady when a lap changes it by less of its size."""
 
@@ -46,6 +48,26 @@ class Echo:
     strength: float
 
 
+@dataclass(frozen=True)
+class Refill:
+    """A stiffness that follows the flow of the time before.
+
+    Attributes
+    ----------
+    change : float
+        Relative change of stiffness for each unit of the state: ``(|p| / 100 V)^power`` behind a low-pass, of the
+        scaled speed ``p = x' / ω0`` that the head has without it.
+    power : float
+    recovery_s, second_order : float
+        τ and q of the low-pass ``1 / (1 + τ s + q τ² s²)``.
+    """
+
+    change: float
+    power: float
+    recovery_s: float
+    second_order: float
+
+
 @dataclass(frozen=True, eq=False)
 class Force:
     """A restoring force beside the spring's and the damper's.
@@ -56,6 +78,8 @@ class Force:
         ``law(x_V, speed_V, values)`` in hysteretic volts, from the deflection, the scaled speed ``x' / ω0``, and an
         array of numbers; compiled by `compiled_force`.
     values : ndarray
+        What the law remembers of the motion, if anything, stands at its end and is 0 before all motion; the law is
+        asked once for every place, in the order of time, and may change it.
     """
 
     law: Any
@@ -77,6 +101,7 @@ class Resonance:
         ``m``: relative change of stiffness in time.
     modes : tuple of Mode
     echoes : tuple of Echo
+    refills : tuple of Refill
     """
 
     a0: float
@@ -86,6 +111,7 @@ class Resonance:
     softening: Real | None = None
     modes: tuple[Mode, ...] = ()
     echoes: tuple[Echo, ...] = ()
+    refills: tuple[Refill, ...] = ()
 
     @property
     def linear(self) -> bool:
@@ -96,6 +122,30 @@ class Resonance:
         """With a further relative change of stiffness, shape (nodes,)."""
         return replace(self, softening=change if self.softening is None else self.softening + change)
 
+    def refilled(self, hysteretic_V: Real, shot: Shot) -> Resonance:
+        """With the change of stiffness that the refills make of this hysteretic drive in their place."""
+        if not self.refills:
+            return self
+        from inkjet_env.plant import compiled
+        from inkjet_env.plant.low_pass import low_passed
+
+        ends = np.ascontiguousarray(np.append(hysteretic_V, hysteretic_V[0]) if shot.periodic else hysteretic_V)
+        lam, omega0 = pole(self.a0, self.a1), math.sqrt(self.a0)
+        h = 2 * shot.node_step_s
+        deflection, speed = np.empty(ends.size // 2 + 1), np.empty(ends.size // 2 + 1)
+        state = amplitude(lam, float(ends[0]) * self.drive_a0 / self.a0, 0.0)
+        for lap in range(1 + shot.periodic):
+            end = compiled.linear_motion(ends, lam, self.drive_a0 / lam.imag, h, 1, state, deflection, speed)
+            if lap == 0 and shot.periodic:
+                state += (end - state) / complex(-np.expm1(lam * shot.step_s * shot.samples))
+        flow = np.interp(np.arange(hysteretic_V.size), 2 * np.arange(speed.size), np.abs(speed)) / (FLOW_V * omega0)
+        changed = replace(self, refills=())
+        for refill in self.refills:
+            pushed = flow**refill.power
+            drawn = low_passed(pushed, refill.recovery_s, refill.second_order, shot.node_step_s, shot.periodic)
+            changed = changed.with_softening(refill.change * drawn)
+        return changed
+
     def motion(self, hysteretic_V: Real, shot: Shot) -> Real:
         """What the channel shows of the motion, in hysteretic volts, at the samples, shape (n,).
 
@@ -103,7 +153,7 @@ class Resonance:
         ``b1``.
         """
         shown = 1 if shot.channel == "self_sensing" else 0
-        own = replace(self, modes=(), echoes=())
+        own = replace(self, modes=(), echoes=()).refilled(hysteretic_V, shot)
         total = own._one_mode(hysteretic_V, shot)[shown]
         for mode in self.modes:
             other = Resonance(mode.a0, mode.a1, mode.a0)
@@ -141,11 +191,11 @@ class Resonance:
 
         else:
             softening = np.zeros(0) if self.softening is None else np.append(self.softening, self.softening[:1])
-            values = [np.ascontiguousarray(force.values, dtype=np.float64) for force in self.forces]
+            values = [np.array(force.values, dtype=np.float64) for force in self.forces]
             addresses = [(f.law.address, v.ctypes.data) for f, v in zip(self.forces, values, strict=True)]
             forces = np.array(addresses, dtype=np.int64).reshape(-1, 2)
             before = rest + (state - rest) * np.exp(-lam * h)  # of a drive that had been constant
-            past = np.array([self._pushed_V(before, lam), self._pushed_V(state, lam)])
+            past = np.array([self._pushed_V(place, lam, values) for place in (rest, before, state)][1:])
 
             def run(start: complex) -> complex:
                 return complex(
@@ -169,10 +219,10 @@ class Resonance:
             raise FloatingPointError("the motion grows without bound.")
         return deflection[: shot.samples], speed[: shot.samples]
 
-    def _pushed_V(self, state: complex, pole_: complex) -> float:
+    def _pushed_V(self, state: complex, pole_: complex, values: Sequence[Real]) -> float:
         """All forces in a state of the resonator at the first sample, in hysteretic volts."""
         x_V, speed_V = state.imag, (pole_ * state).imag / math.sqrt(self.a0)
-        pushed_V = sum(float(force.law(x_V, speed_V, force.values)) for force in self.forces)
+        pushed_V = sum(float(f.law(x_V, speed_V, own)) for f, own in zip(self.forces, values, strict=True))
         if self.softening is not None:
             pushed_V += self.a0 / self.drive_a0 * float(self.softening[0]) * x_V
         return pushed_V
@@ -184,7 +234,7 @@ class Resonance:
             stiffness *= 1 + float(self.softening[0])
         rest_V = hysteretic_V / stiffness
         for _ in range(REST_STEPS if hysteretic_V else 0):
-            pushed_V = sum(force.law(rest_V, 0.0, force.values) for force in self.forces)
+            pushed_V = sum(force.law(rest_V, 0.0, np.array(force.values)) for force in self.forces)
             rest_V = (hysteretic_V - pushed_V) / stiffness
         return rest_V
 

@@ -14,7 +14,7 @@ from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform, batch, r
 HEAD = Printhead.published()
 EFFECTS = {effect.id: effect for effect in catalogue()}
 WAVEFORM = Waveform(90.0, -70.0, 3e-6, 9e-6, 5e-6, 8e-6, 7e-6)
-FEEDTHROUGH = (EFFECTS["feedthrough"], {"capacitive_s": 8e-9, "lossy": 1e-3})
+FEEDTHROUGH = (EFFECTS["feedthrough"], {"capacitive_s": 8e-9, "lossy": 1e-3, "lag_s": 0.0})
 SATURATION = (EFFECTS["sensor_saturation"], {"limit": 5.0, "hardness": 20.0})
 CUBIC = EFFECTS["cubic_stiffness"]
 BASE = AugmentedPrinthead(HEAD, ())

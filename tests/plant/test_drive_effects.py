@@ -8,8 +8,9 @@ from scipy.optimize import least_squares
 from scipy.signal import lsim
 
 from inkjet_env.plant import Plant, Shot, catalogue
-from inkjet_env.plant.effect import coordinates, values_at
+from inkjet_env.plant.effect import complete, coordinates, values_at
 from inkjet_env.plant.effects.slew_limit import slew_limited
+from inkjet_env.plant.lag import lagged
 from inkjet_env.printhead import Printhead
 
 HEAD = Printhead.published()
@@ -26,12 +27,12 @@ def shot_of(drive_V=PULSE, initial_state="demagnetised", channel="self_sensing",
 
 def at_ceramic(effect_id, values, shot):
     """Voltage at the ceramic, at the nodes."""
-    return Plant(HEAD, effects=((EFFECTS[effect_id], values),)).at_ceramic_V(shot)
+    return Plant(HEAD, effects=((EFFECTS[effect_id], complete(EFFECTS[effect_id], **values)),)).at_ceramic_V(shot)
 
 
 def order_in_nodes(effect_id, values, drive_V=PULSE, initial_state="demagnetised"):
     """Orders with which the sensor's signal converges as nodes are added, and its error at 2 nodes a sample."""
-    plant = Plant(HEAD, effects=((EFFECTS[effect_id], values),))
+    plant = Plant(HEAD, effects=((EFFECTS[effect_id], complete(EFFECTS[effect_id], **values)),))
     signals = {parts: plant.signal(shot_of(drive_V, initial_state, parts=parts)) for parts in (2, 4, 8, 128)}
     exact = signals.pop(128)
     errors = np.array([np.linalg.norm(s - exact) / np.linalg.norm(exact) for s in signals.values()])
@@ -116,6 +117,36 @@ def test_signal_behind_the_slew_limit_converges_with_the_nodes():
     assert error < 2e-3
 
 
+def softly_slewed_by_integration(drive_V, most, lag):
+    from scipy.integrate import solve_ivp
+
+    def rate(time, value):
+        return most * np.tanh((np.interp(time, np.arange(drive_V.size), drive_V) - value) / (most * lag))
+
+    values = [drive_V[0]]
+    for node in range(drive_V.size - 1):
+        ended = solve_ivp(rate, (node, node + 1), values[-1:], rtol=1e-9, atol=1e-11, max_step=0.05)
+        values.append(ended.y[0, -1])
+    return np.array(values)
+
+
+@pytest.mark.parametrize("lag", [0.3, 3.0, 20.0])
+def test_a_slew_limit_behind_a_linear_range_solves_its_equation(lag):
+    assert slew_limited(ZIGZAG, 20.0, False, lag) == pytest.approx(
+        softly_slewed_by_integration(ZIGZAG, 20.0, lag), abs=1e-4
+    )
+
+
+def test_limits_of_a_slew_limit_with_a_linear_range():
+    hard = slew_limited(ZIGZAG, 20.0, False)
+    assert slew_limited(ZIGZAG, 20.0, False, 0.002) == pytest.approx(hard, abs=0.2)
+    behind = lagged(ZIGZAG, 4.0, 1.0, False)
+    assert slew_limited(ZIGZAG, 1e6, False, 4.0) == pytest.approx(behind, abs=1e-8)  # a tanh of small things
+    lap = np.where(np.arange(60) < 9, 100.0, 0.0) + np.linspace(0, 5, 60)
+    steady = slew_limited(lap, 3.0, True, 5.0)
+    assert steady == pytest.approx(slew_limited(np.tile(lap, 40), 3.0, False, 5.0)[-60:], abs=1e-6)
+
+
 # delay
 
 
@@ -156,7 +187,10 @@ TRUTHS = {
         {"bandwidth_Hz": ratio * HEAD.frequency_Hz, "second_order": q}
         for ratio, q in ((1.0, 0.0), (4.0, 0.0), (40.0, 0.0), (5.0, 0.5), (10.0, 0.8))
     ],
-    "slew_limit": [{"slew_rate_V_s": part * 80 / (15 * STEP_S)} for part in (0.15, 0.45, 0.95)],
+    "slew_limit": [
+        {"slew_rate_V_s": part * 80 / (15 * STEP_S), "lag_s": lag * STEP_S}
+        for part, lag in ((0.15, 0.0), (0.45, 0.0), (0.95, 0.0), (0.4, 5.0))
+    ],
     "trigger_delay": [{"delay_s": part * PERIOD_S} for part in (-0.4, -0.003, 0.015, 0.2)],
 }
 
@@ -172,6 +206,7 @@ def test_the_best_of_the_fits_from_the_starts_finds_the_truth(name, truth):
         plant = Plant(HEAD, effects=((effect, values),))
         return np.concatenate([plant.signal(shot) - s for shot, s in zip(shots, shown, strict=True)])
 
+    truth = complete(effect, **truth)
     shown = [Plant(HEAD, effects=((effect, truth),)).signal(shot) for shot in shots]
     found = []
     for start in effect.starts(HEAD, shots):

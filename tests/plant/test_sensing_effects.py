@@ -1,5 +1,6 @@
 """What the sensing effects add to a recording, against ways of computing it that share no code with them."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from scipy.signal import lsim
 
 from inkjet_env.plant import Plant, Shot, catalogue
-from inkjet_env.plant.effect import switched_off
+from inkjet_env.plant.effect import complete, switched_off
 from inkjet_env.printhead import Printhead
 
 HEAD = Printhead.published()
@@ -30,7 +31,8 @@ def shot_of(drive=trapezoid, per_period=100, periods=6, channel="self_sensing", 
 def added(effect_id, values, shot):
     """What an effect adds to what the base model shows."""
     base = Plant(HEAD)
-    return base.with_effects([(EFFECTS[effect_id], values)]).signal(shot) - base.signal(shot)
+    on = base.with_effects([(EFFECTS[effect_id], complete(EFFECTS[effect_id], **values))])
+    return on.signal(shot) - base.signal(shot)
 
 
 # feedthrough
@@ -46,6 +48,18 @@ def test_feedthrough_is_the_mean_slope_and_the_drive(initial_state, parts):
         slope = (around[2:] - around[:-2]) / (2 * shot.step_s)
     expected = 3e-9 * slope + 2e-3 * shot.drive_V
     assert added("feedthrough", {"capacitive_s": 3e-9, "lossy": 2e-3}, shot) == pytest.approx(expected, abs=1e-12)
+
+
+def test_feedthrough_through_a_resistance_is_behind_by_its_lag():
+    """On a long ramp the current is the slope's; a step charges the capacitance with its time constant."""
+    shot = shot_of()
+    step = np.interp(np.arange(600), [100, 101], [0.0, 50.0])
+    lag_s = 6 * shot.step_s
+    heard = added("feedthrough", {"capacitive_s": 1e-8, "lag_s": lag_s}, replace(shot, drive_V=step, kept={}))
+    times_s = shot.step_s * (np.arange(600) - 100.5)
+    expected = 1e-8 * 50 / lag_s * np.exp(-times_s / lag_s)
+    assert heard[110:140] == pytest.approx(expected[110:140], rel=3e-3)
+    assert np.trapezoid(heard, dx=shot.step_s) == pytest.approx(1e-8 * 50, rel=1e-3)
 
 
 def test_feedthrough_does_not_reach_a_displacement():
@@ -64,7 +78,7 @@ def test_feedthrough_follows_a_curved_drive_with_the_nodes_not_the_samples():
     for parts in (2, 4, 8):
         shot = shot_of(parts=parts)
         plant = Plant(HEAD, effects=((Rounded(), {}),))
-        whole = plant.with_effects([*plant.effects, (effect, {"capacitive_s": 1e-9, "lossy": 0.0})])
+        whole = plant.with_effects([*plant.effects, (effect, complete(effect, capacitive_s=1e-9))])
         rate = 2 * np.pi / (8 * shot.step_s)
         exact = 1e-9 * rate * np.cos(rate * np.arange(shot.samples) * shot.step_s)
         errors.append(np.abs((whole.signal(shot) - plant.signal(shot) - exact)[1:-1]).max())
@@ -125,7 +139,7 @@ def test_low_pass_leaves_the_offset_and_the_strain_gauge_alone():
 def test_saturation_never_passes_the_rail_and_leaves_small_signals(hardness):
     effect = EFFECTS["sensor_saturation"]
     ramp = np.array([-1e6, -3.0, -1e-3, 0.0, 1e-3, 3.0, 1e6])
-    shown = effect.sensing({"limit": 2.0, "hardness": hardness}, ramp, None, HEAD, shot_of())
+    shown = effect.sensing(complete(effect, limit=2.0, hardness=hardness), ramp, None, HEAD, shot_of())
     assert np.abs(shown).max() <= 2.0
     assert shown[[0, -1]] == pytest.approx([-2.0, 2.0], rel=1e-6)
     assert shown[3] == 0
@@ -141,12 +155,21 @@ def test_hard_saturation_is_clipping():
     assert shown == pytest.approx(np.clip(signal, -limit, limit), abs=0.01 * limit)
 
 
+def test_skewed_rails_lie_apart_and_one_of_them_may_be_gone():
+    effect, ramp = EFFECTS["sensor_saturation"], np.array([-1e6, 1e6])
+    for skew, above, below in ((0.5, 2.0, 6.0), (-0.25, 4.0, 2.4), (1.0, 1.5, 1e6)):
+        values = complete(effect, limit=3.0, hardness=30.0, skew=skew)
+        assert effect.sensing(values, ramp, None, HEAD, shot_of()) == pytest.approx([-below, above], rel=1e-6)
+    assert "more than 1.5 V." in effect.told(complete(effect, limit=3.0, hardness=30.0, skew=1.0))
+    assert "more than 2 V and less than -6 V." in effect.told(complete(effect, limit=3.0, hardness=30.0, skew=0.5))
+
+
 def test_saturation_begins_at_what_was_measured_where_that_is_known():
     effect, shot = EFFECTS["sensor_saturation"], shot_of()
     largest = np.abs(Plant(HEAD).signal(shot)).max()
-    assert max(start["limit"] for start in effect.starts(HEAD, [shot])) == pytest.approx(3 * largest)
+    assert max(s["limit"] for s in effect.starts(HEAD, [shot]) if not s["skew"]) == pytest.approx(3 * largest)
     shot.kept["largest"] = 12.0
-    assert max(start["limit"] for start in effect.starts(HEAD, [shot])) == pytest.approx(36.0)
+    assert max(s["limit"] for s in effect.starts(HEAD, [shot]) if not s["skew"]) == pytest.approx(36.0)
 
 
 # hum and drift
@@ -234,11 +257,24 @@ def test_electrical_and_direct_crosstalk_are_the_neighbours_slope_and_drive():
 
 def test_crosstalk_of_another_head_is_not_that_of_the_last():
     shot = shot_of(neighbour_V=shot_of().drive_V)
-    values = {"mechanical": 0.2, "electrical": 0.0, "direct": 0.0}
+    values = complete(EFFECTS["crosstalk"], mechanical=0.2)
     other = HEAD.varied(frequency_Hz=1.1 * HEAD.frequency_Hz)
     effects = [(EFFECTS["crosstalk"], values)]
     Plant(HEAD).with_effects(effects).signal(shot)
     assert Plant(other).with_effects(effects).signal(shot) == pytest.approx(1.2 * Plant(other).signal(shot), abs=1e-12)
+
+
+def test_crosstalk_of_a_detuned_neighbour_rings_as_it_does():
+    """Of a head without hysteresis, against the closed form of its answer."""
+    linear = Printhead(HEAD.a0, HEAD.a1, HEAD.b1, (1.0, 0.0), HEAD.full_scale_V)
+    shot = replace(shot_of(), drive_V=np.zeros(600), neighbour_V=shot_of().drive_V)
+    values = complete(EFFECTS["crosstalk"], mechanical=0.1, detuning=-0.1, damping_change=0.5)
+    found = Plant(linear).with_effects([(EFFECTS["crosstalk"], values)]).signal(shot)
+    omega0, zeta = 0.9 * math.sqrt(HEAD.a0), 1.5 * HEAD.a1 / (2 * math.sqrt(HEAD.a0))
+    system = ([0.1 * 0.9 * linear.b1, 0.0], [1.0, 2 * zeta * omega0, omega0**2])
+    fine = np.arange(5991) * shot.step_s / 10
+    _, expected, _ = lsim(system, np.interp(fine, shot.step_s * np.arange(600), shot.neighbour_V), fine)
+    assert found == pytest.approx(expected[::10], abs=2e-4 * np.abs(expected).max())
 
 
 def test_crosstalk_needs_a_neighbour_that_moves():

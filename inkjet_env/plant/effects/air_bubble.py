@@ -28,7 +28,7 @@ class AirBubble(Effect):
     id = "air_bubble"
     stage = "resonator"
     sentence = "From one recording on, an air bubble detunes the head and adds a mode of its own."
-    equation = "from the onset on: ω0 (1 + d), and x + xb with xb'' + 2 ζb ωb xb' + ωb² xb = ωb² g v"
+    equation = "from the onset on: ω0 (1 + d), ζ (1 + e), and x + xb with xb'' + 2 ζb ωb xb' + ωb² xb = ωb² g v"
     source = (
         "J. de Jong et al., Air entrapment in piezo-driven inkjet printheads, Journal of the Acoustical Society of "
         "America 120, 2006"
@@ -38,11 +38,13 @@ class AirBubble(Effect):
             "onset_order", "1", 1.0, 1e5, meaning="order of the first recording with the bubble", open_ended=True
         ),
         Parameter("frequency_change", "1", -0.5, 0.5, meaning="of the head, relative, by the bubble"),
+        Parameter("damping_change", "1", -0.9, 5.0, meaning="of the head's damping ratio, relative, by the bubble"),
         Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "of the bubble's mode"),
         Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "of the bubble's mode"),
         Parameter("bubble_strength", "1", -2.0, 2.0, meaning="static deflection by the bubble's mode over the head's"),
     )
-    strengths = ("frequency_change", "bubble_strength")
+    strengths = ("frequency_change", "damping_change", "bubble_strength")
+    parts = (("frequency_change", "bubble_strength"), ("damping_change",))
     signature = "recordings before the onset fit the base model, those after it all show the same other resonances"
     confusable_with = ("thermal_drift", "second_mode")
     shown_by = "one recording repeated through the whole session"
@@ -55,6 +57,7 @@ class AirBubble(Effect):
             {
                 "onset_order": float(onset),
                 "frequency_change": change * detuned,
+                "damping_change": 0.0,
                 "bubble_frequency_Hz": guess * printhead.frequency_Hz,
                 "bubble_damping_ratio": 0.1,
                 "bubble_strength": 0.02 * (1 - detuned) / guess,
@@ -77,9 +80,13 @@ class AirBubble(Effect):
         does = []
         if change:
             does.append(f"makes the head ring {percent(abs(change))} {'higher' if change > 0 else 'lower'}")
+        if values["damping_change"]:
+            more = "more" if values["damping_change"] > 0 else "less"
+            does.append(f"damps it {percent(abs(values['damping_change']))} {more}")
         if values["bubble_strength"]:
             does.append(f"adds a mode at {with_prefix(values['bubble_frequency_Hz'], 'Hz', 3)}")
-        return f"From recording {math.ceil(values['onset_order'])} on, an air bubble {' and '.join(does)}."
+        listed = " and ".join(filter(None, [", ".join(does[:-1]), *does[-1:]]))
+        return f"From recording {math.ceil(values['onset_order'])} on, an air bubble {listed}."
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
         present = min(max(shot.order - values["onset_order"] + 1, 0.0), 1.0)
@@ -88,4 +95,5 @@ class AirBubble(Effect):
         omega = 2 * math.pi * values["bubble_frequency_Hz"]
         mode = Mode(omega * omega, 2 * values["bubble_damping_ratio"] * omega, strength)
         modes = (*resonance.modes, mode) if strength else resonance.modes
-        return replace(resonance, a0=resonance.a0 * detuned**2, modes=modes)
+        damped = 1 + present * values["damping_change"]
+        return replace(resonance, a0=resonance.a0 * detuned**2, a1=resonance.a1 * detuned * damped, modes=modes)

@@ -10,78 +10,111 @@ from numpy.typing import NDArray
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.plays import PLAYS, play_sum_V
 from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.stages import law_levels
 from inkjet_env.plant.wording import percent
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.hysteresis import BranchLaw
 
 Real = NDArray[np.float64]
 
+KNEE = 0.1
+"""Of the law's full scale: where a start begins to differ."""
+
 
 class AsymmetricHysteresis(Effect):
-    """Plays whose rising and falling branches differ, and an even part of a memory-free characteristic behind them."""
+    """Plays whose rising and falling branches differ, and even parts of characteristics before and behind them."""
 
     id = "asymmetric_hysteresis"
     stage = "hysteresis"
     sentence = "Rising and falling, or positive and negative, branches of the hysteresis differ."
     equation = (
-        "v + asymmetry |v| + bending v² / (F / 2), F the law's full scale; "
-        "plays between (1 + lean) u − r and (1 − lean) u + r"
+        "v + (asymmetry + bowing sign v) max(|v| - knee_V, 0) + bending v² / H; v of the drive u + arching u² / H; "
+        "plays between (1 + lean + tilt r / H) u - r and (1 - lean - tilt r / H) u + r; H half the law's full scale"
     )
     source = (
-        "even part of the superposition operator in K. Kuhnen, Modeling, identification and compensation of complex "
+        "the superposition operator of a threshold in K. Kuhnen, Modeling, identification and compensation of complex "
         "hysteretic nonlinearities: a modified Prandtl-Ishlinskii approach, European Journal of Control 9(4), 2003; "
         "generalized plays of M. Al Janaideh, S. Rakheja, C.-Y. Su, An analytical generalized Prandtl-Ishlinskii model "
         "inversion for hysteresis compensation in micropositioning control, IEEE/ASME Trans. Mechatronics 16(4), 2011"
     )
     parameters = (
         Parameter("asymmetry", "1", -0.5, 0.5, meaning="positive branches are this much steeper, negative ones less"),
+        Parameter(
+            "knee_V", "V", 0.0, 1e3, meaning="hysteretic drive from which on they are", open_ended=True, plain=0.0
+        ),
+        Parameter("bowing", "1", -0.5, 0.5, meaning="beyond it both are this much steeper: one-sided if as large"),
         Parameter("bending", "1", -0.5, 0.5, meaning="even quadratic part, relative, at half the law's full scale"),
+        Parameter("arching", "1", -0.5, 0.5, meaning="the same of the drive, before it meets the hysteresis"),
         Parameter("lean", "1", -0.5, 0.5, meaning="rising branches of plays are this much steeper, falling ones less"),
+        Parameter("tilt", "1", -1.0, 1.0, meaning="the same for a threshold of half the full scale, in proportion"),
     )
-    strengths = ("asymmetry", "bending", "lean")
+    strengths = ("asymmetry", "bowing", "bending", "arching", "lean", "tilt")
+    parts = (("asymmetry", "bowing"), ("bending",), ("arching",), ("lean",), ("tilt",))
     signature = "even harmonics, at slow rates too; the answer to a drive turned upside down is not turned upside down"
     confusable_with = ("sensor_saturation",)
     shown_by = "a pulse and the same one upside down, and a slow loop over the whole range"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        off = {"asymmetry": 0.0, "bending": 0.0, "lean": 0.0}
-        return [off | {name: value} for name, value in (("asymmetry", 0.03), ("bending", 0.03), ("lean", 0.1))]
+        off = dict.fromkeys(self.strengths, 0.0) | {"knee_V": 0.0}
+        knee = {"knee_V": KNEE * printhead.full_scale_V}
+        sizes = {"asymmetry": 0.03, "bending": 0.03, "arching": 0.03, "lean": 0.1, "tilt": 0.2}
+        return [*(off | {name: size} for name, size in sizes.items()), off | {"asymmetry": 0.05} | knee]
+
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+        return {"knee_V": (0.0, 0.5 * printhead.full_scale_V)}
 
     def told(self, values: Values, unit: str = "V") -> str:
         said = []
-        if values["asymmetry"] or values["bending"]:
-            small, large = 2 * values["asymmetry"], 2 * (values["asymmetry"] + values["bending"])
+        even = values["bending"] + values["arching"]
+        if values["asymmetry"] or even:
+            small, large = 2 * values["asymmetry"], 2 * (values["asymmetry"] + even)
+            if values["knee_V"]:
+                small = 0.0
             said.append(
                 f"Compared with negative drives, positive ones move the head {_further(small)} where they are small "
                 f"and {_further(large)} at half the full scale."
             )
-        if values["lean"]:
-            wider = "negative" if values["lean"] > 0 else "positive"
+        lean = values["lean"] + 0.5 * values["tilt"]
+        if lean:
+            wider = "negative" if lean > 0 else "positive"
             said.append(
                 f"The hysteresis loop is wider at {wider} drives: its rising and falling branches differ in slope by "
-                f"{percent(2 * abs(values['lean']))}."
+                f"{percent(2 * abs(lean))}."
             )
         return " ".join(said) or self.sentence
 
     def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
-        asymmetry, bending = values["asymmetry"], values["bending"] / (0.5 * printhead.full_scale_V)
-        if values["lean"]:
+        half_V = 0.5 * printhead.full_scale_V
+        asymmetry, bowing, bending = values["asymmetry"], values["bowing"], values["bending"] / half_V
+        lean, tilt = values["lean"], values["tilt"] / half_V
+        if values["arching"]:
+            arched_V = drive_V + values["arching"] / half_V * drive_V * drive_V
+            hysteretic_V = hysteretic_V + law_levels(arched_V, printhead, shot) - law_levels(drive_V, printhead, shot)
+            drive_V = arched_V
+        if lean or tilt:
             ends_V = np.append(drive_V, drive_V[0]) if shot.periodic else np.ascontiguousarray(drive_V)
             law, periodic = printhead.branch_law, shot.periodic
-            change_V = leaning_plays_V(ends_V, values["lean"], law, periodic)
-            change_V -= leaning_plays_V(ends_V, 0.0, law, periodic)
+            change_V = leaning_plays_V(ends_V, lean, tilt, law, periodic)
+            change_V -= leaning_plays_V(ends_V, 0.0, 0.0, law, periodic)
             hysteretic_V = hysteretic_V + change_V[: drive_V.size]
-        if asymmetry == bending == 0:
+        if asymmetry == bowing == bending == 0:
             return hysteretic_V
-        result: Real = hysteretic_V + asymmetry * np.abs(hysteretic_V) + bending * hysteretic_V * hysteretic_V
+        beyond_V = np.maximum(np.abs(hysteretic_V) - values["knee_V"], 0.0)
+        slope = asymmetry + bowing * np.sign(hysteretic_V)
+        result: Real = hysteretic_V + slope * beyond_V + bending * hysteretic_V * hysteretic_V
         return result
 
 
-def leaning_plays_V(ends_V: Real, lean: float, law: BranchLaw, periodic: bool, plays: int = PLAYS) -> Real:
-    """What leaning plays in place of the law give, but for its linear part, shape (n,); see `play_sum_V`."""
+def leaning_plays_V(
+    ends_V: Real, lean: float, tilt_per_V: float, law: BranchLaw, periodic: bool, plays: int = PLAYS
+) -> Real:
+    """What leaning plays in place of the law give, but for its linear part, shape (n,); see `play_sum_V`.
+
+    Branches of a play of the threshold r differ in slope by ``± (lean + r tilt_per_V)``.
+    """
     from inkjet_env.plant import compiled_hysteresis
 
-    return play_sum_V(compiled_hysteresis.leaning_plays, ends_V, lean, law, periodic, plays)
+    return play_sum_V(compiled_hysteresis.leaning_plays, ends_V, (lean, tilt_per_V), law, periodic, plays)
 
 
 def _further(part: float) -> str:

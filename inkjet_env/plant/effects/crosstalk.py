@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.effects.feedthrough import rms, slopes
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
@@ -24,7 +24,7 @@ REFERENCE_S = 1e-6
 
 
 class Crosstalk(Effect):
-    """What the neighbour's drive adds: a motion like the head's own, its slope, and the drive itself.
+    """What the neighbour's drive adds: a motion nearly like the head's own, its slope, and the drive itself.
 
     The motion is what the head without effects would do under the neighbour's drive: ``b1`` times it where
     self-sensed, and in hysteretic volts in the other channels.
@@ -33,7 +33,10 @@ class Crosstalk(Effect):
     id = "crosstalk"
     stage = "sensing"
     sentence = "The neighbouring channel's drive is heard."
-    equation = "y = y₀ + c_m H[u_n] + c_e (1 µs) du_n/dt + c_d u_n, with H the head's own answer"
+    equation = (
+        "y = y₀ + c_m H[u_n] + c_e (1 µs) du_n/dt + c_d u_n, with H the head's own answer, "
+        "of a frequency and a damping ratio of the neighbour's: f (1 + detuning), ζ (1 + damping_change)"
+    )
     source = (
         "Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491(4-5), 2010: "
         "electrical, direct and acoustic cross-talk"
@@ -42,6 +45,8 @@ class Crosstalk(Effect):
         Parameter("mechanical", "1", -10.0, 10.0, "linear", "of the head's own answer, to the neighbour's drive"),
         Parameter("electrical", "1", -1e6, 1e6, "linear", "sensor's units for a neighbour that rises by 1 V/µs"),
         Parameter("direct", "1", -10.0, 10.0, "linear", "sensor's units for a neighbour at 1 V"),
+        Parameter("detuning", "1", -0.5, 0.5, meaning="of the neighbour, relative", open_ended=True, plain=0.0),
+        Parameter("damping_change", "1", -0.9, 5.0, meaning="of its damping ratio", open_ended=True, plain=0.0),
     )
     strengths = ("mechanical", "electrical", "direct")
     signature = "coherent with the neighbour's drive; there while the head's own drive rests"
@@ -53,7 +58,7 @@ class Crosstalk(Effect):
         answers, rises, drives = (
             rms([part[k] for part in (_parts(printhead, shot) for shot in heard)]) for k in range(3)
         )
-        off = dict.fromkeys(self.strengths, 0.0)
+        off = complete(self)
         return [
             off | {"mechanical": MIDDLING},
             off | {"electrical": MIDDLING * answers / rises},
@@ -83,7 +88,10 @@ class Crosstalk(Effect):
         strengths = [values[name] for name in self.strengths]
         if shot.neighbour_V is None or not any(strengths):
             return signal
-        return signal + sum(strength * part for strength, part in zip(strengths, _parts(printhead, shot), strict=True))
+        detuned, damped = 1 + values["detuning"], 1 + values["damping_change"]
+        a0, a1 = printhead.a0 * detuned**2, printhead.a1 * detuned * damped
+        parts = _parts(replace(printhead, a0=a0, a1=a1, b1=printhead.b1 * detuned), shot)
+        return signal + sum(strength * part for strength, part in zip(strengths, parts, strict=True))
 
 
 def _parts(printhead: Printhead, shot: Shot) -> tuple[Real, Real, Real]:

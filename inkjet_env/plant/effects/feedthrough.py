@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.low_pass import low_passed
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
 from inkjet_env.plant.wording import with_prefix
@@ -25,7 +26,7 @@ class Feedthrough(Effect):
     id = "feedthrough"
     stage = "sensing"
     sentence = "The capacitance compensation is imperfect: a part of the drive's own current reaches the sensor."
-    equation = "y = y₀ + k_C du/dt + k_R u"
+    equation = "y = y₀ + k_C w' + k_R u, w + τ w' = u"
     source = (
         "Dosch, Inman & Garcia, A self-sensing piezoelectric actuator for collocated control, "
         "J. Intell. Mater. Syst. Struct. 3(1), 1992: the bridge that is out of balance"
@@ -33,6 +34,9 @@ class Feedthrough(Effect):
     parameters = (
         Parameter("capacitive_s", "V s/V", -1.0, 1.0, "linear", "volts at the sensor for a drive that rises by 1 V/s"),
         Parameter("lossy", "1", -10.0, 10.0, "linear", "volts at the sensor for a volt of drive"),
+        Parameter(
+            "lag_s", "s", 0.0, 1.0, meaning="τ, of the capacitance with what is in series", open_ended=True, plain=0.0
+        ),
     )
     strengths = ("capacitive_s", "lossy")
     signature = "on the edges of the drive only, a step as long as the edge; nothing of it rings on"
@@ -45,8 +49,8 @@ class Feedthrough(Effect):
         slope = rms([slopes(shot.drive_at_nodes_V, shot) for shot in own])
         drive = rms([shot.drive_V for shot in own])
         return [
-            {"capacitive_s": MIDDLING * size / slope, "lossy": 0.0},
-            {"capacitive_s": 0.0, "lossy": MIDDLING * size / drive},
+            {"capacitive_s": MIDDLING * size / slope, "lossy": 0.0, "lag_s": 0.0},
+            {"capacitive_s": 0.0, "lossy": MIDDLING * size / drive, "lag_s": 0.0},
         ]
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
@@ -67,7 +71,8 @@ class Feedthrough(Effect):
     def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
         if shot.channel != "self_sensing":
             return signal
-        return signal + values["capacitive_s"] * slopes(drive_V, shot) + values["lossy"] * shot.sampled(drive_V)
+        charging_V = low_passed(drive_V, values["lag_s"], 0.0, shot.node_step_s, shot.periodic)
+        return signal + values["capacitive_s"] * slopes(charging_V, shot) + values["lossy"] * shot.sampled(drive_V)
 
 
 def slopes(at_nodes_V: Real, shot: Shot) -> Real:

@@ -4,65 +4,107 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
+ELEMENTS = 40
+"""That slip: the error falls with the square of their number."""
+REACH = 3.0
+"""Of the largest drive: what no deflection exceeds."""
+LEAST_V = 1e-9
+REFERENCE_V = 100.0
+
 
 class FerroelasticSoftening(Effect):
-    """Frequency and damping both shift in proportion to the amplitude ``A = √(x² + p²)``."""
+    """Frequency and damping both shift in proportion to the amplitude, at once or by elements that slip."""
 
     id = "ferroelastic_softening"
     stage = "resonator"
     sentence = (
         "The ceramic softens and loses more in proportion to its swing, so pitch falls and damping rises with it."
     )
-    equation = "F = -2 s A x + 2 l A p, A = √(x² + p²), p = x'/ω0; in ring-down Δf/f = -s A, Δζ = l A"
+    equation = (
+        "F = -2 s A x + 2 l A p - ∫ 2 rayleigh_per_V (r / 100 V)^power E_r[x] dr, A = √(x² + p²), p = x'/ω0, E_r plays "
+        "of the threshold r; in ring-down, of the first terms Δf/f = -s A, Δζ = l A"
+    )
     source = (
         "S. Leadenham, A. Erturk, Unified nonlinear electroelastic dynamics of a bimorph piezoelectric cantilever for "
-        "energy harvesting, sensing, and actuation, Nonlinear Dynamics 79, 2015"
+        "energy harvesting, sensing, and actuation, Nonlinear Dynamics 79, 2015; elements that slip: Lord Rayleigh, "
+        "Philosophical Magazine 23, 1887; W. D. Iwan, A distributed-element model for hysteresis and its steady-state "
+        "dynamic response, Journal of Applied Mechanics 33, 1966; D. Damjanovic, Rep. Prog. Phys. 61, 1998"
     )
     parameters = (
         Parameter("softening_per_V", "1/V", -0.001, 10.0, meaning="relative fall of frequency, per amplitude"),
         Parameter("loss_ratio", "1", 0.1, 10.0, "log", "rise of the damping ratio over the relative fall of frequency"),
+        Parameter("rayleigh_per_V", "1/V", -0.001, 10.0, meaning="relative fall of stiffness, per amplitude"),
+        Parameter("power", "1", -0.8, 4.0, meaning="of the slipping elements' density", open_ended=True, plain=0.0),
     )
-    strengths = ("softening_per_V",)
+    strengths = ("softening_per_V", "rayleigh_per_V")
     signature = "frequency and damping both shift linearly with the amplitude, from the smallest swings on"
     confusable_with = ("cubic_stiffness", "quadratic_damping")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         shift = 0.1 * printhead.damping_ratio / reach_V(printhead, shots)
-        return [{"softening_per_V": shift / max(1.0, ratio), "loss_ratio": ratio} for ratio in (0.3, 1.0, 3.0)]
+        slips = {"softening_per_V": 0.0, "loss_ratio": 1.0, "rayleigh_per_V": 2 * shift, "power": 0.0}
+        ratios = (0.3, 1.0, 3.0)
+        at_once = [complete(self, softening_per_V=shift / max(1.0, q), loss_ratio=q) for q in ratios]
+        return [slips, *at_once]
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
     def told(self, values: Values, unit: str = "V") -> str:
-        softening = values["softening_per_V"]
-        size_V = 100.0 if abs(softening) * 100 < 1 else 1.0 if abs(softening) < 1 else 0.01
-        shift = softening * size_V
+        softening, slipping = values["softening_per_V"], values["rayleigh_per_V"]
+        largest = max(abs(softening), abs(slipping))
+        size_V = 100.0 if largest * 100 < 1 else 1.0 if largest < 1 else 0.01
+        softer = slipping * size_V * _share(size_V, values["power"])
+        shift = softening * size_V + softer / 2
+        loss = softening * size_V * values["loss_ratio"] + softer * 2 / (3 * math.pi)
         return (
             f"Swinging as far as a steady drive of about {with_prefix(size_V, 'V')} would deflect it, the head rings "
             f"{percent(abs(shift))} {'lower' if shift > 0 else 'higher'}, and its damping ratio "
-            f"{'rises' if shift > 0 else 'falls'} by {abs(shift) * values['loss_ratio']:.2g}."
+            f"{'rises' if loss > 0 else 'falls'} by {abs(loss):.2g}."
         )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
         softening = values["softening_per_V"]
-        if softening == 0:
-            return resonance
-        numbers = np.array([2 * softening, 2 * softening * values["loss_ratio"]])
-        return replace(resonance, forces=(*resonance.forces, Force(_compiled(), numbers)))
+        forces = resonance.forces
+        if softening:
+            numbers = np.array([2 * softening, 2 * softening * values["loss_ratio"]])
+            forces = (*forces, Force(_compiled(_law), numbers))
+        if values["rayleigh_per_V"]:
+            reach_V = REACH * float(np.abs(shot.drive_V).max()) + abs(shot.start[0]) + abs(shot.start[1])
+            width_V = max(reach_V, LEAST_V) / ELEMENTS
+            slips_V = (np.arange(ELEMENTS) + 0.5) * width_V
+            weights = 2 * values["rayleigh_per_V"] * width_V * (slips_V / REFERENCE_V) ** values["power"]
+            numbers = np.concatenate([[ELEMENTS], slips_V, weights, np.zeros(ELEMENTS)])
+            forces = (*forces, Force(_compiled(_slipping), numbers))
+        return replace(resonance, forces=forces)
+
+
+def _share(size_V: float, power: float) -> float:
+    """Fall of the secant stiffness at an amplitude, over that of elements of a constant density."""
+    return 2 * (size_V / REFERENCE_V) ** power / ((1 + power) * (2 + power))
+
+
+def _slipping(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
+    count, force = int(values[0]), 0.0
+    for k in range(1, count + 1):
+        state = max(x_V - values[k], min(x_V + values[k], values[k + 2 * count]))
+        values[k + 2 * count] = state
+        force -= values[k + count] * state
+    return force
 
 
 def _law(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
@@ -72,5 +114,5 @@ def _law(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
 
 
 @functools.cache
-def _compiled() -> Any:
-    return compiled_force(_law)
+def _compiled(law: Callable[..., float]) -> Any:
+    return compiled_force(law)

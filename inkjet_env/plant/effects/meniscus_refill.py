@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
-from inkjet_env.plant.resonance import Resonance, too_slow
+from inkjet_env.plant.resonance import FLOW_V, Refill, Resonance, reach_V, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
@@ -19,12 +20,15 @@ EDGES_V = 100.0
 
 
 class MeniscusRefill(Effect):
-    """Stiffness follows a slow state that each edge of the drive pushes and that recovers."""
+    """Stiffness follows a slow state that edges of the drive, or the flow in the nozzle, push and that recovers."""
 
     id = "meniscus_refill"
     stage = "resonator"
     sentence = "The head's tuning depends on the pulses just before and recovers in the time after them."
-    equation = "x'' + a1 x' + a0 (1 + k s) x = a0 v, s' = -s / τ + |u'| / 100 V"
+    equation = (
+        "x'' + a1 x' + a0 (1 + k s + m n) x = a0 v; s' = -s / τ + |u'| / 100 V; "
+        "n + τ n' + q τ² n'' = (|p| / 100 V)^power, p = x'/ω0 of the head without it"
+    )
     source = (
         "after the refill in H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, "
         "2010; the slow state is an empirical law"
@@ -32,19 +36,29 @@ class MeniscusRefill(Effect):
     parameters = (
         Parameter("recovery_s", "s", 1e-9, 1e4, "log", "time constant of the refill"),
         Parameter("stiffness_change", "1", -1.0, 1.0, meaning="relative, after edges of 100 V together"),
+        Parameter("flow_change", "1", -10.0, 10.0, meaning="of stiffness, relative, under a steady flow of 100 V"),
+        Parameter("power", "1", 1.0, 2.0, meaning="of the flow", open_ended=True, plain=1.0),
+        Parameter("second_order", "1", 0.0, 10.0, meaning="q: above 1/4 it swings back", open_ended=True, plain=0.0),
     )
-    strengths = ("stiffness_change",)
+    strengths = ("stiffness_change", "flow_change")
     signature = "the same pulse rings at another pitch after a busy history than after a rest"
     confusable_with = ("thermal_drift", "cubic_stiffness", "creep")
     shown_by = "pairs of equal pulses with several gaps between them"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+        off = {"stiffness_change": 0.0, "flow_change": 0.0, "power": 1.0, "second_order": 0.0}
         found = []
+        shift = 0.3 * printhead.damping_ratio
+        flow = reach_V(printhead, shots) / FLOW_V
         for periods in (1.0, 4.0, 15.0):
             recovery_s = periods / printhead.frequency_Hz
             largest = max((float(drawn_back(shot, recovery_s).max()) for shot in shots if shot.fast), default=1.0)
-            change = 0.3 * printhead.damping_ratio / max(largest, 1e-12)
-            found.append({"recovery_s": recovery_s, "stiffness_change": change})
+            found.append(off | {"recovery_s": recovery_s, "stiffness_change": shift / max(largest, 1e-12)})
+            change = min(shift * max(1.0, periods / 3) / flow, 10.0)
+            found.append(off | {"recovery_s": recovery_s, "flow_change": change})
+            if periods < 15:
+                swings = {"recovery_s": recovery_s, "flow_change": 1.5 * change, "power": 2.0, "second_order": 1.0}
+                found.append(off | swings)
         return found
 
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
@@ -56,18 +70,27 @@ class MeniscusRefill(Effect):
         return too_slow(shots)
 
     def told(self, values: Values, unit: str = "V") -> str:
-        change = values["stiffness_change"]
-        how = "stiffer" if change > 0 else "softer"
-        return (
-            f"Edges of {EDGES_V:g} V together leave the head {percent(abs(change))} {how}; "
-            f"it recovers with a time constant of {with_prefix(values['recovery_s'], 's')}."
-        )
+        said = []
+        for name, after in (
+            ("stiffness_change", f"edges of {EDGES_V:g} V together leave"),
+            ("flow_change", f"a steady flow of {FLOW_V:g} V leaves"),
+        ):
+            if values[name]:
+                said.append(
+                    f"{after} the head {percent(abs(values[name]))} {'stiffer' if values[name] > 0 else 'softer'}"
+                )
+        told = " and ".join(said) or "the head is left as it was"
+        recovery = with_prefix(values["recovery_s"], "s")
+        return f"{told[0].upper()}{told[1:]}; it recovers with a time constant of {recovery}."
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
-        change = values["stiffness_change"]
-        if change == 0:
-            return resonance
-        return resonance.with_softening(change * drawn_back(shot, values["recovery_s"]))
+        change, flow = values["stiffness_change"], values["flow_change"]
+        if change:
+            resonance = resonance.with_softening(change * drawn_back(shot, values["recovery_s"]))
+        if flow:
+            refill = Refill(flow, values["power"], values["recovery_s"], values["second_order"])
+            resonance = replace(resonance, refills=(*resonance.refills, refill))
+        return resonance
 
 
 def drawn_back(shot: Shot, recovery_s: float) -> NDArray[np.float64]:

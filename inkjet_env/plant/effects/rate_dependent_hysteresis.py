@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,24 +19,41 @@ Real = NDArray[np.float64]
 
 MIDDLING = 0.15
 """By how much the thresholds of a start grow at the highest of the channels' usual rates."""
+MIDDLING_V = 3.0
+"""The same of thresholds that all grow alike."""
+SETTLING = 0.07
+"""Of a period of the head: how long the plays take to notice a rate, in a start."""
+AT_ONCE_S = 1e-9
 
 
 class RateDependentHysteresis(Effect):
-    """Thresholds of all plays grow with the logarithm of the drive's rate."""
+    """Plays whose thresholds or weights follow the logarithm of the drive's rate, or that lag behind the drive."""
 
     id = "rate_dependent_hysteresis"
     stage = "hysteresis"
     sentence = "The hysteresis loop widens with the drive's rate."
-    equation = "thresholds r [1 + β ln(1 + |u'| / ρ)], not below 0"
+    equation = (
+        "m = ln(1 + |u'| / ρ) behind a lag of settling_s; thresholds r (1 + growth m) + widening_V m, not below 0; "
+        "weights w (1 + gain m); a play follows its branch with a lag of relaxation_s"
+    )
     source = (
         "M. Al Janaideh, S. Rakheja, C.-Y. Su, Experimental characterization and modeling of rate-dependent hysteresis "
-        "of a piezoceramic actuator, Mechatronics 19(5), 2009: plays whose thresholds depend on the rate"
+        "of a piezoceramic actuator, Mechatronics 19(5), 2009: plays whose thresholds depend on the rate; W. T. Ang, "
+        "P. K. Khosla, C. N. Riviere, Feedforward controller with inverse rate-dependent model for piezoelectric "
+        "actuators in trajectory-tracking applications, IEEE/ASME Trans. Mechatronics 12(2), 2007: weights that do; "
+        "G. Bertotti, Hysteresis in Magnetism, Academic Press, 1998: operators that relax"
     )
     parameters = (
         Parameter("growth", "1", -0.5, 2.0, meaning="of the thresholds, relative, for an e-fold rate"),
-        Parameter("rate_V_s", "V/s", 1e-1, 1e9, "log", "rate at which growth begins", open_ended=True),
+        Parameter("widening_V", "V", -20.0, 20.0, meaning="of all thresholds alike, for an e-fold rate"),
+        Parameter("gain", "1", -0.5, 2.0, meaning="growth of the plays' weights, relative, for an e-fold rate"),
+        Parameter("relaxation_s", "s", 0.0, 1.0, meaning="lag with which a play follows its branch"),
+        Parameter("rate_V_s", "V/s", 1e-1, 1e9, "log", "rate at which growth begins", open_ended=True, plain=1.0),
+        Parameter(
+            "settling_s", "s", AT_ONCE_S, 10.0, "log", "lag with which they notice it", open_ended=True, plain=AT_ONCE_S
+        ),
     )
-    strengths = ("growth",)
+    strengths = ("growth", "widening_V", "gain", "relaxation_s")
     signature = "loops of one amplitude are wider at a higher rate, beyond what the resonance does"
     confusable_with = ("creep", "quadratic_damping")
     shown_by = "slow loops of one amplitude at rates over several decades"
@@ -47,38 +65,109 @@ class RateDependentHysteresis(Effect):
             if rates.any():
                 usual.append(float(np.median(rates[rates > 0])))
         highest = max(usual, default=0.0) or printhead.full_scale_V * printhead.frequency_Hz
-        begins = np.clip([ratio * rate for rate in usual or [highest] for ratio in (0.1, 1.0, 10.0)], 0.1, 1e9)
-        return [{"growth": MIDDLING / float(np.log1p(highest / rate)), "rate_V_s": float(rate)} for rate in begins]
+        settling_s = SETTLING / printhead.frequency_Hz
+        off = dict.fromkeys(self.strengths, 0.0) | {"settling_s": settling_s}
+        begins = [float(np.clip(r * rate, 0.1, 1e9)) for rate in usual or [highest] for r in (0.1, 1.0, 10.0)]
+        grown = [off | {"growth": MIDDLING / math.log1p(highest / rate), "rate_V_s": rate} for rate in begins]
+        others = [
+            off | {name: size / math.log1p(highest / rate), "rate_V_s": rate}
+            for rate in begins[::3]
+            for name, size in (("widening_V", MIDDLING_V), ("gain", MIDDLING))
+        ]
+        return [*grown, *others, off | {"relaxation_s": settling_s, "rate_V_s": highest}]
 
     def told(self, values: Values, unit: str = "V") -> str:
-        growth = values["growth"] * np.log(10)
-        return (
-            f"From about {with_prefix(values['rate_V_s'], 'V/s')} on, the hysteresis loop is {percent(abs(growth))} "
-            f"{'wider' if growth > 0 else 'narrower'}, along the drive, with every tenfold rate of the drive."
-        )
+        said = []
+        growth = values["growth"] * math.log(10)
+        wide = [percent(abs(growth))] if growth else []
+        widening_V = values["widening_V"] * math.log(10)
+        if widening_V and (not growth or (widening_V > 0) == (growth > 0)):
+            wide.append(with_prefix(2 * abs(widening_V), "V"))
+        if wide:
+            said.append(
+                f"From about {with_prefix(values['rate_V_s'], 'V/s')} on, the hysteresis loop is {' and '.join(wide)} "
+                f"{'wider' if growth + widening_V > 0 else 'narrower'}, along the drive, with every tenfold rate of "
+                "the drive."
+            )
+        elif values["gain"]:
+            gain = values["gain"] * math.log(10)
+            said.append(
+                f"From about {with_prefix(values['rate_V_s'], 'V/s')} on, the hysteresis loop is {percent(abs(gain))} "
+                f"{'higher' if gain > 0 else 'lower'} with every tenfold rate of the drive."
+            )
+        if values["relaxation_s"]:
+            said.append(f"The hysteresis follows the drive with a lag of {with_prefix(values['relaxation_s'], 's')}.")
+        return " ".join(said) or self.sentence
 
     def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
-        if values["growth"] == 0:
+        if not any(values[name] for name in self.strengths):
             return hysteretic_V
         ends_V = np.append(drive_V, drive_V[0]) if shot.periodic else np.ascontiguousarray(drive_V)
-        rates = np.abs(np.diff(ends_V)) / shot.node_step_s
-        widening = np.maximum(1 + values["growth"] * np.log1p(rates / values["rate_V_s"]), 0.0)
+        measure = rate_measure(ends_V, values["rate_V_s"], values["settling_s"], shot.node_step_s, shot.periodic)
         law = printhead.branch_law
         asked = drive_V is shot.drive_at_nodes_V
         plain = shot.kept.get(self.id) if asked else None
         if plain is None or plain[0] != law:
-            plain = law, plays_V(ends_V, np.ones(rates.size), law, shot.periodic)
+            plain = law, plays_V(ends_V, np.zeros_like(measure), law, shot.periodic)
             if asked:
                 shot.kept[self.id] = plain
-        change_V = plays_V(ends_V, widening, law, shot.periodic) - plain[1]
-        return hysteretic_V + change_V[: drive_V.size]
+        relaxation = values["relaxation_s"] / shot.node_step_s
+        changed_V = plays_V(ends_V, measure, law, shot.periodic, values["growth"], values["widening_V"], relaxation) * (
+            1 + values["gain"] * measure
+        )
+        return hysteretic_V + (changed_V - plain[1])[: drive_V.size]
 
 
-def plays_V(ends_V: Real, widening: Real, law: BranchLaw, periodic: bool, plays: int = PLAYS) -> Real:
-    """What plays in place of the law give, but for its linear part, with wider thresholds, shape (n,): `play_sum_V`.
+def rate_measure(ends_V: Real, rate_V_s: float, settling_s: float, step_s: float, periodic: bool) -> Real:
+    """``ln(1 + |u'| / ρ)`` behind a first-order lag, from rest or in steady state, at the nodes, shape (n,).
 
-    ``widening``: factor on the thresholds between nodes, shape (n - 1,).
+    Exact, as the rate is constant between nodes. A lag of less than a hundredth of a step is none: then a node between
+    two rates has their mean.
+    """
+    from inkjet_env.plant import compiled
+
+    logs = np.log1p(np.abs(np.diff(ends_V)) / (step_s * rate_V_s))
+    if settling_s <= max(AT_ONCE_S, 0.01 * step_s):
+        at_once = np.empty(ends_V.size)
+        at_once[1:-1] = 0.5 * (logs[:-1] + logs[1:])
+        at_once[0], at_once[-1] = (0.5 * (logs[-1] + logs[0]),) * 2 if periodic else (0.0, logs[-1])
+        return at_once
+    keep = math.exp(-step_s / settling_s)
+    behind, after = np.empty(ends_V.size), np.append(0.0, logs)
+    end = compiled.lagged(after, keep, 0.0, 1 - keep, 0.0, behind)
+    if periodic:
+        compiled.lagged(after, keep, 0.0, 1 - keep, end / (1 - keep**logs.size), behind)
+    return behind
+
+
+def plays_V(
+    ends_V: Real,
+    measure: Real,
+    law: BranchLaw,
+    periodic: bool,
+    growth: float = 0.0,
+    widening_V: float = 0.0,
+    relaxation: float = 0.0,
+    plays: int = PLAYS,
+) -> Real:
+    """What plays in place of the law give, but for its linear part, with thresholds that follow the rate, shape (n,).
+
+    Parameters
+    ----------
+    ends_V : ndarray, shape (n,)
+        Drive at the nodes; where periodic, with the first one again at its end.
+    measure : ndarray, shape (n,)
+        Of the rate; see `rate_measure`.
+    law : BranchLaw
+    periodic : bool
+    growth, widening_V : float
+        A threshold r is ``r (1 + growth m) + widening_V m``, not below 0.
+    relaxation : float
+        Lag of a play, in steps.
+    plays : int
+        How many; the difference from the law falls with their square.
     """
     from inkjet_env.plant import compiled_hysteresis
 
-    return play_sum_V(compiled_hysteresis.widened_plays, ends_V, widening, law, periodic, plays)
+    change = measure, growth, widening_V, relaxation
+    return play_sum_V(compiled_hysteresis.rated_plays, ends_V, change, law, periodic, plays)

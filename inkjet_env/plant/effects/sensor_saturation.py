@@ -21,7 +21,7 @@ GUESSES = ((0.98, 30.0), (0.8, 30.0), (0.6, 30.0), (0.98, 6.0), (0.7, 6.0), (3.0
 
 
 class SensorSaturation(Effect):
-    """An amplifier's rails, on both sides of 0: the same for every fast recording, in its channel's unit.
+    """An amplifier's rails, on both sides of 0 or on one: the same for every fast recording, in its channel's unit.
 
     A campaign that mixes self-sensing with a displacement in small units has two amplifiers; this is one.
     """
@@ -29,7 +29,7 @@ class SensorSaturation(Effect):
     id = "sensor_saturation"
     stage = "sensing"
     sentence = "The sensor clips or compresses large signals."
-    equation = "y = y₀ / (1 + |y₀ / L|^h)^(1/h)"
+    equation = "y = y₀ / (1 + |y₀ / L±|^h)^(1/h), 1/L± = (1 ± skew) / limit above and below 0"
     source = (
         "Rapp, Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal, Proc. 2nd European Conference on Satellite "
         "Communications, 1991: the amplifier's limiter"
@@ -37,6 +37,7 @@ class SensorSaturation(Effect):
     parameters = (
         Parameter("limit", SENSOR_UNIT, 1e-9, math.inf, "reciprocal", "the rail that the signal never passes"),
         Parameter("hardness", "1", 1.5, 100.0, "log", "2 compresses softly, 20 and more clips", open_ended=True),
+        Parameter("skew", "1", -1.0, 1.0, meaning="1: above 0 alone, -1: below", open_ended=True, plain=0.0),
     )
     strengths = ("limit",)
     signature = "flat tops at one level whatever the drive; small signals are as they should be"
@@ -46,20 +47,29 @@ class SensorSaturation(Effect):
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         fast = [shot for shot in shots if shot.fast]
         largest = max((_largest(printhead, shot) for shot in fast), default=0.0) or 1.0
-        return [{"limit": part * largest, "hardness": hardness} for part, hardness in GUESSES]
+        return [
+            {"limit": (1 + abs(skew)) * part * largest, "hardness": hardness, "skew": skew}
+            for skew in (0.0, 1.0, -1.0)
+            for part, hardness in GUESSES
+        ]
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return None if any(shot.fast for shot in shots) else "no recording is of a fast sensor"
 
     def told(self, values: Values, unit: str = "V") -> str:
         does = "clips" if values["hardness"] > 10 else "compresses"
-        return f"The sensor {does}: it never shows more than ±{with_prefix(values['limit'], unit, 3)}."
+        rails = [values["limit"] / (1 + side * values["skew"]) if side * values["skew"] > -1 else 0 for side in (1, -1)]
+        if values["skew"] == 0:
+            return f"The sensor {does}: it never shows more than ±{with_prefix(rails[0], unit, 3)}."
+        above, below = (with_prefix(rail, unit, 3) for rail in rails)
+        never = [f"more than {above}"] * bool(rails[0]) + [f"less than -{below}"] * bool(rails[1])
+        return f"The sensor {does}: it never shows {' and '.join(never)}."
 
     def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
         limit, hardness = values["limit"], values["hardness"]
         if not shot.fast or math.isinf(limit):
             return signal
-        ratio = np.abs(signal) / limit
+        ratio = np.abs(signal) * (1 + values["skew"] * np.sign(signal)) / limit
         above = np.maximum(ratio, 1.0)
         below = np.minimum(ratio, 1.0) / above  # the smaller of ratio and 1 / ratio, so that no power is too large
         return signal / above * (1 + below**hardness) ** (-1 / hardness)

@@ -21,6 +21,12 @@ STEEPEST = 0.9
 """Of the steepest edge of all: where the starts begin."""
 GENTLEST = 0.15
 """Of the median of the recordings' steepest edges: where they end."""
+LAGS = (0.002, 0.05)
+"""Of a period of the head: those of the starts. Without one, a limit beyond all edges does nothing, whatever it is."""
+LINEAR = 2.0
+"""Of the steepest edge: a limit beyond it does not show as one."""
+FEWEST_STEPS = 1e-3
+"""Of a node step: a shorter lag is none."""
 HALVINGS = 60
 SETTLED = 1e-9
 """Of the most that a node allows."""
@@ -32,9 +38,15 @@ class SlewLimit(Effect):
     id = "slew_limit"
     stage = "drive"
     sentence = "The amplifier cannot follow steep edges."
-    equation = "u' = clip(u_asked', -S, S) while u = u_asked, else S sign(u_asked - u)"
-    source = "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapter 4: slew rate"
-    parameters = (Parameter("slew_rate_V_s", "V/s", 1.0, math.inf, "reciprocal", "steepest edge it follows"),)
+    equation = "u' = S tanh((u_asked - u) / (S τ))"
+    source = (
+        "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapter 4: slew rate; J. E. Solomon, The "
+        "monolithic op amp: a tutorial study, IEEE J. Solid-State Circuits 9(6), 1974: an input stage of tanh"
+    )
+    parameters = (
+        Parameter("slew_rate_V_s", "V/s", 1.0, math.inf, "reciprocal", "steepest edge it follows"),
+        Parameter("lag_s", "s", 0.0, 1.0, meaning="τ, with which it follows gentler ones", open_ended=True, plain=0.0),
+    )
     strengths = ("slew_rate_V_s",)
     signature = "only edges steeper than some slope are late; gentle ones at the same level are not"
     confusable_with = ("amplifier_bandwidth",)
@@ -45,7 +57,12 @@ class SlewLimit(Effect):
         if not slopes.any():
             slopes = np.array([printhead.full_scale_V * printhead.frequency_Hz])
         limits = np.geomspace(STEEPEST * slopes.max(), GENTLEST * np.median(slopes[slopes > 0]), STARTS)
-        return [{"slew_rate_V_s": float(limit)} for limit in limits]
+        lags_s = [lag / printhead.frequency_Hz for lag in LAGS]
+        return [{"slew_rate_V_s": float(limit), "lag_s": lag_s} for lag_s in lags_s for limit in limits]
+
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+        steepest = max((float(np.abs(np.diff(s.drive_V)).max()) / s.step_s for s in shots if s.fast), default=0.0)
+        return {"slew_rate_V_s": (1.0, LINEAR * steepest)} if steepest > 1.0 else {}
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
@@ -56,27 +73,44 @@ class SlewLimit(Effect):
     def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
         if math.isinf(values["slew_rate_V_s"]):
             return drive_V
-        return slew_limited(drive_V, values["slew_rate_V_s"] * shot.node_step_s, shot.periodic)
+        lag = values["lag_s"] / shot.node_step_s
+        return slew_limited(drive_V, values["slew_rate_V_s"] * shot.node_step_s, shot.periodic, lag)
 
 
-def slew_limited(signal: Real, most: float, periodic: bool) -> Real:
+def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0) -> Real:
     """A signal that is linear between nodes, followed by no more than ``most`` a node, shape (n,).
 
     From its first value on; or, where periodic, in a steady state of the repeated signal.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+    most : float
+    periodic : bool
+    lag : float
+        Time constant, in nodes, with which it is followed where that needs less.
     """
     from inkjet_env.plant import compiled_drive
 
     ends = np.append(signal, signal[0]) if periodic else np.ascontiguousarray(signal)
     result = np.empty(ends.size)
+
+    def lap(start: float) -> float:
+        if lag < FEWEST_STEPS:
+            end: float = compiled_drive.slew_limited(ends, most, start, result)
+        else:
+            end = compiled_drive.softly_slewed(ends, most, most * lag, start, result)
+        return end
+
     start = float(ends[0])
-    end = compiled_drive.slew_limited(ends, most, start, result)
+    end = lap(start)
     if periodic and end != start:
-        start, end = end, compiled_drive.slew_limited(ends, most, end, result)
+        start, end = end, lap(end)
     if periodic and abs(end - start) > SETTLED * most:  # laps would pass before it has caught up
         low, high = (start, float(ends.max())) if end > start else (float(ends.min()), start)
         for _ in range(HALVINGS):  # a lap brings any two beginnings nearer: below the steady state it rises
             middle = 0.5 * (low + high)
-            if compiled_drive.slew_limited(ends, most, middle, result) > middle:
+            if lap(middle) > middle:
                 low = middle
             else:
                 high = middle

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Resonance, too_slow
@@ -11,65 +15,126 @@ from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent
 from inkjet_env.printhead import Printhead
 
-RECORDINGS = 30
-"""How many recordings later the drifts are told for."""
+Real = NDArray[np.float64]
+
+KNOTS = 9
+"""Equally spaced over the session, after the first recording, where there is nothing."""
 FEWEST_ORDERS = 4
+ORDERS_A_KNOT = 2.0
+"""Fast recordings, at least."""
 
 
 class ThermalDrift(Effect):
-    """Frequency and damping ratio as smooth functions of the order, nothing at the first recording."""
+    """Frequency and damping ratio as smooth curves over the order, through values at nine places of the session."""
 
     id = "thermal_drift"
     stage = "resonator"
     sentence = "The head's frequency and damping wander in the course of the session."
     equation = (
-        "ω0 (1 + f), ζ (1 + z); f, z = drift s + bow 4 s (1 - s) + twist 8 s (1 - s) (1 - 2 s), s = (order - 1) / 30"
+        "ω0 (1 + f), ζ (1 + z); f, z cubic splines (Catmull & Rom) over the order, nothing at the first recording"
     )
-    source = "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010"
+    source = (
+        "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010; any course: "
+        "E. Catmull, R. Rom, A class of local interpolating splines, Computer Aided Geometric Design, 1974"
+    )
     parameters = (
-        Parameter("frequency_drift", "1", -0.5, 0.5, meaning="relative change of frequency after 30 recordings"),
-        Parameter("frequency_bow", "1", -0.5, 0.5, meaning="by how much more it has changed halfway"),
-        Parameter("frequency_twist", "1", -0.5, 0.5, meaning="S-shaped part of the change"),
-        Parameter("damping_drift", "1", -3.0, 3.0, meaning="relative change of the damping ratio after 30 recordings"),
-        Parameter("damping_bow", "1", -3.0, 3.0, meaning="by how much more it has changed halfway"),
-        Parameter("damping_twist", "1", -3.0, 3.0, meaning="S-shaped part of the change"),
+        Parameter("last_order", "1", 1.0, 1e6, meaning="order at which the ninth place is", open_ended=True),
+        *(
+            Parameter(f"frequency_{k}", "1", -0.5, 0.5, meaning=f"relative change of frequency after {k}/{KNOTS}")
+            for k in range(1, KNOTS + 1)
+        ),
+        *(
+            Parameter(f"damping_{k}", "1", -3.0, 3.0, meaning=f"relative change of the damping ratio after {k}/{KNOTS}")
+            for k in range(1, KNOTS + 1)
+        ),
     )
-    strengths = tuple(parameter.name for parameter in parameters)
+    strengths = tuple(parameter.name for parameter in parameters[1:])
+    parts = (strengths[:KNOTS], strengths[KNOTS:])
     signature = "width and pitch of the resonance follow the order of the recordings, whatever their drives"
     confusable_with = ("air_bubble", "meniscus_refill", "quadratic_damping")
     shown_by = "one recording repeated through the whole session, amplitudes in random order"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        latest = max((shot.order - 1 for shot in shots if shot.fast), default=0) or RECORDINGS
-        off = dict.fromkeys(self.strengths, 0.0)
+        places = np.arange(1, KNOTS + 1) / KNOTS
+        courses = (places, np.sin(math.pi * places), np.sin(2 * math.pi * places), 1 - np.cos(2 * math.pi * places))
+        off = {"last_order": last_order(shots)} | dict.fromkeys(self.strengths, 0.0)
         return [
-            off | {"frequency_drift": 0.1 * printhead.damping_ratio * RECORDINGS / latest},
-            off | {"damping_drift": 0.1 * RECORDINGS / latest},
+            off | {f"{name}_{k}": float(size * course[k - 1]) for k in range(1, KNOTS + 1)}
+            for name, size in (("frequency", 0.1 * printhead.damping_ratio), ("damping", 0.1))
+            for course in courses
         ]
+
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+        last = last_order(shots)
+        latest = max((shot.order for shot in shots if shot.fast), default=1)
+        reached = math.ceil(KNOTS * (latest - 1) / (last - 1))
+        beyond = range(reached + 1, KNOTS + 1)
+        return {"last_order": (last, last)} | {f"{n}_{k}": (0.0, 0.0) for n in ("frequency", "damping") for k in beyond}
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         if len({shot.order for shot in shots if shot.fast}) < FEWEST_ORDERS:
             return too_slow(shots) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
         return None
 
+    def changes(self, name: str, shot: Shot, values: Values) -> bool:
+        if name == "last_order":
+            return True
+        return bool(_weights(shot.order, values["last_order"])[int(name.rpartition("_")[2])])
+
     def told(self, values: Values, unit: str = "V") -> str:
-        frequency, damping = values["frequency_drift"], values["damping_drift"]
-        changes = []
-        if frequency:
-            changes.append(f"rings {percent(abs(frequency))} {'higher' if frequency > 0 else 'lower'}")
-        if damping:
-            changes.append(f"is damped {percent(abs(damping))} {'more' if damping > 0 else 'less'}")
-        if not changes:
-            return f"Frequency and damping wander, and are back where they began after {RECORDINGS} recordings."
-        return f"After {RECORDINGS} recordings the head {' and '.join(changes)}."
+        said, orders = [], 1.0
+        for name, more, less, verb in (
+            ("frequency", "higher", "lower", "rings"),
+            ("damping", "more", "less", "is damped"),
+        ):
+            course = np.array([0.0, *(values[f"{name}_{k}"] for k in range(1, KNOTS + 1))])
+            if course.any():
+                ends = int(np.flatnonzero(course)[-1])
+                orders = max(orders, 1 + (values["last_order"] - 1) * ends / KNOTS)
+                end, far = float(course[ends]), float(course[np.abs(course).argmax()])
+                words = f"{verb} {percent(abs(end))} {more if end > 0 else less}"
+                if abs(far) > 1.2 * abs(end):
+                    words += f" (on the way {percent(abs(far))} {more if far > 0 else less})"
+                said.append(words)
+        if not said:
+            return self.sentence
+        return f"After {round(orders)} recordings the head {' and '.join(said)}."
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
-        s = (shot.order - 1) / RECORDINGS
-        frequency = 1 + _wander(s, values, "frequency")
-        damping = 1 + _wander(s, values, "damping")
+        weights = _weights(shot.order, values["last_order"])
+        frequency = 1 + sum(float(weights[k]) * values[f"frequency_{k}"] for k in range(1, KNOTS + 1))
+        damping = 1 + sum(float(weights[k]) * values[f"damping_{k}"] for k in range(1, KNOTS + 1))
         return replace(resonance, a0=resonance.a0 * frequency**2, a1=resonance.a1 * frequency * damping)
 
 
-def _wander(s: float, values: Values, what: str) -> float:
-    bow = 4 * s * (1 - s)
-    return values[f"{what}_drift"] * s + values[f"{what}_bow"] * bow + values[f"{what}_twist"] * 2 * bow * (1 - 2 * s)
+def last_order(shots: Sequence[Shot]) -> float:
+    """Where the ninth place is: at the last fast recording, or later where there are too few of them for so many."""
+    orders = {shot.order for shot in shots if shot.fast} or {2}
+    latest = max(*orders, 2)
+    return 1 + (latest - 1) * max(1.0, KNOTS * ORDERS_A_KNOT / len(orders))
+
+
+def _weights(order: float, last: float) -> Real:
+    """Of the places 0 … KNOTS in the curve's value at an order, shape (KNOTS + 1,); beyond the ends, as at them."""
+    at = KNOTS * min(max((order - 1) / max(last - 1, 1.0), 0.0), 1.0)
+    left = min(int(at), KNOTS - 1)
+    t = at - left
+    four = np.array(
+        [
+            -0.5 * t + t * t - 0.5 * t**3,
+            1 - 2.5 * t * t + 1.5 * t**3,
+            0.5 * t + 2 * t * t - 1.5 * t**3,
+            -0.5 * t * t + 0.5 * t**3,
+        ]
+    )
+    weights = np.zeros(KNOTS + 1)
+    for place, weight in zip(range(left - 1, left + 3), four, strict=True):
+        if place < 0:  # beyond the ends the curve goes straight on
+            weights[0] += 2 * weight
+            weights[1] -= weight
+        elif place > KNOTS:
+            weights[KNOTS] += 2 * weight
+            weights[KNOTS - 1] -= weight
+        else:
+            weights[place] += weight
+    return weights
