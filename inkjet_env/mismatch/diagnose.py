@@ -339,7 +339,7 @@ class _Work:
         groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
         groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
         anything = bool(chosen.ids or standing)
-        if share > LEFT_OVER:
+        if share > LEFT_OVER or (chosen.ids and closure < 0):
             verdict = "unknown"
         elif not anything:
             verdict = "none"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.mismatch.head import Head
 from inkjet_env.plant import Effect
-from inkjet_env.plant.effect import values_at
+from inkjet_env.plant.effect import parts_of, values_at
 
 Real = NDArray[np.float64]
 
@@ -45,6 +45,8 @@ class Fit:
     converged : bool
     sloped : Place
         Where the sensitivities were taken: before the last step.
+    whole : bool
+        Whether every part of the effects' laws took part, or only those that were on when it began.
     started : Head
         Base model whose free ringing stands for unknown initial states.
     """
@@ -58,6 +60,7 @@ class Fit:
     slopes: Real
     converged: bool
     sloped: Place
+    whole: bool
     started: Head
 
     @property
@@ -66,9 +69,25 @@ class Fit:
         return tuple(effect.id for effect in self.effects)
 
     @property
+    def idle(self) -> NDArray[np.bool_]:
+        """Which coordinates did nothing, shape (k,): fixed, of parts that are off, or shapes of such parts."""
+        return np.asarray(~self.slopes.any(axis=0))
+
+    @property
     def with_values(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
         """Each effect with its values."""
         return split(self.effects, self.point)
+
+
+def held(effects: Sequence[Effect], point: Real) -> NDArray[np.bool_]:
+    """Which coordinates are of parts of the effects' laws that are off, shape (k,)."""
+    result, at = np.zeros(point.size, dtype=bool), 0
+    for effect in effects:
+        count = len(effect.parameters)
+        off = {name for part in parts_of(effect, point[at : at + count])[1] for name in part}
+        result[at : at + count] = [p.name in off for p in effect.parameters]
+        at += count
+    return result
 
 
 def split(effects: Sequence[Effect], point: Real) -> tuple[tuple[Effect, dict[str, float]], ...]:

@@ -71,7 +71,9 @@ def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
 
 def _unknown(left_over: float, closest: tuple[tuple[str, ...], float] | None, location: Location) -> str:
     said = f"{percent(left_over)} of the mismatch is explained by nothing in the catalogue"
-    if closest is not None:
+    if left_over == 0 and closest is not None:
+        said = f"{_joined(closest[0], 'with').capitalize()} explains what was fitted, and recordings held out the less"
+    elif closest is not None:
         ids, part = closest
         said += f"; {_joined(ids, 'with')} comes closest with {percent(part)}"
     where = []

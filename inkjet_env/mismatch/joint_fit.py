@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import free_ringing
-from inkjet_env.mismatch.fit import Fit, Place, split
+from inkjet_env.mismatch.fit import Fit, Place, held, split
 from inkjet_env.mismatch.head import Head
 from inkjet_env.mismatch.observed import Noise, Observed, finer
 from inkjet_env.plant import Effect, Values
@@ -150,7 +150,12 @@ class JointFit:
         return JointFit(self.observed, self.noise, fit.head, self.standing, self.base, fit)
 
     def fit(
-        self, effects: Sequence[Effect], point: Real, head: Head | None = None, most_steps: int = MOST_STEPS
+        self,
+        effects: Sequence[Effect],
+        point: Real,
+        head: Head | None = None,
+        most_steps: int = MOST_STEPS,
+        whole: bool = False,
     ) -> Fit:
         """Least squares from a starting point.
 
@@ -161,10 +166,13 @@ class JointFit:
             Coordinates of all parameters, one effect after another.
         head : Head, optional
             Where the base parameters begin.
+        most_steps : int
+        whole : bool
+            Whether parts of the effects' laws that are off may come on.
         """
         effects = tuple(effects)
         head = head or self.start
-        low, high = self.limits(effects)
+        low, high = self._free(effects, point, whole)
         point = np.clip(point, low, high)
         states = {o.name: (0.0, 0.0) for o in self.observed if o.shot.initial_state == "free" and o.shot.fast}
         states = self._states(head, effects, point, states)
@@ -203,24 +211,39 @@ class JointFit:
             if promise < CONVERGED or gained < CONVERGED:
                 converged = True
                 break
-        return self._ended(effects, Place(head, point, states), nll, slopes, converged, sloped)
+        return self._ended(effects, Place(head, point, states), nll, slopes, converged, sloped, whole)
 
     def _ended(
-        self, effects: tuple[Effect, ...], end: Place, nll: float, slopes: Real, converged: bool, sloped: Place
+        self,
+        effects: tuple[Effect, ...],
+        end: Place,
+        nll: float,
+        slopes: Real,
+        converged: bool,
+        sloped: Place,
+        whole: bool,
     ) -> Fit:
         told = split(effects, end.point)
         everything = self.signals(end.head, told, end.states, self.observed)
         remains = {o.name: self.whitened(o, o.measured - everything[o.name], told) for o in self.observed}
         head, point, states = end.head, end.point, end.states
-        return Fit(head, effects, point, states, remains, nll, slopes, converged, sloped, self.start)
+        return Fit(head, effects, point, states, remains, nll, slopes, converged, sloped, whole, self.start)
 
-    def again(self, effects: tuple[Effect, ...], end: Place, sloped: Place, started: Head, converged: bool) -> Fit:
+    def again(
+        self, effects: tuple[Effect, ...], end: Place, sloped: Place, started: Head, converged: bool, whole: bool
+    ) -> Fit:
         """A fit of which it is known where it ended."""
         here = JointFit(self.observed, self.noise, started, self.standing, self.base)
         _, nll = here._left(end.head, effects, end.point, end.states)
-        low, high = here.limits(effects)
+        low, high = here._free(effects, sloped.point, whole)
         slopes = here.slopes(sloped.head, effects, sloped.point, sloped.states, low, high)
-        return here._ended(effects, end, nll, slopes, converged, sloped)
+        return here._ended(effects, end, nll, slopes, converged, sloped, whole)
+
+    def _free(self, effects: Sequence[Effect], point: Real, whole: bool) -> tuple[Real, Real]:
+        """Bounds of the point in a fit, shape (k,) each; where it is, of parts that are off and stay so."""
+        low, high = self.limits(effects)
+        off = held(effects, point) & (not whole)
+        return np.where(off, point, low), np.where(off, point, high)
 
     def limits(self, effects: Sequence[Effect]) -> tuple[Real, Real]:
         """Bounds of the point, shape (k,) each."""
@@ -274,13 +297,17 @@ class JointFit:
         if not point.size:
             return columns
         here = self.signals(head, told, states, self.seen)
-        for k in range(point.size):
+        named = [(effect, values, p.name) for effect, values in told for p in effect.parameters]
+        for k, (effect, values, name) in enumerate(named):
+            if low[k] == high[k]:
+                continue
             size = DIFFERENCE * _scale(effects, point, k)
             if point[k] + size > high[k]:
                 size = -size
             there = point.copy()
             there[k] += size
-            signals = self.signals(head, split(effects, there), states, self.seen)
+            touched = [o for o in self.seen if effect.changes(name, o.shot, values)]
+            signals = here | self.signals(head, split(effects, there), states, touched)
             columns[:, k] = self.stacked({o.name: (signals[o.name] - here[o.name]) / size for o in self.seen}, told)
         return columns
 

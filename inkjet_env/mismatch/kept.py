@@ -50,7 +50,7 @@ class Kept:
 
     def fits(
         self, crew: Crew, joint: JointFit, function: Callable[[Task], Fit | None], tasks: Sequence[Task],
-        questions: Sequence[tuple[Sequence[Effect], Real, Fit, int | None]],
+        questions: Sequence[tuple[Sequence[Effect], Real, Fit, int | str | None]],
     ) -> Iterator[Fit | None]:  # fmt: skip
         """`Crew.map`, but for the fits that are there already; each is kept as soon as it comes.
 
@@ -62,7 +62,7 @@ class Kept:
             From a task to its fit, None where it cannot be simulated.
         tasks : sequence
         questions : sequence of tuple
-            What each task asks: effects, point to begin at, fit to go on from, most steps.
+            What each task asks: effects, point to begin at, fit to go on from, most steps or what else.
         """
         if self.folder is None:
             yield from crew.map(function, tasks)
@@ -89,7 +89,7 @@ class Kept:
             if not any(self.folder.iterdir()):
                 self.folder.rmdir()
 
-    def _name(self, begun: bytes, effects: Sequence[Effect], point: Real, fit: Fit, steps: int | None) -> str:
+    def _name(self, begun: bytes, effects: Sequence[Effect], point: Real, fit: Fit, steps: int | str | None) -> str:
         ids = "+".join(effect.id for effect in effects)
         place = json.dumps(_place_json(Place(fit.head, point, fit.states)))
         return _digest(self.code, begun, ids.encode(), place.encode(), str(steps).encode()).hex()[:32] + ".fit.json"
@@ -166,8 +166,10 @@ def _as_json(fit: Fit) -> dict[str, Any]:
         "sloped": _place_json(fit.sloped),
         "started": _head_json(fit.started),
         "converged": fit.converged,
+        "whole": fit.whole,
     }
 
 
-def _from_json(told: Mapping[str, Any]) -> tuple[Place, Place, Head, bool]:
-    return _place(told["end"]), _place(told["sloped"]), _head(told["started"]), bool(told["converged"])
+def _from_json(told: Mapping[str, Any]) -> tuple[Place, Place, Head, bool, bool]:
+    started = _head(told["started"])
+    return _place(told["end"]), _place(told["sloped"]), started, bool(told["converged"]), bool(told["whole"])

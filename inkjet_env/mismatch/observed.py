@@ -123,6 +123,7 @@ class Noise:
     samples: Mapping[tuple[str, float], int]
     notes: tuple[str, ...] = ()
     least: Mapping[str, float] = field(default_factory=dict)
+    _kept: dict[tuple[tuple[str, float], int], Real] = field(default_factory=dict, init=False, repr=False)
 
     def known(self, observed: Observed) -> bool:
         """Whether anything but a fit's own residual tells the noise."""
@@ -137,13 +138,22 @@ class Noise:
         flat = columns.ndim == 1
         table = columns[:, None] if flat else columns
         white = model.whitened(table)
-        if model.colour != (1.0, 0.0, 0.0) and white.size:
-            levels = model.levels(white.shape[0])[: white.shape[0] // 2 + 1]
-            lines = np.fft.rfft(white, axis=0) / np.sqrt(levels)[:, None]
-            white = np.fft.irfft(lines, white.shape[0], axis=0)
         result = np.zeros(table.shape)
         result[table.shape[0] - white.shape[0] :] = white
+        if model.colour != (1.0, 0.0, 0.0) and white.size:
+            from scipy.fft import irfft, next_fast_len, rfft
+
+            length = next_fast_len(table.shape[0], real=True)
+            lines = rfft(result, length, axis=0) / self._roots(observed.noise_key, length)
+            result = irfft(lines, length, axis=0)[: table.shape[0]]
+            result[: table.shape[0] - white.shape[0]] = 0.0
         return result[:, 0] if flat else result
+
+    def _roots(self, key: tuple[str, float], length: int) -> Real:
+        """Roots of the levels of whitened noise at the lines of a real transform, shape (length // 2 + 1, 1)."""
+        if (key, length) not in self._kept:
+            self._kept[key, length] = np.sqrt(self.models[key].levels(length)[: length // 2 + 1])[:, None]
+        return self._kept[key, length]
 
     def log_scale(self, observed: Observed) -> float:
         """Mean logarithm of the noise's innovation: what a likelihood loses by larger noise, a sample."""

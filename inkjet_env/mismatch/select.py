@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis, settled
+from inkjet_env.mismatch.attribute import LEAST_SHARE, Hypothesis, attribute, base_hypothesis, settled
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.kept import Kept
@@ -18,6 +18,8 @@ from inkjet_env.plant import Effect
 MOST_EFFECTS = 3
 BEAM = 3
 """Hypotheses of one size that are carried on."""
+WORTH_CARRYING = 0.5
+"""Share of the best one's gain that each must have."""
 CHANCE = 1e-3
 """Probability of a score by noise alone from which on an effect is looked for."""
 STANDARD_ERRORS = 2.0
@@ -34,8 +36,6 @@ LEAST_LOOK = 0.5
 """Share of the best score that makes a further effect worth a fit."""
 NEARLY_AS_GOOD = 0.8
 """Share of the best one's gain, after the first steps, that makes an effect a rival worth fitting to the end."""
-LEAST_SHARE = 1e-3
-"""Share of the whole mismatch that a further effect must explain; so little an equation may be wrong by."""
 SAME_COSINE = 0.95
 """An effect nearly the winner's equal in signature is not told apart from it by less than the winner itself leaves
 unexplained: so far, equations may be wrong."""
@@ -98,7 +98,7 @@ def select(
                 if found_good < BEAM and supported(parent, hypothesis):
                     found_good += 1
                     added.append(hypothesis)
-            if any(worth_adding(chosen, h) and not worth_looking(h) for h in added):
+            if any(worth_adding(chosen, h) and not h.leaves_much for h in added):
                 break  # all is explained; the other parents cannot do better
         added.sort(key=lambda h: -h.score)
         if not added or not worth_adding(chosen, added[0]):
@@ -106,8 +106,8 @@ def select(
         for name in set(added[0].ids) - set(chosen.ids):
             p_values[name] = p_now
         chosen = added[0]
-        beam = added[:BEAM]
-        if not (worth_looking(chosen) and leftover(chosen, found, rng)):
+        beam = [h for h in added[:BEAM] if h.gain >= WORTH_CARRYING * added[0].gain]
+        if not (chosen.leaves_much and leftover(chosen, found, rng)):
             break
     chosen = _without_idle(joint, chosen, compared)
     alternatives = {
@@ -133,21 +133,11 @@ def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
     if not without.ids:
         return True
     explained = 2 * (without.fit.nll - with_it.fit.nll)
-    left = without.excess if noise_known(without) else 2 * without.fit.nll
+    left = without.excess if without.noise_known else 2 * without.fit.nll
     mismatch = 2 * with_it.gain
     if explained >= LARGE_SHARE * mismatch and explained >= LEAST_IF_LARGE * left:
         return True
     return explained >= max(LEAST_OF_LEFTOVER * left, LEAST_SHARE * mismatch)
-
-
-def noise_known(hypothesis: Hypothesis) -> bool:
-    """Whether anything but a residual tells the noise of every recording; else whatever is left may be mismatch."""
-    return all(hypothesis.joint.noise.known(o) for o in hypothesis.joint.seen)
-
-
-def worth_looking(hypothesis: Hypothesis) -> bool:
-    """Whether so much is left beyond noise that a further effect could be worth adding."""
-    return not noise_known(hypothesis) or hypothesis.excess > LEAST_SHARE * 2 * hypothesis.gain
 
 
 def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:

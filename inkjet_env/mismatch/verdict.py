@@ -157,7 +157,8 @@ def _errors(chosen: Hypothesis) -> Real:
 
 def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estimate]) -> dict[str, float]:
     """The values, less the strengths that may as well be nothing; all of them where all may be."""
-    vain = {name for name in effect.strengths if estimates[name].low <= 0 <= estimates[name].high}
+    surely = {name for name, e in estimates.items() if not e.low <= 0 <= e.high}
+    vain = set(effect.strengths) - surely
     if vain == set(effect.strengths):
         return values
     return {name: 0.0 if name in vain else value for name, value in values.items()}
@@ -179,8 +180,9 @@ def chance_of(gain: float, parameters: int, tried: int) -> float:
 
 
 def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> list[Named]:
-    """The chosen effects with intervals and evidence."""
+    """The chosen effects with intervals and evidence; without the parameters of whatever of their laws is off."""
     errors = _errors(chosen)
+    idle = chosen.fit.idle
     lower, upper = joint.limits(chosen.fit.effects)
     result, at = [], 0
     for effect, values in chosen.fit.with_values:
@@ -192,11 +194,13 @@ def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> 
             smaller = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
         estimates = {}
         for k, p in enumerate(effect.parameters, start=at):
+            if idle[k] and lower[k] < upper[k]:
+                continue
             reach = QUANTILE_90 * errors[k]
             ends = [p.value(float(np.clip(chosen.fit.point[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
-        gain = smaller.fit.nll - chosen.fit.nll
-        p_value = selection.p_values.get(effect.id, chance_of(gain, count, len(selection.compared)))
+        gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[at : at + count]))
+        p_value = selection.p_values.get(effect.id, chance_of(gain, free, len(selection.compared)))
         unit = _signal_unit(joint)
         sentence = effect.told(_surely(effect, values, estimates), unit)
         result.append(Named(effect, sentence, gain, p_value, estimates, unit))

@@ -12,6 +12,7 @@ from inkjet_env import mismatch
 from inkjet_env.identification import Estimate
 from inkjet_env.mismatch.diagnosis import Diagnosis, Location, Named, NextExperiment, Trace
 from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant.effect import complete
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, write_campaign
@@ -116,7 +117,7 @@ def made_by_hand(found, monkeypatch):
 @pytest.mark.parametrize("planted", [(), ("feedthrough",)])
 def test_a_campaign_leads_to_a_verdict_a_page_and_a_printhead(planted, campaign, inkjet, tmp_path):
     """By the whole way through: nothing is found where nothing is, and what is planted is found."""
-    on = tuple((EFFECTS[name], {"capacitive_s": 2e-8, "lossy": 0.0}) for name in planted)
+    on = tuple((EFFECTS[name], complete(EFFECTS[name], capacitive_s=2e-8)) for name in planted)
     changed = []
     for recording in campaign.recordings:
         shot = Shot(recording.channel, recording.initial_state, recording.time_s[1], recording.drive_V)

@@ -33,7 +33,7 @@ LABELS = {
 }
 HELD_OUT = {line.drive_V.tobytes() for line in default_battery() if line.label == "multisine-50V-a"}
 EFFECTS = {effect.id: effect for effect in catalogue()}
-VALUES = {"capacitive_s": 2.1e-8, "lossy": 4e-4}
+VALUES = {"capacitive_s": 2.1e-8, "lossy": 4e-4, "lag_s": 0.0}
 
 
 def shown_by_effect(recording):

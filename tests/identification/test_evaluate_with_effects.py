@@ -8,6 +8,7 @@ import pytest
 from inkjet_env.identification import evaluate
 from inkjet_env.plant import Plant, Shot, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig import default_battery, displacement_battery, record_campaign
@@ -42,7 +43,7 @@ def test_without_effects_the_evaluation_is_the_base_heads():
 
 
 def test_the_effects_explain_what_the_base_head_leaves():
-    effects = ((CUBIC, middling(CUBIC)), (EFFECTS["feedthrough"], {"capacitive_s": 5e-9, "lossy": 0.0}))
+    effects = ((CUBIC, middling(CUBIC)), (EFFECTS["feedthrough"], complete(EFFECTS["feedthrough"], capacitive_s=5e-9)))
     campaign = Campaign("c", (recorded(effects, offset=0.2),))
     (found,), _ = evaluate(campaign, AugmentedPrinthead(HEAD, effects))
     (left,), _ = evaluate(campaign, HEAD)

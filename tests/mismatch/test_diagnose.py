@@ -80,6 +80,9 @@ def test_one_effect_is_named_with_its_values(name, strength, diagnosed, values):
     assert (found.verdict, ids(found), found.candidates) == ("named", [name], ())
     (named,) = found.effects
     for parameter, truth in values(name, strength).items():
+        if parameter not in named.parameters:  # of a part of the law that is off
+            assert truth == rest_value(named.effect, parameter)
+            continue
         estimate = named.parameters[parameter]
         half_width = (estimate.high - estimate.low) / 2
         assert estimate.low < estimate.value < estimate.high
@@ -99,12 +102,21 @@ def test_an_effect_by_chance_is_named(name, diagnosed):
     assert found.effects[0].delta_nll > 15
 
 
+def rest_value(effect, name):
+    """What a parameter is where its part of the law is off."""
+    parameter = next(p for p in effect.parameters if p.name == name)
+    return 0.0 if name in effect.strengths else parameter.plain
+
+
 def test_several_effects_are_named_together(diagnosed, values):
     found = diagnosed("feedthrough", "quadratic_damping")
     assert found.verdict == "named"
     assert set(ids(found)) == {"feedthrough", "quadratic_damping"}
     for named in found.effects:
         for parameter, truth in values(named.effect.id).items():
+            if parameter not in named.parameters:
+                assert truth == rest_value(named.effect, parameter)
+                continue
             assert named.parameters[parameter].value == pytest.approx(truth, rel=0.25)
 
 

@@ -57,9 +57,9 @@ def test_an_interrupted_diagnosis_ends_as_if_it_had_not_been(run, tmp_path, monk
     again = []
     tried = attribute._tried
 
-    def noted(*question):
+    def noted(*question, **how):
         again.append(question)
-        return tried(*question)
+        return tried(*question, **how)
 
     monkeypatch.setattr(attribute, "_tried", noted)
     resumed, _ = run(tmp_path / "fits")

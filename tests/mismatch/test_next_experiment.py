@@ -73,7 +73,7 @@ def candidate(joint, effect, values):
     slopes = joint.slopes(joint.base.head, (effect,), point, joint.base.states, low, high)
     base = joint.base
     place = Place(base.head, point, base.states)
-    return Fit(base.head, (effect,), point, base.states, base.left, base.nll, slopes, True, place, joint.start)
+    return Fit(base.head, (effect,), point, base.states, base.left, base.nll, slopes, True, place, False, joint.start)
 
 
 @pytest.fixture(scope="module")

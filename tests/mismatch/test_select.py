@@ -7,7 +7,7 @@ import pytest
 
 from inkjet_env.mismatch.attribute import attribute, base_hypothesis, conditions, settled
 from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.select import cosine, noise_known, select, supported, worth_adding
+from inkjet_env.mismatch.select import cosine, select, supported, worth_adding
 from inkjet_env.mismatch.signatures import signatures
 from inkjet_env.plant.effect import coordinates
 
@@ -150,8 +150,10 @@ def test_what_does_not_show_is_not_added_and_what_idles_is_dropped(looked, effec
     alone = settled(joint, joint.fit([damping], coordinates(damping, values("quadratic_damping"))))
     assert supported(base, alone)
     assert worth_adding(base, alone)
-    assert noise_known(alone)
-    both = settled(joint, joint.fit([damping, feedthrough], np.append(alone.fit.point, [1e-12, 1e-8]), alone.fit.head))
+    assert alone.noise_known
+    both = settled(
+        joint, joint.fit([damping, feedthrough], np.append(alone.fit.point, [1e-12, 1e-8, 0.0]), alone.fit.head)
+    )
     assert both.gain >= alone.gain - 0.5
     assert not (supported(alone, both) and worth_adding(alone, both))
     assert not supported(alone, base)
