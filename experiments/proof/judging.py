@@ -15,13 +15,14 @@ from experiments.proof.sealing import JUDGE_SOURCES, code_digest
 COMPARED = {
     ("amplifier_bandwidth", "bandwidth_Hz"): ("bandwidth_Hz", ("first_order",)),
     ("sensor_bandwidth", "bandwidth_Hz"): ("bandwidth_Hz", ("first_order",)),
-    ("slew_limit", "slew_rate_V_s"): ("slew_rate_V_per_s", ("hard",)),
+    ("slew_limit", "slew_rate_V_s"): ("slew_rate_V_per_s", ()),
     ("trigger_delay", "delay_s"): ("delay_s", ()),
     ("second_mode", "frequency_Hz"): ("frequency_Hz", ("parallel",)),
     ("second_mode", "damping_ratio"): ("damping_ratio", ("parallel",)),
     ("second_mode", "strength"): ("share", ("parallel",)),
     ("wave_echo", "delay_s"): ("delay_s", ("single_return",)),
     ("wave_echo", "strength"): ("share", ("single_return",)),
+    ("meniscus_refill", "recovery_s"): ("recovery_s", ("relaxing",)),
     ("air_bubble", "bubble_frequency_Hz"): ("frequency_Hz", ("compliant",)),
     ("air_bubble", "bubble_damping_ratio"): ("damping_ratio", ("compliant",)),
     ("feedthrough", "capacitive_s"): ("feedthrough_s", ("capacitive",)),
@@ -31,7 +32,7 @@ COMPARED = {
 """Parameters that mean the same to diagnosis and concealed plant: the plant's name for each, and in which of its
 variants (all where none is listed): those in which both write the same equation. Left out is whatever hangs on
 hysteretic volts, which are a convention that two models need not share, and whatever the two describe by other
-equations (the time of a meniscus that follows the flow and not the edges, the rail of a tanh)."""
+equations (the rail of a tanh)."""
 COVERED = 0.5
 """Of a true stretch, what was told must hold so much."""
 
