@@ -11,7 +11,7 @@ from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.plays import PLAYS, play_sum_V
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import law_levels
-from inkjet_env.plant.wording import percent
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.hysteresis import BranchLaw
 
@@ -66,10 +66,15 @@ class AsymmetricHysteresis(Effect):
     def told(self, values: Values, unit: str = "V") -> str:
         said = []
         even = values["bending"] + values["arching"]
-        if values["asymmetry"] or even:
-            small, large = 2 * values["asymmetry"], 2 * (values["asymmetry"] + even)
-            if values["knee_V"]:
-                small = 0.0
+        asymmetry = values["asymmetry"]
+        if asymmetry and values["knee_V"]:
+            knee = with_prefix(values["knee_V"], "V")
+            said.append(
+                f"Beyond {knee}, positive drives move the head {_further(2 * asymmetry)} than negative ones, a volt."
+            )
+            asymmetry = 0.0
+        if asymmetry or even:
+            small, large = 2 * asymmetry, 2 * (asymmetry + even)
             said.append(
                 f"Compared with negative drives, positive ones move the head {_further(small)} where they are small "
                 f"and {_further(large)} at half the full scale."
