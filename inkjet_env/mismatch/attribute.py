@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.fit import Fit
+from inkjet_env.mismatch.fit import Fit, held
 from inkjet_env.mismatch.foretold import Foretold, foretold, orthonormal
 from inkjet_env.mismatch.joint_fit import MOST_STEPS, JointFit
 from inkjet_env.mismatch.kept import Kept
-from inkjet_env.mismatch.signatures import Signatures, point_of
+from inkjet_env.mismatch.signatures import Signatures, point_of, superposed
 from inkjet_env.plant import Effect
-from inkjet_env.plant.effect import parts_of, rest
+from inkjet_env.plant.effect import coordinates, parts_of, rest
 
 Real = NDArray[np.float64]
 
@@ -91,6 +91,7 @@ class Hypothesis:
         low, high = self.joint.limits(self.fit.effects)
         named = [(e, p) for e in self.fit.effects for p in e.parameters]
         widest = np.array([p.bounds for _, p in named]).reshape(-1, 2)
+        off = held(self.fit.effects, self.fit.point)
         room = AT_BOUND * (high - low)
         shape_at = (self.fit.point <= low + room) | (self.fit.point >= high - room)
         ends = ((low, low > widest[:, 0]), (high, high < widest[:, 1]))
@@ -100,7 +101,7 @@ class Hypothesis:
             strength_at |= near & narrower & (low < high)
         return any(
             bool(strength) if p.name in e.strengths else bool(shape) and not p.open_ended
-            for (e, p), strength, shape in zip(named, strength_at, shape_at, strict=True)
+            for (e, p), strength, shape in zip(named, strength_at, shape_at & ~off, strict=True)
         )
 
     @property
@@ -218,18 +219,23 @@ def attribute(
         partial = [h.fit for h in ended if h.leaves_much and given.nll - h.fit.nll >= fair]
         partial = [fit for fit in partial if parts_of(fit.effects[-1], _last(fit))[1]]
         wholes = [(fit.effects, fit.point, fit, "whole") for fit in partial]
-        for k, fit in enumerate(kept.fits(crew, joint, lambda fit: shaped(joint, fit).fit, partial, wholes)):
+        for k, fit in enumerate(kept.fits(crew, joint, lambda fit: shaped(joint, fit, beside).fit, partial, wholes)):
             if fit is not None:
                 progress(f"{' + '.join(fit.ids)}, the whole law ({k + 1} of {len(partial)})")
                 ended = [h for h in ended if h.ids != fit.ids] + [Hypothesis(fit, joint.near(fit))]
     return sorted([*hypotheses, *ended], key=lambda h: -h.score)
 
 
-def shaped(joint: JointFit, fit: Fit) -> Hypothesis:
+def shaped(joint: JointFit, fit: Fit, beside: Hypothesis) -> Hypothesis:
     """A fit that has settled, gone on with so many parts of its last effect's law as are worth their parameters."""
     near = joint.near(fit)
     plain = Hypothesis(fit, near)
-    begun = _tried(near, fit.effects, fit.point, fit, FIRST_STEPS, whole=True)
+    given = fit.point[: fit.point.size - _last(fit).size]
+    others = superposed(joint, fit.effects[-1], beside.left, beside.columns)
+    starts = [(near, fit.point, fit)]
+    starts += [(joint, np.concatenate([given, coordinates(fit.effects[-1], o)]), beside.fit) for o in others]
+    tried = [_tried(where, fit.effects, point, begin, FIRST_STEPS, whole=True) for where, point, begin in starts]
+    begun = min((one for one in tried if one is not None), key=lambda one: one.nll, default=None)
     if begun is None or Hypothesis(begun, near).score <= plain.score:
         return plain
     whole = simplest(joint, begun, whole=True)

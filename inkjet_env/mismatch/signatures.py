@@ -17,6 +17,10 @@ from inkjet_env.plant.effect import coordinates
 Real = NDArray[np.float64]
 
 DRAWS = 2000
+UNLIKE = 0.95
+"""Cosine of the signatures of two starting points that are both worth trying."""
+MOST_STARTS = 4
+"""Of an effect's whole law."""
 LEAST_SHARE = 1e-9
 """A signature of which less is left beside the base parameters than this share cannot be told from them."""
 
@@ -123,6 +127,38 @@ def signatures(
         np.column_stack(columns) if columns else np.zeros((rows, 0)),
         np.array(sizes),
     )
+
+
+def superposed(joint: JointFit, effect: Effect, left: Real, basis: Real) -> list[dict[str, float]]:
+    """Where a fit of an effect's whole law may begin, what looks most like the residual first, all unlike each other.
+
+    Parameters
+    ----------
+    joint : JointFit
+    effect : Effect
+    left : ndarray, shape (rows,)
+        Whitened residual without the effect.
+    basis : ndarray, shape (rows, q)
+        Orthonormal columns of what may adapt.
+    """
+    shots = [o.shot for o in joint.seen if o.channel != "drive_monitor"]
+    law = effect.superposed(joint.base.head.printhead, shots)
+    if law is None:
+        return []
+    plain, starts, weights = law
+    columns = np.column_stack([joint.signature(effect, values) for values in plain])
+    columns -= basis @ (basis.T @ columns)
+    gram = columns.T @ columns
+    size = np.sqrt(np.maximum(np.sum(np.asarray(weights @ gram) * weights.toarray(), axis=1), 1e-300))
+    scores = np.asarray(weights @ (columns.T @ left)) / size
+    found: list[int] = []
+    for k in np.argsort(-np.abs(scores)):
+        alike = weights[found] @ gram @ weights[[k]].toarray()[0] / (size[found] * size[k])
+        if not found or np.abs(alike).max() < UNLIKE:
+            found.append(int(k))
+        if len(found) == MOST_STARTS:
+            break
+    return [_scaled(effect, starts[k], float(scores[k] / size[k])) for k in found]
 
 
 def _scaled(effect: Effect, start: dict[str, float], factor: float) -> dict[str, float]:

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.shot import Shot
@@ -94,7 +95,7 @@ class Effect:
     strengths : tuple of str
         Names of the parameters that are zero (or infinite) when the effect is off.
     parts : tuple of tuple of str
-        Strengths that come and go together, where each is not a law by itself.
+        Strengths that come and go together, where each is not a law by itself; shapes that do.
     signature : str
         What sets it apart.
     confusable_with : tuple of str
@@ -121,6 +122,16 @@ class Effect:
         Of an effect with several strengths each gets starts of its own, with the others off.
         """
         raise NotImplementedError
+
+    def superposed(
+        self, printhead: Printhead, shots: Sequence[Shot]
+    ) -> tuple[list[dict[str, float]], list[dict[str, float]], csr_array] | None:
+        """Starting points of the whole law where what it adds is nearly a sum of what its plain law adds.
+
+        Values of the plain law (k of them), starting points (n), and how much of each of the former makes up each of
+        the latter, shape (n, k). None where a fit of the whole law may begin at the plain one.
+        """
+        return None
 
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
         """Narrower bounds of some parameters, by name: beyond them these shots would show something else."""
@@ -214,7 +225,8 @@ def parts_of(effect: Effect, point: Real) -> tuple[list[tuple[str, ...]], list[t
     """
     at = dict(zip((p.name for p in effect.parameters), point, strict=True))
     strengths = effect.parts or tuple((name,) for name in effect.strengths)
-    shapes = tuple((p.name,) for p in effect.parameters if p.plain is not None)
+    named = {name for part in strengths for name in part}
+    shapes = tuple((p.name,) for p in effect.parameters if p.plain is not None and p.name not in named)
     on: list[tuple[str, ...]] = []
     off: list[tuple[str, ...]] = []
     for part in (*strengths, *shapes):

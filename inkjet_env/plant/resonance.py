@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from inkjet_env.plant.lag import lagged
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.resonator import pole
@@ -31,6 +32,10 @@ STEADY = 1e-8
 """A periodic state is steady when a lap changes it by less of its size."""
 
 
+FAINT = 1e-4
+"""Of a wave: when it has become so weak, it is no longer followed."""
+
+
 @dataclass(frozen=True)
 class Mode:
     """A further mode in parallel: ``strength`` times the static compliance of the first."""
@@ -42,10 +47,50 @@ class Mode:
 
 @dataclass(frozen=True)
 class Echo:
-    """A copy of the motion that comes back after a delay."""
+    """What comes back of a wave that sets out both ways in a channel of two ends.
+
+    Attributes
+    ----------
+    delay_s, strength : float
+        Until the wave is back from the first end, and how large it is then.
+    second_delay_s : float
+        The same delay of the other end.
+    reflection, second_reflection : float
+        Coefficients r1, r2 of the ends; with ``r2 = 0`` nothing comes from the other one and the wave returns once.
+    loss_s : float
+        Time constant of a first-order lag at each reflection.
+    """
 
     delay_s: float
     strength: float
+    second_delay_s: float = 0.0
+    reflection: float = 1.0
+    second_reflection: float = 0.0
+    loss_s: float = 0.0
+
+    def of(self, signal: Real, step_s: float, periodic: bool) -> Real:
+        """What returns of a signal: ``α (z1 + r2/r1 z2 + 2 r2 z1 z2) / (1 - r1 r2 z1 z2)`` of lossy delays z."""
+
+        def returned(wave: Real, delay_s: float, ends: int) -> Real:
+            wave = delayed(wave, delay_s / step_s, periodic)
+            for _ in range(ends):
+                wave = lagged(wave, self.loss_s, step_s, periodic)
+            return wave
+
+        first = returned(signal, self.delay_s, 1)
+        r1, r2 = self.reflection, self.second_reflection
+        if r2 == 0:
+            return self.strength * first
+        lap_s = self.delay_s + self.second_delay_s
+        around = returned(signal, lap_s, 2)
+        total = wave = first + r2 / r1 * returned(signal, self.second_delay_s, 1) + 2 * r2 * around
+        laps = math.ceil(math.log(FAINT) / math.log(max(abs(r1 * r2), FAINT)))
+        if not periodic:
+            laps = min(laps, int(signal.size * step_s / lap_s))
+        for _ in range(laps):
+            wave = r1 * r2 * returned(wave, lap_s, 2)
+            total = total + wave
+        return self.strength * total
 
 
 @dataclass(frozen=True)
@@ -162,7 +207,7 @@ class Resonance:
             total = total / self.drive_a0
         moved = total
         for echo in self.echoes:
-            total = total + echo.strength * delayed(moved, echo.delay_s / shot.step_s, shot.periodic)
+            total = total + echo.of(moved, shot.step_s, shot.periodic)
         return total
 
     def _one_mode(self, hysteretic_V: Real, shot: Shot) -> tuple[Real, Real]:

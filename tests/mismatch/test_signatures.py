@@ -9,8 +9,8 @@ import pytest
 
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.signatures import Signatures, point_of, signatures
-from inkjet_env.plant.effect import coordinates
+from inkjet_env.mismatch.signatures import Signatures, point_of, signatures, superposed
+from inkjet_env.plant.effect import complete, coordinates
 
 LOOKED_FOR = ("feedthrough", "cubic_stiffness", "second_mode", "sensor_bandwidth")
 
@@ -188,3 +188,27 @@ def test_coordinates_of_several_effects_come_one_after_another(effects, values):
     expected = np.concatenate([coordinates(e, v) for e, v in zip(two, of, strict=True)])
     np.testing.assert_array_equal(point_of(two, of), expected)
     assert point_of([], []).shape == (0,)
+
+
+def test_the_whole_law_may_begin_where_its_signature_looks_most_like_the_residual(recorded, fitted, effects, head):
+    """Waves between two ends, which a fit of a single return does not lead to."""
+    echo = effects["wave_echo"]
+    period_s = 1 / head.frequency_Hz
+    truth = {
+        "delay_s": 1.07 * period_s,
+        "second_delay_s": 1.81 * period_s,
+        "reflection": 0.6,
+        "second_reflection": -0.7,
+    }
+    joint = fitted(recorded())
+    plant = joint.base.head.plant([(echo, complete(echo, strength=0.05, **truth))])
+    observed = [replace(o, measured=plant.signal(o.shot)) if o.shot.fast else o for o in joint.observed]
+    joint = JointFit(observed, joint.noise, joint.base.head)
+    starts = superposed(joint, echo, left_of(joint), joint.basis[0])
+    ends = [joint.fit([echo], coordinates(echo, start), most_steps=6, whole=True) for start in starts]
+    best = min(ends, key=lambda fit: fit.nll)
+    ((_, found),) = best.with_values
+    for name, value in truth.items():
+        assert found[name] == pytest.approx(value, rel=0.01), name
+    plain = joint.fit([echo], coordinates(echo, complete(echo, delay_s=truth["delay_s"], strength=0.05)))
+    assert best.nll < 0.1 * plain.nll

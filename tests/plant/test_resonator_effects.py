@@ -92,21 +92,6 @@ def test_a_second_mode_is_its_transfer_function_beside_the_heads(channel):
     assert np.abs(motion - expected).max() < 2e-6 * np.abs(expected).max()
 
 
-def test_an_echo_is_the_motion_again_delay_later():
-    """Between samples the copy is cubic: corners of the self-sensing signal lie within 2e-4 of its largest value."""
-    for channel, tolerance in (("displacement", 2e-6), ("self_sensing", 2e-4)):
-        shot = Shot(channel, "demagnetised", PERIOD_S / 100, pulses())
-        finer_V = np.interp(np.arange(14991) / 10, np.arange(1500), shot.drive_V)
-        fine = Shot(channel, "demagnetised", PERIOD_S / 1000, finer_V)
-        values = {"delay_s": 1.237 * PERIOD_S, "strength": -0.4}  # 123.7 samples: whole on the fine grid
-        echoing = EFFECTS["wave_echo"].resonator(values, RESONANCE, shot)
-        exact = RESONANCE.motion(fine.drive_at_nodes_V, fine)
-        late = np.append(np.zeros(1237), exact[:-1237])
-        expected = (exact - 0.4 * late)[::10]
-        error = np.abs(echoing.motion(shot.drive_at_nodes_V, shot) - expected).max() / np.abs(expected).max()
-        assert error < tolerance, channel
-
-
 @pytest.mark.parametrize("recovery_periods", [0.3, 4.0, 15.0])
 def test_refill_follows_its_differential_equation(recovery_periods):
     recovery_s = recovery_periods * PERIOD_S

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
+import numpy as np
+from scipy.sparse import csr_array, vstack
+
+from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.resonance import Echo, Resonance, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
@@ -15,17 +19,28 @@ GUESSES = tuple(0.25 * quarter for quarter in range(1, 49))
 """Delays in periods of the head. A fit finds the delay from within an eighth of a period and seldom from farther, as a
 ringing head looks much the same a period later."""
 
+GRID = 0.125
+"""Step of the delays of two ends, in periods."""
+FIRST = 2
+LATEST = 64
+"""The shortest and the longest of them, in steps."""
+REFLECTIONS = (-0.7, -0.35, 0.35, 0.7)
+LAPS = 6
+"""As many returns from each end are heard at the start of a fit."""
 SHORTEST = 0.15
 """Delay in periods: a wave that is back sooner is a matter of bandwidth."""
 
 
 class WaveEcho(Effect):
-    """A copy of the motion, delayed and weaker."""
+    """A copy of the motion, delayed and weaker; where the channel's other end throws it back too, again and again."""
 
     id = "wave_echo"
     stage = "resonator"
     sentence = "A pressure wave is thrown back within the head and returns after a delay."
-    equation = "y(t) + r y(t - τ)"
+    equation = (
+        "y + strength E y, E = (z1 + r2/r1 z2 + 2 r2 z1 z2) / (1 - r1 r2 z1 z2): a wave from between two ends of "
+        "reflections r1, r2; z1, z2 delays behind a lag of loss_s; r2 = 0: one return"
+    )
     source = (
         "D. B. Bogy, F. E. Talke, Experimental and theoretical study of wave propagation phenomena in drop-on-demand "
         "ink jet devices, IBM Journal of Research and Development 28, 1984"
@@ -33,8 +48,13 @@ class WaveEcho(Effect):
     parameters = (
         Parameter("delay_s", "s", 1e-9, 1e3, "log", "until the wave is back"),
         Parameter("strength", "1", -0.9, 0.9, meaning="of the wave that is back, over the one that left"),
+        Parameter("second_delay_s", "s", 1e-9, 1e3, "log", "the same of the channel's other end", plain=1e-9),
+        Parameter("reflection", "1", -0.98, 0.98, meaning="r1, of the first end", open_ended=True, plain=0.98),
+        Parameter("second_reflection", "1", -0.98, 0.98, meaning="r2, of the other end", plain=0.0),
+        Parameter("loss_s", "s", 0.0, 1.0, meaning="lag at each reflection", open_ended=True, plain=0.0),
     )
     strengths = ("strength",)
+    parts = (("strength",), ("second_reflection", "second_delay_s", "reflection"))
     signature = "every feature of a response comes back after the same delay; the spectrum is rippled at 1/delay"
     confusable_with = ("second_mode", "trigger_delay")
     shown_by = "one short steep pulse with a long quiet time after it"
@@ -43,24 +63,74 @@ class WaveEcho(Effect):
         longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=0.0)
         period_s = 1 / printhead.frequency_Hz
         delays_s = [guess * period_s for guess in GUESSES if guess * period_s < longest_s] or [longest_s / 2]
-        return [{"delay_s": delay_s, "strength": 0.03} for delay_s in delays_s]
+        return [complete(self, delay_s=delay_s, strength=0.03) for delay_s in delays_s]
+
+    def superposed(
+        self, printhead: Printhead, shots: Sequence[Shot]
+    ) -> tuple[list[dict[str, float]], list[dict[str, float]], csr_array]:
+        """Waves between two ends: of the delays of each end on a grid, and of both signs of each reflection."""
+        longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=0.0)
+        step_s = GRID / printhead.frequency_Hz
+        latest = min(LATEST, max(FIRST, int(longest_s / 2 / step_s)))
+        copies = 3 * latest
+        elements = [complete(self, delay_s=k * step_s, strength=0.03) for k in range(1, copies + 1)]
+        sooner, later = np.meshgrid(*[np.arange(FIRST, latest + 1)] * 2, indexing="ij")
+        pairs = np.column_stack([sooner.ravel(), later.ravel()])
+        pairs = pairs[pairs[:, 0] <= pairs[:, 1]]
+        starts: list[dict[str, float]] = []
+        weights = []
+        for r1, r2 in itertools.product(REFLECTIONS, repeat=2):
+            rows, places, values = [], [], []
+            for j, k in itertools.product(range(LAPS), repeat=2):
+                if abs(j - k) <= 1 and j + k:
+                    at = pairs @ (j, k)
+                    heard = at <= copies
+                    rows.append(np.flatnonzero(heard))
+                    places.append(at[heard] - 1)
+                    values.append(np.full(rows[-1].size, (2 if j == k else 1) * r1**j * r2**k / r1))
+            index = (np.concatenate(rows), np.concatenate(places))
+            weights.append(csr_array((np.concatenate(values), index), shape=(len(pairs), copies)))
+            starts.extend(
+                complete(
+                    self,
+                    delay_s=a * step_s,
+                    second_delay_s=b * step_s,
+                    strength=0.03,
+                    reflection=r1,
+                    second_reflection=r2,
+                )
+                for a, b in pairs
+            )
+        return elements, starts, vstack(weights, format="csr")
 
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
         longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=1.0)
         shortest_s = SHORTEST / printhead.frequency_Hz
-        return {"delay_s": (shortest_s, max(longest_s / 2, 2 * shortest_s))}
+        delays_s = (shortest_s, max(longest_s / 2, 2 * shortest_s))
+        return {"delay_s": delays_s, "second_delay_s": delays_s, "loss_s": (0.0, 1 / printhead.frequency_Hz)}
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 
     def told(self, values: Values, unit: str = "V") -> str:
         turned = ", turned over," if values["strength"] < 0 else ""
-        return (
+        told = (
             f"A wave returns {with_prefix(values['delay_s'], 's')} later{turned} "
             f"with {percent(abs(values['strength']))} of its strength."
         )
+        if values["second_reflection"]:
+            lap_s, kept = (
+                values["delay_s"] + values["second_delay_s"],
+                values["reflection"] * values["second_reflection"],
+            )
+            told += (
+                f" From the channel's other end it comes after {with_prefix(values['second_delay_s'], 's')}, and of "
+                f"what has been at both ends {percent(abs(kept))} goes round again every {with_prefix(lap_s, 's')}."
+            )
+        return told
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
         if values["strength"] == 0:
             return resonance
-        return replace(resonance, echoes=(*resonance.echoes, Echo(values["delay_s"], values["strength"])))
+        echo = Echo(*(values[parameter.name] for parameter in self.parameters))
+        return replace(resonance, echoes=(*resonance.echoes, echo))
