@@ -275,7 +275,7 @@ def test_the_same_numbers_drawn_give_the_same_diagnosis_on_any_number_of_workers
     assert told[0] == told[1] == told[2]
 
 
-def test_a_recording_that_was_held_out_tells_no_fit_and_no_choice(recorded, head, effects):
+def test_a_recording_that_was_held_out_tells_no_fit(recorded, head, effects):
     campaign, looked_for = recorded("quadratic_damping"), [effects["quadratic_damping"], effects["feedthrough"]]
     name = next(r.name for r in campaign.recordings if r.excitation == "pulse_pair")
     other = Campaign("other", tuple(
