@@ -39,7 +39,7 @@ def diagnose(
         typer.Option(
             "--hold-out",
             "--held-out",
-            help="recordings that no fit or choice may see, with commas between; chosen by condition unless given",
+            help="recordings that no fit may see but that can take a name away, with commas; by condition unless given",
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,

@@ -88,7 +88,8 @@ def diagnose(
     rng : Generator or int
         Draws the noise that scores are judged against.
     held_out : sequence of str, optional
-        Recordings that no fit and no choice sees; see `identification.measurements`.
+        Recordings that no fit sees; see `identification.measurements`. What does worse on them than the base model is
+        not named.
     workers : int
         Processes.
     progress : callable, optional

@@ -217,6 +217,17 @@ def test_each_verdict_shows_what_belongs_to_it_alone(pages):
         assert shown == {verdict}
 
 
+def test_what_only_held_out_recordings_speak_against_is_told_as_that(named):
+    refused = replace(named, verdict="unknown", effects=(), closure=-1.64)
+    alone, beside_more = (text_of(diagnosis_html(replace(refused, left_over=left))) for left in (0.02, 0.2))
+    for text in (alone, beside_more):
+        assert "does worse than the base model, so it is not believed" in text
+        assert "or choice" not in text
+    told = ("makes those held out worse, so it is not named", "Structure is left", "leaves too much to be believed")
+    assert [words in alone for words in told] == [True, False, False]
+    assert [words in beside_more for words in told] == [False, True, True]
+
+
 def test_candidates_are_told_with_what_sets_them_apart(diagnoses, pages):
     text = text_of(pages["set"])
     for candidate in diagnoses["set"].candidates[0]:

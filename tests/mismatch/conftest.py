@@ -11,6 +11,7 @@ from inkjet_env.mismatch.head import Head
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.observed import noise_seen, observe
 from inkjet_env.plant import catalogue
+from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig.battery import default_battery
 
@@ -47,6 +48,12 @@ def _recorded(*names, strength=1.0, seed=3, snr_dB=50.0, monitored=False, **line
     return record_planted(HEAD, effects, seed, snr_dB, monitored, _lines(**lines))
 
 
+@functools.cache
+def _recorded_as(name, **given):
+    """A campaign with one effect on, of these values; what is not given of it is off or plain."""
+    return record_planted(HEAD, [(EFFECTS[name], complete(EFFECTS[name], **given))], 3, lines=_lines())
+
+
 def _true_head(campaign):
     """The head that recorded a campaign, as the base model's."""
     offsets = {"strain_gauge": 0.05, "self_sensing": -0.1}
@@ -77,6 +84,12 @@ def effects():
 def recorded():
     """A function: a campaign with effects on, each campaign recorded once."""
     return _recorded
+
+
+@pytest.fixture(scope="session")
+def recorded_as():
+    """A function: a campaign with one effect on, of values of one's own, each campaign recorded once."""
+    return _recorded_as
 
 
 @pytest.fixture(scope="session")

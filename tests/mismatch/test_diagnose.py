@@ -275,7 +275,7 @@ def test_the_same_numbers_drawn_give_the_same_diagnosis_on_any_number_of_workers
     assert told[0] == told[1] == told[2]
 
 
-def test_a_recording_that_was_held_out_tells_no_fit_and_no_choice(recorded, head, effects):
+def test_a_recording_that_was_held_out_tells_no_fit(recorded, head, effects):
     campaign, looked_for = recorded("quadratic_damping"), [effects["quadratic_damping"], effects["feedthrough"]]
     name = next(r.name for r in campaign.recordings if r.excitation == "pulse_pair")
     other = Campaign("other", tuple(
@@ -286,6 +286,30 @@ def test_a_recording_that_was_held_out_tells_no_fit_and_no_choice(recorded, head
     assert (second.value, second.low, second.high) == pytest.approx((first.value, first.low, first.high), rel=1e-9)
     assert [t.name for t in one.traces if t.held_out] == [name]
     assert one.closure > 0.9 > two.closure
+
+
+def held_out_from(other, campaign):
+    """The campaign, but what is held out of it as another one has it."""
+    unseen = {o.name for o in observe(campaign) if not o.fitted}
+    return Campaign("altered", tuple(
+        theirs if theirs.name in unseen else ours
+        for ours, theirs in zip(campaign.recordings, other.recordings, strict=True)
+    ))  # fmt: skip
+
+
+def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_nothing_else(recorded_as, head, effects):
+    same, turned = (recorded_as("feedthrough", capacitive_s=sign * 5e-9) for sign in (1, -1))
+    looked_for = [effects["feedthrough"], effects["cubic_stiffness"]]
+    named, vetoed = (diagnose(held_out_from(c, same), head, looked_for, workers=1) for c in (same, turned))
+    assert (named.verdict, ids(named)) == ("named", ["feedthrough"])
+    assert named.closure > 0.7
+    assert (vetoed.verdict, vetoed.effects, vetoed.candidates) == ("unknown", (), ())
+    assert vetoed.closure < 0
+    assert vetoed.left_over == 0  # of what was fitted: nothing else is against it
+    assert vetoed.headline.startswith("Feedthrough explains what was fitted, and recordings held out the less. ")
+    assert vetoed.next_experiment is None
+    for one, other in zip(named.attributions, vetoed.attributions, strict=True):
+        assert (other.ids, other.gain) == (one.ids, pytest.approx(one.gain, rel=1e-6))
 
 
 def kept(campaign, chosen):

@@ -1,0 +1,170 @@
+"""Which parts of an effect's law a fit keeps: the rest is let in where it is needed, and sent away where it is not."""
+
+import math
+
+import numpy as np
+import pytest
+
+from inkjet_env.mismatch.attribute import attribute, base_hypothesis, settled, shaped, simplest
+from inkjet_env.mismatch.crew import Crew
+from inkjet_env.mismatch.signatures import signatures
+from inkjet_env.plant.effect import complete, coordinates, parts_of, rest
+
+STANDARD_ERRORS = 4.0
+"""By so many an estimate may be off: of normal errors one in 16,000 is."""
+SURE = 5.0
+"""Standard errors, or standard deviations of a sum of squares, that nobody would take for noise."""
+SEVERAL = {
+    "feedthrough": {"capacitive_s": 5e-9, "lossy": 1e-3, "lag_s": 1e-6},
+    "ferroelastic_softening": {"softening_per_V": 5e-5, "loss_ratio": 0.5, "rayleigh_per_V": 1e-4},
+}
+"""Recorded laws of several parts."""
+BEGUN = {
+    "feedthrough": {"capacitive_s": 2e-9},
+    "ferroelastic_softening": {"softening_per_V": 1e-4, "loss_ratio": 1.0},
+}
+"""Where the fit of the simplest law begins."""
+PLAIN = {
+    "feedthrough": {"capacitive_s": 5e-9},
+    "ferroelastic_softening": {"softening_per_V": 5e-5, "loss_ratio": 0.5},
+    "rate_dependent_hysteresis": {"growth": 0.06, "rate_V_s": 100.0},
+    "sensor_bandwidth": {"bandwidth_Hz": 3e5},
+}
+"""Recorded laws of one part."""
+TOO_MUCH = {
+    "feedthrough": {"capacitive_s": 2e-9, "lossy": 2e-3, "lag_s": 3e-6},
+    "ferroelastic_softening": {"softening_per_V": 3e-5, "loss_ratio": 1.0, "rayleigh_per_V": 3e-5, "power": 0.3},
+    "rate_dependent_hysteresis": {"growth": 0.03, "rate_V_s": 100.0, "gain": 0.01, "widening_V": 0.3},
+    "sensor_bandwidth": {"bandwidth_Hz": 4e5, "second_order": 0.2},
+}
+"""Where a fit begins that has the whole law on."""
+
+
+@pytest.fixture(scope="module")
+def at(effects, recorded_as, fitted):
+    """A function: a joint fit of a recorded law, and a fit of a law begun somewhere, parts that are off left off."""
+
+    def begun(name, recorded, begin):
+        joint, effect = fitted(recorded_as(name, **recorded)), effects[name]
+        return joint, joint.fit((effect,), coordinates(effect, complete(effect, **begin)))
+
+    return begun
+
+
+def on(hypothesis):
+    """Parts of the last effect's law that are on."""
+    effect = hypothesis.fit.effects[-1]
+    return parts_of(effect, hypothesis.fit.point[-len(effect.parameters) :])[0]
+
+
+def errors_off(hypothesis, truth):
+    """By how many standard errors each parameter that was fitted misses the truth, base parameters free too."""
+    fit, q = hypothesis.fit, hypothesis.joint.basis[0]
+    slopes = fit.slopes[:, ~fit.idle]
+    own = slopes - q @ (q.T @ slopes)
+    errors = np.sqrt(np.diag(np.linalg.inv(own.T @ own)))
+    (effect,) = fit.effects
+    return (fit.point - coordinates(effect, complete(effect, **truth)))[~fit.idle] / errors
+
+
+def noise_of_excess(hypothesis):
+    return math.sqrt(2 * hypothesis.left.size)
+
+
+def scores_without(hypothesis, parts):
+    """The score with each of these parts of the last effect's law off and everything else fitted again."""
+    fit, scores = hypothesis.fit, {}
+    effect = fit.effects[-1]
+    first = fit.point.size - len(effect.parameters)
+    for part in parts:
+        point = fit.point.copy()
+        for k, p in enumerate(effect.parameters, start=first):
+            point[k] = rest(effect, p) if p.name in part else point[k]
+        scores[part] = settled(hypothesis.joint, hypothesis.joint.fit(fit.effects, point, fit.head)).score
+    return scores
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_the_whole_law_comes_on_where_several_parts_of_it_were_recorded(name, at):
+    joint, begun = at(name, SEVERAL[name], BEGUN[name])
+    plain = simplest(joint, begun)
+    assert len(on(plain)) == 1
+    assert plain.leaves_much
+    whole = shaped(joint, plain.fit)
+    assert {n for part in on(whole) for n in part} == set(SEVERAL[name]) - {"loss_ratio"}  # which is a part of none
+    assert whole.score > plain.score
+    assert plain.excess - whole.excess > SURE**2 * (whole.free - plain.free)
+    assert abs(whole.excess) < SURE * noise_of_excess(whole)
+    assert np.abs(errors_off(whole, SEVERAL[name])).max() < STANDARD_ERRORS
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_parts_that_were_not_recorded_are_sent_away_and_the_others_come_out_right(name, at):
+    joint, begun = at(name, PLAIN[name], TOO_MUCH[name])
+    everything, plain = settled(joint, begun), simplest(joint, begun)
+    assert {n for part in on(everything) for n in part} > set(PLAIN[name]) - {"loss_ratio"}
+    assert {n for part in on(plain) for n in part} == set(PLAIN[name]) - {"loss_ratio"}
+    assert plain.free == len(PLAIN[name]) < everything.free
+    assert plain.score > everything.score
+    assert np.abs(errors_off(plain, PLAIN[name])).max() < STANDARD_ERRORS
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_what_is_plain_stays_plain_where_the_whole_law_is_let_in(name, at):
+    joint, begun = at(name, PLAIN[name], PLAIN[name])
+    plain = settled(joint, begun)
+    again = shaped(joint, plain.fit)
+    assert on(again) == on(plain)
+    assert again.score == plain.score
+
+
+def test_the_law_that_an_effect_is_attributed_with_has_all_the_parts_it_needs(effects, recorded_as, fitted):
+    """No start has both strengths on."""
+    joint, effect = fitted(recorded_as("feedthrough", **SEVERAL["feedthrough"])), effects["feedthrough"]
+    found = signatures(joint, [effect], Crew(1))
+    (best,) = attribute(joint, base_hypothesis(joint), [effect], found, Crew(1), lambda _: None)
+    assert on(best) == [("capacitive_s",), ("lossy",), ("lag_s",)]
+    assert abs(best.excess) < SURE * noise_of_excess(best)
+
+
+@pytest.mark.parametrize("name", ["feedthrough", "sensor_bandwidth"])
+def test_an_idle_part_is_the_one_without_which_the_score_is_best(name, at):
+    joint, begun = at(name, PLAIN[name], TOO_MUCH[name])
+    everything = settled(joint, begun)
+    scores = scores_without(everything, on(everything))
+    idle = everything.idle_part()
+    assert scores[idle] == max(scores.values()) > everything.score
+
+
+def test_a_part_is_idle_that_the_base_model_could_stand_in_for(at):
+    """Thresholds that grow, beside weights that do, are mostly another branch law."""
+    truth = {"gain": 0.02, "rate_V_s": 100.0}
+    joint, begun = at("rate_dependent_hysteresis", truth, {**truth, "growth": 0.01})
+    everything = settled(joint, begun)
+    assert everything.idle_part() == ("growth",)
+    assert scores_without(everything, [("growth",)])["growth",] > everything.score
+
+
+def test_an_idle_part_is_of_the_last_effect(effects, values, recorded, fitted):
+    joint = fitted(recorded("feedthrough", "quadratic_damping"))
+    both = [effects["quadratic_damping"], effects["feedthrough"]]
+    planted = [coordinates(effect, values(effect.id)) for effect in both]
+    planted[1][2] = 1e-6  # a lag that was not recorded
+    everything = settled(joint, joint.fit(both, np.concatenate(planted)))
+    scores = scores_without(everything, on(everything))
+    assert everything.idle_part() == max(scores, key=scores.get) == ("lag_s",)
+
+
+def test_no_part_is_idle_where_every_one_is_worth_its_parameters(at):
+    joint, begun = at("feedthrough", SEVERAL["feedthrough"], SEVERAL["feedthrough"])
+    everything = settled(joint, begun)
+    assert max(scores_without(everything, on(everything)).values()) < everything.score
+    assert everything.idle_part() is None
+
+
+def test_an_effects_only_strength_is_never_idle(effects, recorded, fitted):
+    """Else nothing of the effect would be left, which is for the selection to say."""
+    joint, effect = fitted(recorded()), effects["feedthrough"]
+    alone = settled(joint, joint.fit((effect,), coordinates(effect, complete(effect, capacitive_s=5e-9))))
+    assert alone.score < base_hypothesis(joint).score
+    assert alone.idle_part() is None
