@@ -22,7 +22,7 @@ from experiments.identification_figures import CHANNEL_WORDS, unit_text
 from experiments.identification_report import hertz, short
 from experiments.pictures import svg_text
 from inkjet_env.identification import Estimate
-from inkjet_env.mismatch.diagnose import LEFT_OVER
+from inkjet_env.mismatch.diagnosis import LEFT_OVER
 from inkjet_env.storage import write_atomically
 
 if TYPE_CHECKING:

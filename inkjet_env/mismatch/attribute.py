@@ -36,6 +36,8 @@ LEAST_SHARE = 1e-3
 """Share of the whole mismatch that a further effect must explain; so little an equation may be wrong by."""
 WORTH_WHOLE = 0.5
 """The other parts of an effect's law are let in if it has gained this share of what the best one has."""
+MOST_WHOLE = 2
+"""Of the effects beside another one, so many."""
 HOPELESS = 0.3
 """After the first steps, an effect goes on if it has gained this share of what the best one has."""
 
@@ -188,7 +190,7 @@ def attribute(
     given, kept = beside.fit, kept or Kept()
 
     def few_steps(question: tuple[tuple[Effect, ...], Real, Fit, int]) -> Fit | None:
-        return _tried(joint, *question)
+        return _tried(joint, *question, known=given.slopes if given.effects else None)
 
     best_score = found.best(beside.left)
     worth = WORTH_STARTS * max(best_score.values(), default=0.0)
@@ -218,6 +220,7 @@ def attribute(
         fair = WORTH_WHOLE * max(given.nll - h.fit.nll for h in ended)
         partial = [h.fit for h in ended if h.leaves_much and given.nll - h.fit.nll >= fair]
         partial = [fit for fit in partial if parts_of(fit.effects[-1], _last(fit))[1]]
+        partial = partial[: MOST_WHOLE if given.effects else None]
         wholes = [(fit.effects, fit.point, fit, "whole") for fit in partial]
         for k, fit in enumerate(kept.fits(crew, joint, lambda fit: shaped(joint, fit, beside).fit, partial, wholes)):
             if fit is not None:
@@ -232,9 +235,11 @@ def shaped(joint: JointFit, fit: Fit, beside: Hypothesis) -> Hypothesis:
     plain = Hypothesis(fit, near)
     given = fit.point[: fit.point.size - _last(fit).size]
     others = superposed(joint, fit.effects[-1], beside.left, beside.columns)
-    starts = [(near, fit.point, fit)]
-    starts += [(joint, np.concatenate([given, coordinates(fit.effects[-1], o)]), beside.fit) for o in others]
-    tried = [_tried(where, fit.effects, point, begin, FIRST_STEPS, whole=True) for where, point, begin in starts]
+    known = beside.fit.slopes if beside.ids else None
+    tried = [_tried(near, fit.effects, fit.point, fit, FIRST_STEPS, True, known)]
+    for values in others:
+        point = np.concatenate([given, coordinates(fit.effects[-1], values)])
+        tried.append(_tried(joint, fit.effects, point, beside.fit, FIRST_STEPS, True, known))
     begun = min((one for one in tried if one is not None), key=lambda one: one.nll, default=None)
     if begun is None or Hypothesis(begun, near).score <= plain.score:
         return plain
@@ -293,9 +298,10 @@ def _tried(
     begin: Fit,
     steps: int = MOST_STEPS,
     whole: bool = False,
+    known: Real | None = None,
 ) -> Fit | None:
     """A fit that goes on from another's base parameters; None where the start cannot be simulated."""
     try:
-        return joint.fit(effects, point, begin.head, most_steps=steps, whole=whole)
+        return joint.fit(effects, point, begin.head, most_steps=steps, whole=whole, known=known)
     except (ValueError, FloatingPointError, OverflowError):
         return None

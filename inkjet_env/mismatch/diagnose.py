@@ -18,7 +18,7 @@ from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
 from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, Named
+from inkjet_env.mismatch.diagnosis import LEFT_OVER, Correction, Diagnosis, Named
 from inkjet_env.mismatch.dynamics import dynamics
 from inkjet_env.mismatch.flexible import Flexible, flexible_residual
 from inkjet_env.mismatch.head import Head, gains_and_offsets, in_convention
@@ -48,8 +48,6 @@ Real = NDArray[np.float64]
 
 DEGREE = 9
 """Of the branch law at least: what the base model could say, it shall say, before anything else is blamed."""
-LEFT_OVER = 0.05
-"""Share of the mismatch from which on what is left unexplained makes a verdict unknown."""
 FAR_OFF = 0.7
 """Of the fast recordings' power: a base model that leaves more was begun too far off to be refitted."""
 FINE_ENOUGH = 0.5

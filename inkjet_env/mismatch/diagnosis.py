@@ -17,6 +17,8 @@ from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
 
+LEFT_OVER = 0.05
+"""Share of the mismatch from which on what is left unexplained makes a verdict unknown."""
 VERDICTS = ("none", "named", "set", "unknown")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from inkjet_env.mismatch.diagnosis import Location, Named
+from inkjet_env.mismatch.diagnosis import LEFT_OVER, Location, Named
 from inkjet_env.plant.wording import percent, span_told
 
 MOST_BANDS = 2
@@ -46,7 +46,7 @@ def headline(
     if verdict == "none":
         return "The base model explains these recordings to their noise: nothing was left out that they could show."
     if verdict == "unknown":
-        return _unknown(left_over, closest, location)
+        return _unknown(closure, left_over, closest, location)
     if verdict == "set":
         alike = "; ".join(_joined(group, "or") for group in groups)
         first = f"{alike[0].upper()}{alike[1:]}: these recordings cannot tell which."
@@ -69,9 +69,11 @@ def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
     return [f"{who} explains {share}."] if share else []
 
 
-def _unknown(left_over: float, closest: tuple[tuple[str, ...], float] | None, location: Location) -> str:
+def _unknown(
+    closure: float, left_over: float, closest: tuple[tuple[str, ...], float] | None, location: Location
+) -> str:
     said = f"{percent(left_over)} of the mismatch is explained by nothing in the catalogue"
-    if left_over == 0 and closest is not None:
+    if closure < 0 and left_over <= LEFT_OVER and closest is not None:
         said = f"{_joined(closest[0], 'with').capitalize()} explains what was fitted, and recordings held out the less"
     elif closest is not None:
         ids, part = closest

@@ -30,6 +30,8 @@ CONVERGED = 0.01
 """A step that promises less of the log-likelihood is the last."""
 DIFFERENCE = 1e-4
 """Finite-difference step of a coordinate, in parts of its scale."""
+LEAST_OWN = 1e-4
+"""Share of a sensitivity that the base parameters cannot stand in for, below which the parameter stays where it is."""
 WORST = 1e300
 
 
@@ -156,6 +158,7 @@ class JointFit:
         head: Head | None = None,
         most_steps: int = MOST_STEPS,
         whole: bool = False,
+        known: Real | None = None,
     ) -> Fit:
         """Least squares from a starting point.
 
@@ -169,6 +172,8 @@ class JointFit:
         most_steps : int
         whole : bool
             Whether parts of the effects' laws that are off may come on.
+        known : ndarray, shape (rows, j), optional
+            Sensitivities to the first coordinates, taken elsewhere: as good to step by as the base parameters' are.
         """
         effects = tuple(effects)
         head = head or self.start
@@ -182,7 +187,7 @@ class JointFit:
         slopes, sloped = np.zeros((left.size, 0)), Place(head, point, states)
         for _ in range(most_steps):
             sloped = Place(head, point, states)
-            slopes = self.slopes(head, effects, point, states, low, high)
+            slopes = self.slopes(head, effects, point, states, low, high, known)
             own = left - q @ (q.T @ left)
             mine = slopes - q @ (q.T @ slopes)
             accepted = False
@@ -211,6 +216,8 @@ class JointFit:
             if promise < CONVERGED or gained < CONVERGED:
                 converged = True
                 break
+        if known is not None:
+            slopes = self.slopes(sloped.head, effects, sloped.point, sloped.states, low, high)
         return self._ended(effects, Place(head, point, states), nll, slopes, converged, sloped, whole)
 
     def _ended(
@@ -290,16 +297,20 @@ class JointFit:
         states: Mapping[str, tuple[float, float]],
         low: Real,
         high: Real,
+        known: Real | None = None,
     ) -> Real:
-        """Whitened sensitivities of the fitted rows to the point, shape (rows, k)."""
+        """Whitened sensitivities of the fitted rows to the point, shape (rows, k); 0 where the base can do the same."""
         told = split(effects, point)
         columns = np.zeros((int(self.ends[-1]), point.size))
         if not point.size:
             return columns
         here = self.signals(head, told, states, self.seen)
         named = [(effect, values, p.name) for effect, values in told for p in effect.parameters]
+        first = 0 if known is None else known.shape[1]
+        if known is not None:
+            columns[:, :first] = known
         for k, (effect, values, name) in enumerate(named):
-            if low[k] == high[k]:
+            if k < first or low[k] == high[k]:
                 continue
             size = DIFFERENCE * _scale(effects, point, k)
             if point[k] + size > high[k]:
@@ -309,6 +320,9 @@ class JointFit:
             touched = [o for o in self.seen if effect.changes(name, o.shot, values)]
             signals = here | self.signals(head, split(effects, there), states, touched)
             columns[:, k] = self.stacked({o.name: (signals[o.name] - here[o.name]) / size for o in self.seen}, told)
+        q, _ = self.basis
+        own = np.linalg.norm(columns - q @ (q.T @ columns), axis=0)
+        columns[:, own < LEAST_OWN * np.linalg.norm(columns, axis=0)] = 0.0
         return columns
 
     def signature(self, effect: Effect, values: Values) -> Real:

@@ -17,7 +17,7 @@ from inkjet_env.plant import Effect
 
 MOST_EFFECTS = 3
 BEAM = 3
-"""Hypotheses of one size that are carried on."""
+"""Single effects that are carried on; of pairs only the best one."""
 WORTH_CARRYING = 0.5
 """Share of the best one's gain that each must have."""
 CHANCE = 1e-3
@@ -105,10 +105,12 @@ def select(
             break
         for name in set(added[0].ids) - set(chosen.ids):
             p_values[name] = p_now
-        chosen = added[0]
-        beam = [h for h in added[:BEAM] if h.gain >= WORTH_CARRYING * added[0].gain]
+        before, chosen = chosen, added[0]
         if not (chosen.leaves_much and leftover(chosen, found, rng)):
             break
+        if before.ids and explained(before, chosen) < LEAST_OF_LEFTOVER * unexplained(before):
+            break  # what such a pair leaves, a third does not mend
+        beam = [h for h in added[: 1 if before.ids else BEAM] if h.gain >= WORTH_CARRYING * added[0].gain]
     chosen = _without_idle(joint, chosen, compared)
     alternatives = {
         name: _as_good(joint, chosen, name, effects, found, compared, crew, progress, kept) for name in chosen.ids
@@ -132,12 +134,20 @@ def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
     """Whether a further effect explains a good part of what is left beyond noise; the first one always may."""
     if not without.ids:
         return True
-    explained = 2 * (without.fit.nll - with_it.fit.nll)
-    left = without.excess if without.noise_known else 2 * without.fit.nll
-    mismatch = 2 * with_it.gain
-    if explained >= LARGE_SHARE * mismatch and explained >= LEAST_IF_LARGE * left:
+    more, left, mismatch = explained(without, with_it), unexplained(without), 2 * with_it.gain
+    if more >= LARGE_SHARE * mismatch and more >= LEAST_IF_LARGE * left:
         return True
-    return explained >= max(LEAST_OF_LEFTOVER * left, LEAST_SHARE * mismatch)
+    return more >= max(LEAST_OF_LEFTOVER * left, LEAST_SHARE * mismatch)
+
+
+def explained(without: Hypothesis, with_it: Hypothesis) -> float:
+    """By a further effect, as a sum of squares."""
+    return 2 * (without.fit.nll - with_it.fit.nll)
+
+
+def unexplained(hypothesis: Hypothesis) -> float:
+    """What is left beyond noise, where that is known, as a sum of squares."""
+    return hypothesis.excess if hypothesis.noise_known else 2 * hypothesis.fit.nll
 
 
 def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:

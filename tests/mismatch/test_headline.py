@@ -43,6 +43,7 @@ def test_an_unknown_cause_tells_how_much_where_and_what_came_closest():
     assert headline("unknown", [], [], 0.2, 0.9, None, Location()).count(".") == 1
     said = headline("unknown", [], [], -0.1, 0.0, (("creep",), 1.0), Location())
     assert said == "Creep explains what was fitted, and recordings held out the less."
+    assert headline("unknown", [], [], -0.1, 0.03, (("creep",), 0.97), Location()) == said
 
 
 def test_nothing_found_is_not_noise_where_nothing_tells_the_noise():

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from inkjet_env.identification import identify
+from inkjet_env.mismatch.fit import Place
 from inkjet_env.mismatch.head import Head
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe
 from inkjet_env.plant import Plant, Shot
-from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.effect import complete, coordinates
 from inkjet_env.printhead import Printhead
 
 CHANNELS = ("strain_gauge", "self_sensing", "displacement", "drive_monitor")
@@ -151,6 +152,31 @@ def test_slopes_are_derivatives_of_what_is_compared(recorded, fitted, effects, v
             ends.append(joint.stacked(signals))
         expected = (ends[0] - ends[1]) / (2 * size)
         assert np.linalg.norm(slopes[:, k] - expected) < 2e-3 * np.linalg.norm(expected)
+
+
+def test_a_parameter_that_the_base_model_can_stand_in_for_stays_where_it_is(recorded, fitted, effects):
+    """Beyond a knee at nothing, branches that are both steeper are a branch law of another scale."""
+    joint, effect = fitted(recorded("asymmetric_hysteresis")), effects["asymmetric_hysteresis"]
+    names = [p.name for p in effect.parameters]
+    for knee_V, stays in ((0.0, True), (20.0, False)):
+        begin = complete(effect, asymmetry=0.02, bowing=0.01, knee_V=knee_V)
+        fit = joint.fit((effect,), coordinates(effect, begin), most_steps=1)
+        assert fit.idle[names.index("bowing")] == stays
+        assert (fit.point[names.index("bowing")] == 0.01) == stays
+        assert not fit.idle[names.index("asymmetry")]
+
+
+def test_sensitivities_taken_elsewhere_lead_to_the_same_end(recorded, fitted, effects):
+    joint = fitted(recorded("feedthrough", "quadratic_damping"))
+    first = joint.fit((effects["quadratic_damping"],), np.array([1e-4]))
+    both = (effects["quadratic_damping"], effects["feedthrough"])
+    begin = np.concatenate([first.point, coordinates(both[1], complete(both[1], capacitive_s=1e-9))])
+    own = joint.fit(both, begin, first.head)
+    lent = joint.fit(both, begin, first.head, known=first.slopes)
+    assert lent.nll == pytest.approx(own.nll, abs=0.1)
+    assert lent.nll < first.nll - 100
+    again = joint.again(both, Place(lent.head, lent.point, lent.states), lent.sloped, lent.started, True, False)
+    np.testing.assert_array_equal(lent.slopes, again.slopes)
 
 
 def test_a_fit_stays_within_its_bounds(recorded, fitted, effects, values):

@@ -49,7 +49,7 @@ class AsymmetricHysteresis(Effect):
         Parameter("tilt", "1", -1.0, 1.0, meaning="the same for a threshold of half the full scale, in proportion"),
     )
     strengths = ("asymmetry", "bowing", "bending", "arching", "lean", "tilt")
-    parts = (("asymmetry", "bowing"), ("bending",), ("arching",), ("lean",), ("tilt",))
+    parts = (("asymmetry",), ("bowing", "knee_V"), ("bending",), ("arching",), ("lean",), ("tilt",))
     signature = "even harmonics, at slow rates too; the answer to a drive turned upside down is not turned upside down"
     confusable_with = ("sensor_saturation",)
     shown_by = "a pulse and the same one upside down, and a slow loop over the whole range"
