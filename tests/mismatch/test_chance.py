@@ -196,7 +196,7 @@ def test_the_gain_is_that_of_a_likelihood_with_normal_amplitudes(effects):
     def loss(share):
         total = 0.0
         for o in observed:
-            q, r = np.linalg.qr(effect.nuisances({"amplitude": 1.0}, o.shot))
+            q, r = np.linalg.qr(effect.nuisances(found.values, o.shot))
             covariance = np.eye(60) + share * np.mean(np.diag(r) ** 2) * q @ q.T
             _, log_determinant = np.linalg.slogdet(covariance)
             signal = left[o.name] - level

@@ -217,16 +217,16 @@ def test_hum_begins_at_the_lines_that_were_seen_then_at_the_mains_that_show():
 
 def test_drift_of_any_parabola_is_in_its_columns():
     shot = shot_of()
-    columns = EFFECTS["baseline_drift"].nuisances({"amplitude": 1.0}, shot)
+    columns = EFFECTS["baseline_drift"].nuisances({"amplitude": 1.0, "degree": 2.0}, shot)
     time_s = np.arange(shot.samples) * shot.step_s
     drift = 0.3 + 2e3 * time_s - 1e7 * time_s**2
     assert columns @ np.linalg.lstsq(columns, drift)[0] == pytest.approx(drift, abs=1e-12)
-    assert EFFECTS["baseline_drift"].nuisances({"amplitude": 0.0}, shot) is None
+    assert EFFECTS["baseline_drift"].nuisances({"amplitude": 0.0, "degree": 2.0}, shot) is None
 
 
 @pytest.mark.parametrize("effect_id", ["mains_hum", "baseline_drift"])
 def test_what_chance_adds_to_the_sensor_is_not_in_the_voltage_at_the_head(effect_id):
-    values = {"frequency_Hz": 2e4, "multiples": 1.0, "amplitude": 1.0}
+    values = {"frequency_Hz": 2e4, "multiples": 1.0, "amplitude": 1.0, "degree": 2.0}
     assert EFFECTS[effect_id].nuisances(values, shot_of()) is not None
     assert EFFECTS[effect_id].nuisances(values, shot_of(channel="drive_monitor")) is None
 
