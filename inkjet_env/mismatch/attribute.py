@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.fit import Fit, held
 from inkjet_env.mismatch.foretold import Foretold, foretold, orthonormal
-from inkjet_env.mismatch.joint_fit import MOST_STEPS, JointFit
+from inkjet_env.mismatch.joint_fit import FAR_FROM_RIGHT, MOST_STEPS, JointFit
 from inkjet_env.mismatch.kept import Kept
 from inkjet_env.mismatch.signatures import Signatures, point_of, superposed
 from inkjet_env.plant import Effect
@@ -286,7 +286,7 @@ def settled(joint: JointFit, fit: Fit, whole: bool = False) -> Hypothesis:
         following = _tried(near, fit.effects, fit.point, fit, whole=whole) or fit
         gained = fit.nll - following.nll
         fit, joint = following, near
-        if gained < SETTLED:
+        if gained < max(SETTLED, FAR_FROM_RIGHT * (fit.nll - 0.5 * sum(o.fitted for o in joint.seen))):
             break
     return Hypothesis(fit, joint)
 

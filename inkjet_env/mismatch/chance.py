@@ -32,6 +32,8 @@ were to choose from."""
 PROFILE_90 = 1.353
 """Loss of log-likelihood at the ends of a 90 % interval: half the chi-square of one degree of freedom."""
 BISECTIONS = 12
+DITHERED = 0.5
+"""Steps of the converter: noise of such an RMS makes the error of rounding as good as independent of the signal."""
 LEAST_AT_REST = 3.0
 """Of the recordings at rest alone."""
 
@@ -95,7 +97,9 @@ def by_chance(
         channel = channels[name] = _Channel(mine, left, alone, _noise_alone(mine, left, alone))
         for effect in effects:
             best = _best(effect, channel, printhead)
-            if best is not None and best.gain > _least_gain(effect, mine) and _at_rest(best, channel):
+            if best is None or best.gain <= _least_gain(effect, mine):
+                continue
+            if _at_rest(best, channel) and not _rounded(best, channel):
                 found.append(best)
         for o in mine:
             del o.shot.kept["lines_Hz"]
@@ -147,6 +151,14 @@ def _at_rest(one: ByChance, channel: _Channel) -> bool:
     less = _less(one.effect, one.values, channel)
     before = _noise_alone(resting, channel.left, channel.noise)
     return before - _with_amplitudes(one.effect, one.values, resting, channel.left, less)[0] > LEAST_AT_REST
+
+
+def _rounded(one: ByChance, channel: _Channel) -> bool:
+    """Whether it may be the converter: less than its step, where the noise is too little to make rounding random."""
+    step = math.sqrt(12) * channel.noise.least[one.channel]
+    noise_rms = max(channel.noise.models[o.noise_key].rms for o in channel.observed)
+    size = max(one.values[name] for name in one.effect.strengths)
+    return size < step and noise_rms < DITHERED * step
 
 
 def without(

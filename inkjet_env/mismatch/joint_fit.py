@@ -28,6 +28,8 @@ Real = NDArray[np.float64]
 MOST_STEPS = 25
 CONVERGED = 0.01
 """A step that promises less of the log-likelihood is the last."""
+FAR_FROM_RIGHT = 1e-3
+"""So does one that promises less than this share of what is left beyond noise: what is wrong may be so roughly."""
 DIFFERENCE = 1e-4
 """Finite-difference step of a coordinate, in parts of its scale."""
 LEAST_OWN = 1e-4
@@ -188,6 +190,7 @@ class JointFit:
         for _ in range(most_steps):
             sloped = Place(head, point, states)
             slopes = self.slopes(head, effects, point, states, low, high, known)
+            enough = max(CONVERGED, FAR_FROM_RIGHT * (nll - 0.5 * left.size))
             own = left - q @ (q.T @ left)
             mine = slopes - q @ (q.T @ slopes)
             accepted = False
@@ -204,16 +207,16 @@ class JointFit:
                 if new_nll <= nll:
                     accepted = True
                     break
-                if promise < CONVERGED:
+                if promise < enough:
                     break
                 damping = max(damping, 1e-6) * 10
             if not accepted:
-                converged = promise < 1.0
+                converged = promise < max(1.0, enough)
                 break
             gained = nll - new_nll
             head, point, states, left, nll = new_head, new_point, new_states, new_left, new_nll
             damping /= 5
-            if promise < CONVERGED or gained < CONVERGED:
+            if promise < enough or gained < enough:
                 converged = True
                 break
         if known is not None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from inkjet_env.mismatch.attribute import LEAST_SHARE, Hypothesis, attribute, base_hypothesis, settled
 from inkjet_env.mismatch.crew import Crew
+from inkjet_env.mismatch.diagnosis import LEFT_OVER
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.kept import Kept
 from inkjet_env.mismatch.signatures import Signatures, point_of
@@ -36,6 +37,8 @@ LEAST_LOOK = 0.5
 """Share of the best score that makes a further effect worth a fit."""
 NEARLY_AS_GOOD = 0.8
 """Share of the best one's gain, after the first steps, that makes an effect a rival worth fitting to the end."""
+HOPELESS = 2 * LEFT_OVER
+"""Share of the mismatch that is left, from which on it does not matter what would do as well."""
 SAME_COSINE = 0.95
 """An effect nearly the winner's equal in signature is not told apart from it by less than the winner itself leaves
 unexplained: so far, equations may be wrong."""
@@ -112,8 +115,10 @@ def select(
             break  # what such a pair leaves, a third does not mend
         beam = [h for h in added[: 1 if before.ids else BEAM] if h.gain >= WORTH_CARRYING * added[0].gain]
     chosen = _without_idle(joint, chosen, compared)
+    hopeless = chosen.noise_known and chosen.excess > HOPELESS * (chosen.excess + 2 * chosen.gain)
     alternatives = {
-        name: _as_good(joint, chosen, name, effects, found, compared, crew, progress, kept) for name in chosen.ids
+        name: _as_good(joint, chosen, name, effects, found, compared, crew, progress, kept)
+        for name in (() if hopeless else chosen.ids)
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
     return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), p_values)

@@ -219,6 +219,20 @@ def test_a_converter_whose_steps_hide_the_noise_neither_hums_nor_drifts(look, ef
     assert by_chance(resting, rounding, noise, looked_for, HEAD) == []
 
 
+@pytest.mark.parametrize(("steps", "heard"), [(0.02, True), (3.0, False)])
+def test_a_hum_of_less_than_a_step_is_heard_only_where_noise_makes_rounding_random(steps, heard, effects):
+    """Steps of the noise's RMS: the same hum, as large as the noise."""
+    rng = np.random.default_rng(35)
+    observed = recordings()
+    noisy = together(white(observed, rng), tone(observed, rng, 9e4, RMS))
+    step = steps * RMS
+    measured = {o.name: step * np.round((noisy[o.name] + 20 * np.sin(o.shot.drive_V / 30)) / step) for o in observed}
+    observed = [replace(o, measured=measured[o.name]) for o in observed]
+    left = {o.name: o.measured - 20 * np.sin(o.shot.drive_V / 30) for o in observed}
+    noise = noise_seen(observed, left, {})
+    assert bool(by_chance(observed, left, noise, [effects["mains_hum"]], HEAD)) == heard
+
+
 def test_a_drive_monitor_hums_to_nobody(look):
     rng = np.random.default_rng(32)
     observed = recordings("drive_monitor")
