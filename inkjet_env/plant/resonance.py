@@ -38,11 +38,16 @@ FAINT = 1e-4
 
 @dataclass(frozen=True)
 class Mode:
-    """A further mode in parallel: ``strength`` times the static compliance of the first."""
+    """A further mode in parallel: ``strength`` times the static compliance of the first.
+
+    ``exchange`` e: of the modes by damping, ``e ω1 (s / D2 - s / D1)`` of the hysteretic drive, ``D`` each mode's
+    ``s² + a1 s + a0``. With it two modes may be those of any two masses that springs and dampers couple.
+    """
 
     a0: float
     a1: float
     strength: float
+    exchange: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -199,10 +204,15 @@ class Resonance:
         """
         shown = 1 if shot.channel == "self_sensing" else 0
         own = replace(self, modes=(), echoes=()).refilled(hysteretic_V, shot)
-        total = own._one_mode(hysteretic_V, shot)[shown]
+        first = own._one_mode(hysteretic_V, shot)
+        total = first[shown]
         for mode in self.modes:
             other = Resonance(mode.a0, mode.a1, mode.a0)
-            total = total + mode.strength * other._one_mode(hysteretic_V, replace(shot, start=(0.0, 0.0)))[shown]
+            second = other._one_mode(hysteretic_V, replace(shot, start=(0.0, 0.0)))
+            total = total + mode.strength * second[shown]
+            if mode.exchange:
+                turned = other._turned(second)[shown] - own._turned(first)[shown]
+                total = total + mode.exchange * math.sqrt(self.a0) * turned
         if shown == 1:
             total = total / self.drive_a0
         moved = total
@@ -263,6 +273,11 @@ class Resonance:
         if not np.isfinite(end):
             raise FloatingPointError("the motion grows without bound.")
         return deflection[: shot.samples], speed[: shot.samples]
+
+    def _turned(self, motion: tuple[Real, Real]) -> tuple[Real, Real]:
+        """Of a mode's deflection and speed: the speed over ``drive_a0``, and its derivative less the drive."""
+        deflection, speed = motion
+        return speed / self.drive_a0, -(self.a0 * deflection + self.a1 * speed) / self.drive_a0
 
     def _pushed_V(self, state: complex, pole_: complex, values: Sequence[Real]) -> float:
         """All forces in a state of the resonator at the first sample, in hysteretic volts."""

@@ -77,7 +77,7 @@ def test_the_ceramic_shifts_frequency_and_damping_in_proportion_to_the_amplitude
 
 @pytest.mark.parametrize("channel", ["self_sensing", "displacement"])
 def test_a_second_mode_is_its_transfer_function_beside_the_heads(channel):
-    values = {"frequency_Hz": 1.9 * HEAD.frequency_Hz, "damping_ratio": 0.03, "strength": 0.2}
+    values = complete(EFFECTS["second_mode"], frequency_Hz=1.9 * HEAD.frequency_Hz, damping_ratio=0.03, strength=0.2)
     shot = Shot(channel, "demagnetised", PERIOD_S / 100, pulses())
     drive_V = shot.drive_at_nodes_V
     omega = 2 * math.pi * values["frequency_Hz"]
@@ -90,6 +90,36 @@ def test_a_second_mode_is_its_transfer_function_beside_the_heads(channel):
         expected = expected / HEAD.a0
     motion = EFFECTS["second_mode"].resonator(values, RESONANCE, shot).motion(drive_V, shot)
     assert np.abs(motion - expected).max() < 2e-6 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("channel", ["self_sensing", "displacement"])
+def test_two_modes_are_those_of_a_mass_on_a_mass(channel):
+    """The partial fractions of what the first mass does, its drive on it, give strength and exchange."""
+    w1, w2, mass, z1, z2 = math.sqrt(HEAD.a0), 1.8 * math.sqrt(HEAD.a0), 0.03, 0.04, 0.06
+    second = np.array([1.0, 2 * z2 * w2, w2**2])
+    both = np.polyadd(np.polymul([1.0, 2 * z1 * w1, w1**2], second), mass * np.polymul(second[1:], [1.0, 0.0, 0.0]))
+    low, high = sorted((pole for pole in np.roots(both) if pole.imag > 0), key=abs)
+    residues = [
+        w1**2 * np.polyval(second, pole) / np.polyval(np.polyder(both), pole) for pole in (low, high)
+    ]  # w1² N / D = Σ (A s + B) / (s² + a1 s + a0)
+    (a, b), (other_a, other_b) = (
+        (2 * r.real, -2 * (r * p.conjugate()).real) for r, p in zip(residues, (low, high), strict=True)
+    )
+    assert a == pytest.approx(-other_a, rel=1e-6)
+    head = Resonance(abs(low) ** 2, -2 * low.real, abs(low) ** 2)
+    share = b / abs(low) ** 2
+    values = complete(
+        EFFECTS["second_mode"], frequency_Hz=abs(high) / (2 * math.pi), damping_ratio=-high.real / abs(high),
+        strength=other_b / abs(high) ** 2 / share, exchange=other_a / abs(low) / share,
+    )  # fmt: skip
+    shot = Shot(channel, "demagnetised", PERIOD_S / 100, pulses())
+    drive_V = shot.drive_at_nodes_V
+    found = share * EFFECTS["second_mode"].resonator(values, head, shot).motion(drive_V, shot)
+    slope = [1.0, 0.0] if channel == "self_sensing" else [1.0]
+    expected = lsim((w1**2 * np.polymul(second, slope), both), drive_V, shot.time_s)[1][:: shot.parts]
+    if channel == "self_sensing":
+        expected = expected / abs(low) ** 2
+    assert found == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("recovery_periods", [0.3, 4.0, 15.0])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.resonance import Mode, Resonance, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
@@ -34,12 +34,18 @@ class SecondMode(Effect):
     id = "second_mode"
     stage = "resonator"
     sentence = "The head rings in a second mode beside its main one."
-    equation = "x + x2, x2'' + 2 ζ2 ω2 x2' + ω2² x2 = ω2² g v"
-    source = "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010"
+    equation = "x + g x2 + e ω0 (x2' / ω2² - x' / ω0²), x2'' + 2 ζ2 ω2 x2' + ω2² x2 = ω2² v"
+    source = (
+        "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010; modes that "
+        "damping couples: D. J. Ewins, Modal Testing, 2nd edition, Research Studies Press, 2000"
+    )
     parameters = (
         Parameter("frequency_Hz", "Hz", 1e-2, 1e8, "log", "of the second mode, undamped"),
         Parameter("damping_ratio", "1", 0.002, 0.5, "log", "of the second mode"),
-        Parameter("strength", "1", -2.0, 2.0, meaning="deflection of the second mode over the first's, both static"),
+        Parameter("strength", "1", -2.0, 2.0, meaning="g: deflection of the second mode over the first's, both static"),
+        Parameter(
+            "exchange", "1", -0.5, 0.5, meaning="e: of the modes by damping, which turns their phases", plain=0.0
+        ),
     )
     strengths = ("strength",)
     signature = "a second peak in the spectrum at every amplitude alike; it beats with the main one"
@@ -51,11 +57,12 @@ class SecondMode(Effect):
         highest_Hz = RESOLVED / min((shot.step_s for shot in fast), default=1.0)
         speed = any(shot.channel == "self_sensing" for shot in fast)
         return [
-            {
-                "frequency_Hz": guess * printhead.frequency_Hz,
-                "damping_ratio": WIDE,
-                "strength": min(0.05 / guess if speed else 0.05, 0.2),
-            }
+            complete(
+                self,
+                frequency_Hz=guess * printhead.frequency_Hz,
+                damping_ratio=WIDE,
+                strength=min(0.05 / guess if speed else 0.05, 0.2),
+            )
             for guess in GUESSES
             if guess * printhead.frequency_Hz < highest_Hz
         ]
@@ -67,14 +74,16 @@ class SecondMode(Effect):
         return too_slow(shots)
 
     def told(self, values: Values, unit: str = "V") -> str:
+        coupled = " Damping couples the two." if values["exchange"] else ""
         return (
             f"The head rings in a second mode at {with_prefix(values['frequency_Hz'], 'Hz', 3)} with a damping ratio "
             f"of {values['damping_ratio']:.2g}; held still, it adds {percent(values['strength'])} to the deflection."
+            f"{coupled}"
         )
 
     def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
         if values["strength"] == 0:
             return resonance
         omega = 2 * math.pi * values["frequency_Hz"]
-        mode = Mode(omega * omega, 2 * values["damping_ratio"] * omega, values["strength"])
+        mode = Mode(omega * omega, 2 * values["damping_ratio"] * omega, values["strength"], values["exchange"])
         return replace(resonance, modes=(*resonance.modes, mode))
