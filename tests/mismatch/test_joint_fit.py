@@ -183,7 +183,7 @@ def test_a_fit_stays_within_its_bounds(recorded, fitted, effects, values):
     effect = effects["second_mode"]
     joint = fitted(recorded("second_mode"))
     low, high = joint.limits([effect])
-    fit = joint.fit([effect], np.array([1e3, 1e3, -1e3]), most_steps=3)
+    fit = joint.fit([effect], np.array([1e3, 1e3, -1e3, 0.0]), most_steps=3)
     assert np.all((low <= fit.point) & (fit.point <= high))
 
 

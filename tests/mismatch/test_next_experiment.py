@@ -121,7 +121,7 @@ def new_slopes(fit, shot):
     (effect,) = fit.effects
     columns = []
     for k, parameter in enumerate(effect.parameters):
-        step = 1e-4 * (1.0 if parameter.scale == "log" else abs(fit.point[k]))
+        step = 1e-4 * (1.0 if parameter.scale == "log" else abs(fit.point[k]) or 1e-2)
         ends = []
         for sign in (1, -1):
             point = fit.point.copy()

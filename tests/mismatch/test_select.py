@@ -9,7 +9,7 @@ from inkjet_env.mismatch.attribute import attribute, base_hypothesis, conditions
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.select import cosine, select, supported, worth_adding
 from inkjet_env.mismatch.signatures import signatures
-from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.effect import complete, coordinates
 
 LOOKED_FOR = ("quadratic_damping", "cubic_stiffness", "feedthrough", "sensor_bandwidth", "amplifier_bandwidth")
 
@@ -101,7 +101,7 @@ def test_an_effect_with_a_shape_at_its_bound_has_become_another(looked, effects)
     joint, _, _ = looked("quadratic_damping")
     mode = effects["second_mode"]
     low, high = joint.limits([mode])
-    inside = coordinates(mode, {"frequency_Hz": 1e5, "damping_ratio": 0.05, "strength": 0.02})
+    inside = coordinates(mode, complete(mode, frequency_Hz=1e5, damping_ratio=0.05, strength=0.02))
     hypothesis = replace(base_hypothesis(joint), fit=replace(joint.base, effects=(mode,), point=inside))
     assert not hypothesis.degenerate
     for k, degenerate in ((0, True), (1, True), (2, False)):  # a strength may be anything
