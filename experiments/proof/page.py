@@ -96,7 +96,7 @@ def sentences(found: Mapping[str, Any]) -> list[str]:
             "removed a median of {value} of the base model's error (1 is all of it; {of} heads).",
         ),
         *told(
-            "share of the oracle's gain won back",
+            "share of the oracle's gain won back, all heads together",
             "Waveforms optimised on the corrected model won {value} of what waveforms optimised on the concealed head "
             "itself win over those of the base model ({of} heads; {low} … {high}).",
         ),
