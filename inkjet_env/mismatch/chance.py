@@ -32,6 +32,8 @@ were to choose from."""
 PROFILE_90 = 1.353
 """Loss of log-likelihood at the ends of a 90 % interval: half the chi-square of one degree of freedom."""
 BISECTIONS = 12
+WORTH_REFINING = 5.0
+"""Of the log-likelihood, gained at a start: one that lies within a quarter of a line has most of what there is."""
 DITHERED = 0.5
 """Steps of the converter: noise of such an RMS makes the error of rounding as good as independent of the signal."""
 LEAST_AT_REST = 3.0
@@ -100,7 +102,7 @@ def by_chance(
             if best is None or best.gain <= _least_gain(effect, mine):
                 continue
             if _at_rest(best, channel) and not _rounded(best, channel):
-                found.append(best)
+                found.append(_with_intervals(best, channel))
         for o in mine:
             del o.shot.kept["lines_Hz"]
     # One hum is heard on every channel: its frequency is the one that explains most on all of them together.
@@ -184,14 +186,15 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> ByChance |
         if any(effect.nuisances(start, o.shot) is not None for o in observed)
     ]
     # A loud tone shapes the noise model that is to judge it; so starts are ranked by bare power as well.
-    tried = []
+    tried: list[tuple[int, Noise]] = []
     for judge in (noise, _white(noise)):
-        tried += sorted(
-            ((_with_amplitudes(effect, start, observed, left, judge)[0], k, judge) for k, start in enumerate(starts)),
-            key=lambda one: one[:2],
-        )[:2]
+        before = _noise_alone(observed, left, judge)
+        losses = [_with_amplitudes(effect, start, observed, left, judge)[0] for start in starts]
+        ranked = sorted(range(len(starts)), key=losses.__getitem__)[:2]
+        fair = [k for k in ranked if before - losses[k] > WORTH_REFINING]
+        tried += [(k, judge) for k in fair if free or k not in [other for other, _ in tried]]
     best: ByChance | None = None
-    for _, k, judge in tried:
+    for k, judge in tried:
         start = starts[k]
         values = dict(start)
         if len(free) == 1:  # refine a frequency within the width of a line
@@ -215,16 +218,24 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> ByChance |
         for name in effect.strengths:
             values[name] = size.value
         if best is None or channel.before - after > best.gain:
-            estimates = {
-                p.name: size
-                if p.name in effect.strengths
-                else _shapes_interval(effect, values, p, observed, left, less)
-                if p in free
-                else Estimate(values[p.name], values[p.name], values[p.name])  # chosen, not fitted
-                for p in effect.parameters
-            }
+            estimates = dict.fromkeys(effect.strengths, size)
             best = ByChance(effect, observed[0].channel, values, channel.before - after, estimates)
     return best
+
+
+def _with_intervals(best: ByChance, channel: _Channel) -> ByChance:
+    """With the estimates of its shapes."""
+    effect, values = best.effect, best.values
+    less = _less(effect, values, channel)
+    estimates = {
+        p.name: best.estimates[p.name]
+        if p.name in effect.strengths
+        else _shapes_interval(effect, values, p, channel.observed, channel.left, less)
+        if p.scale == "log"
+        else Estimate(values[p.name], values[p.name], values[p.name])  # chosen, not fitted
+        for p in effect.parameters
+    }
+    return replace(best, estimates=estimates)
 
 
 def _root_mean_square(peaks: Real) -> Estimate:

@@ -20,7 +20,7 @@ from inkjet_env.mismatch.fit import Fit, Place, held, split
 from inkjet_env.mismatch.head import Head
 from inkjet_env.mismatch.observed import Noise, Observed, finer
 from inkjet_env.plant import Effect, Values
-from inkjet_env.plant.effect import limits, switched_off
+from inkjet_env.plant.effect import limits
 from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
@@ -192,12 +192,14 @@ class JointFit:
             slopes = self.slopes(head, effects, point, states, low, high, known)
             enough = max(CONVERGED, FAR_FROM_RIGHT * (nll - 0.5 * left.size))
             own = left - q @ (q.T @ left)
-            mine = slopes - q @ (q.T @ slopes)
+            in_base = q.T @ slopes
+            mine = slopes - q @ in_base
+            gram, moment, toward = mine.T @ mine, mine.T @ own, q.T @ left
             accepted = False
             for attempt in range(8):
-                step = _damped(mine, own, damping, point, low, high)
-                base = 0.5**attempt * np.linalg.lstsq(r, q.T @ (left - slopes @ step), rcond=1e-12)[0]
-                promise = nll - 0.5 * float(np.sum((left - slopes @ step - q @ (q.T @ (left - slopes @ step))) ** 2))
+                step = _damped(gram, moment, damping, point, low, high)
+                base = 0.5**attempt * np.linalg.lstsq(r, toward - in_base @ step, rcond=1e-12)[0]
+                promise = nll - 0.5 * float(np.sum((own - mine @ step) ** 2))
                 try:
                     new_head, new_point = head.moved(base), np.clip(point + step, low, high)
                     new_states = self._states(new_head, effects, new_point, states)
@@ -312,6 +314,7 @@ class JointFit:
         first = 0 if known is None else known.shape[1]
         if known is not None:
             columns[:, :first] = known
+        changed: dict[str, dict[int, Real]] = {o.name: {} for o in self.seen}
         for k, (effect, values, name) in enumerate(named):
             if k < first or low[k] == high[k]:
                 continue
@@ -321,8 +324,13 @@ class JointFit:
             there = point.copy()
             there[k] += size
             touched = [o for o in self.seen if effect.changes(name, o.shot, values)]
-            signals = here | self.signals(head, split(effects, there), states, touched)
-            columns[:, k] = self.stacked({o.name: (signals[o.name] - here[o.name]) / size for o in self.seen}, told)
+            signals = self.signals(head, split(effects, there), states, touched)
+            for o in touched:
+                changed[o.name][k] = (signals[o.name] - here[o.name]) / size
+        for o, end in zip(self.seen, self.ends, strict=True):
+            if changed[o.name]:
+                white = self.whitened(o, np.column_stack(list(changed[o.name].values())), told)
+                columns[end - o.fitted : end, list(changed[o.name])] = white[: o.fitted]
         q, _ = self.basis
         own = np.linalg.norm(columns - q @ (q.T @ columns), axis=0)
         columns[:, own < LEAST_OWN * np.linalg.norm(columns, axis=0)] = 0.0
@@ -330,10 +338,13 @@ class JointFit:
 
     def signature(self, effect: Effect, values: Values) -> Real:
         """What switching an effect on changes in the fitted rows, base parameters fixed: whitened, shape (rows,)."""
-        states = self.base.states
-        on = self.signals(self.base.head, [(effect, values)], states, self.seen)
-        off = self.signals(self.base.head, [(effect, switched_off(effect, values))], states, self.seen)
-        return self.stacked({o.name: on[o.name] - off[o.name] for o in self.seen})
+        on = self.signals(self.base.head, [(effect, values)], self.base.states, self.seen)
+        return self.stacked({o.name: on[o.name] - self._off[o.name] for o in self.seen})
+
+    @cached_property
+    def _off(self) -> dict[str, Real]:
+        """Signals of the base model, which are those with any effect switched off."""
+        return self.signals(self.base.head, (), self.base.states, self.seen)
 
 
 def state_columns(printhead: Printhead, gain: float, o: Observed) -> Real:
@@ -360,19 +371,17 @@ def _scale(effects: Sequence[Effect], point: Real, k: int) -> float:
     return max(abs(float(point[k])), 1e-6 * (high - low))
 
 
-def _damped(slopes: Real, left: Real, damping: float, point: Real, low: Real, high: Real) -> Real:
-    """Levenberg–Marquardt step within the bounds: what would leave them is held at them."""
+def _damped(gram: Real, moment: Real, damping: float, point: Real, low: Real, high: Real) -> Real:
+    """Levenberg–Marquardt step within the bounds, of the normal equations: what would leave them is held at them."""
     step = np.zeros(point.size)
     free = np.ones(point.size, dtype=bool)
+    size = np.sqrt(np.diag(gram))
+    size[size == 0] = 1.0
+    scaled = gram / np.outer(size, size)
     for _ in range(point.size):
-        columns = slopes[:, free]
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0] = 1.0
-        columns = columns / size
-        k = columns.shape[1]
-        target = left - slopes[:, ~free] @ step[~free]
-        normal = columns.T @ columns + damping * np.eye(k)
-        step[free] = np.linalg.lstsq(normal, columns.T @ target, rcond=1e-13)[0] / size
+        target = (moment - gram[:, ~free] @ step[~free])[free] / size[free]
+        normal = scaled[np.ix_(free, free)] + damping * np.eye(int(free.sum()))
+        step[free] = np.linalg.lstsq(normal, target, rcond=1e-13)[0] / size[free]
         beyond = free & ((point + step < low) | (point + step > high))
         if not beyond.any():
             break
