@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.fit import Fit, held
+from inkjet_env.mismatch.fit import Fit
 from inkjet_env.mismatch.foretold import Foretold, foretold, orthonormal
 from inkjet_env.mismatch.joint_fit import FAR_FROM_RIGHT, MOST_STEPS, JointFit
 from inkjet_env.mismatch.kept import Kept
@@ -86,14 +86,13 @@ class Hypothesis:
 
     @property
     def degenerate(self) -> bool:
-        """Whether an effect has been bent into something else: a shape of it has run into its bound.
+        """Whether an effect has been bent into something else: a shape of it that does anything has run into its bound.
 
         Or a strength into one beyond which these recordings would show something else.
         """
         low, high = self.joint.limits(self.fit.effects)
         named = [(e, p) for e in self.fit.effects for p in e.parameters]
         widest = np.array([p.bounds for _, p in named]).reshape(-1, 2)
-        off = held(self.fit.effects, self.fit.point)
         room = AT_BOUND * (high - low)
         shape_at = (self.fit.point <= low + room) | (self.fit.point >= high - room)
         ends = ((low, low > widest[:, 0]), (high, high < widest[:, 1]))
@@ -103,7 +102,7 @@ class Hypothesis:
             strength_at |= near & narrower & (low < high)
         return any(
             bool(strength) if p.name in e.strengths else bool(shape) and not p.open_ended
-            for (e, p), strength, shape in zip(named, strength_at, shape_at & ~off, strict=True)
+            for (e, p), strength, shape in zip(named, strength_at, shape_at & ~self.fit.idle, strict=True)
         )
 
     @property

@@ -102,7 +102,8 @@ def test_an_effect_with_a_shape_at_its_bound_has_become_another(looked, effects)
     mode = effects["second_mode"]
     low, high = joint.limits([mode])
     inside = coordinates(mode, complete(mode, frequency_Hz=1e5, damping_ratio=0.05, strength=0.02))
-    hypothesis = replace(base_hypothesis(joint), fit=replace(joint.base, effects=(mode,), point=inside))
+    slopes = np.ones((int(joint.ends[-1]), inside.size))
+    hypothesis = replace(base_hypothesis(joint), fit=replace(joint.base, effects=(mode,), point=inside, slopes=slopes))
     assert not hypothesis.degenerate
     for k, degenerate in ((0, True), (1, True), (2, False)):  # a strength may be anything
         for end in (low, high):
@@ -110,6 +111,8 @@ def test_an_effect_with_a_shape_at_its_bound_has_become_another(looked, effects)
             point[k] = end[k]
             at_bound = replace(hypothesis, fit=replace(hypothesis.fit, point=point))
             assert at_bound.degenerate == degenerate
+            slopes_without = np.where(np.arange(inside.size) == k, 0.0, slopes)
+            assert not replace(at_bound, fit=replace(at_bound.fit, slopes=slopes_without)).degenerate  # does nothing
 
 
 def test_nothing_is_selected_from_noise(selected):

@@ -16,7 +16,7 @@ from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
 
-GUESSES = ((0.98, 30.0), (0.8, 30.0), (0.6, 30.0), (0.98, 6.0), (0.7, 6.0), (3.0, 2.0), (1.2, 2.0))
+GUESSES = ((1.0, 100.0), (0.98, 30.0), (0.8, 30.0), (0.6, 30.0), (0.98, 6.0), (0.7, 6.0), (3.0, 2.0), (1.2, 2.0))
 """Limit over the largest signal, and hardness."""
 
 
