@@ -200,7 +200,7 @@ def test_a_single_return_is_a_shifted_copy():
     echo = WaveEcho(0.3, variant="single_return", nozzle_s=1e-5)
     grid = Grid(500, 1e-6, 1, True)
     signal = np.sin(2 * np.pi * 3 * np.arange(501) / 500)
-    np.testing.assert_allclose(echo._echo(signal, grid)[10:], signal[:-10], atol=1e-12)
+    np.testing.assert_allclose(echo._echo(signal, grid)[10:], signal[:-10], rtol=0, atol=1e-12)
 
 
 def two_pulses(gap_s, gain, kind):
@@ -303,7 +303,7 @@ def test_below_the_threshold_there_is_no_cavitation_and_above_it_damping_jumps()
 
 @pytest.mark.parametrize("power", [0.3, 0.5])
 def test_diffusive_states_are_a_fractional_derivative(power):
-    """Eighteen states are within 4e-3, and that is the rule's ends and the tails' next terms: 4e-5 is left of it."""
+    """Eighteen states are within 4e-3, and that is the rule's ends and the tails' next terms: 8e-6 is left of it."""
     rate, weight, spring, damper = diffusive_states(power)
     step, scale = np.log(rate[1] / rate[0]), np.sin(np.pi * power) / np.pi
     low, high = rate[0], rate[-1]
@@ -315,7 +315,7 @@ def test_diffusive_states_are_a_fractional_derivative(power):
         slower = low ** (power + 1) / (power + 1) / s
         faster = s**2 * high ** (power - 2) / (2 - power) - s**3 * high ** (power - 3) / (3 - power)
         assert abs(got - s**power) < 5e-3 * w**power
-        assert abs(got - scale * (ends + slower + faster) - s**power) < 4e-5 * w**power
+        assert abs(got - scale * (ends + slower + faster) - s**power) < 2e-5 * w**power
 
 
 def test_a_motion_that_runs_away_is_said():
