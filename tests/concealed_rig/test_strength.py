@@ -12,13 +12,14 @@ from experiments.concealed_rig.effects.catalogue import CATALOGUE, OUTSIDE
 from experiments.concealed_rig.effects.effect import Situation
 from experiments.concealed_rig.head import drawn_head
 from experiments.concealed_rig.plant import Hysteresis, Plant, noise_free, trace
-from experiments.concealed_rig.strength import TOLERANCE, solved_strength
+from experiments.concealed_rig.strength import solved_strength
 from experiments.concealed_rig.tangent import base_tangent
 
 ALL = {**CATALOGUE, **OUTSIDE}
 HEAD = drawn_head(np.random.default_rng(21))
 PLAN = measuring_plan(HEAD, np.random.default_rng(22), neighbour=True)
 SIGMA = {"self_sensing": 0.01, "strain_gauge": 0.01, "displacement": 1.0}
+SOLVED = 0.01  # strengths are solved to 1 % of the mismatch
 SITUATION = Situation(HEAD, len(PLAN), False, SIGMA, 8.0, 150.0, 150.0, 8e7)
 
 
@@ -56,7 +57,7 @@ def test_at_strength_zero_every_variant_is_the_base_plant(name):
 def test_an_effect_is_as_strong_as_is_asked_and_its_truth_says_so(name):
     built = build(Case(1, 40, "effect", (name,), "medium"))
     truth = built.truth()
-    assert truth["rho"] == pytest.approx(0.5, rel=TOLERANCE)
+    assert truth["rho"] == pytest.approx(0.5, rel=SOLVED)
     assert truth["detectability"] == pytest.approx(truth["rho"] * np.sqrt(truth["samples"]), rel=1e-13)
     (effect,) = truth["effects"]
     assert effect["id"] == name
@@ -69,7 +70,7 @@ def test_an_effect_is_as_strong_as_is_asked_and_its_truth_says_so(name):
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_a_family_outside_is_as_strong_as_is_asked_even_with_few_recordings(name):
     built = build(Case(2, 41, "outside", (name,), "strong", meagre=True))
-    assert rms(built.setup.mismatches(built.plant)) == pytest.approx(2.0, rel=TOLERANCE)
+    assert rms(built.setup.mismatches(built.plant)) == pytest.approx(2.0, rel=SOLVED)
     assert {row.channel for row in built.setup.rows} == {"self_sensing"}
     assert len(built.setup.rows) == 8
 
@@ -89,7 +90,7 @@ def test_the_steps_error_is_below_a_thousandth_of_the_mismatch(name):
 
 def test_effects_of_a_pair_are_each_as_strong_as_is_asked():
     built = build(Case(0, 42, "pair", ("creep", "mains_hum"), "medium"))
-    assert built.alone == pytest.approx((0.5, 0.5), rel=TOLERANCE)
+    assert built.alone == pytest.approx((0.5, 0.5), rel=SOLVED)
     # Together: what is left of the creep, and the hum with the second place's phases. Chance lets them correlate, and
     # of a hum that is slower than most recordings its phases make more or less: 0.59 here.
     setup, plant = built.setup, built.plant
@@ -104,7 +105,7 @@ def test_a_base_law_of_its_own_shows_in_full_or_as_much_as_is_asked():
     assert whole.plant.hysteresis.share == 1.0
     part = build(Case(0, 43, "base", ("preisach",), 0.1))
     assert 0 < part.plant.hysteresis.share < 1
-    assert part.truth()["rho"] == pytest.approx(0.1, rel=TOLERANCE)
+    assert part.truth()["rho"] == pytest.approx(0.1, rel=SOLVED)
     assert part.plant.hysteresis != Hysteresis()
 
 
@@ -146,16 +147,16 @@ def test_a_strength_that_cannot_be_is_refused_by_name():
 def test_the_secant_finds_what_a_power_law_or_a_threshold_asks():
     """To 1 % of the mismatch that is asked for."""
     found = solved_strength(lambda s: 40 * s**2.5, 0.7, 0.1, 1e-9, 10.0, "x")
-    assert 40 * found**2.5 == pytest.approx(0.7, rel=TOLERANCE)
+    assert 40 * found**2.5 == pytest.approx(0.7, rel=SOLVED)
     found = solved_strength(lambda s: max(s - 1, 0.0), 0.05, 1.5, 1e-3, 10.0, "x")
-    assert found - 1 == pytest.approx(0.05, rel=TOLERANCE)
+    assert found - 1 == pytest.approx(0.05, rel=SOLVED)
 
     def breaks(s):
         if s > 0.5:
             raise FloatingPointError("no printhead")
         return s
 
-    assert solved_strength(breaks, 0.3, 2.0, 1e-6, 10.0, "x") == pytest.approx(0.3, rel=TOLERANCE)
+    assert solved_strength(breaks, 0.3, 2.0, 1e-6, 10.0, "x") == pytest.approx(0.3, rel=SOLVED)
 
 
 @pytest.mark.parametrize(
