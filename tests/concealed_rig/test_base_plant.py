@@ -32,18 +32,19 @@ def test_a_branch_is_the_virgin_curve_twice_as_large():
     drive = legs([0, -90, 90], 400)
     loop = play_sum_V(drive, threshold, weight, False)
     way = drive[400:] + 90
-    np.testing.assert_allclose(loop[400:] - loop[400], 2 * np.interp(way / 2, virgin_V, virgin), atol=2e-3)
-    assert virgin[-1] == pytest.approx(45.0 / 2, rel=1e-3)  # Q(180 V)/2
+    np.testing.assert_allclose(loop[400:] - loop[400], 2 * np.interp(way / 2, virgin_V, virgin), rtol=0, atol=1e-12)
+    assert virgin[-1] == pytest.approx(45.0 / 2, rel=1e-13)  # Q(180 V)/2
 
 
 def test_plays_of_constant_density_and_the_everett_function_agree():
+    """Left: the distance of 4000 plays, squared, 7e-8."""
     drive = np.append(legs([0, 80, -60, 50, -30, 70, -90, 20, 95, 0, 40, 100, -100, 0]), 0.0)
     threshold, weight = CONSTANT.plays(4000)
     density = weight[0] / (threshold[1] - threshold[0])
     for periodic in (False, True):
         everett = density / 4 * product_preisach(drive, periodic)
         plays = play_sum_V(drive, threshold, weight, periodic)
-        np.testing.assert_allclose(plays, everett, atol=2e-6 * np.max(np.abs(plays)))
+        np.testing.assert_allclose(plays, everett, rtol=0, atol=2e-7 * np.max(np.abs(plays)))
 
 
 @pytest.mark.parametrize("law", ["plays", "preisach", "bouc_wen"])
@@ -81,29 +82,49 @@ def test_minor_loops_of_plays_are_congruent_anywhere_and_of_the_product_preisach
         return product_preisach(100 * np.tanh(drive / 100), False)
 
     for law in (plays, preisach):
-        np.testing.assert_allclose(loop(law, [0, 90]), loop(law, [0, 70, -50, 100]), rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(shifted(plays), loop(plays, [0, 90]), atol=1e-3 * np.ptp(shifted(plays)))
+        np.testing.assert_allclose(loop(law, [0, 90]), loop(law, [0, 70, -50, 100]), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(shifted(plays), loop(plays, [0, 90]), rtol=0, atol=1e-13 * np.ptp(shifted(plays)))
     assert np.ptp(shifted(preisach)) > 1.2 * np.ptp(loop(preisach, [0, 90]))
 
 
 def test_bouc_wen_of_order_one_saturates_exponentially():
     z = bouc_wen(np.linspace(0, 200, 801), False, 50.0, 1.0, 0.6)
-    np.testing.assert_allclose(z, 1 - np.exp(-np.linspace(0, 200, 801) / 50), atol=1e-8)
+    np.testing.assert_allclose(z, 1 - np.exp(-np.linspace(0, 200, 801) / 50), rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("law", ["bouc_wen", "preisach"])
-def test_other_laws_have_the_plays_small_signal_slope_and_opening(law):
+def test_other_laws_have_the_plays_opening_and_their_own_slope_after_a_turn(law):
+    """Left: Bouc–Wen's creep after a virgin start, 1e-7 of its opening, and its steps, below 1e-7 of the slope."""
     loop = np.append(legs([0, 90, -90, 90, -90, 0], 400), 0.0)
     row = Measurement("strain_gauge", "arbitrary", "periodic", 1e-3, loop)
     head = drawn_head(np.random.default_rng(3))
     own, other = (noise_free(Plant(head, (), Hysteresis(name)), row) for name in ("plays", law))
 
     def opening(y):
-        return abs(y[800 - 200] - y[800 + 200])
+        return abs(y[800 - 200] - y[800 + 200]) / head.gauge_gain_V_per_V
 
-    assert opening(other) == pytest.approx(opening(own), rel=0.3)
-    slope = np.diff(other)[801] / np.diff(loop)[801] / head.gauge_gain_V_per_V
-    assert slope == pytest.approx(head.reversible, rel=0.1 if law == "preisach" else 0.6)
+    assert opening(other) == pytest.approx(opening(own), rel=3e-7)
+    slope = np.diff(other)[800] / 0.45 / head.gauge_gain_V_per_V
+    scale = Hysteresis().scale_V
+    if law == "preisach":
+        # Branches are squares in G = s·tanh(u/s), so the loop opens by twice its largest G², and turns off flat.
+        g = scale * np.tanh(loop / scale)
+        expected = opening(own) / (2 * g[400] ** 2) * (g[801] - g[800]) ** 2 / 0.45
+    else:
+        order, beta = Hysteresis().order, Hysteresis().beta
+
+        def change(u, z, side):
+            return side * (1 - np.abs(z) ** order * (beta * side * np.sign(z) + 1 - beta)) / scale
+
+        z, at_zero = [0.0], []
+        for side in (1.0, -1.0) * 8:
+            way = solve_ivp(change, (0, 180), z, args=(side,), rtol=1e-10, atol=1e-12, t_eval=[0, 0.45, 90, 180])
+            z = way.y[:, -1]
+            at_zero.append(way.y[0, 2])
+        amplitude = opening(own) / abs(at_zero[-1] - at_zero[-2])
+        rising = solve_ivp(change, (0, 0.45), z, args=(1.0,), rtol=1e-11, atol=1e-13).y[0]
+        expected = amplitude * (1 / scale - (rising[-1] - rising[0]) / 0.45)
+    assert slope - head.reversible == pytest.approx(expected, rel=3e-7)
 
 
 def test_changing_plays_without_a_change_are_the_plays():
@@ -111,9 +132,9 @@ def test_changing_plays_without_a_change_are_the_plays():
     head = drawn_head(np.random.default_rng(1))
     for periodic in (False, True):
         plain = play_sum_V(drive, *head.plays(), periodic)
-        np.testing.assert_allclose(changing_play_sum_V(drive, *head.plays(), periodic), plain, atol=1e-12)
+        np.testing.assert_allclose(changing_play_sum_V(drive, *head.plays(), periodic), plain, rtol=0, atol=1e-12)
         np.testing.assert_allclose(
-            play_sums_V(drive, head.plays()[0], head.plays()[1][None], periodic)[0], plain, atol=1e-12
+            play_sums_V(drive, head.plays()[0], head.plays()[1][None], periodic)[0], plain, rtol=0, atol=1e-12
         )
 
 
@@ -122,8 +143,8 @@ def test_the_sum_of_plays_converges_with_the_square_of_their_distance():
     drive = np.append(legs([0, 83, -61, 47, 0]), 0.0)
     fine = play_sum_V(drive, *head.plays(38400), False)
     errors = [np.sqrt(np.mean((play_sum_V(drive, *head.plays(n), False) - fine) ** 2)) for n in (150, 300, 600)]
-    assert errors[2] < 1e-6 * np.max(np.abs(drive))
-    assert np.log2(errors[0] / errors[2]) / 2 == pytest.approx(2.0, abs=0.4)
+    assert errors[2] < 5e-7 * np.max(np.abs(drive))
+    assert np.log2(errors[0] / errors[2]) / 2 == pytest.approx(2.0, abs=0.1)
 
 
 def test_runge_kutta_is_of_fourth_order_in_both_ways_of_writing_it():
@@ -141,31 +162,32 @@ def test_runge_kutta_is_of_fourth_order_in_both_ways_of_writing_it():
         grid = Grid(n, step, substeps, False)
         h = np.sin(0.7 * np.arange(2 * grid.steps + 1) * grid.half_s * omega) ** 3
         moved = motion(Resonator(omega, zeta), h, np.zeros_like(h), grid).speed_V
-        np.testing.assert_allclose(linear_motion(omega, zeta, h, grid)[1], moved, atol=1e-12)
+        np.testing.assert_allclose(linear_motion(omega, zeta, h, grid)[1], moved, rtol=0, atol=1e-12)
         errors.append(np.max(np.abs(grid.at_samples(moved) - exact)))
-    assert np.log2(errors[0] / errors[2]) / 2 == pytest.approx(4.0, abs=0.2)
+    assert np.log2(errors[0] / errors[2]) / 2 == pytest.approx(4.0, abs=0.03)
 
 
 def test_first_order_hold_is_exact_for_straight_lines():
     t = np.linspace(0, 40, 4001)
     drive = np.interp(t, [0, 3, 10, 12, 40], [0, 1, 1, -0.5, 0])
     _, y, _ = lsim(TransferFunction([1.0, 0.0], [1.0, 0.1, 1.0]), drive, t)
-    np.testing.assert_allclose(filtered([1.0, 0.0], [1.0, 0.1, 1.0], drive, 0.01, False), y, atol=1e-9)
+    np.testing.assert_allclose(filtered([1.0, 0.0], [1.0, 0.1, 1.0], drive, 0.01, False), y, rtol=0, atol=1e-11)
     _, y, _ = lsim(TransferFunction([1.0], [2.0, 1.0]), drive, t)
-    np.testing.assert_allclose(relaxations(drive, np.array([2.0]), 0.01, False)[0], y, atol=1e-9)
-    np.testing.assert_allclose(filtered([1.0], [2.0, 1.0], drive, 0.01, False), y, atol=1e-9)
+    np.testing.assert_allclose(relaxations(drive, np.array([2.0]), 0.01, False)[0], y, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(filtered([1.0], [2.0, 1.0], drive, 0.01, False), y, rtol=0, atol=1e-12)
 
 
 def test_periodic_states_equal_the_end_of_a_long_run():
+    """Left is rounding: 14 periods of vibration, 60 of the relaxation, leave nothing of the start."""
     head = drawn_head(np.random.default_rng(4))
     one = np.append(legs([0, 70, 70, -40, 0, 0, 0], 60), np.zeros(200))
     row = Measurement("self_sensing", "arbitrary", "periodic", 4e-7, one)
     long = Measurement("self_sensing", "arbitrary", "demagnetised", 4e-7, np.tile(one, 14))
     settled, last = noise_free(Plant(head), row), noise_free(Plant(head), long)[-one.size :]
-    np.testing.assert_allclose(settled, last, atol=1e-6 * np.max(np.abs(last)))
+    np.testing.assert_allclose(settled, last, rtol=0, atol=1e-13 * np.max(np.abs(last)))
     relaxed = relaxations(np.append(one, one[0]), np.array([3e-4]), 4e-7, True)[0]
-    run = relaxations(np.tile(one, 30), np.array([3e-4]), 4e-7, False)[0]
-    np.testing.assert_allclose(relaxed[: one.size], run[-one.size :], atol=1e-9)
+    run = relaxations(np.tile(one, 60), np.array([3e-4]), 4e-7, False)[0]
+    np.testing.assert_allclose(relaxed[: one.size], run[-one.size :], rtol=0, atol=1e-11)
 
 
 def test_nothing_concealed_agrees_with_scipy_to_one_in_a_million():
@@ -204,7 +226,7 @@ def test_nothing_concealed_agrees_with_scipy_to_one_in_a_million():
         state = run.y[:, -1]
         out.extend(run.y[1, 1:])
     expected = head.b1_per_s / w0 * np.array(out)
-    np.testing.assert_allclose(signal, expected, atol=1e-6 * np.max(np.abs(expected)))
+    np.testing.assert_allclose(signal, expected, rtol=0, atol=1e-6 * np.max(np.abs(expected)))
 
 
 def test_the_steps_error_over_a_campaign_is_far_below_the_noise():
@@ -213,4 +235,4 @@ def test_the_steps_error_over_a_campaign_is_far_below_the_noise():
     for row in rows:
         coarse, fine = (noise_free(Plant(head, steps_per_period=n), row) for n in (160, 640))
         largest = max(np.max(np.abs(fine)), 1.0)
-        assert np.sqrt(np.mean((coarse - fine) ** 2)) < 2e-6 * largest
+        assert np.sqrt(np.mean((coarse - fine) ** 2)) < 6e-7 * largest  # the largest is 2.4e-7

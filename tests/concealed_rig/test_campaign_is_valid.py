@@ -28,7 +28,7 @@ def test_a_written_campaign_is_read_without_a_warning(case, tmp_path, caplog):
     assert len(campaign.recordings) == len(built.setup.rows)
     for recording, row in zip(campaign.recordings, built.setup.rows, strict=True):
         assert recording.name == row.name
-        np.testing.assert_allclose(recording.drive_V, row.drive_V, atol=1e-9)
+        np.testing.assert_allclose(recording.drive_V, row.drive_V, rtol=0, atol=1e-9)
     descriptor = json.loads((tmp_path / "campaign" / "datapackage.json").read_text())
     assert descriptor["name"] == "head-17"
     assert descriptor["inkjet"] == {"format": "campaign/1"}

@@ -19,6 +19,7 @@ ALL = {**CATALOGUE, **OUTSIDE}
 HEAD = drawn_head(np.random.default_rng(21))
 PLAN = measuring_plan(HEAD, np.random.default_rng(22), neighbour=True)
 SIGMA = {"self_sensing": 0.01, "strain_gauge": 0.01, "displacement": 1.0}
+SOLVED = 0.01  # strengths are solved to 1 % of the mismatch
 SITUATION = Situation(HEAD, len(PLAN), False, SIGMA, 8.0, 150.0, 150.0, 8e7)
 
 
@@ -46,7 +47,7 @@ def test_at_strength_zero_every_variant_is_the_base_plant(name):
         for row in rows:
             base = noise_free(Plant(HEAD), row)
             concealed = trace(Plant(HEAD, (effect,)), row)
-            np.testing.assert_allclose(concealed.signal, base, atol=1e-11 * max(1.0, np.max(np.abs(base))))
+            np.testing.assert_allclose(concealed.signal, base, rtol=0, atol=1e-11 * max(1.0, np.max(np.abs(base))))
             added = effect.added(base, concealed.slope, row, np.random.default_rng(0))
             np.testing.assert_array_equal(added, 0)
             np.testing.assert_array_equal(effect.on_recorded(base, row), base)
@@ -56,20 +57,20 @@ def test_at_strength_zero_every_variant_is_the_base_plant(name):
 def test_an_effect_is_as_strong_as_is_asked_and_its_truth_says_so(name):
     built = build(Case(1, 40, "effect", (name,), "medium"))
     truth = built.truth()
-    assert truth["rho"] == pytest.approx(0.5, rel=0.05)
-    assert truth["detectability"] == pytest.approx(truth["rho"] * np.sqrt(truth["samples"]), rel=1e-9)
+    assert truth["rho"] == pytest.approx(0.5, rel=SOLVED)
+    assert truth["detectability"] == pytest.approx(truth["rho"] * np.sqrt(truth["samples"]), rel=1e-13)
     (effect,) = truth["effects"]
     assert effect["id"] == name
     assert effect["parameters"]
     assert len(truth["location"]["rms_over_noise"]) == len(built.setup.rows)
     whole = np.sqrt(np.mean(np.square(list(truth["location"]["rms_over_noise"].values()))))
-    assert whole == pytest.approx(truth["rho"], rel=1e-6)  # all recordings are of one length
+    assert whole == pytest.approx(truth["rho"], rel=1e-13)  # all recordings are of one length
 
 
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_a_family_outside_is_as_strong_as_is_asked_even_with_few_recordings(name):
     built = build(Case(2, 41, "outside", (name,), "strong", meagre=True))
-    assert rms(built.setup.mismatches(built.plant)) == pytest.approx(2.0, rel=0.05)
+    assert rms(built.setup.mismatches(built.plant)) == pytest.approx(2.0, rel=SOLVED)
     assert {row.channel for row in built.setup.rows} == {"self_sensing"}
     assert len(built.setup.rows) == 8
 
@@ -77,18 +78,26 @@ def test_a_family_outside_is_as_strong_as_is_asked_even_with_few_recordings(name
 @pytest.mark.parametrize(
     "name", ["slew_limit", "rate_dependent_hysteresis", "ferroelastic_softening", "wave_echo", "sensor_bandwidth"]
 )
-def test_the_steps_error_is_below_a_hundredth_of_the_mismatch(name):
+def test_the_steps_error_is_below_a_thousandth_of_the_mismatch(name):
     built = build(Case(2, 44, "effect", (name,), "strong", meagre=True))
     sigma = built.setup.instruments.sigma["self_sensing"]
     rows = built.setup.rows
     coarse, fine = ([noise_free(replace(built.plant, steps_per_period=n), r) for r in rows] for n in (160, 640))
-    assert rms([a - b for a, b in zip(coarse, fine, strict=True)]) / sigma < 0.01 * 2.0
+    assert (
+        rms([a - b for a, b in zip(coarse, fine, strict=True)]) / sigma < 0.001 * 2.0
+    )  # the slew limit is largest, 9e-4
 
 
 def test_effects_of_a_pair_are_each_as_strong_as_is_asked():
     built = build(Case(0, 42, "pair", ("creep", "mains_hum"), "medium"))
-    assert built.alone == pytest.approx((0.5, 0.5), rel=0.05)
-    assert built.truth()["rho"] == pytest.approx(np.hypot(0.5, 0.5), rel=0.1)
+    assert built.alone == pytest.approx((0.5, 0.5), rel=SOLVED)
+    # Together: what is left of the creep, and the hum with the second place's phases. Chance lets them correlate, and
+    # of a hum that is slower than most recordings its phases make more or less: 0.59 here.
+    setup, plant = built.setup, built.plant
+    creep = setup.mismatches(replace(plant, effects=plant.effects[:1]))
+    hum = [setup.by_chance(plant, row, trace(plant, row)) / setup.instruments.sigma[row.channel] for row in setup.rows]
+    assert rms(hum) == pytest.approx(0.5, rel=0.2)
+    assert built.truth()["rho"] == pytest.approx(rms([a + b for a, b in zip(creep, hum, strict=True)]), rel=1e-12)
 
 
 def test_a_base_law_of_its_own_shows_in_full_or_as_much_as_is_asked():
@@ -96,12 +105,16 @@ def test_a_base_law_of_its_own_shows_in_full_or_as_much_as_is_asked():
     assert whole.plant.hysteresis.share == 1.0
     part = build(Case(0, 43, "base", ("preisach",), 0.1))
     assert 0 < part.plant.hysteresis.share < 1
-    assert part.truth()["rho"] == pytest.approx(0.1, rel=0.05)
+    assert part.truth()["rho"] == pytest.approx(0.1, rel=SOLVED)
     assert part.plant.hysteresis != Hysteresis()
 
 
 def test_what_the_base_absorbs_is_no_mismatch():
-    """Another gain, another offset, a resonance a little lower, another density: nothing is left of them."""
+    """Another gain, another offset, a resonance a little lower, another density: nothing is left of them.
+
+    Left: rounding; of the plays the directions that Gram and Schmidt drop, 2e-5; of the vibration the tangent's
+    grid, 2e-5, and the square of a change of 1e-6.
+    """
     rows = measuring_plan(HEAD, np.random.default_rng(5), displacement=True)
     tangent = base_tangent(HEAD, rows, SIGMA)
 
@@ -110,16 +123,16 @@ def test_what_the_base_absorbs_is_no_mismatch():
         mismatch = np.concatenate(raw)
         return np.linalg.norm(tangent.unexplained(mismatch)) / np.linalg.norm(mismatch)
 
-    small = 1 + 1e-5
-    for other in (
-        replace(HEAD, b1_per_s=1.1 * HEAD.b1_per_s),
-        replace(HEAD, gauge_gain_V_per_V=1.1 * HEAD.gauge_gain_V_per_V),
-        replace(HEAD, gauge_offset_V=0.3, self_sensing_offset_V=-0.2, displacement_offset_nm=4.0),
-        replace(HEAD, loop_V=1.1 * HEAD.loop_V, reversible=0.98 * HEAD.reversible),
-        replace(HEAD, damping_ratio=small * HEAD.damping_ratio),
-        replace(HEAD, resonance_Hz=small * HEAD.resonance_Hz),
+    small = 1 + 1e-6
+    for other, most in (
+        (replace(HEAD, gauge_gain_V_per_V=1.1 * HEAD.gauge_gain_V_per_V), 1e-12),
+        (replace(HEAD, gauge_offset_V=0.3, self_sensing_offset_V=-0.2, displacement_offset_nm=4.0), 1e-12),
+        (replace(HEAD, b1_per_s=1.1 * HEAD.b1_per_s), 8e-6),
+        (replace(HEAD, loop_V=1.1 * HEAD.loop_V, reversible=0.98 * HEAD.reversible), 6e-5),
+        (replace(HEAD, damping_ratio=small * HEAD.damping_ratio), 6e-5),
+        (replace(HEAD, resonance_Hz=small * HEAD.resonance_Hz), 6e-5),
     ):
-        assert left(other) < 2e-3
+        assert left(other) < most
 
 
 def test_a_strength_that_cannot_be_is_refused_by_name():
@@ -132,18 +145,18 @@ def test_a_strength_that_cannot_be_is_refused_by_name():
 
 
 def test_the_secant_finds_what_a_power_law_or_a_threshold_asks():
-    assert solved_strength(lambda s: 40 * s**2.5, 0.7, 0.1, 1e-9, 10.0, "x") == pytest.approx(
-        (0.7 / 40) ** 0.4, rel=0.01
-    )
+    """To 1 % of the mismatch that is asked for."""
+    found = solved_strength(lambda s: 40 * s**2.5, 0.7, 0.1, 1e-9, 10.0, "x")
+    assert 40 * found**2.5 == pytest.approx(0.7, rel=SOLVED)
     found = solved_strength(lambda s: max(s - 1, 0.0), 0.05, 1.5, 1e-3, 10.0, "x")
-    assert found - 1 == pytest.approx(0.05, rel=0.02)
+    assert found - 1 == pytest.approx(0.05, rel=SOLVED)
 
     def breaks(s):
         if s > 0.5:
             raise FloatingPointError("no printhead")
         return s
 
-    assert solved_strength(breaks, 0.3, 2.0, 1e-6, 10.0, "x") == pytest.approx(0.3, rel=0.011)
+    assert solved_strength(breaks, 0.3, 2.0, 1e-6, 10.0, "x") == pytest.approx(0.3, rel=SOLVED)
 
 
 @pytest.mark.parametrize(
