@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -50,8 +51,8 @@ class Setup:
     def by_chance(self, plant: Plant, row: Measurement, signal: Trace) -> np.ndarray:
         """What chance makes of this recording beyond signal and noise, shape (n,)."""
         added = np.zeros(row.drive_V.size)
-        for place, effect in enumerate(plant.effects):
-            rng = np.random.default_rng([self.case.seed, self.case.number, 200 + place, row.order])
+        for effect in plant.effects:  # what it draws does not depend on what else there is
+            rng = np.random.default_rng([self.case.seed, self.case.number, crc32(effect.id.encode()), row.order])
             added += effect.added(signal.signal, signal.slope, row, rng)
         clean = signal.signal + self.noise(row)
         recorded = clean + added
