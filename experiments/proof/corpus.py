@@ -116,14 +116,14 @@ def _quick(rng: np.random.Generator, outside: Sequence[str], bases: Sequence[str
     """Of every kind, as many as two cores diagnose in a quarter of an hour: meagre campaigns cost a third."""
     ids = [str(name) for name in rng.permutation(list(STAGES))]
     others = [str(name) for name in rng.permutation(list(outside))]
-    yield from [("null", (), "none", False)] * 10
+    yield from [("null", (), "none", False)] * 8
     yield from (("effect", (name,), "medium" if k < 6 else "strong", False) for k, name in enumerate(ids))
-    yield from (("outside", (others[k % len(others)],), "strong", False) for k in range(4))
+    yield from (("outside", (others[k % len(others)],), "strong", False) for k in range(2))
     yield from (("pair", pair, "strong", False) for pair in _pairs(rng, 2))
     yield "base", (str(rng.choice(list(bases))),), "none", False
-    yield from [("null", (), "none", True)] * 6
+    yield from [("null", (), "none", True)] * 8
     yield from (("effect", (name,), "strong", True) for name in ids[:13])
-    yield from (("outside", (others[(4 + k) % len(others)],), "strong", True) for k in range(4))
+    yield from (("outside", (others[(2 + k) % len(others)],), "strong", True) for k in range(6))
 
 
 def _pairs(rng: np.random.Generator, count: int) -> list[tuple[str, ...]]:
