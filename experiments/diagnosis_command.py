@@ -170,7 +170,7 @@ def augmented_json(found: Diagnosis) -> dict[str, Any]:
     dynamics = {name: (estimate.low, estimate.high) for name, estimate in found.dynamics.items()}
     if not found.effects:
         return found.base_printhead.as_json(dynamics, fit)
-    values = tuple((e.effect, {name: p.value for name, p in e.parameters.items()}) for e in found.effects)
+    values = tuple((e.effect, dict(e.values)) for e in found.effects)
     intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in found.effects}
     last = max(trace.order for trace in found.traces)
     augmented = AugmentedPrinthead(found.printhead, values, found.gains, last)

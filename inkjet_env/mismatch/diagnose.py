@@ -353,7 +353,7 @@ class _Work:
                 Named(
                     s.effect, s.effect.told(s.values, units[s.channel]), s.gain,
                     chance_of(s.gain, len(s.values), max(o.shot.samples for o in joint.observed)),
-                    s.estimates, units[s.channel],
+                    s.estimates, s.values, units[s.channel],
                 )
                 for s in standing
             ),

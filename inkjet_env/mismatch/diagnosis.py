@@ -36,7 +36,9 @@ class Named:
     p_value : float
         That chance alone would give any effect of the catalogue so much.
     parameters : dict of str to Estimate
-        With 90 % intervals.
+        Those that the recordings tell, with 90 % intervals.
+    values : dict of str to float
+        Of all parameters, those too that do nothing beside the others: what a simulation needs.
     unit : str
         Of the sensor's signal, in which some parameters are.
     """
@@ -46,6 +48,7 @@ class Named:
     delta_nll: float
     p_value: float
     parameters: Mapping[str, Estimate]
+    values: Mapping[str, float]
     unit: str = "V"
 
     def unit_of(self, parameter: str) -> str:

@@ -203,6 +203,6 @@ def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> 
         p_value = selection.p_values.get(effect.id, chance_of(gain, free, len(selection.compared)))
         unit = _signal_unit(joint)
         sentence = effect.told(_surely(effect, values, estimates), unit)
-        result.append(Named(effect, sentence, gain, p_value, estimates, unit))
+        result.append(Named(effect, sentence, gain, p_value, estimates, values, unit))
         at += count
     return result

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from experiments import diagnosis_report
+from experiments.diagnosis_command import augmented_json
 from experiments.drive_csv import read_drive
 from inkjet_env import mismatch
 from inkjet_env.identification import Estimate
@@ -17,6 +18,7 @@ from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, write_campaign
 from inkjet_env.rig import default_battery, record_campaign
+from inkjet_env.storage import write_json
 
 HEAD = Printhead.published()
 EFFECTS = {effect.id: effect for effect in catalogue()}
@@ -76,6 +78,7 @@ def found(campaign):
                 40.0,
                 0.005,
                 {"bandwidth_Hz": Estimate(9e5, 6e5, math.inf), "second_order": Estimate(0.0, 0.0, 0.2)},
+                values,
             ),
         ),
         candidates=(("sensor_bandwidth", "amplifier_bandwidth"),),
@@ -211,6 +214,17 @@ def test_the_printhead_that_is_written_answers_with_its_effects(made_by_hand, fo
     status, out, err = inkjet("evaluate", "campaign", "--printhead", "head.json", "--json", "-")
     assert status == 0, err
     assert json.loads(out)["format"] == "evaluation/1"
+
+
+def test_a_law_of_which_parts_are_off_is_written_whole(found, tmp_path):
+    """Slipping elements alone: the loss ratio of the other part tells nothing, and no simulation does without it."""
+    effect = EFFECTS["ferroelastic_softening"]
+    values = complete(effect, rayleigh_per_V=1.3e-4, power=0.15, loss_ratio=10.0)
+    told = {"rayleigh_per_V": Estimate(1.3e-4, 1.2e-4, 1.4e-4), "power": Estimate(0.15, 0.14, 0.16)}
+    named = Named(effect, effect.told(values), 40.0, 0.005, told, values)
+    write_json(tmp_path / "head.json", augmented_json(replace(found, effects=(named,))))
+    ((_, read),) = read_printhead(tmp_path / "head.json").effects
+    assert read == values
 
 
 @pytest.mark.parametrize("where", ["diagnosis", "page"])

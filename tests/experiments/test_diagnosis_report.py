@@ -78,6 +78,7 @@ def named():
         5312.4,
         0.005,
         {"capacitive_s": Estimate(2.1e-8, 2.07e-8, 2.13e-8), "lossy": Estimate(4e-4, 3.1e-4, 4.9e-4)},
+        VALUES,
     )
     tables = {
         "time in the waveform": (("on the edges", 46.0, 210.0), ("in the dwells", 1.1, 2.3)),

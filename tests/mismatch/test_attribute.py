@@ -7,7 +7,9 @@ import pytest
 
 from inkjet_env.mismatch.attribute import attribute, base_hypothesis, settled, shaped, simplest
 from inkjet_env.mismatch.crew import Crew
+from inkjet_env.mismatch.select import Selection
 from inkjet_env.mismatch.signatures import signatures
+from inkjet_env.mismatch.verdict import named_effects
 from inkjet_env.plant.effect import complete, coordinates, parts_of, rest
 
 STANDARD_ERRORS = 4.0
@@ -111,6 +113,18 @@ def test_parts_that_were_not_recorded_are_sent_away_and_the_others_come_out_righ
     assert plain.free == len(PLAIN[name]) < everything.free
     assert plain.score > everything.score
     assert np.abs(errors_off(plain, PLAIN[name])).max() < STANDARD_ERRORS
+
+
+def test_what_does_nothing_has_a_value_and_no_interval(at):
+    """Of slipping elements alone, the loss ratio of the part that is off."""
+    joint, begun = at("ferroelastic_softening", {"rayleigh_per_V": 1e-4, "loss_ratio": 1.0},
+                      {"rayleigh_per_V": 2e-4, "loss_ratio": 10.0})  # fmt: skip
+    chosen = settled(joint, begun)
+    assert not chosen.degenerate
+    (named,) = named_effects(joint, chosen, Selection(chosen, {}, (chosen,), {}))
+    assert set(named.parameters) == {"rayleigh_per_V"}
+    assert set(named.values) == {p.name for p in named.effect.parameters}
+    assert named.values["loss_ratio"] == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize("name", PLAIN)

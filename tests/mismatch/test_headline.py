@@ -9,7 +9,7 @@ SOMEWHERE = Location(("r003", "r005"), frequency_Hz=((3.7e4, 5.2e4), (5.8e4, 6.6
 
 
 def named(effect, delta_nll, sentence):
-    return Named(effect, sentence, delta_nll, 1e-9, {})
+    return Named(effect, sentence, delta_nll, 1e-9, {}, {})
 
 
 def test_one_effect_is_told_with_its_share(effects):
