@@ -37,7 +37,7 @@ LEAST_LOOK = 0.5
 """Share of the best score that makes a further effect worth a fit."""
 NEARLY_AS_GOOD = 0.8
 """Share of the best one's gain, after the first steps, that makes an effect a rival worth fitting to the end."""
-HOPELESS = 2 * LEFT_OVER
+LOST = 2 * LEFT_OVER
 """Share of the mismatch that is left, from which on it does not matter what would do as well."""
 SAME_COSINE = 0.95
 """An effect nearly the winner's equal in signature is not told apart from it by less than the winner itself leaves
@@ -115,10 +115,10 @@ def select(
             break  # what such a pair leaves, a third does not mend
         beam = [h for h in added[: 1 if before.ids else BEAM] if h.gain >= WORTH_CARRYING * added[0].gain]
     chosen = _without_idle(joint, chosen, compared)
-    hopeless = chosen.noise_known and chosen.excess > HOPELESS * (chosen.excess + 2 * chosen.gain)
+    lost = chosen.noise_known and chosen.excess > LOST * (chosen.excess + 2 * chosen.gain)
     alternatives = {
         name: _as_good(joint, chosen, name, effects, found, compared, crew, progress, kept)
-        for name in (() if hopeless else chosen.ids)
+        for name in (() if lost else chosen.ids)
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
     return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), p_values)

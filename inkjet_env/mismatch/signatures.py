@@ -149,7 +149,7 @@ def superposed(joint: JointFit, effect: Effect, left: Real, basis: Real) -> list
     columns = np.column_stack([joint.signature(effect, values) for values in plain])
     columns -= basis @ (basis.T @ columns)
     gram = columns.T @ columns
-    size = np.sqrt(np.maximum(np.sum(np.asarray(weights @ gram) * weights.toarray(), axis=1), 1e-300))
+    size = np.sqrt(np.maximum(weights.multiply(weights @ gram).sum(axis=1), 1e-300))
     scores = np.asarray(weights @ (columns.T @ left)) / size
     found: list[int] = []
     for k in np.argsort(-np.abs(scores)):

@@ -30,8 +30,6 @@ FLOW_V = 100.0
 """Scaled speed that is a unit of flow."""
 STEADY = 1e-8
 """A periodic state is steady when a lap changes it by less of its size."""
-
-
 FAINT = 1e-4
 """Of a wave: when it has become so weak, it is no longer followed."""
 
@@ -86,6 +84,8 @@ class Echo:
         r1, r2 = self.reflection, self.second_reflection
         if r2 == 0:
             return self.strength * first
+        if r1 == 0:
+            raise FloatingPointError("a wave that comes back from an end that reflects nothing.")
         lap_s = self.delay_s + self.second_delay_s
         around = returned(signal, lap_s, 2)
         total = wave = first + r2 / r1 * returned(signal, self.second_delay_s, 1) + 2 * r2 * around

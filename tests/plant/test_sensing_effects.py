@@ -301,7 +301,7 @@ def test_starts_change_the_recordings_by_a_few_per_cent_whatever_the_heads_scale
     signal = base.signal(shot)
     for start in effect.starts(head, [shot]):
         change = base.with_effects([(effect, start)]).signal(shot) - signal
-        # a hard rail right at the largest sample changes next to nothing
-        assert 1e-7 < np.sqrt(np.mean(change**2) / np.mean(signal**2)) < 0.6, start
+        least = 0.0 if start.get("hardness") == 100 else 1e-4  # such a rail cuts the very largest sample alone
+        assert least < np.sqrt(np.mean(change**2) / np.mean(signal**2)) < 0.6, start
         off = base.with_effects([(effect, switched_off(effect, start))]).signal(shot)
         assert off == pytest.approx(signal, abs=1e-12)

@@ -93,7 +93,7 @@ def test_a_single_return_has_one_part():
 
 
 def test_starts_of_the_whole_law_are_the_sums_they_are_said_to_be():
-    """To first order in what comes back, and to the laps that are heard: 2.5 % of it at reflections of 0.7."""
+    """But for the laps after the fifth, which are not heard: ``(r1 r2)^5`` of what comes back."""
     shots = [Shot("self_sensing", "periodic", PERIOD_S / 50, pulses(900))]
     plain, starts, weights = ECHO.superposed(HEAD, shots)
     assert weights.shape == (len(starts), len(plain))
@@ -103,16 +103,16 @@ def test_starts_of_the_whole_law_are_the_sums_they_are_said_to_be():
         return plant.with_effects([(ECHO, values)]).signal(shots[0]) - plant.signal(shots[0])
 
     low, high = limits(ECHO, HEAD, shots)
+    points = np.array([[p.coordinate(start[p.name]) for p in ECHO.parameters] for start in starts])
+    assert ((points >= low) & (points <= high)).all()
     columns = np.column_stack([added(values) for values in plain])
-    for k in np.random.default_rng(5).choice(len(starts), 12, replace=False):
-        point = np.array([p.coordinate(starts[k][p.name]) for p in ECHO.parameters])
-        assert ((point >= low) & (point <= high)).all(), starts[k]
-        laps = (starts[k]["delay_s"] + starts[k]["second_delay_s"]) * 6
-        if laps > len(plain) * PERIOD_S / 8:
-            continue  # later ones are not heard
+    laps_s = np.array([start["delay_s"] + start["second_delay_s"] for start in starts])
+    whole = np.flatnonzero(6 * laps_s <= plain[-1]["delay_s"])  # of the others later copies are cut off
+    for k in np.random.default_rng(5).choice(whole, 12, replace=False):
         expected = added(starts[k])
         found = columns @ weights[[k]].toarray()[0]
-        assert found == pytest.approx(expected, abs=0.1 * np.abs(expected).max())
+        lost = abs(starts[k]["reflection"] * starts[k]["second_reflection"]) ** 5
+        assert np.abs(found - expected).max() == pytest.approx(lost * np.abs(expected).max(), rel=0.2)
 
 
 def test_it_says_what_goes_round():
@@ -123,3 +123,10 @@ def test_it_says_what_goes_round():
     assert "40 %" in said
     assert "55 µs" in said
     assert "other end" not in ECHO.told(complete(ECHO, delay_s=20e-6, strength=0.05))
+
+
+def test_an_end_that_reflects_nothing_throws_nothing_back():
+    values = complete(ECHO, delay_s=20e-6, second_delay_s=35e-6, strength=0.05, reflection=0.0, second_reflection=0.5)
+    shot = Shot("displacement", "demagnetised", PERIOD_S / 50, pulses(300))
+    with pytest.raises(FloatingPointError, match="reflects nothing"):
+        ECHO.resonator(values, RESONANCE, shot).motion(shot.drive_at_nodes_V, shot)

@@ -123,7 +123,11 @@ def test_a_refusal_is_neither_an_alarm_nor_right(flawless):
 def test_meagre_campaigns_are_counted_apart(flawless):
     found = scored(with_answer(flawless, lambda draw: draw["meagre"], verdict("named", "creep")))
     assert figure(found, "false alarms where nothing is concealed")["hits"] == 0
-    assert figure(found, "meagre campaigns: false alarms")["hits"] == 8
+    assert (
+        figure(found, "meagre campaigns: false alarms")["hits"]
+        == sum(c["draw"]["family"] == "null" and c["draw"]["meagre"] for c in flawless)
+        > 0
+    )
 
 
 def test_intervals_that_hold_the_truth_are_counted_open_ends_too(draws):
@@ -220,7 +224,8 @@ def test_the_page_stands_alone_and_begins_with_what_was_proven(flawless):
     found = scored(spoilt)
     page = page_html(json.loads(json_text(found)))
     assert "falls short" in headline(found)
-    assert page.index("Nothing was concealed in 8 heads; 0 of them") < page.index("<table>")
+    nulls = sum(case["draw"]["family"] == "null" and not case["draw"]["meagre"] for case in flawless)
+    assert page.index(f"Nothing was concealed in {nulls} heads; 0 of them") < page.index("<table>")
     assert not re.search(r"https?://|<script|<link|src=", page)
     assert page.count("<svg") >= 3
     assert found["truth_sha256"] in page
