@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from inkjet_env.identification.convention import conventional_swing
@@ -16,6 +17,8 @@ from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
 
+LARGEST = 1e13
+"""Coefficient of a direction in which the law is moved: `SMALL` of it is within what a law may have."""
 SMALL = 1e-5
 """Finite-difference step of a base parameter, relative."""
 
@@ -107,16 +110,35 @@ class Head:
     def _differences(self, observed: Observed, effects: Sequence[tuple[Effect, Values]]) -> Real:
         """`sensitivities` by finite differences of the plant."""
         largest = max(float(np.abs(observed.measured).max()), 1e-12)
+        directions = self._directions(observed)
         sizes = np.full(self.size, SMALL)
-        sizes[: self.degree] *= max(map(abs, self.printhead.coefficients))
         sizes[self.degree + 2 + len(self.free_gains) :] *= largest
         here = self.plant(effects).signal(observed.shot)
         columns = np.empty((here.size, self.size))
         for k, size in enumerate(sizes):
             step = np.zeros(self.size)
             step[k] = size
+            if k < self.degree:
+                step[: self.degree] = size * directions[:, k]
             columns[:, k] = (self.moved(step).plant(effects).signal(observed.shot) - here) / size
+        columns[:, : self.degree] = np.linalg.solve(directions.T, columns[:, : self.degree].T).T
         return columns
+
+    def _directions(self, observed: Observed) -> Real:
+        """Changes of the law that a recording shows each by itself, in coefficients of powers; columns, shape (d, d).
+
+        Chebyshev polynomials over the stretch of the law that its drive reaches, twice its size from a demagnetised
+        start, less their value at 0, as large as the law itself. Powers are nearly alike, and a fit steps by small
+        differences of large multiples of them: an error of each one's difference would be many times the step's.
+        """
+        least = (2 ** (2 * self.degree - 1) / LARGEST) ** (1 / self.degree)
+        reach = float(np.clip(2 * np.abs(observed.shot.drive_V).max() / self.printhead.full_scale_V, least, 1.0))
+        swing = abs(float(self.printhead.branch_law.Q(reach))) or 1.0
+        table = np.zeros((self.degree, self.degree))
+        for k in range(self.degree):
+            powers = Chebyshev.basis(k + 1, domain=[0.0, reach]).convert(kind=Polynomial)
+            table[: k + 1, k] = swing * np.asarray(powers.coef[1:], dtype=np.float64)
+        return table
 
 
 def in_convention(head: Head) -> Head:

@@ -198,7 +198,7 @@ class JointFit:
             accepted = False
             for attempt in range(8):
                 step = _damped(gram, moment, damping, point, low, high)
-                base = 0.5**attempt * np.linalg.lstsq(r, toward - in_base @ step, rcond=1e-12)[0]
+                base = np.linalg.lstsq(r, 0.5**attempt * toward - in_base @ step, rcond=1e-12)[0]
                 promise = nll - 0.5 * float(np.sum((own - mine @ step) ** 2))
                 try:
                     new_head, new_point = head.moved(base), np.clip(point + step, low, high)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.polynomial import Chebyshev, Polynomial
 
 from inkjet_env.identification import identify
 from inkjet_env.mismatch.fit import Place
@@ -46,6 +47,24 @@ def test_sensitivities_are_derivatives_of_the_plants_signal(channel, state, four
         ends = [four_channels.moved(sign * step).plant().signal(o.shot) for sign in (1, -1)]
         expected = (ends[0] - ends[1]) / 2e-4
         np.testing.assert_allclose(found[:, k], expected, atol=1e-6 * (np.abs(expected).max() + 1e-9))
+
+
+def test_sensitivities_beside_an_effect_foretell_what_a_law_of_high_degree_does(head, effects):
+    """Its coefficients are large and cancel: two laws a hair apart differ by thousands in single coefficients."""
+    bump = Chebyshev.basis(11, domain=[0.0, 1.0]).convert(kind=Polynomial).coef
+    large = replace(head, coefficients=tuple(np.pad(head.coefficients, (12 - len(head.coefficients), 0))
+                                             + 0.01 * np.append(bump[:0:-1], 0.0)))  # fmt: skip
+    assert max(map(abs, large.coefficients)) > 1e4
+    o, beside = pulse("self_sensing"), [(effects["cubic_stiffness"], {"stiffening_per_V2": 1e-6})]
+    start = Head(large, {"self_sensing": large.b1}, {"self_sensing": 0.0})
+    step = np.zeros(start.size)
+    for degree in (3, 7, 11):
+        powers = Chebyshev.basis(degree, domain=[0.0, 1.0]).convert(kind=Polynomial).coef[1:]
+        step[:11] = 1e-3 * np.pad(powers, (0, 11 - degree))
+        ends = [start.moved(sign * step).plant(beside).signal(o.shot) for sign in (1, -1)]
+        expected = (ends[0] - ends[1]) / 2
+        found = start.sensitivities(o, beside) @ step
+        assert np.linalg.norm(found - expected) < 1e-4 * np.linalg.norm(expected)
 
 
 def test_one_gain_is_held_because_the_law_carries_its_scale(four_channels):
