@@ -169,7 +169,8 @@ def augmented_json(found: Diagnosis) -> dict[str, Any]:
     fit = found.as_json()["fit"] | {"channels": channels}
     dynamics = {name: (estimate.low, estimate.high) for name, estimate in found.dynamics.items()}
     if not found.effects:
-        return found.base_printhead.as_json(dynamics, fit)
+        of_another = ("augmented_heldout_rms_V", "closure")  # the model that came closest has no name, so no file
+        return found.base_printhead.as_json(dynamics, {k: v for k, v in fit.items() if k not in of_another})
     values = tuple((e.effect, dict(e.values)) for e in found.effects)
     intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in found.effects}
     last = max(trace.order for trace in found.traces)

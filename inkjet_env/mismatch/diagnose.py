@@ -374,7 +374,7 @@ class _Work:
         self.progress("the next experiment")
         following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
-        head = chosen.fit.head
+        head = joint.base.head if verdict == "unknown" else chosen.fit.head  # of a model that is not named: no half
         gains, offsets = ({c: v for c, v in of.items() if c in units} for of in (head.gains, head.offsets))
         told = all(joint.noise.known(o) for o in joint.seen)
         said = headline(verdict, named, groups, closure, share, closest(base, selection), location, told)

@@ -310,6 +310,10 @@ def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_not
     assert vetoed.next_experiment is None
     for one, other in zip(named.attributions, vetoed.attributions, strict=True):
         assert (other.ids, other.gain) == (one.ids, pytest.approx(one.gain, rel=1e-6))
+    # what is left standing is the base model whole: its law, its gains and its offsets
+    plant = Plant(vetoed.printhead, vetoed.gains, vetoed.offsets)
+    for o, trace in zip(observe(held_out_from(turned, same)), vetoed.traces, strict=True):
+        np.testing.assert_allclose(plant.signal(o.shot), trace.base, atol=1e-3)
 
 
 def kept(campaign, chosen):
