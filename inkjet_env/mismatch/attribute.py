@@ -116,6 +116,13 @@ class Hypothesis:
         return not self.noise_known or self.excess > LEAST_SHARE * 2 * self.gain
 
     @property
+    def lacks_parts(self) -> bool:
+        """Whether so much is left that parts of the last effect's law which are off may be what is missing."""
+        plain, parts = self.fit.effects[-1].plain_leaves, parts_of(self.fit.effects[-1], _last(self.fit))
+        short = not self.noise_known or self.excess > plain * (2 * self.gain + self.excess)
+        return self.leaves_much and short and bool(parts[1])
+
+    @property
     def noise_known(self) -> bool:
         """Whether anything but a residual tells the noise of every recording; else what is left may be mismatch."""
         return all(self.joint.noise.known(o) for o in self.joint.seen)
@@ -217,8 +224,7 @@ def attribute(
     ended.sort(key=lambda h: -h.score)
     if ended and (ended[0].leaves_much or ended[0].degenerate):
         fair = WORTH_WHOLE * max(given.nll - h.fit.nll for h in ended)
-        partial = [h.fit for h in ended if h.leaves_much and given.nll - h.fit.nll >= fair]
-        partial = [fit for fit in partial if parts_of(fit.effects[-1], _last(fit))[1]]
+        partial = [h.fit for h in ended if h.lacks_parts and given.nll - h.fit.nll >= fair]
         partial = partial[: MOST_WHOLE if given.effects else None]
         wholes = [(fit.effects, fit.point, fit, "whole") for fit in partial]
         for k, fit in enumerate(kept.fits(crew, joint, lambda fit: shaped(joint, fit, beside).fit, partial, wholes)):

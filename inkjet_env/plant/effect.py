@@ -96,6 +96,8 @@ class Effect:
         Names of the parameters that are zero (or infinite) when the effect is off.
     parts : tuple of tuple of str
         Strengths that come and go together, where each is not a law by itself; shapes that do.
+    plain_leaves : float
+        Share of the mismatch that the law must leave before parts that its start has off are let in.
     signature : str
         What sets it apart.
     confusable_with : tuple of str
@@ -112,6 +114,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]]
     strengths: ClassVar[tuple[str, ...]]
     parts: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    plain_leaves: ClassVar[float] = 0.0
     signature: ClassVar[str]
     confusable_with: ClassVar[tuple[str, ...]] = ()
     shown_by: ClassVar[str]

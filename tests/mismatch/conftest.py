@@ -51,7 +51,8 @@ def _recorded(*names, strength=1.0, seed=3, snr_dB=50.0, monitored=False, **line
 @functools.cache
 def _recorded_as(name, **given):
     """A campaign with one effect on, of these values; what is not given of it is off or plain."""
-    return record_planted(HEAD, [(EFFECTS[name], complete(EFFECTS[name], **given))], 3, lines=_lines())
+    slow = ("loop-0.5", "loop-1", "loop-5", "staircase") if name == "creep" else ("loop-1",)
+    return record_planted(HEAD, [(EFFECTS[name], complete(EFFECTS[name], **given))], 3, lines=_lines(slow=slow))
 
 
 def _true_head(campaign):

@@ -7,6 +7,7 @@ import pytest
 from scipy.special import exp1, gamma
 
 from inkjet_env.plant import Plant, Shot
+from inkjet_env.plant.effect import complete
 from inkjet_env.plant.effects import creep
 from inkjet_env.plant.effects.creep import Creep, crept
 from inkjet_env.printhead import Printhead
@@ -16,7 +17,7 @@ PULSE = np.interp(np.arange(600), [20, 35, 130, 150], [0, 80, 80, 0.0])
 
 
 def creeping(creep_per_decade, onset_s):
-    return Plant(HEAD, effects=((Creep(), {"creep_per_decade": creep_per_decade, "onset_s": onset_s}),))
+    return Plant(HEAD, effects=((Creep(), complete(Creep(), creep_per_decade=creep_per_decade, onset_s=onset_s)),))
 
 
 def by_superposition(signal, onset_s, step_s):
@@ -87,3 +88,34 @@ def test_a_fast_recording_hardly_creeps():
     signal = Plant(HEAD).signal(shot)
     change = creeping(0.02, 0.1).signal(shot) - signal
     assert 0 < np.abs(change).max() < 1e-5 * np.abs(signal).max()
+
+
+def test_retarded_elements_go_on_after_a_step_as_their_exponentials():
+    step_s = 1e-3
+    shot = Shot("strain_gauge", "demagnetised", step_s, np.interp(np.arange(9001), [0, 1], [0.0, 60.0]))
+    values = complete(Creep(), onset_s=0.1, retarded_1=0.03, time_1_s=0.05, retarded_2=-0.01, time_2_s=2.0)
+    signal = Plant(HEAD, effects=((Creep(), values),)).signal(shot)
+    held = Plant(HEAD).signal(shot)[-1]
+    t = step_s * (np.arange(1, 9001) - 0.5)  # since the ramp's middle
+    expected = held * (1 + 0.03 * -np.expm1(-t / 0.05) - 0.01 * -np.expm1(-t / 2.0))
+    assert signal[2:] == pytest.approx(expected[1:], rel=2e-5)
+
+
+def test_retarded_elements_of_a_tone_in_steady_state_are_a_low_pass_of_it():
+    n, period_s = 2000, 0.4
+    tone_V = 40 * np.cos(2 * np.pi * np.arange(n) / n)
+    shot = Shot("strain_gauge", "periodic", period_s / n, tone_V)
+    values = complete(Creep(), onset_s=0.1, retarded_1=0.05, time_1_s=0.03)
+    held_V = np.ascontiguousarray(shot.drive_at_nodes_V)
+    found = Creep().hysteresis(values, held_V, held_V, HEAD, shot) - held_V
+    angle = 2 * np.pi * np.arange(held_V.size) / held_V.size
+    expected = (0.05 * 40 * np.exp(1j * angle) / (1 + 2j * np.pi * 0.03 / period_s)).real
+    assert found == pytest.approx(expected, abs=2e-5)
+
+
+def test_what_creeps_how_is_said():
+    assert "tenfold" in Creep().told(complete(Creep(), creep_per_decade=0.02, onset_s=0.1))
+    said = Creep().told(complete(Creep(), onset_s=0.1, retarded_1=0.03, time_1_s=0.05, retarded_2=-0.01))
+    assert "tenfold" not in said
+    assert "on by 3 % within about 50 ms" in said
+    assert "back by 1 % within about 3 s" in said

@@ -1,4 +1,4 @@
-"""Creep: the ceramic goes on with the logarithm of time."""
+"""Creep: the ceramic goes on with the logarithm of time, or with relaxations of its own."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.lag import lagged
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
@@ -25,7 +25,7 @@ FASTEST = 20.0
 
 
 class Creep(Effect):
-    """Logarithmic creep of every change of the hysteretic drive, changes superposed.
+    """Logarithmic creep of every change of the hysteretic drive, and two retarded elements; changes superposed.
 
     In steady state the mean has crept for ever; where to is unknown, and a constant offset tells it from nothing: it
     is left where it was.
@@ -33,36 +33,65 @@ class Creep(Effect):
 
     id = "creep"
     stage = "hysteresis"
-    sentence = "Displacement goes on with the logarithm of time after the drive has changed."
-    equation = "v(t) + γ ∫ lg(1 + (t - s) / t0) dv(s)"
+    sentence = "Displacement goes on for long after the drive has changed, with the logarithm of time or nearly so."
+    equation = "v(t) + ∫ γ lg(1 + (t - s) / t0) + c1 (1 - exp((s - t) / τ1)) + c2 (1 - exp((s - t) / τ2)) dv(s)"
     source = (
         "K. Kuhnen, Modeling, identification and compensation of complex hysteretic and log(t)-type creep "
-        "nonlinearities, Control and Intelligent Systems 33(2), 2005"
+        "nonlinearities, Control and Intelligent Systems 33(2), 2005; retarded elements, Kelvin's and Voigt's: R. S. "
+        "Lakes, Viscoelastic Materials, Cambridge University Press, 2009"
     )
     parameters = (
         Parameter("creep_per_decade", "1", -0.2, 0.2, meaning="of a change, once more in every decade of time"),
         Parameter("onset_s", "s", 1e-4, 10.0, "log", "time after which creep is counted in decades", open_ended=True),
+        Parameter("retarded_1", "1", -0.2, 0.2, meaning="c1: of a change, once more in the long run"),
+        Parameter("time_1_s", "s", 1e-4, 100.0, "log", "τ1", open_ended=True, plain=0.1),
+        Parameter("retarded_2", "1", -0.2, 0.2, meaning="c2: the same of another element"),
+        Parameter("time_2_s", "s", 1e-4, 100.0, "log", "τ2", open_ended=True, plain=3.0),
     )
-    strengths = ("creep_per_decade",)
+    strengths = ("creep_per_decade", "retarded_1", "retarded_2")
+    plain_leaves = 0.025  # so little a logarithm that begins or ends within the records may leave
+    parts = (("creep_per_decade",), ("retarded_1", "time_1_s"), ("retarded_2", "time_2_s"))
     signature = "after a step the displacement follows a line over the logarithm of time, for decades"
     confusable_with = ("baseline_drift", "meniscus_refill", "rate_dependent_hysteresis")
     shown_by = "a slow recording of a step that is held for three decades of time"
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        return [{"creep_per_decade": 0.02, "onset_s": onset_s} for onset_s in (0.1, 0.01, 1.0)]
+        return [complete(self, creep_per_decade=0.02, onset_s=onset_s) for onset_s in (0.1, 0.01, 1.0)]
+
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+        slow = [shot for shot in shots if not shot.fast] or shots
+        times_s = min(shot.step_s for shot in slow), max(shot.samples * shot.step_s for shot in slow)
+        return {"time_1_s": times_s, "time_2_s": times_s}
 
     def told(self, values: Values, unit: str = "V") -> str:
         part, onset_s = values["creep_per_decade"], values["onset_s"]
-        return (
-            f"After a change of the drive the head goes {'back' if part < 0 else 'on'} by {percent(abs(part))} of what "
-            f"it moved with every tenfold time, from about {with_prefix(onset_s, 's')} on."
-        )
+        said = [
+            f"goes {_where(part)} by {percent(abs(part))} of what it moved with every tenfold time, from about "
+            f"{with_prefix(onset_s, 's')} on"
+        ] * bool(part)
+        said += [
+            f"goes {_where(values[f'retarded_{k}'])} by {percent(abs(values[f'retarded_{k}']))} within about "
+            f"{with_prefix(values[f'time_{k}_s'], 's')}"
+            for k in (1, 2)
+            if values[f"retarded_{k}"]
+        ]
+        return f"After a change of the drive the head {', and '.join(said)}." if said else self.sentence
 
     def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
-        if values["creep_per_decade"] == 0:
-            return hysteretic_V
-        creep_V = crept(hysteretic_V, values["onset_s"], shot.node_step_s, shot.periodic)
-        return hysteretic_V + values["creep_per_decade"] * creep_V
+        result = hysteretic_V
+        if values["creep_per_decade"]:
+            creep_V = crept(hysteretic_V, values["onset_s"], shot.node_step_s, shot.periodic)
+            result = result + values["creep_per_decade"] * creep_V
+        moved_V = hysteretic_V - (hysteretic_V.mean() if shot.periodic else hysteretic_V[0])
+        for k in (1, 2):
+            if values[f"retarded_{k}"]:
+                late_V = lagged(moved_V, values[f"time_{k}_s"], shot.node_step_s, shot.periodic)
+                result = result + values[f"retarded_{k}"] * late_V
+        return result
+
+
+def _where(part: float) -> str:
+    return "back" if part < 0 else "on"
 
 
 def crept(signal: Real, onset_s: float, step_s: float, periodic: bool) -> Real:
