@@ -147,6 +147,14 @@ def test_saturation_never_passes_the_rail_and_leaves_small_signals(hardness):
     assert shown[::-1] == pytest.approx(-shown)
 
 
+def test_the_softest_saturation_is_the_hyperbola():
+    effect, ramp = EFFECTS["sensor_saturation"], np.linspace(-9, 9, 37)
+    shown = effect.sensing(complete(effect, limit=2.0, hardness=1.0), ramp, None, HEAD, shot_of())
+    assert shown == pytest.approx(ramp / (1 + np.abs(ramp) / 2), rel=1e-12)
+    above = effect.sensing(complete(effect, limit=4.0, hardness=1.0, skew=1.0), ramp, None, HEAD, shot_of())
+    assert above == pytest.approx(np.where(ramp > 0, shown, ramp), rel=1e-12)
+
+
 def test_hard_saturation_is_clipping():
     shot = shot_of()
     signal = Plant(HEAD).signal(shot)
@@ -161,15 +169,16 @@ def test_skewed_rails_lie_apart_and_one_of_them_may_be_gone():
         values = complete(effect, limit=3.0, hardness=30.0, skew=skew)
         assert effect.sensing(values, ramp, None, HEAD, shot_of()) == pytest.approx([-below, above], rel=1e-6)
     assert "more than 1.5 V." in effect.told(complete(effect, limit=3.0, hardness=30.0, skew=1.0))
+    assert "more than 1.5 V." in effect.told(complete(effect, limit=3.0, hardness=30.0, skew=0.999))
     assert "more than 2 V and less than -6 V." in effect.told(complete(effect, limit=3.0, hardness=30.0, skew=0.5))
 
 
 def test_saturation_begins_at_what_was_measured_where_that_is_known():
     effect, shot = EFFECTS["sensor_saturation"], shot_of()
     largest = np.abs(Plant(HEAD).signal(shot)).max()
-    assert max(s["limit"] for s in effect.starts(HEAD, [shot]) if not s["skew"]) == pytest.approx(3 * largest)
+    assert max(s["limit"] for s in effect.starts(HEAD, [shot]) if not s["skew"]) == pytest.approx(10 * largest)
     shot.kept["largest"] = 12.0
-    assert max(s["limit"] for s in effect.starts(HEAD, [shot]) if not s["skew"]) == pytest.approx(36.0)
+    assert max(s["limit"] for s in effect.starts(HEAD, [shot]) if not s["skew"]) == pytest.approx(120.0)
 
 
 # hum and drift

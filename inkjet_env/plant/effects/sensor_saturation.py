@@ -16,8 +16,12 @@ from inkjet_env.printhead import Printhead
 
 Real = NDArray[np.float64]
 
-GUESSES = ((1.0, 100.0), (0.98, 30.0), (0.8, 30.0), (0.6, 30.0), (0.98, 6.0), (0.7, 6.0), (3.0, 2.0), (1.2, 2.0))
+GUESSES = (
+    (1.0, 100.0), (0.98, 30.0), (0.8, 30.0), (0.6, 30.0), (0.98, 6.0), (0.7, 6.0), (3.0, 2.0), (1.2, 2.0), (10.0, 1.0)
+)  # fmt: skip
 """Limit over the largest signal, and hardness."""
+OUT_OF_REACH = 100.0
+"""A rail so many times as far off as the other one is none."""
 
 
 class SensorSaturation(Effect):
@@ -36,7 +40,7 @@ class SensorSaturation(Effect):
     )
     parameters = (
         Parameter("limit", SENSOR_UNIT, 1e-9, math.inf, "reciprocal", "the rail that the signal never passes"),
-        Parameter("hardness", "1", 1.5, 100.0, "log", "2 compresses softly, 20 and more clips", open_ended=True),
+        Parameter("hardness", "1", 1.0, 100.0, "log", "1: from the first on; 20 and more: it clips", open_ended=True),
         Parameter("skew", "1", -1.0, 1.0, meaning="1: above 0 alone, -1: below", open_ended=True, plain=0.0),
     )
     strengths = ("limit",)
@@ -58,7 +62,8 @@ class SensorSaturation(Effect):
 
     def told(self, values: Values, unit: str = "V") -> str:
         does = "clips" if values["hardness"] > 10 else "compresses"
-        rails = [values["limit"] / (1 + side * values["skew"]) if side * values["skew"] > -1 else 0 for side in (1, -1)]
+        shares = [1 + side * values["skew"] for side in (1, -1)]
+        rails = [values["limit"] / share if OUT_OF_REACH * share > max(shares) else 0.0 for share in shares]
         if values["skew"] == 0:
             return f"The sensor {does}: it never shows more than ±{with_prefix(rails[0], unit, 3)}."
         above, below = (with_prefix(rail, unit, 3) for rail in rails)
