@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from inkjet_env.identification import identify
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
+from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis, settled
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.diagnosis import LEFT_OVER, Correction, Diagnosis, Named
@@ -87,7 +87,7 @@ def diagnose(
         Draws the noise that scores are judged against.
     held_out : sequence of str, optional
         Recordings that no fit sees; see `identification.measurements`. What does worse on them than the base model is
-        not named.
+        not named, unless it explains them too once they are fitted.
     workers : int
         Processes.
     progress : callable, optional
@@ -319,6 +319,26 @@ class _Work:
             for key in {o.noise_key for o in new.observed if new.noise.known(o)}
         )
 
+    def borne_out(self, joint: JointFit, chosen: Hypothesis) -> bool:
+        """Whether effects that foretold held-out recordings badly explain them once these may tell the values too.
+
+        When a bubble came between two recordings that were fitted, nothing tells of those in between whether it was
+        there. An effect that is not there does no better for being told.
+        """
+        everything = [replace(o, fitted=o.shot.samples) for o in joint.observed]
+        whole = JointFit(everything, joint.noise, joint.base.head, joint.standing)
+        found, told = signatures(whole, chosen.fit.effects, self.crew), base_hypothesis(whole)
+        for effect in chosen.fit.effects:
+            beside = found.beside(told.columns)
+            told = next(iter(attribute(whole, told, [effect], beside, self.crew, self.progress)), told)
+        before = after = noise = 0.0
+        for o in joint.observed:
+            rows = o.rows(held_out=True)
+            before += float(np.sum(whole.base.left[o.name][rows] ** 2))
+            after += float(np.sum(told.fit.left[o.name][rows] ** 2))
+            noise += o.shot.samples - o.fitted
+        return before - after >= (1 - LEFT_OVER) * (before - noise)
+
     def verdict(
         self,
         joint: JointFit,
@@ -338,7 +358,8 @@ class _Work:
         groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
         groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
         anything = bool(chosen.ids or standing)
-        if share > LEFT_OVER or (chosen.ids and closure < 0):
+        refuted = bool(chosen.ids) and closure < 0 and not self.borne_out(joint, chosen)
+        if share > LEFT_OVER or refuted:
             verdict = "unknown"
         elif not anything:
             verdict = "none"

@@ -62,7 +62,10 @@ def _by_weight(named: Sequence[Named]) -> list[Named]:
 
 def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
     """How much of the mismatch is explained, and what else is there; nothing where there is nothing to say."""
-    share = "" if math.isnan(closure) else f"{percent(max(closure, 0.0), 3)} of what the base model missed"
+    if closure < 0:
+        also = f"Besides, there is {_joined(others, 'and')}; r" if others else "R"
+        return [f"{also}ecordings held out were foretold worse for it, yet agree once they are fitted too."]
+    share = "" if math.isnan(closure) else f"{percent(closure, 3)} of what the base model missed"
     if others:
         also = f"Besides, there is {_joined(others, 'and')}"
         return [f"{also}; together they explain {share}." if share else f"{also}."]

@@ -316,6 +316,21 @@ def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_not
         np.testing.assert_allclose(plant.signal(o.shot), trace.base, atol=1e-3)
 
 
+def test_what_came_where_all_was_held_out_keeps_its_name_and_says_that_it_was_foretold_worse(
+    recorded_as, head, effects
+):
+    """A bubble from recording 6 on; 6 to 9 are held out, so nothing tells whether it came before or after them."""
+    bubble = {"onset_order": 6.0, "frequency_change": -0.01, "bubble_frequency_Hz": 28800.0,
+              "bubble_damping_ratio": 0.1, "bubble_strength": 0.05}  # fmt: skip
+    campaign, looked_for = recorded_as("air_bubble", **bubble), [effects["air_bubble"], effects["feedthrough"]]
+    found = diagnose(campaign, head, looked_for, held_out=["r006", "r007", "r008", "r009"], workers=1)
+    assert (found.verdict, ids(found)) == ("named", ["air_bubble"])
+    assert found.closure < 0
+    assert found.headline.endswith("yet agree once they are fitted too.")
+    assert "recording 11 on" in found.headline
+    assert found.effects[0].parameters["bubble_frequency_Hz"].value == pytest.approx(28800, rel=0.01)
+
+
 def kept(campaign, chosen):
     recordings = [r for r in campaign.recordings if chosen(r)]
     names = {r.name for r in recordings}

@@ -26,6 +26,16 @@ def test_of_several_effects_the_weightiest_comes_first_and_the_others_by_name(ef
     assert said == "Edges are cut. Besides, there is creep; together they explain 93 % of what the base model missed."
 
 
+def test_what_held_out_recordings_bear_out_only_when_fitted_is_said(effects):
+    one, other = named(effects["slew_limit"], 400.0, "Edges are cut."), named(effects["creep"], 40.0, "It goes on.")
+    said = headline("named", [one], [], -0.2, 0.0, None, SOMEWHERE)
+    assert said == (
+        "Edges are cut. Recordings held out were foretold worse for it, yet agree once they are fitted too."
+    )
+    said = headline("named", [one, other], [], -0.2, 0.0, None, SOMEWHERE)
+    assert said.startswith("Edges are cut. Besides, there is creep; recordings held out were")
+
+
 def test_a_set_names_all_its_members_and_what_is_certain_beside_it(effects):
     both = [named(effects["second_mode"], 9.0, "A mode."), named(effects["mains_hum"], 4.0, "A hum.")]
     said = headline("set", both, [("second_mode", "air_bubble")], 0.99, 0.0, None, SOMEWHERE)
