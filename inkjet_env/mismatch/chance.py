@@ -147,7 +147,7 @@ def _least_gain(effect: Effect, observed: Sequence[Observed]) -> float:
 
 def _at_rest(one: ByChance, channel: _Channel) -> bool:
     """Whether recordings at rest, where there are any, show it too: what needs a drive is no hum and no drift."""
-    resting = [o for o in channel.observed if o.still and one.effect.nuisances(one.values, o.shot) is not None]
+    resting = [o for o in channel.observed if o.at_rest and one.effect.nuisances(one.values, o.shot) is not None]
     if not resting:
         return True
     less = _less(one.effect, one.values, channel)

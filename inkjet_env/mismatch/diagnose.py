@@ -159,7 +159,7 @@ class _Work:
         standing: list[ByChance] = []
         if by_accident:
             self.progress("what differs from recording to recording")
-            resting = [o for o in observed if o.still]
+            resting = [o for o in observed if o.at_rest]
             joint, standing = self.with_chance(joint, by_accident, resting, standing)
             self.took("chance")
         found, selection = self.selected(joint, lawful)

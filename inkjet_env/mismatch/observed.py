@@ -53,6 +53,12 @@ class Observed:
         return bool(np.ptp(self.shot.drive_V) == 0)
 
     @property
+    def at_rest(self) -> bool:
+        """Whether nothing but noise is in it: its drive and the neighbour's never change."""
+        neighbour_V = self.shot.neighbour_V
+        return self.still and (neighbour_V is None or bool(np.ptp(neighbour_V) == 0))
+
+    @property
     def noise_key(self) -> tuple[str, float]:
         """Recordings of one channel and one sampling step share a noise model."""
         return self.channel, float(f"{self.shot.step_s:.4g}")
@@ -194,7 +200,7 @@ def noise_seen(
     sources: dict[str, dict[float, str]] = {}
     for key in sorted({o.noise_key for o in observed}):
         mine = [o for o in observed if o.noise_key == key]
-        resting = [left[o.name] for o in mine if o.still]
+        resting = [left[o.name] for o in mine if o.at_rest]
         source = ["recordings at rest"] if resting else []
         if resting:
             level = np.concatenate(resting).mean()

@@ -131,6 +131,18 @@ def test_recordings_at_rest_tell_the_noise_whatever_their_offset(rms):
     assert noise.notes == ()
 
 
+def test_a_head_at_rest_beside_one_that_fires_tells_no_noise():
+    rms, neighbour_V = 0.02, np.interp(np.arange(2000.0), [0, 300, 310], [0, 0, 50])
+    heard = recording("a", np.zeros(2000), white(rms, 2000, 3) + 0.01 * neighbour_V, neighbour_V=neighbour_V)
+    quiet = recording("b", np.zeros(2000), white(rms, 2000, 4), neighbour_V=np.full(2000, 20.0))
+    (first, second, *_), noise = seen_in(heard, quiet, recording("c", sensor=100 * rms * PULSE_V))
+    assert first.still
+    assert (first.at_rest, second.at_rest) == (False, True)
+    model = noise.models[first.noise_key]
+    assert model.source == "recordings at rest"
+    assert model.rms == pytest.approx(rms, rel=0.05)
+
+
 def test_repeats_tell_the_noise_whatever_they_share():
     shared = 50 * np.sin(np.arange(500.0))
     same = [recording(n, sensor=shared + white(0.2, 500, k)) for k, n in enumerate("abc")]
