@@ -18,7 +18,7 @@ from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis, settled
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
 from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.diagnosis import LEFT_OVER, Correction, Diagnosis, Named
+from inkjet_env.mismatch.diagnosis import LEFT_OVER, MOST_ALIKE, Correction, Diagnosis, Named
 from inkjet_env.mismatch.dynamics import dynamics
 from inkjet_env.mismatch.flexible import Flexible, flexible_residual
 from inkjet_env.mismatch.head import Head, gains_and_offsets, in_convention
@@ -359,7 +359,8 @@ class _Work:
         groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
         anything = bool(chosen.ids or standing)
         refuted = bool(chosen.ids) and closure < 0 and not self.borne_out(joint, chosen)
-        if share > LEFT_OVER or refuted:
+        vague = max(map(len, groups), default=0) > MOST_ALIKE
+        if share > LEFT_OVER or refuted or vague:
             verdict = "unknown"
         elif not anything:
             verdict = "none"
@@ -380,14 +381,12 @@ class _Work:
             ),
             *named_effects(joint, chosen, selection),
         ]  # fmt: skip
-        if verdict == "unknown":
-            groups = []
         listed = compared(selection)
         correction = None
         if verdict == "unknown" and flexible.foretold > SURELY_FORETOLD * flexible.error:
             correction = Correction(flexible.share, flexible.foretold, flexible.error, flexible.modelled)
         fits = [chosen.fit]
-        for group in groups:
+        for group in groups if verdict == "set" else ():
             ids = set(chosen.ids)
             for other in group[1:]:
                 wanted = (ids - {group[0]}) | {other}
@@ -399,6 +398,7 @@ class _Work:
         gains, offsets = ({c: v for c, v in of.items() if c in units} for of in (head.gains, head.offsets))
         told = all(joint.noise.known(o) for o in joint.seen)
         said = headline(verdict, named, groups, closure, share, closest(base, selection), location, told)
+        groups = [] if verdict == "unknown" else groups
         return Diagnosis(
             self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),
             location, traces, closure, share, listed, untestable, following, correction, head.printhead, gains, offsets,

@@ -19,6 +19,8 @@ Real = NDArray[np.float64]
 
 LEFT_OVER = 0.05
 """Share of the mismatch from which on what is left unexplained makes a verdict unknown."""
+MOST_ALIKE = 6
+"""Effects in a set: where each of more explains it as well as another, nothing is known."""
 VERDICTS = ("none", "named", "set", "unknown")
 
 

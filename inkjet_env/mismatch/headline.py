@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from inkjet_env.mismatch.diagnosis import LEFT_OVER, Location, Named
+from inkjet_env.mismatch.diagnosis import LEFT_OVER, MOST_ALIKE, Location, Named
 from inkjet_env.plant.wording import percent, span_told
 
 MOST_BANDS = 2
@@ -46,7 +46,7 @@ def headline(
     if verdict == "none":
         return "The base model explains these recordings to their noise: nothing was left out that they could show."
     if verdict == "unknown":
-        return _unknown(closure, left_over, closest, location)
+        return _unknown(closure, left_over, closest, location, max(map(len, groups), default=0))
     if verdict == "set":
         alike = "; ".join(_joined(group, "or") for group in groups)
         first = f"{alike[0].upper()}{alike[1:]}: these recordings cannot tell which."
@@ -73,10 +73,12 @@ def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
 
 
 def _unknown(
-    closure: float, left_over: float, closest: tuple[tuple[str, ...], float] | None, location: Location
+    closure: float, left_over: float, closest: tuple[tuple[str, ...], float] | None, location: Location, alike: int
 ) -> str:
     said = f"{percent(left_over)} of the mismatch is explained by nothing in the catalogue"
-    if closure < 0 and left_over <= LEFT_OVER and closest is not None:
+    if left_over <= LEFT_OVER and alike > MOST_ALIKE:
+        said = f"Something small is there, and each of {alike} effects explains it as well as another"
+    elif closure < 0 and left_over <= LEFT_OVER and closest is not None:
         said = f"{_joined(closest[0], 'with').capitalize()} explains what was fitted, and recordings held out the less"
     elif closest is not None:
         ids, part = closest

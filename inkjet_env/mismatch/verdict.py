@@ -24,6 +24,8 @@ SURE = 5.0
 """Standard deviations by which what is left must exceed the noise to count."""
 LEAST_EXCESS = 0.03
 """Of the noise's power: less is taken for its own uncertainty."""
+LEAST_ALIKE = 5
+"""Recordings of one noise, of which most tell how loud it is."""
 LEAST_FORETOLD = 8.0
 """Of the log-likelihood, for what a flexible model foretells to count."""
 MOST_COMPARED = 24
@@ -72,7 +74,8 @@ def share_left(base: Hypothesis, chosen: Hypothesis, flexible: Flexible) -> floa
     """Share of the base model's mismatch that is left beyond noise; 0 where it is not surely there."""
     known, unknown = _beyond_noise(base, chosen), _foretold_beyond(base, chosen, flexible)
     left, mismatch = known[0] + unknown[0], known[1] + unknown[1]
-    return left / max(mismatch, left) if left > 0 else 0.0
+    share = left / max(mismatch, left) if left > 0 else 0.0
+    return max(share, _unevenly(base, chosen)) if chosen.ids else share
 
 
 def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
@@ -89,6 +92,28 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
     mismatch = float(np.sum(base.left[keep] ** 2)) - rows + base.columns.shape[1]
     sure = left > SURE * doubt and left > LEAST_EXCESS * rows
     return (left if sure else 0.0), mismatch
+
+
+def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
+    """Share of the mismatch left in recordings that are surely louder than most others of the same noise.
+
+    How loud the noise is cancels: it may be known less well than what is left is large.
+    """
+    joint, left, mismatch = base.joint, 0.0, 0.0
+    for key in {o.noise_key for o in joint.seen if joint.noise.known(o)}:
+        mine = [o for o in joint.seen if o.noise_key == key]
+        if len(mine) < LEAST_ALIKE:
+            continue
+        rows = np.array([o.fitted for o in mine])
+        before, after = (
+            np.array([float(np.mean(h.fit.left[o.name][: o.fitted] ** 2)) for o in mine]) for h in (base, chosen)
+        )
+        usual = float(np.median(after))
+        more = after - usual
+        sure = more > SURE * usual * np.sqrt(2 / rows + np.pi / rows.sum())
+        left += float(np.sum((more * rows)[sure]))
+        mismatch += float(np.sum((before - usual) * rows))
+    return left / max(mismatch, left) if left > 0 else 0.0
 
 
 def _foretold_beyond(base: Hypothesis, chosen: Hypothesis, flexible: Flexible) -> tuple[float, float]:

@@ -56,6 +56,14 @@ def test_an_unknown_cause_tells_how_much_where_and_what_came_closest():
     assert headline("unknown", [], [], -0.1, 0.03, (("creep",), 0.97), Location()) == said
 
 
+def test_too_many_that_explain_it_alike_are_not_listed():
+    alike = tuple("abcdefg")
+    said = headline("unknown", [], [alike], math.nan, 0.0, (("creep",), 1.0), Location())
+    assert said == "Something small is there, and each of 7 effects explains it as well as another."
+    said = headline("unknown", [], [alike[:6]], -0.1, 0.0, (("creep",), 1.0), Location())
+    assert said == "Creep explains what was fitted, and recordings held out the less."
+
+
 def test_nothing_found_is_not_noise_where_nothing_tells_the_noise():
     said = headline("none", [], [], math.nan, 0.0, None, Location())
     assert said.startswith("The base model explains these recordings to their noise")

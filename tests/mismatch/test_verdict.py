@@ -1,0 +1,72 @@
+"""What a verdict rests on: how much is left, and how surely."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
+from inkjet_env.mismatch.flexible import flexible_residual
+from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.observed import Noise
+from inkjet_env.mismatch.verdict import share_left
+from inkjet_env.plant.effect import coordinates
+
+FEW = 200
+"""Samples that tell the noise: its variance is known to 10 %."""
+
+
+def hardly_told(joint):
+    """The same where little tells how loud the noise is."""
+    noise = Noise(joint.noise.models, dict.fromkeys(joint.noise.samples, FEW), (), joint.noise.least)
+    return JointFit(joint.observed, noise, joint.start)
+
+
+@pytest.fixture(scope="module")
+def explained(recorded, fitted, effects, values):
+    joint, effect = hardly_told(fitted(recorded("feedthrough", strength=3.0))), effects["feedthrough"]
+    return settled(joint, joint.fit((effect,), coordinates(effect, values("feedthrough", 3.0))))
+
+
+def louder(hypothesis, factors):
+    """The hypothesis with the rest of some recordings multiplied."""
+    left = {name: factors.get(name, 1.0) * rest for name, rest in hypothesis.fit.left.items()}
+    return Hypothesis(replace(hypothesis.fit, left=left), hypothesis.joint)
+
+
+def share(chosen):
+    return share_left(base_hypothesis(chosen.joint), chosen, flexible_residual(chosen))
+
+
+def fast(chosen):
+    return [o.name for o in chosen.joint.seen if o.shot.fast]
+
+
+def test_nothing_is_left_of_what_is_explained(explained):
+    assert share(explained) == 0
+
+
+def test_a_rest_that_is_louder_in_few_recordings_is_no_noise_however_badly_that_is_known(explained):
+    joint, one = explained.joint, fast(explained)[0]
+    moved = [o for o in joint.seen if o.shot.fast]
+    mismatch = sum(float(np.sum(joint.base.left[o.name][: o.fitted] ** 2)) - o.fitted for o in moved)
+    more = 1.25 * float(np.sum(explained.fit.left[one] ** 2))
+    assert share(louder(explained, {one: 1.5})) == pytest.approx(more / mismatch, rel=0.1)
+
+
+def test_a_rest_that_is_as_loud_everywhere_may_be_noise(explained):
+    assert share(louder(explained, dict.fromkeys(fast(explained), 1.1))) == 0
+
+
+def test_of_few_recordings_none_is_called_loud(explained):
+    few = [o for o in explained.joint.observed if not o.shot.fast or o.name in fast(explained)[:4]]
+    joint = JointFit(few, explained.joint.noise, explained.joint.start)
+    fit = joint.fit(explained.fit.effects, explained.fit.point)
+    assert share(louder(Hypothesis(fit, joint), {fast(explained)[0]: 1.4})) == 0
+
+
+def test_where_nothing_was_chosen_only_the_sum_counts(recorded, fitted):
+    joint = hardly_told(fitted(recorded("feedthrough")))
+    base = base_hypothesis(joint)
+    assert base.excess > 0.1 * base.left.size
+    assert share_left(base, base, flexible_residual(base)) == 0
