@@ -59,6 +59,8 @@ MOST_BASE_ROUNDS = 10
 """Times that the base model is fitted again from where it has come to."""
 SURELY_FORETOLD = 2.0
 """Standard errors by which a flexible model must do better on held-out recordings to be offered as a correction."""
+FORETOLD_POORLY = 0.5
+"""Closure from which on down an effect keeps its name only if it explains held-out recordings once they are fitted."""
 SAME_GAIN = 0.02
 """Two effects by chance of which one gains so little more than the other are not told apart."""
 
@@ -163,9 +165,11 @@ class _Work:
             joint, standing = self.with_chance(joint, by_accident, resting, standing)
             self.took("chance")
         found, selection = self.selected(joint, lawful)
-        if by_accident and not leftover(selection.chosen, found, self.rng):
+        nothing = not selection.chosen.ids
+        if by_accident and (nothing or not leftover(selection.chosen, found, self.rng)):
             exact, chosen = self.polished(joint, selection.chosen, standing)
-            again, more = self.with_chance(exact, by_accident, observed, standing, chosen)
+            trusted = [o for o in observed if nothing or o.fitted]  # in the others, what was chosen may do badly
+            again, more = self.with_chance(exact, by_accident, trusted, standing, chosen)
             self.took("chance")
             if more is not standing:
                 joint, standing = again, more
@@ -332,11 +336,13 @@ class _Work:
             beside = found.beside(told.columns)
             told = next(iter(attribute(whole, told, [effect], beside, self.crew, self.progress)), told)
         before = after = noise = 0.0
-        for o in joint.observed:
-            rows = o.rows(held_out=True)
-            before += float(np.sum(whole.base.left[o.name][rows] ** 2))
-            after += float(np.sum(told.fit.left[o.name][rows] ** 2))
-            noise += o.shot.samples - o.fitted
+        for key in {o.noise_key for o in joint.observed}:
+            mine = [o for o in joint.observed if o.noise_key == key]
+            seen = np.concatenate([told.fit.left[o.name][o.rows(held_out=False)] for o in mine])
+            unseen = np.concatenate([told.fit.left[o.name][o.rows(held_out=True)] for o in mine])
+            before += sum(float(np.sum(whole.base.left[o.name][o.rows(held_out=True)] ** 2)) for o in mine)
+            after += float(unseen @ unseen)
+            noise += unseen.size * (float(seen @ seen) / seen.size if seen.size else 1.0)
         return before - after >= (1 - LEFT_OVER) * (before - noise)
 
     def verdict(
@@ -358,7 +364,7 @@ class _Work:
         groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
         groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
         anything = bool(chosen.ids or standing)
-        refuted = bool(chosen.ids) and closure < 0 and not self.borne_out(joint, chosen)
+        refuted = bool(chosen.ids) and closure < FORETOLD_POORLY and not self.borne_out(joint, chosen)
         vague = max(map(len, groups), default=0) > MOST_ALIKE
         if share > LEFT_OVER or refuted or vague:
             verdict = "unknown"

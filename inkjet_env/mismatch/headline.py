@@ -78,9 +78,9 @@ def _unknown(
     said = f"{percent(left_over)} of the mismatch is explained by nothing in the catalogue"
     if left_over <= LEFT_OVER and alike > MOST_ALIKE:
         said = f"Something small is there, and each of {alike} effects explains it as well as another"
-    elif closure < 0 and left_over <= LEFT_OVER and closest is not None:
+    elif left_over <= LEFT_OVER and closest is not None:
         said = f"{_joined(closest[0], 'with').capitalize()} explains what was fitted, and recordings held out the less"
-    elif closest is not None:
+    elif closest is not None and closest[1] <= 1 - left_over + LEFT_OVER:
         ids, part = closest
         said += f"; {_joined(ids, 'with')} comes closest with {percent(part)}"
     where = []

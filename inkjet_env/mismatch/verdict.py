@@ -97,11 +97,13 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
 def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
     """Share of the mismatch left in recordings that are surely louder than most others of the same noise.
 
-    How loud the noise is cancels: it may be known less well than what is left is large.
+    How loud the noise is cancels: it may be known less well than what is left is large. A probe at the head does not
+    count: no effect touches it, and what its converter rounds differs with the drive.
     """
     joint, left, mismatch = base.joint, 0.0, 0.0
-    for key in {o.noise_key for o in joint.seen if joint.noise.known(o)}:
-        mine = [o for o in joint.seen if o.noise_key == key]
+    of_the_head = [o for o in joint.seen if joint.noise.known(o) and o.channel != "drive_monitor"]
+    for key in {o.noise_key for o in of_the_head}:
+        mine = [o for o in of_the_head if o.noise_key == key]
         if len(mine) < LEAST_ALIKE:
             continue
         rows = np.array([o.fitted for o in mine])
