@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.mismatch import Diagnosis
-from inkjet_env.mismatch.diagnose import NODES_A_PERIOD
+from inkjet_env.mismatch.base_model import NODES_A_PERIOD
 from inkjet_env.mismatch.head import Head
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe

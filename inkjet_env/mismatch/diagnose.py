@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from inkjet_env.identification import identify
-from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis, settled
+from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
+from inkjet_env.mismatch.base_model import MOST_PARTS, base_model
+from inkjet_env.mismatch.bearing_out import borne_out
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.diagnosis import LEFT_OVER, MOST_ALIKE, Correction, Diagnosis, Named
 from inkjet_env.mismatch.dynamics import dynamics
 from inkjet_env.mismatch.flexible import Flexible, flexible_residual
-from inkjet_env.mismatch.head import Head, gains_and_offsets, in_convention
+from inkjet_env.mismatch.head import in_convention
 from inkjet_env.mismatch.headline import headline
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.kept import Kept
@@ -40,23 +39,13 @@ from inkjet_env.mismatch.verdict import (
     traces_of,
 )
 from inkjet_env.plant import Effect, catalogue
-from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
 
 Real = NDArray[np.float64]
 
-DEGREE = 9
-"""Of the branch law at least: what the base model could say, it shall say, before anything else is blamed."""
-FAR_OFF = 0.7
-"""Of the fast recordings' power: a base model that leaves more was begun too far off to be refitted."""
 FINE_ENOUGH = 0.5
 """Standard errors of a parameter by which the simulation may be wrong."""
-MOST_PARTS = 16
-NODES_A_PERIOD = 36
-"""At least, of the resonance."""
-MOST_BASE_ROUNDS = 10
-"""Times that the base model is fitted again from where it has come to."""
 SURELY_FORETOLD = 2.0
 """Standard errors by which a flexible model must do better on held-out recordings to be offered as a correction."""
 FORETOLD_POORLY = 0.5
@@ -156,7 +145,10 @@ class _Work:
         by_accident = [e for e in testable if type(e).nuisances is not Effect.nuisances]
         lawful = [e for e in testable if e not in by_accident]
         self.progress("the base model")
-        joint = self.base(observed, printhead, held_out)
+        joint = base_model(self.campaign, observed, printhead, held_out, self.progress)
+        self.notes.extend(joint.noise.notes)
+        if not any(o.fitted < o.shot.samples for o in observed):
+            self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
         self.took("base model")
         standing: list[ByChance] = []
         if by_accident:
@@ -186,56 +178,6 @@ class _Work:
         flexible = flexible_residual(chosen)
         self.took("flexible model")
         return self.verdict(joint, chosen, selection, standing, flexible, untestable)
-
-    def base(
-        self, observed: Sequence[Observed], printhead: Printhead | None, held_out: Sequence[str] | None
-    ) -> JointFit:
-        """The base model and the noise."""
-        given = printhead is not None
-        if printhead is None:
-            # The gauge alone: where something is left out, the fast recordings would have a law of any degree.
-            rule = "strain_gauge" if any(o.channel == "strain_gauge" for o in observed) else "flattening"
-            found = identify(self.campaign, degree_rule=rule, held_out=held_out, progress=self.progress)
-            gains = {channel: gain.value for channel, gain in found.gains.items()}
-            offsets, printhead, otherwise = dict(found.offsets), found.printhead, dict(found.noise)
-        else:
-            gains, offsets = gains_and_offsets(observed, printhead)
-            otherwise = {}
-        channels = {o.channel for o in observed}
-        for channel in channels - set(offsets):
-            offsets[channel], gains[channel] = 0.0, 1.0
-        coefficients = (0.0,) * max(0, DEGREE + 1 - len(printhead.coefficients)) + printhead.coefficients
-        head = Head(replace(printhead, coefficients=coefficients), gains, offsets)
-        coarsest_s = max((o.shot.step_s for o in observed if o.shot.fast), default=0.0)
-        parts = 2 * max(1, min(MOST_PARTS // 2, math.ceil(NODES_A_PERIOD * printhead.frequency_Hz * coarsest_s / 2)))
-        observed = finer(observed, parts)
-        joint = self.settled(observed, head, otherwise)
-        if given and _unexplained(joint) > FAR_OFF:
-            raise ValueError(
-                f"the printhead that was given, of {with_prefix(printhead.frequency_Hz, 'Hz', 3)}, explains next to "
-                "nothing of these recordings, even refitted. Give one of this head, or none: it is then identified."
-            )
-        self.notes.extend(joint.noise.notes)
-        if not any(o.fitted < o.shot.samples for o in observed):
-            self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
-        return joint
-
-    @staticmethod
-    def settled(
-        observed: Sequence[Observed], head: Head, otherwise: Mapping[tuple[str, float], NoiseModel]
-    ) -> JointFit:
-        """A joint fit whose noise is that of its own base model's residuals, its law scaled as by convention."""
-        signals = {o.name: head.plant().signal(o.shot) for o in observed}
-        noise = noise_seen(observed, {o.name: o.measured - signals[o.name] for o in observed}, otherwise)
-        joint = JointFit(observed, noise, head)
-        for _ in range(MOST_BASE_ROUNDS):
-            before = joint.base.nll
-            joint = JointFit(observed, noise, in_convention(joint.base.head))
-            if before - joint.base.nll < 0.5:
-                break
-        modelled = joint.modelled(joint.base)
-        noise = noise_seen(observed, {o.name: o.measured - modelled[o.name] for o in observed}, otherwise)
-        return JointFit(observed, noise, joint.base.head)
 
     @staticmethod
     def less_chance(
@@ -323,28 +265,6 @@ class _Work:
             for key in {o.noise_key for o in new.observed if new.noise.known(o)}
         )
 
-    def borne_out(self, joint: JointFit, chosen: Hypothesis) -> bool:
-        """Whether effects that foretold held-out recordings badly explain them once these may tell the values too.
-
-        When a bubble came between two recordings that were fitted, nothing tells of those in between whether it was
-        there. An effect that is not there does no better for being told.
-        """
-        everything = [replace(o, fitted=o.shot.samples) for o in joint.observed]
-        whole = JointFit(everything, joint.noise, joint.base.head, joint.standing)
-        found, told = signatures(whole, chosen.fit.effects, self.crew), base_hypothesis(whole)
-        for effect in chosen.fit.effects:
-            beside = found.beside(told.columns)
-            told = next(iter(attribute(whole, told, [effect], beside, self.crew, self.progress)), told)
-        before = after = noise = 0.0
-        for key in {o.noise_key for o in joint.observed}:
-            mine = [o for o in joint.observed if o.noise_key == key]
-            seen = np.concatenate([told.fit.left[o.name][o.rows(held_out=False)] for o in mine])
-            unseen = np.concatenate([told.fit.left[o.name][o.rows(held_out=True)] for o in mine])
-            before += sum(float(np.sum(whole.base.left[o.name][o.rows(held_out=True)] ** 2)) for o in mine)
-            after += float(unseen @ unseen)
-            noise += unseen.size * (float(seen @ seen) / seen.size if seen.size else 1.0)
-        return before - after >= (1 - LEFT_OVER) * (before - noise)
-
     def verdict(
         self,
         joint: JointFit,
@@ -364,7 +284,9 @@ class _Work:
         groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
         groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
         anything = bool(chosen.ids or standing)
-        refuted = bool(chosen.ids) and closure < FORETOLD_POORLY and not self.borne_out(joint, chosen)
+        refuted = (
+            bool(chosen.ids) and closure < FORETOLD_POORLY and not borne_out(joint, chosen, self.crew, self.progress)
+        )
         vague = max(map(len, groups), default=0) > MOST_ALIKE
         if share > LEFT_OVER or refuted or vague:
             verdict = "unknown"
@@ -411,11 +333,3 @@ class _Work:
             joint.base.head.printhead, dynamics(base if verdict == "unknown" else chosen), tuple(self.notes),
             time.perf_counter() - self.started, self.stages,
         )  # fmt: skip
-
-
-def _unexplained(joint: JointFit) -> float:
-    """Share of the fast channels' mean square under a drive that the base model leaves."""
-    moved = [o for o in joint.seen if o.shot.fast and not o.still]
-    modelled = joint.modelled(joint.base)
-    left = sum(float(np.var(o.measured - modelled[o.name])) / max(float(np.var(o.measured)), 1e-300) for o in moved)
-    return left / max(len(moved), 1)

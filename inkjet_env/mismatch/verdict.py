@@ -102,7 +102,7 @@ def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
     """
     joint, left, mismatch = base.joint, 0.0, 0.0
     of_the_head = [o for o in joint.seen if joint.noise.known(o) and o.channel != "drive_monitor"]
-    for key in {o.noise_key for o in of_the_head}:
+    for key in sorted({o.noise_key for o in of_the_head}):
         mine = [o for o in of_the_head if o.noise_key == key]
         if len(mine) < LEAST_ALIKE:
             continue

@@ -1,0 +1,103 @@
+"""The base model on a campaign's recordings, with the noise of what it leaves: where every hypothesis begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from inkjet_env.identification import identify
+from inkjet_env.identification.noise import NoiseModel
+from inkjet_env.mismatch.head import Head, gains_and_offsets, in_convention
+from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.observed import Observed, finer, noise_seen
+from inkjet_env.plant.wording import with_prefix
+from inkjet_env.printhead import Printhead
+from inkjet_env.recordings import Campaign
+
+DEGREE = 9
+"""Of the branch law at least: what the base model could say, it shall say, before anything else is blamed."""
+FAR_OFF = 0.7
+"""Of the fast recordings' power: a base model that leaves more was begun too far off to be refitted."""
+MOST_PARTS = 16
+"""Nodes a sample at most."""
+NODES_A_PERIOD = 36
+"""At least, of the resonance."""
+MOST_ROUNDS = 10
+"""Times that the base model is fitted again from where it has come to."""
+
+
+def base_model(
+    campaign: Campaign,
+    observed: Sequence[Observed],
+    printhead: Printhead | None,
+    held_out: Sequence[str] | None,
+    progress: Callable[[str], None],
+) -> JointFit:
+    """The base model and the noise.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    observed : sequence of Observed
+        Its recordings.
+    printhead : Printhead, optional
+        Where the fit begins; identified from the campaign unless given.
+    held_out : sequence of str, optional
+        As in an identification.
+    progress : callable
+
+    Raises
+    ------
+    ValueError
+        Recordings that no base model can be identified from; a printhead of another head.
+    """
+    given = printhead is not None
+    if printhead is None:
+        # The gauge alone: where something is left out, the fast recordings would have a law of any degree.
+        rule = "strain_gauge" if any(o.channel == "strain_gauge" for o in observed) else "flattening"
+        found = identify(campaign, degree_rule=rule, held_out=held_out, progress=progress)
+        gains = {channel: gain.value for channel, gain in found.gains.items()}
+        offsets, printhead, otherwise = dict(found.offsets), found.printhead, dict(found.noise)
+    else:
+        gains, offsets = gains_and_offsets(observed, printhead)
+        otherwise = {}
+    channels = {o.channel for o in observed}
+    for channel in channels - set(offsets):
+        offsets[channel], gains[channel] = 0.0, 1.0
+    coefficients = (0.0,) * max(0, DEGREE + 1 - len(printhead.coefficients)) + printhead.coefficients
+    head = Head(replace(printhead, coefficients=coefficients), gains, offsets)
+    coarsest_s = max((o.shot.step_s for o in observed if o.shot.fast), default=0.0)
+    parts = 2 * max(1, min(MOST_PARTS // 2, math.ceil(NODES_A_PERIOD * printhead.frequency_Hz * coarsest_s / 2)))
+    joint = _settled(finer(observed, parts), head, otherwise)
+    if given and _unexplained(joint) > FAR_OFF:
+        raise ValueError(
+            f"the printhead that was given, of {with_prefix(printhead.frequency_Hz, 'Hz', 3)}, explains next to "
+            "nothing of these recordings, even refitted. Give one of this head, or none: it is then identified."
+        )
+    return joint
+
+
+def _settled(observed: Sequence[Observed], head: Head, otherwise: Mapping[tuple[str, float], NoiseModel]) -> JointFit:
+    """A joint fit whose noise is that of its own base model's residuals, its law scaled as by convention."""
+    signals = {o.name: head.plant().signal(o.shot) for o in observed}
+    noise = noise_seen(observed, {o.name: o.measured - signals[o.name] for o in observed}, otherwise)
+    joint = JointFit(observed, noise, head)
+    for _ in range(MOST_ROUNDS):
+        before = joint.base.nll
+        joint = JointFit(observed, noise, in_convention(joint.base.head))
+        if before - joint.base.nll < 0.5:
+            break
+    modelled = joint.modelled(joint.base)
+    noise = noise_seen(observed, {o.name: o.measured - modelled[o.name] for o in observed}, otherwise)
+    return JointFit(observed, noise, joint.base.head)
+
+
+def _unexplained(joint: JointFit) -> float:
+    """Share of the fast channels' mean square under a drive that the base model leaves."""
+    moved = [o for o in joint.seen if o.shot.fast and not o.still]
+    modelled = joint.modelled(joint.base)
+    left = sum(float(np.var(o.measured - modelled[o.name])) / max(float(np.var(o.measured)), 1e-300) for o in moved)
+    return left / max(len(moved), 1)
