@@ -22,7 +22,7 @@ from experiments.identification_figures import CHANNEL_WORDS, unit_text
 from experiments.identification_report import hertz, short
 from experiments.pictures import svg_text
 from inkjet_env.identification import Estimate
-from inkjet_env.mismatch.diagnosis import LEFT_OVER
+from inkjet_env.mismatch.diagnosis import FORETOLD_POORLY, LEFT_OVER
 from inkjet_env.storage import write_atomically
 
 if TYPE_CHECKING:
@@ -89,7 +89,8 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         verdict=VERDICT_WORDS[diagnosis.verdict],
         headline=diagnosis.headline.rstrip("."),
         augmented=augmented(diagnosis.traces),
-        refuted=diagnosis.closure < 0 and diagnosis.left_over <= LEFT_OVER,
+        explained=diagnosis.left_over <= LEFT_OVER,
+        foretold=not diagnosis.closure < FORETOLD_POORLY,
         heldout=[t.name for t in diagnosis.traces if t.held_out and t.channel == diagnosis.main_channel],
         proof=proof,
         models=models,

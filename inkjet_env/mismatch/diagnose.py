@@ -17,7 +17,7 @@ from inkjet_env.mismatch.base_model import MOST_PARTS, base_model
 from inkjet_env.mismatch.bearing_out import borne_out
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
 from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.diagnosis import LEFT_OVER, MOST_ALIKE, Correction, Diagnosis, Named
+from inkjet_env.mismatch.diagnosis import FORETOLD_POORLY, LEFT_OVER, MOST_ALIKE, Correction, Diagnosis, Named
 from inkjet_env.mismatch.dynamics import dynamics
 from inkjet_env.mismatch.flexible import Flexible, flexible_residual
 from inkjet_env.mismatch.head import in_convention
@@ -48,8 +48,6 @@ FINE_ENOUGH = 0.5
 """Standard errors of a parameter by which the simulation may be wrong."""
 SURELY_FORETOLD = 2.0
 """Standard errors by which a flexible model must do better on held-out recordings to be offered as a correction."""
-FORETOLD_POORLY = 0.5
-"""Closure from which on down an effect keeps its name only if it explains held-out recordings once they are fitted."""
 SAME_GAIN = 0.02
 """Two effects by chance of which one gains so little more than the other are not told apart."""
 

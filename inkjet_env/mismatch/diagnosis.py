@@ -19,6 +19,8 @@ Real = NDArray[np.float64]
 
 LEFT_OVER = 0.05
 """Share of the mismatch from which on what is left unexplained makes a verdict unknown."""
+FORETOLD_POORLY = 0.5
+"""Closure from which on down an effect keeps its name only if it explains held-out recordings once they are fitted."""
 MOST_ALIKE = 6
 """Effects in a set: where each of more explains it as well as another, nothing is known."""
 VERDICTS = ("none", "named", "set", "unknown")
@@ -210,7 +212,7 @@ class Diagnosis:
     next_experiment : NextExperiment or None
     correction : Correction or None
     printhead : Printhead
-        The base part of the augmented model.
+        The base part of the augmented model; the base model where the verdict is unknown.
     gains, offsets : dict of str to float
     base_printhead : Printhead
         Without any effect.

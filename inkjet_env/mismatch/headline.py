@@ -46,7 +46,8 @@ def headline(
     if verdict == "none":
         return "The base model explains these recordings to their noise: nothing was left out that they could show."
     if verdict == "unknown":
-        return _unknown(closure, left_over, closest, location, max(map(len, groups), default=0))
+        refuted = [n.effect.id for n in named] or list(closest[0] if closest else ())
+        return _unknown(left_over, refuted, closest, location, max(map(len, groups), default=0))
     if verdict == "set":
         alike = "; ".join(_joined(group, "or") for group in groups)
         first = f"{alike[0].upper()}{alike[1:]}: these recordings cannot tell which."
@@ -73,13 +74,17 @@ def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
 
 
 def _unknown(
-    closure: float, left_over: float, closest: tuple[tuple[str, ...], float] | None, location: Location, alike: int
+    left_over: float,
+    refuted: Sequence[str],
+    closest: tuple[tuple[str, ...], float] | None,
+    location: Location,
+    alike: int,
 ) -> str:
     said = f"{percent(left_over)} of the mismatch is explained by nothing in the catalogue"
     if left_over <= LEFT_OVER and alike > MOST_ALIKE:
         said = f"Something small is there, and each of {alike} effects explains it as well as another"
-    elif left_over <= LEFT_OVER and closest is not None:
-        said = f"{_joined(closest[0], 'with').capitalize()} explains what was fitted, and recordings held out the less"
+    elif left_over <= LEFT_OVER and refuted:
+        said = f"{_joined(refuted, 'with').capitalize()} explains what was fitted, and recordings held out the less"
     elif closest is not None and closest[1] <= 1 - left_over + LEFT_OVER:
         ids, part = closest
         said += f"; {_joined(ids, 'with')} comes closest with {percent(part)}"

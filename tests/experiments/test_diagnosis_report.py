@@ -229,6 +229,19 @@ def test_what_only_held_out_recordings_speak_against_is_told_as_that(named):
     assert [words in beside_more for words in told] == [False, True, True]
 
 
+def test_a_page_does_not_doubt_what_its_verdict_names(named):
+    borne_out = text_of(diagnosis_html(replace(named, closure=-1.64)))
+    assert "but fitted to them too it explains them" in borne_out
+    assert "not believed" not in borne_out
+    refused = replace(named, verdict="unknown", effects=(), left_over=0.0)
+    poorly, alike = (text_of(diagnosis_html(replace(refused, closure=closure))) for closure in (0.3, 0.9))
+    assert "does not explain those held out, so it is not named" in poorly
+    assert "too many effects explain alike" in alike
+    for text in (poorly, alike):
+        assert "Structure is left" not in text
+        assert "damping ratio" not in text  # the head of a model that has no name
+
+
 def test_candidates_are_told_with_what_sets_them_apart(diagnoses, pages):
     text = text_of(pages["set"])
     for candidate in diagnoses["set"].candidates[0]:

@@ -275,64 +275,6 @@ def test_the_same_numbers_drawn_give_the_same_diagnosis_on_any_number_of_workers
     assert told[0] == told[1] == told[2]
 
 
-def test_a_recording_that_was_held_out_tells_no_fit(recorded, head, effects):
-    campaign, looked_for = recorded("quadratic_damping"), [effects["quadratic_damping"], effects["feedthrough"]]
-    name = next(r.name for r in campaign.recordings if r.excitation == "pulse_pair")
-    other = Campaign("other", tuple(
-        replace(r, sensor=r.sensor[::-1].copy()) if r.name == name else r for r in campaign.recordings
-    ))  # fmt: skip
-    one, two = (diagnose(c, head, looked_for, held_out=[name], workers=1) for c in (campaign, other))
-    assert one.verdict == "named"
-    for first, second in zip(one.attributions, two.attributions, strict=True):
-        assert (second.ids, second.told) == (first.ids, first.told)
-        assert second.gain == pytest.approx(first.gain, rel=1e-9)
-    assert [t.name for t in one.traces if t.held_out] == [name]
-    assert one.closure > 0.9 > two.closure
-
-
-def held_out_from(other, campaign):
-    """The campaign, but what is held out of it as another one has it."""
-    unseen = {o.name for o in observe(campaign) if not o.fitted}
-    return Campaign("altered", tuple(
-        theirs if theirs.name in unseen else ours
-        for ours, theirs in zip(campaign.recordings, other.recordings, strict=True)
-    ))  # fmt: skip
-
-
-def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_nothing_else(recorded_as, head, effects):
-    same, turned = (recorded_as("feedthrough", capacitive_s=sign * 5e-9) for sign in (1, -1))
-    looked_for = [effects["feedthrough"], effects["cubic_stiffness"]]
-    named, vetoed = (diagnose(held_out_from(c, same), head, looked_for, workers=1) for c in (same, turned))
-    assert (named.verdict, ids(named)) == ("named", ["feedthrough"])
-    assert named.closure > 0.7
-    assert (vetoed.verdict, vetoed.effects, vetoed.candidates) == ("unknown", (), ())
-    assert vetoed.closure < 0
-    assert vetoed.left_over == 0  # of what was fitted: nothing else is against it
-    assert vetoed.headline.startswith("Feedthrough explains what was fitted, and recordings held out the less. ")
-    assert vetoed.next_experiment is None
-    for one, other in zip(named.attributions, vetoed.attributions, strict=True):
-        assert (other.ids, other.gain) == (one.ids, pytest.approx(one.gain, rel=1e-6))
-    # what is left standing is the base model whole: its law, its gains and its offsets
-    plant = Plant(vetoed.printhead, vetoed.gains, vetoed.offsets)
-    for o, trace in zip(observe(held_out_from(turned, same)), vetoed.traces, strict=True):
-        np.testing.assert_allclose(plant.signal(o.shot), trace.base, atol=1e-3)
-
-
-def test_what_came_where_all_was_held_out_keeps_its_name_and_says_that_it_was_foretold_worse(
-    recorded_as, head, effects
-):
-    """A bubble from recording 6 on; 6 to 9 are held out, so nothing tells whether it came before or after them."""
-    bubble = {"onset_order": 6.0, "frequency_change": -0.01, "bubble_frequency_Hz": 28800.0,
-              "bubble_damping_ratio": 0.1, "bubble_strength": 0.05}  # fmt: skip
-    campaign, looked_for = recorded_as("air_bubble", **bubble), [effects["air_bubble"], effects["feedthrough"]]
-    found = diagnose(campaign, head, looked_for, held_out=["r006", "r007", "r008", "r009"], workers=1)
-    assert (found.verdict, ids(found)) == ("named", ["air_bubble"])
-    assert found.closure < 0
-    assert found.headline.endswith("yet agree once they are fitted too.")
-    assert "recording 11 on" in found.headline
-    assert found.effects[0].parameters["bubble_frequency_Hz"].value == pytest.approx(28800, rel=0.01)
-
-
 def kept(campaign, chosen):
     recordings = [r for r in campaign.recordings if chosen(r)]
     names = {r.name for r in recordings}
@@ -367,24 +309,10 @@ def test_one_recording_is_enough_and_nothing_held_out_is_no_figure(recorded, hea
     json_text(found.as_json())
 
 
-def test_without_held_out_recordings_the_effect_is_named_all_the_same(recorded, head, effects):
-    looked_for = [effects["quadratic_damping"], effects["feedthrough"]]
-    found = diagnose(recorded("quadratic_damping"), head, looked_for, held_out=[], workers=1)
-    assert (found.verdict, ids(found)) == ("named", ["quadratic_damping"])
-    assert math.isnan(found.closure)
-    assert found.as_json()["fit"]["closure"] is None
-
-
 def test_recordings_at_rest_alone_are_refused_in_one_sentence(recorded):
     campaign = kept(recorded(), lambda r: r.excitation == "zero")
     with pytest.raises(ValueError, match="has no recording to identify a0, a1 and b1 from"):
         diagnose(campaign, workers=1)
-
-
-def test_all_held_out_is_refused(recorded, head):
-    campaign = recorded()
-    with pytest.raises(ValueError, match="all recordings of campaign 'planted' are held out"):
-        diagnose(campaign, head, held_out=[r.name for r in campaign.recordings], workers=1)
 
 
 def test_no_effects_to_look_for_leaves_none_or_unknown(recorded, head):

@@ -56,6 +56,12 @@ def test_an_unknown_cause_tells_how_much_where_and_what_came_closest():
     assert headline("unknown", [], [], -0.1, 0.03, (("creep",), 0.97), Location()) == said
 
 
+def test_the_name_that_is_refused_is_the_one_that_was_chosen(effects):
+    chosen = [named(effects["slew_limit"], 400.0, "Edges are cut.")]
+    said = headline("unknown", chosen, [], 0.3, 0.0, (("creep", "wave_echo"), 1.0), Location())
+    assert said == "Slew limit explains what was fitted, and recordings held out the less."
+
+
 def test_too_many_that_explain_it_alike_are_not_listed():
     alike = tuple("abcdefg")
     said = headline("unknown", [], [alike], math.nan, 0.0, (("creep",), 1.0), Location())
