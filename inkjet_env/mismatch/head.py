@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
@@ -134,11 +135,18 @@ class Head:
         least = (2 ** (2 * self.degree - 1) / LARGEST) ** (1 / self.degree)
         reach = float(np.clip(2 * np.abs(observed.shot.drive_V).max() / self.printhead.full_scale_V, least, 1.0))
         swing = abs(float(self.printhead.branch_law.Q(reach))) or 1.0
-        table = np.zeros((self.degree, self.degree))
-        for k in range(self.degree):
-            powers = Chebyshev.basis(k + 1, domain=[0.0, reach]).convert(kind=Polynomial)
-            table[: k + 1, k] = swing * np.asarray(powers.coef[1:], dtype=np.float64)
-        return table
+        return swing * _chebyshev(self.degree, reach)
+
+
+@lru_cache(maxsize=1024)
+def _chebyshev(degree: int, reach: float) -> Real:
+    """Chebyshev polynomials over 0 … reach less their value at 0, in coefficients of powers; columns, shape (d, d)."""
+    table = np.zeros((degree, degree))
+    for k in range(degree):
+        powers = Chebyshev.basis(k + 1, domain=[0.0, reach]).convert(kind=Polynomial)
+        table[: k + 1, k] = powers.coef[1:]
+    table.flags.writeable = False
+    return table
 
 
 def in_convention(head: Head) -> Head:

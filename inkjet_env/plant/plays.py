@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,14 @@ def play_sum_V(
     plays : int
         How many; the difference from the law falls with their square.
     """
-    sum_ = PlayOperators.of_branch_law(law, plays)
-    thresholds_V, weights = sum_.thresholds_V[1:].copy(), sum_.weights[1:].copy()  # the first is linear
+    thresholds_V, weights = _thresholds_and_weights(law, plays)
     states_V, output_V = np.empty(plays), np.empty(ends_V.size)
     kernel(ends_V, *change, thresholds_V, weights, 2 if periodic else 1, states_V, output_V)
     return output_V
+
+
+@lru_cache(maxsize=64)
+def _thresholds_and_weights(law: BranchLaw, plays: int) -> tuple[Real, Real]:
+    """Of the plays in place of a law, but for the linear one, shape (plays,) each."""
+    sum_ = PlayOperators.of_branch_law(law, plays)
+    return sum_.thresholds_V[1:].copy(), sum_.weights[1:].copy()

@@ -328,13 +328,11 @@ def delayed(signal: Real, samples: float, periodic: bool) -> Real:
     """
     whole = math.floor(samples)
     part = 1 - (samples - whole)
-    index = np.arange(signal.size) - whole - 2
+    places = np.arange(signal.size + 3) - whole - 2
+    reached = signal[places % signal.size if periodic else np.clip(places, 0, signal.size - 1)]
 
     def at(offset: int) -> Real:
-        places = index + offset
-        if periodic:
-            return signal[places % signal.size]
-        return signal[np.clip(places, 0, signal.size - 1)]
+        return reached[offset : offset + signal.size]
 
     t = part  # Lagrange's cubic through the two samples on either side
     return (
