@@ -122,8 +122,7 @@ def prove(
     draws = corpus(settings.seed, settings.profile, *families(settings.rig))
     salt = salt_of(folder)
     named = dict(sorted(((opaque_name(salt, draw), draw) for draw in draws), key=itemgetter(0)))
-    if not (folder / "manifest.json").exists():
-        _conceal_all(folder, named, settings.rig, client, steps, code["rig"])
+    _conceal_all(folder, named, settings.rig, client, steps, code["rig"])
     cases = {name: read_json(folder / "sealed" / "cases" / f"{name}.json") for name in named}
     manifest = seal(folder, cases)
     _say(f"Sealed: SHA-256 of salt and truth is {manifest['truth_sha256']}.")
@@ -145,7 +144,10 @@ def _say(sentence: str) -> None:
 
 
 def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any, steps: Steps, code: str) -> None:
-    """Record every case that is not recorded yet; the file that tells its truth is written last."""
+    """Record every case that is not recorded yet; the file that tells its truth is written last.
+
+    A campaign that was taken away is recorded anew, and must be the same to the byte.
+    """
 
     def told(name: str) -> Path:
         return folder / "sealed" / "cases" / f"{name}.json"
@@ -153,7 +155,7 @@ def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any,
     jobs = {
         name: functools.partial(lambda n, d: (d.as_json(), n, rig, code), name, draw)
         for name, draw in named.items()
-        if not told(name).exists()
+        if not (told(name).exists() and (folder / "campaigns" / name).exists())
     }
     with shown_progress("conceal", len(named), len(named) - len(jobs)) as progress:
         done = len(named) - len(jobs)
@@ -161,14 +163,20 @@ def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any,
         def keep(name: str, made: tuple[bytes, str, Mapping[str, Any], int]) -> None:
             nonlocal done
             packed, campaign, truth, attempt = made
+            case = {"draw": named[name].as_json(), "attempt": attempt, "campaign": campaign, "truth": truth}
+            if told(name).exists() and read_json(told(name))["campaign"] != campaign:
+                raise ProofError(
+                    f"{name} comes out otherwise than it was recorded before: on this machine the rig computes other "
+                    f"numbers. Put back {folder / 'campaigns'}, go on where it was begun, or begin again."
+                )
             place = folder / "campaigns" / name
             unfinished = place.with_name(f"{name}{UNFINISHED}")
             unpack(packed, unfinished)
             if place.exists():  # written by a run that was stopped before it told the truth
                 shutil.rmtree(place)
             unfinished.rename(place)
-            case = {"draw": named[name].as_json(), "attempt": attempt, "campaign": campaign, "truth": truth}
-            write_atomically(told(name), json_text(case))
+            if not told(name).exists():
+                write_atomically(told(name), json_text(case))
             done += 1
             progress(done, name)
 

@@ -2,7 +2,7 @@
 
 ``proof.json``      what was asked: version, seed, profile, code; written first
 ``sealed/``         salt, what each case conceals, and all of it in ``truth.json``: for whoever judges
-``campaigns/``      a folder a case under its opaque name: all that a diagnosis is given
+``campaigns/``      a folder a case under its opaque name: all that a diagnosis is given; recorded anew where missing
 ``manifest.json``   the commitment, made before anything is diagnosed: SHA-256 of salt and truth, and of every campaign
 ``answers/``        what was said of each campaign
 ``answers.json``    the commitment to the answers, made before the truth is opened

@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import signal
 import time
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from experiments.proof import cluster, judging, run
-from experiments.proof.campaign_files import ProofError
+from experiments.proof.campaign_files import ProofError, digest
 
 SECONDS = 0.06
 
@@ -52,6 +53,29 @@ def test_a_killed_driver_leaves_no_process_behind(start, driver, tmp_path):
     os.kill(first.pid, signal.SIGKILL)
     first.communicate()
     wait_until(lambda: not Path(f"/proc/{worker}").exists(), 30)
+
+
+def test_campaigns_that_were_taken_away_are_recorded_anew_and_must_be_the_same(start, driver, finished, tmp_path):
+    folder = tmp_path / "carried"
+    shutil.copytree(finished[0], folder)
+    sealed = json.loads((folder / "manifest.json").read_text())["campaigns"]
+    kept = {path: path.read_bytes() for path in (folder / "answers").glob("*.json")}
+    shutil.rmtree(folder / "campaigns")
+    shutil.rmtree(folder / "judged")
+    out, _ = done(start(driver, folder))
+    assert out == finished[1]
+    assert {path.name: digest(path) for path in (folder / "campaigns").iterdir()} == sealed
+    assert all(path.read_bytes() == content for path, content in kept.items())
+
+    name = next(iter(sealed))
+    case = folder / "sealed" / "cases" / f"{name}.json"
+    case.write_text(json.dumps(json.loads(case.read_text()) | {"campaign": "0" * 64}))
+    shutil.rmtree(folder / "campaigns" / name)
+    again = start(driver, folder)
+    _, err = again.communicate(timeout=120)
+    assert again.returncode
+    assert f"{name} comes out otherwise than it was recorded before" in err
+    assert not (folder / "campaigns" / name).exists()
 
 
 @pytest.fixture
