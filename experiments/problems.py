@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import functools
 import json
-from dataclasses import dataclass, field
+import math
+import warnings
+from dataclasses import asdict, dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -40,6 +42,45 @@ class BestKnown:
 
 
 @dataclass(frozen=True)
+class Spread:
+    """Heads around a nominal one, as a lot of them comes from the factory; a waveform is judged by all.
+
+    Parameters
+    ----------
+    relative : float
+        Half the width of the range of resonance, damping ratio, gain and hysteresis strength, relative; below 1.
+    heads : int
+        How many: the first points of Sobol's sequence over these ranges, of which the second is the nominal head.
+    judged : {"worst", "mean"}
+        By the worst head, or by the mean over all.
+    """
+
+    relative: float = 0.05
+    heads: int = 16
+    judged: str = "worst"
+
+    def __post_init__(self) -> None:
+        check_name("judged", self.judged, ("worst", "mean"))
+        if not 0 < self.relative < 1:
+            raise ValueError(f"relative must be above 0 and below 1; got {self.relative!r}.")
+        if self.heads < 2:
+            raise ValueError(f"heads must be at least 2; got {self.heads!r}.")
+
+    def around(self, head: Printhead) -> tuple[Printhead, ...]:
+        """The heads."""
+        from scipy.stats import qmc
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a number that is no power of 2
+            points = qmc.Sobol(4, scramble=False).random(self.heads)
+        factors = 1 + self.relative * (2 * points - 1)
+        return tuple(
+            head.varied(head.frequency_Hz * f, head.damping_ratio * d, gain=g, hysteresis_strength=s)
+            for f, d, g, s in factors
+        )
+
+
+@dataclass(frozen=True)
 class Problem:
     """One minimisation over ``[-1, 1]⁷``: a printhead, a cost and a search box.
 
@@ -55,6 +96,14 @@ class Problem:
     initial_state : {"periodic", "demagnetised"}
     window_s : float
         Peaks count within this time of the waveform's start, in seconds; ``inf`` for the whole tail.
+    jetting_Hz : float
+        The waveform is repeated so often a second, and costs what the worse of two drops does: the first, from rest,
+        and one of the steady state, which meets what all before it left ringing. 0: drops are far apart.
+    spread : Spread, optional
+        The waveform is judged on many heads about this one.
+    reading_V : float
+        Standard deviation of the error with which an optimiser is told each peak's height; see `read`. `evaluate` is
+        free of it.
     """
 
     name: str
@@ -63,14 +112,40 @@ class Problem:
     bounds: Bounds = field(default_factory=Bounds)
     initial_state: str = "periodic"
     window_s: float = 350e-6
+    jetting_Hz: float = 0.0
+    spread: Spread | None = None
+    reading_V: float = 0.0
+
+    def __post_init__(self) -> None:
+        if isinstance(self.printhead, AugmentedPrinthead) and (self.jetting_Hz or self.spread or self.reading_V):
+            raise ValueError("a printhead with effects is offered without jetting_Hz, spread and reading_V only.")
+        longest_s = sum(self.bounds.upper[2:])
+        if longest_s * self.jetting_Hz > 1 + 1e-9:
+            raise ValueError(
+                f"at {self.jetting_Hz:g} Hz the longest waveform, {longest_s:g} s, does not fit into a period. "
+                "Narrow the bounds of the durations."
+            )
+        if sum(map(bool, (self.jetting_Hz, self.spread, self.reading_V))) > 1:
+            raise ValueError("jetting_Hz, spread and reading_V are not offered together; give one of them.")
+
+    @property
+    def has_gradient(self) -> bool:
+        """Whether an optimiser may have gradients: not of heads with effects, nor of readings."""
+        return not (isinstance(self.printhead, AugmentedPrinthead) or self.reading_V)
 
     @functools.cached_property
-    def _head(self) -> NDArray[np.float64]:
+    def _cases(self) -> list[tuple[NDArray[np.float64], float, float]]:
+        """What a waveform is tried on: a head for the compiled simulator, the period and the window, in seconds."""
         from inkjet_env.printhead import batch
 
         if isinstance(self.printhead, AugmentedPrinthead):
             raise ValueError("a printhead with effects has no gradients. Take an optimiser that needs none, as pso.")
-        return batch.head_table(self.printhead)
+        if self.jetting_Hz:
+            head, period_s = batch.head_table(self.printhead), 1 / self.jetting_Hz
+            window_s = min(self.window_s, period_s)
+            return [(head, math.inf, window_s), (head, period_s, window_s)]
+        heads = self.spread.around(self.printhead) if self.spread else (self.printhead,)
+        return [(batch.head_table(head), math.inf, self.window_s) for head in heads]
 
     def evaluate(self, points: ArrayLike) -> NDArray[np.float64]:
         """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7)."""
@@ -79,20 +154,62 @@ class Problem:
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
         if isinstance(self.printhead, AugmentedPrinthead):
             return self.printhead.costs(waveforms, self.cost, self.initial_state, self.window_s)
-        return batch.costs(waveforms, self._head, self.cost, self.initial_state, self.window_s)
+        costs = np.array(
+            [
+                batch.costs(waveforms, head, self.cost, self.initial_state, window_s, period_s=period_s)
+                for head, period_s, window_s in self._cases
+            ]
+        )
+        judged: NDArray[np.float64] = costs.mean(axis=0) if self._by_mean else costs.max(axis=0)
+        return judged
 
     def evaluate_with_gradient(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Costs in volts, shape (n,), and their exact gradients in volts per unit of the box, shape (n, 7)."""
+        """Costs in volts, shape (n,), and their exact gradients in volts per unit of the box, shape (n, 7).
+
+        Where the worst of several counts, its gradient; where two are equally bad, that of the first.
+        """
         from inkjet_env.printhead import batch
 
+        if self.reading_V:
+            raise ValueError("readings of peaks have no gradients. Take an optimiser that needs none, as pso.")
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
-        costs, gradients = batch.costs_and_gradients(
-            waveforms, self._head, self.cost, self.initial_state, self.window_s
+        found = [
+            batch.costs_and_gradients(waveforms, head, self.cost, self.initial_state, window_s, period_s=period_s)
+            for head, period_s, window_s in self._cases
+        ]
+        costs, gradients = (np.array(part) for part in zip(*found, strict=True))
+        if self._by_mean:
+            return costs.mean(axis=0), gradients.mean(axis=0) * self.bounds.half_width
+        worst, each = costs.argmax(axis=0), np.arange(len(waveforms))
+        return costs[worst, each], gradients[worst, each] * self.bounds.half_width
+
+    @property
+    def _by_mean(self) -> bool:
+        return self.spread is not None and self.spread.judged == "mean"
+
+    def read(self, points: ArrayLike, seed: int, first: int = 0) -> NDArray[np.float64]:
+        """What a measurement of points (n, 7) tells, in volts, shape (n,): the cost of peaks read with an error.
+
+        Parameters
+        ----------
+        points : array_like
+            In ``[-1, 1]``.
+        seed, first : int
+            Of the run, and the number of the first point in it: an evaluation's error hangs on these alone.
+        """
+        from inkjet_env.envs.task import make_task
+
+        if not self.reading_V:
+            return self.evaluate(points)
+        waveforms = self.bounds.from_unit(np.atleast_2d(points))
+        task = make_task(
+            self.printhead, self.cost, noise=self.reading_V, initial_state=self.initial_state, window_s=self.window_s
         )
-        return costs, gradients * self.bounds.half_width
+        numbers = range(first, first + len(waveforms))
+        return task.measure(waveforms, task.heads([]), [np.random.default_rng([seed, k]) for k in numbers])[0]
 
     def respond(self, point: ArrayLike) -> Any:
-        """Response of the printhead to the waveform of one point in ``[-1, 1]``, shape (7,).
+        """Response of the nominal printhead, at rest before, to the waveform of one point in ``[-1, 1]``, shape (7,).
 
         A `Response`, or an `AugmentedResponse`, which has what pictures and costs need of one.
         """
@@ -118,6 +235,9 @@ class Problem:
             Bounds(**settings["bounds"]),
             settings["initial_state"],
             float(settings["window_s"]),
+            settings.get("jetting_Hz", 0.0),
+            Spread(**settings["spread"]) if "spread" in settings else None,
+            settings.get("reading_V", 0.0),
         )
 
     def settings(self) -> dict[str, Any]:
@@ -126,6 +246,14 @@ class Problem:
         augmented = {}
         if isinstance(head, AugmentedPrinthead):
             augmented, head = {"augmented": head.as_json()}, head.printhead
+        cost: dict[str, Any] = {"A": self.cost.A, "B": self.cost.B, "effective": self.cost.effective}
+        if math.isfinite(self.cost.enough_V):
+            cost["enough_V"] = self.cost.enough_V
+        more: dict[str, Any] = {
+            name: getattr(self, name) for name in ("jetting_Hz", "reading_V") if getattr(self, name)
+        }
+        if self.spread:
+            more["spread"] = asdict(self.spread)
         settings = {
             "printhead": {
                 "a0": head.a0,
@@ -134,12 +262,12 @@ class Problem:
                 "coefficients": list(head.coefficients),
                 "full_scale_V": head.full_scale_V,
             },
-            "cost": {"A": self.cost.A, "B": self.cost.B, "effective": self.cost.effective},
+            "cost": cost,
             "bounds": {"lower": list(self.bounds.lower), "upper": list(self.bounds.upper)},
             "initial_state": self.initial_state,
             "window_s": self.window_s if np.isfinite(self.window_s) else "inf",
         }
-        return settings | augmented
+        return settings | more | augmented
 
 
 def chosen_head(path: Path | None) -> Printhead | AugmentedPrinthead:

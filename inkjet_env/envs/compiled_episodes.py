@@ -53,7 +53,7 @@ def batch_peaks(waveforms, heads, laps_before, one_point, window_s, peaks, count
 
 
 @_jit
-def costs_of_readings(readings, counts, tails, A, B, effective, threshold, costs):
+def costs_of_readings(readings, counts, tails, A, B, effective, threshold, enough_V, costs):
     """Fill the peak cost of each row of readings (n, capacity), of which the first ``counts`` are peaks."""
     for i in range(readings.shape[0]):
-        costs[i], _ = compiled.peak_cost(readings[i], counts[i], tails[i], A, B, effective, threshold)
+        costs[i], _ = compiled.peak_cost(readings[i], counts[i], tails[i], A, B, effective, threshold, enough_V)

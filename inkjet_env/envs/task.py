@@ -95,7 +95,7 @@ def make_task(
         raise ValueError(f"clip_actions must be True or False; got {clip_actions!r}.")
     return WaveformTask(
         head,
-        _value_of("cost", PeakCost, ("A", "B", "effective"), cost),
+        _value_of("cost", PeakCost, ("A", "B", "effective", "enough_V"), cost),
         _value_of("bounds", Bounds, ("lower", "upper"), bounds),
         context,
         float(noise),
@@ -277,7 +277,7 @@ class WaveformTask:
             return costs, costs
         from inkjet_env.envs.compiled_episodes import batch_peaks, costs_of_readings
 
-        laps_before, one_point, window_s, A, B, effective, threshold = settings
+        laps_before, one_point, window_s, _, *cost = settings
         counts, tails = np.empty(len(waveforms), dtype=np.int64), np.empty(len(waveforms))
         while True:
             peaks = np.zeros((len(waveforms), capacity))
@@ -285,11 +285,11 @@ class WaveformTask:
                 break
             capacity *= 2
         costs, read = np.empty(len(waveforms)), np.empty(len(waveforms))
-        costs_of_readings(peaks, counts, tails, A, B, effective, threshold, costs)
+        costs_of_readings(peaks, counts, tails, *cost, costs)
         errors = np.zeros_like(peaks)
         for row, count, generator in zip(errors, counts.tolist(), generators, strict=True):
             generator.standard_normal(out=row[:count])
-        costs_of_readings(peaks + self.noise * errors, counts, tails, A, B, effective, threshold, read)
+        costs_of_readings(peaks + self.noise * errors, counts, tails, *cost, read)
         return read, costs
 
     def _measure_with_effects(self, waveforms: Real, generators: Sequence[np.random.Generator]) -> tuple[Real, Real]:

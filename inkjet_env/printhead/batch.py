@@ -19,7 +19,7 @@ from inkjet_env.printhead import compiled, compiled_edges
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import laps_before_recording
 from inkjet_env.printhead.naming import check_name
-from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, Printhead, check_window
+from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, Printhead, check_period, check_window
 from inkjet_env.printhead.waveform import Waveform, as_waveform_array
 
 Real = NDArray[np.float64]
@@ -112,12 +112,16 @@ def _capacity(heads: Real, longest_s: float, window_s: float) -> int:
     return int(rate * (longest_s if math.isinf(window_s) else min(window_s, 1e-2)) + tail) + 64
 
 
-def _effective(cost: PeakCost) -> tuple[int, float]:
+def _cost_settings(cost: PeakCost) -> tuple[float, float, int, float, float]:
+    """A, B, rule, threshold and enough_V, as the compiled functions take them."""
+    rule, threshold = compiled.EFFECTIVE_THRESHOLD, 0.0
     if cost.effective == "largest":
-        return compiled.EFFECTIVE_LARGEST, 0.0
-    if cost.effective == "first":
-        return compiled.EFFECTIVE_FIRST, 0.0
-    return compiled.EFFECTIVE_THRESHOLD, float(cost.effective)
+        rule = compiled.EFFECTIVE_LARGEST
+    elif cost.effective == "first":
+        rule = compiled.EFFECTIVE_FIRST
+    else:
+        threshold = float(cost.effective)
+    return cost.A, cost.B, rule, threshold, float(cost.enough_V)
 
 
 def _memory(initial_state: str, hysteresis: str) -> tuple[int, bool]:
@@ -139,6 +143,7 @@ def prepare(
     initial_state: str,
     window_s: float,
     hysteresis: str,
+    period_s: float = math.inf,
 ) -> tuple[tuple, int, Real]:
     """What `costs` hands to `compiled.batch_costs`: for callers that check once and evaluate often.
 
@@ -154,9 +159,11 @@ def prepare(
     values = as_waveform_array(waveforms)
     rows = _rows(heads, len(values))
     cost = cost or PeakCost()
-    window = check_window(window_s)
-    capacity = _capacity(rows, float(values[:, 2:].sum(axis=1).max(initial=0.0)), window)
-    arguments = (values, rows, *_memory(initial_state, hysteresis), window, cost.A, cost.B, *_effective(cost))
+    longest_s = float(values[:, 2:].sum(axis=1).max(initial=0.0))
+    period = check_period(period_s, longest_s, initial_state)
+    window = min(check_window(window_s), period)
+    capacity = _capacity(rows, longest_s, window)
+    arguments = (values, rows, *_memory(initial_state, hysteresis), window, period, *_cost_settings(cost))
     return arguments, capacity, np.empty(len(values))
 
 
@@ -167,6 +174,7 @@ def costs(
     initial_state: str = "periodic",
     window_s: float = DEFAULT_WINDOW_S,
     hysteresis: str = "full_memory",
+    period_s: float = math.inf,
 ) -> Real:
     """Peak cost of many waveforms.
 
@@ -177,7 +185,7 @@ def costs(
     heads : Printhead or ndarray, shape (1 or n, columns)
         One head for all, or the rows of `head_table` / `varied_head_table`, one a waveform.
     cost : PeakCost, optional
-    initial_state, window_s, hysteresis
+    initial_state, window_s, hysteresis, period_s
         As `Printhead.respond` (not ``play_operators``).
 
     Returns
@@ -190,7 +198,7 @@ def costs(
     ValueError
         Wrong shape, a value that is not finite, or a waveform outside the rules of `Waveform`.
     """
-    arguments, capacity, result = prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
+    arguments, capacity, result = prepare(waveforms, heads, cost, initial_state, window_s, hysteresis, period_s)
     while not compiled.batch_costs(*arguments, capacity, result):
         capacity *= 2
     return result
@@ -203,6 +211,7 @@ def costs_and_gradients(
     initial_state: str = "periodic",
     window_s: float = DEFAULT_WINDOW_S,
     hysteresis: str = "full_memory",
+    period_s: float = math.inf,
 ) -> tuple[Real, Real]:
     """Peak cost of many waveforms and its gradient; parameters as `costs`.
 
@@ -216,7 +225,7 @@ def costs_and_gradients(
     """
     from inkjet_env.printhead.compiled_gradient import batch_costs_and_gradients
 
-    arguments, capacity, result = prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
+    arguments, capacity, result = prepare(waveforms, heads, cost, initial_state, window_s, hysteresis, period_s)
     gradients = np.empty((len(result), 7))
     while not batch_costs_and_gradients(*arguments, capacity, result, gradients):
         capacity *= 2

@@ -160,7 +160,7 @@ def response_extrema(head, knots_s, pieces, piece_count, window_s, state, rate, 
 
 
 @_jit
-def peak_cost(peaks, count, tail_V, A, B, effective, threshold):
+def peak_cost(peaks, count, tail_V, A, B, effective, threshold, enough_V):
     """Peak cost of ``count`` peaks, as `cost.PeakCost`; also the index of the effective peak, or −1."""
     e = -1
     total = tail_V
@@ -175,7 +175,7 @@ def peak_cost(peaks, count, tail_V, A, B, effective, threshold):
         elif e < 0 and (effective == EFFECTIVE_FIRST or magnitude >= threshold):
             e = i
     if e >= 0:
-        total += (A - 1.0) * abs(peaks[e])
+        total += A * min(abs(peaks[e]), enough_V) - abs(peaks[e])
         if e + 1 < count:
             total += (B - 1.0) * abs(peaks[e + 1])
     return total, e
@@ -193,8 +193,33 @@ def waveform_knots(waveform, knots_s, knots_V):
 
 
 @_jit
-def batch_costs(waveforms, heads, laps_before, one_point, window_s, A, B, effective, threshold, capacity, costs):
-    """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False when ``capacity`` was too small."""
+def steady_start(head, duration_s, period_s, state):
+    """Turn the state at the end of a waveform that began at rest into that at its start when it is repeated.
+
+    ``s = e^{FT} s + e^{F(T - D)} r`` with ``r`` the given state, in place; ``state`` (2,) in V and V/s.
+    """
+    a0, pole_re = head[HEAD_A0], -0.5 * head[HEAD_A1]
+    omega0 = math.sqrt(a0)
+    pole_im = math.sqrt((omega0 + pole_re) * (omega0 - pole_re))
+    c, s = rotation(pole_re, pole_im, period_s - duration_s)
+    y = state[0] * c + (state[1] - pole_re * state[0]) * s
+    slope = state[1] * c + (pole_re * state[1] - a0 * state[0]) * s
+    c, s = rotation(pole_re, pole_im, period_s)
+    along, across, back = 1.0 - c + pole_re * s, -s, a0 * s
+    other = 1.0 - c - pole_re * s
+    determinant = along * other - across * back
+    state[0] = (other * y - across * slope) / determinant
+    state[1] = (along * slope - back * y) / determinant
+
+
+@_jit
+def batch_costs(
+    waveforms, heads, laps_before, one_point, window_s, period_s, A, B, effective, threshold, enough_V, capacity, costs
+):
+    """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False when ``capacity`` was too small.
+
+    The resonator rests at the waveform's start where ``period_s`` is infinite; else it rings from all those before.
+    """
     knots_s, knots_V = np.empty(6), np.empty(6)
     memory, pieces = np.empty(32), np.empty((40, 6))
     rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
@@ -205,10 +230,17 @@ def batch_costs(waveforms, heads, laps_before, one_point, window_s, A, B, effect
         head = heads[i if heads.shape[0] > 1 else 0]
         waveform_knots(waveforms[i], knots_s, knots_V)
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
+        if period_s < math.inf:
+            count, _ = response_extrema(
+                head, knots_s, pieces, found, knots_s[5], state, rate, series, stack, times, peaks, no_knots
+            )
+            if count == OVERFLOW:
+                return False
+            steady_start(head, knots_s[5], period_s, state)
         count, tail = response_extrema(
             head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
         )
         if count == OVERFLOW:
             return False
-        costs[i], _ = peak_cost(peaks, count, tail, A, B, effective, threshold)
+        costs[i], _ = peak_cost(peaks, count, tail, A, B, effective, threshold, enough_V)
     return True

@@ -8,7 +8,8 @@ Eq. 2) ``c ∫ e^{λ(t - s - Tσ)} q(σ) dσ``, whose derivative is again a sum 
 
 With the fraction of an edge held fixed, ``q = scale · Δx · Q'(x₀ + Δx σ)`` depends on U1 and U2 through the drive and
 the branch's origin; where two pieces meet inside an edge Q' is continuous, so nothing comes from the border. The
-peaks of a ring-down share one amplitude.
+peaks of a ring-down share one amplitude. A drive that repeats with the period T rings at its start with
+``e^{λ(T - D)} A(D) / (1 - e^{λT})``, A(D) being what it leaves at its end D from rest; so does the derivative.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import math
 
 import numpy as np
 
-from inkjet_env.printhead.compiled import branch_pieces, peak_cost, response_extrema, waveform_knots
+from inkjet_env.printhead.compiled import branch_pieces, peak_cost, response_extrema, steady_start, waveform_knots
 from inkjet_env.printhead.compiled_edges import (
     FAST,
     HEAD_A0,
@@ -108,9 +109,21 @@ def _rate_by_voltage(head, piece, from_by, to_by, origin_by, rate_by, scratch):
 
 
 @_jit
+def _slope_of_cost(peaks, k, e, A, B, enough_V):
+    """Derivative of the cost by the signed height of peak k, the effective one being e."""
+    weight = 1.0
+    if k == e:
+        weight = A if abs(peaks[k]) < enough_V else 0.0
+    elif e >= 0 and k == e + 1:
+        weight = B
+    return -weight if peaks[k] < 0.0 else weight
+
+
+@_jit
 def batch_costs_and_gradients(
-    waveforms, heads, laps_before, one_point, window_s, A, B, effective, threshold, capacity, costs, gradients
-):
+    waveforms, heads, laps_before, one_point, window_s, period_s, A, B, effective, threshold, enough_V, capacity, costs,
+    gradients,
+):  # fmt: skip
     """Peak cost and its gradient (n, 7) with respect to the waveform parameters; False when capacity was too small."""
     knots_s, knots_V = np.empty(6), np.empty(6)
     memory, pieces = np.empty(32), np.empty((40, 6))
@@ -129,12 +142,19 @@ def batch_costs_and_gradients(
         waveform_knots(waveforms[i], knots_s, knots_V)
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
         state[:] = 0.0
+        if period_s < math.inf:
+            count, _ = response_extrema(
+                head, knots_s, pieces, found, knots_s[5], state, rate, series, stack, times, peaks, no_knots
+            )
+            if count == OVERFLOW:
+                return False
+            steady_start(head, knots_s[5], period_s, state)
         count, tail = response_extrema(
             head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
         )
         if count == OVERFLOW:
             return False
-        costs[i], e = peak_cost(peaks, count, tail, A, B, effective, threshold)
+        costs[i], e = peak_cost(peaks, count, tail, A, B, effective, threshold, enough_V)
         pole_re = -0.5 * head[HEAD_A1]
         omega0 = math.sqrt(head[HEAD_A0])
         pole = complex(pole_re, math.sqrt((omega0 + pole_re) * (omega0 - pole_re)))
@@ -176,9 +196,7 @@ def batch_costs_and_gradients(
                             head, pole, gain, duration, rate, n, rate_by, start_by, duration_by,
                             since / duration, moment, forced_by,
                         )  # fmt: skip
-                    weight = A if peak == e else (B if e >= 0 and peak == e + 1 else 1.0)
-                    if peaks[peak] < 0.0:
-                        weight = -weight
+                    weight = _slope_of_cost(peaks, peak, e, A, B, enough_V)
                     for p in range(7):
                         change = (amplitude_by[p] * step).imag
                         if forced:
@@ -197,4 +215,11 @@ def batch_costs_and_gradients(
                             amplitude_by[p] += forced_by[p]
                         index += 1
                 more = segment < 5 and index < found and int(pieces[index, 0]) == segment
+        if period_s < math.inf:
+            left = np.exp(pole * (period_s - knots_s[5])) / (1.0 - np.exp(pole * period_s))
+            for k in range(count):
+                weight = _slope_of_cost(peaks, k, e, A, B, enough_V)
+                step = left * np.exp(pole * times[k])
+                for p in range(7):
+                    gradients[i, p] += weight * (amplitude_by[p] * step).imag
     return True

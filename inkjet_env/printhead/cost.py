@@ -16,7 +16,7 @@ EFFECTIVE_RULES = ("largest", "first")
 
 @dataclass(frozen=True)
 class PeakCost:
-    """Peak cost ``A|y_e| + B|y_{e+1}| + Σ|y_i|`` over all other peaks (Zhu et al. 2024, section 2.3).
+    """Peak cost ``A min(|y_e|, enough_V) + B|y_{e+1}| + Σ|y_i|`` over all other peaks (Zhu et al. 2024, section 2.3).
 
     Parameters
     ----------
@@ -27,6 +27,10 @@ class PeakCost:
     effective : {"largest", "first"} or float
         Which peak ejects: the largest in magnitude (the earliest of equals), the first (the formula as printed), or
         the first whose magnitude reaches this threshold in volts. Where no peak does, every peak has weight one.
+    enough_V : float
+        Magnitude from which on the effective peak counts no further, in volts: what a drop of the wanted size needs.
+        With a weight A that outweighs what a volt of it costs elsewhere, the best waveform reaches this and rings
+        least. Infinite unless given: the paper's formula.
 
     Examples
     --------
@@ -37,8 +41,11 @@ class PeakCost:
     A: float = -5.0
     B: float = 5.0
     effective: str | float = "largest"
+    enough_V: float = math.inf
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.enough_V, (int, float)) and self.enough_V > 0):
+            raise ValueError(f"enough_V must be a magnitude above 0 V, or infinite; got {self.enough_V!r}.")
         for name in ("A", "B"):
             value = getattr(self, name)
             if not (isinstance(value, (int, float)) and abs(value) <= LARGEST_WEIGHT):
@@ -78,4 +85,8 @@ class PeakCost:
 
     def __call__(self, peaks_V: ArrayLike, tail_V: float = 0.0) -> float:
         """Cost in volts of peaks in time order; ``tail_V`` is the summed magnitude of peaks after the listed ones."""
-        return float(self.weights(peaks_V) @ np.abs(np.asarray(peaks_V, dtype=np.float64)) + tail_V)
+        magnitude = np.abs(np.asarray(peaks_V, dtype=np.float64))
+        weights, e = self.weights(peaks_V), self.effective_index(peaks_V)
+        if e is not None:
+            magnitude[e] = min(magnitude[e], self.enough_V)
+        return float(weights @ magnitude + tail_V)

@@ -6,7 +6,7 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike, NDArray
 
 from inkjet_env.printhead.cost import PeakCost
-from inkjet_env.printhead.hysteresis import HYSTERESIS_MODELS, BranchLaw, PlayOperators
+from inkjet_env.printhead.hysteresis import HYSTERESIS_MODELS, BranchLaw, PlayOperators, laps_before_recording
 from inkjet_env.printhead.naming import check_name
 from inkjet_env.printhead.resonator import PiecewiseResponse, check_resonator
 from inkjet_env.printhead.waveform import Waveform
@@ -36,6 +36,21 @@ def check_window(window_s: float) -> float:
         f"window_s must be a time above 0 s and at most {LONGEST_WINDOW_S:g} s, or infinite; got {window_s!r}. "
         "It is in seconds: 350 µs is 350e-6."
     )
+
+
+def check_period(period_s: float, duration_s: float, initial_state: str) -> float:
+    """Return the period; ``ValueError`` unless the waveform has room in it and its repetition has a steady state."""
+    if period_s == math.inf:
+        return math.inf
+    if not (isinstance(period_s, (int, float, np.number)) and period_s > 0):
+        raise ValueError(f"period_s must be a time above 0 s, or infinite; got {period_s!r}. 20 kHz are 50e-6 s.")
+    if duration_s > period_s * (1 + 1e-12):
+        raise ValueError(
+            f"a waveform of {duration_s:g} s does not fit into a period of {period_s:g} s. Shorten it, or fire slower."
+        )
+    if laps_before_recording(initial_state) == 0:
+        raise ValueError('period_s needs initial_state="periodic": only a repeated waveform has a steady state.')
+    return float(period_s)
 
 
 @dataclass(frozen=True)
@@ -192,8 +207,9 @@ class Printhead:
         initial_state: str = "periodic",
         window_s: float = DEFAULT_WINDOW_S,
         hysteresis: str = "full_memory",
+        period_s: float = math.inf,
     ) -> Response:
-        """Response to one waveform, the resonator being at rest when it starts.
+        """Response to one waveform, the resonator being at rest when it starts unless a period is given.
 
         Parameters
         ----------
@@ -204,6 +220,9 @@ class Printhead:
             Peaks later than this after the waveform's start do not count; may be infinite.
         hysteresis : {"full_memory", "one_point", "play_operators"}
             See `inkjet_env.printhead.hysteresis.HYSTERESIS_MODELS`.
+        period_s : float
+            The waveform is repeated so often that it starts in what all before it left ringing; peaks count within one
+            period. Infinite: the head has come to rest.
 
         Examples
         --------
@@ -213,7 +232,9 @@ class Printhead:
         array([ 6.19, -6.94,  0.65, -0.52,  1.9 ])
         """
         time_s, drive_V = waveform.knots()
-        return Response(self, time_s, drive_V, initial_state, check_window(window_s), hysteresis)
+        period_s = check_period(period_s, waveform.duration_s, initial_state)
+        window_s = min(check_window(window_s), period_s)
+        return Response(self, time_s, drive_V, initial_state, window_s, hysteresis, period_s)
 
 
 def printhead_data(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -275,6 +296,7 @@ class Response:
     initial_state: str
     window_s: float
     hysteresis: str = "full_memory"
+    period_s: float = math.inf
 
     def __post_init__(self) -> None:
         check_name("hysteresis", self.hysteresis, HYSTERESIS_MODELS)
@@ -304,7 +326,12 @@ class Response:
             mine = rows[:, 0] == segment
             durations.extend(rows[mine, 2] * duration if mine.any() else [duration])
             polynomials.extend(rates[mine] if mine.any() else np.zeros((1, rates.shape[1])))
-        return PiecewiseResponse(head.a0, head.a1, head.b1, np.array(durations), np.array(polynomials))
+        from_rest = PiecewiseResponse(head.a0, head.a1, head.b1, np.array(durations), np.array(polynomials))
+        if math.isinf(self.period_s):
+            return from_rest
+        rest_s = max(self.period_s - float(from_rest.start_s[-1]), 0.0)
+        left = from_rest.amplitude[-1] * np.exp(from_rest.pole * rest_s)
+        return replace(from_rest, start_state=complex(left / (1 - np.exp(from_rest.pole * self.period_s))))
 
     def drive_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Drive in volts at any times, same shape."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.accuracy import compare, draw_waveforms
-from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform, batch
+from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform, batch, respond_sampled
 
 HEAD = Printhead.published()
 OPTIMUM = (100, -100, 1e-6, 10.481e-6, 13.769e-6, 9.613e-6, 20e-6)
@@ -31,7 +31,7 @@ def test_peaks_agree_with_an_80_digit_reference_and_none_is_missed_or_invented(i
 @pytest.mark.parametrize("initial_state", ["periodic", "demagnetised"])
 def test_compiled_costs_equal_the_plain_path(window_s, hysteresis, initial_state):
     rows = waveforms(120, seed=1)
-    for cost in (PeakCost(), PeakCost(-5, 1, "first"), PeakCost(-5, 5, 3.0)):
+    for cost in (PeakCost(), PeakCost(-5, 1, "first"), PeakCost(-5, 5, 3.0), PeakCost(-50, 5, enough_V=3.0)):
         compiled = batch.costs(rows, HEAD, cost, initial_state, window_s, hysteresis)
         plain = [
             HEAD.respond(Waveform.from_array(row), initial_state, window_s, hysteresis).cost(cost) for row in rows[::4]
@@ -105,6 +105,66 @@ def test_gradient_of_an_infinite_window_includes_the_tail():
         step = h * Bounds().half_width[k] * np.eye(7)[k]
         up, down = batch.costs([row + step, row - step], HEAD, window_s=math.inf)
         assert gradients[0, k] * Bounds().half_width[k] == pytest.approx((up - down) / (2 * h), rel=1e-5, abs=1e-5)
+
+
+def short_waveforms(count: int, seed: int) -> np.ndarray:
+    return Bounds(upper=(100, 0, *[9e-6] * 5)).from_unit(np.random.default_rng(seed).uniform(-1, 1, (count, 7)))
+
+
+@pytest.mark.parametrize("period_s", [50e-6, 110e-6])
+@pytest.mark.parametrize("cost", [PeakCost(), PeakCost(-5, 1, "first"), PeakCost(-50, 5, enough_V=3.0)])
+def test_a_repeated_waveform_costs_the_same_in_three_ways(period_s, cost):
+    """Compiled, plain, and sampled with the steady state of its ringing."""
+    for row in short_waveforms(25, seed=8):
+        waveform = Waveform.from_array(row)
+        knots_s, knots_V = waveform.knots()
+        step_s = (period_s - waveform.duration_s) / 4
+        time_s, drive_V = [*knots_s, period_s - 2 * step_s, period_s - step_s], [*knots_V, 0.0, 0.0]
+        sampled = respond_sampled(HEAD, time_s, drive_V, ringing="steady", window_s=period_s)
+        wanted = cost(sampled.peaks_V[sampled.peak_times_s <= period_s])
+        assert batch.costs(row, HEAD, cost, period_s=period_s)[0] == pytest.approx(wanted, abs=1e-9)
+        assert HEAD.respond(waveform, period_s=period_s).cost(cost) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_a_waveform_that_is_seldom_repeated_meets_a_head_at_rest():
+    rows = short_waveforms(20, seed=9)
+    np.testing.assert_allclose(batch.costs(rows, HEAD, period_s=3e-3), batch.costs(rows, HEAD), atol=1e-9)
+
+
+def test_the_ringing_of_a_repeated_waveform_repeats():
+    waveform, period_s = Waveform.from_array(short_waveforms(1, seed=10)[0]), 70e-6
+    response = HEAD.respond(waveform, period_s=period_s)
+    assert response.sensor_V([0.0])[0] == pytest.approx(response.sensor_V([period_s])[0], rel=1e-9)
+    assert abs(response.sensor_V([0.0])[0]) > 1e-3
+
+
+@pytest.mark.parametrize("cost", [PeakCost(), PeakCost(-50, 5, enough_V=3.0)])
+def test_gradient_of_a_repeated_waveform_equals_central_differences(cost):
+    half_width, size = Bounds().half_width, 1e-6
+    rows = short_waveforms(20, seed=11)
+    _, gradients = batch.costs_and_gradients(rows, HEAD, cost, period_s=50e-6)
+    right = []
+    for row, gradient in zip(rows, gradients, strict=True):
+        for k in range(7):
+            step = size * half_width[k] * np.eye(7)[k]
+            up, down = batch.costs([row + step, row - step], HEAD, cost, period_s=50e-6)
+            right.append((up - down) / (2 * size) == pytest.approx(gradient[k] * half_width[k], rel=1e-4, abs=1e-4))
+    assert np.mean(right) > 0.97  # a peak that appears or changes its part makes the cost break
+
+
+def test_a_period_is_refused_in_one_sentence():
+    waveform = Waveform(*OPTIMUM)
+    for period_s, state, sentence in (
+        (20e-6, "periodic", "a waveform of 5.4863e-05 s does not fit into a period of 2e-05 s"),
+        (100e-6, "demagnetised", "only a repeated waveform has a steady state"),
+        (-1.0, "periodic", "period_s must be a time above 0 s, or infinite; got -1.0"),
+    ):
+        for call in (
+            lambda p, s: HEAD.respond(waveform, s, period_s=p),
+            lambda p, s: batch.costs(waveform.to_array(), HEAD, initial_state=s, period_s=p),
+        ):
+            with pytest.raises(ValueError, match=sentence):
+                call(period_s, state)
 
 
 TINY = (0.0, 5e-324, 1e-308, 1e-200, 1e-30, 1e-20, 1e-12, 1e-9, 1e-6, 1e-3)

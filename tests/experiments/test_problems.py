@@ -1,0 +1,104 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.problems import Problem, Spread
+from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
+
+POINTS = np.random.default_rng(0).uniform(-1, 1, (40, 7))
+SHORT = Bounds(upper=(100, 0, *[1e-5] * 5))
+TRAIN = Problem("train", bounds=SHORT, jetting_Hz=20e3)
+LOT = Problem("lot", spread=Spread(0.05, 8, "worst"))
+
+
+def test_a_train_costs_what_the_worse_of_its_first_and_its_steady_drop_does():
+    found = TRAIN.evaluate(POINTS)
+    alone, steady = [], []
+    for point in POINTS:
+        waveform = Waveform.from_array(SHORT.from_unit(point))
+        alone.append(TRAIN.printhead.respond(waveform, window_s=50e-6).cost())
+        steady.append(TRAIN.printhead.respond(waveform, period_s=50e-6).cost())
+    np.testing.assert_allclose(found, np.maximum(alone, steady), atol=1e-8)
+    assert 0 < np.sum(np.array(alone) > steady) < len(POINTS)
+
+
+def test_a_lot_of_heads_is_judged_by_the_worst_or_by_the_mean():
+    heads = LOT.spread.around(LOT.printhead)
+    each = [Problem("one", head).evaluate(POINTS) for head in heads]
+    np.testing.assert_allclose(LOT.evaluate(POINTS), np.max(each, axis=0), rtol=1e-12)
+    mean = replace(LOT, spread=Spread(0.05, 8, "mean"))
+    np.testing.assert_allclose(mean.evaluate(POINTS), np.mean(each, axis=0), rtol=1e-12)
+
+
+def test_a_lot_holds_the_nominal_head_and_stays_within_its_spread():
+    nominal = Printhead.published()
+    heads = Spread(0.05, 16).around(nominal)
+    assert heads[1].frequency_Hz == pytest.approx(nominal.frequency_Hz)
+    assert heads[1].coefficients == pytest.approx(nominal.coefficients)
+    for name in ("frequency_Hz", "damping_ratio", "b1"):
+        part = np.array([getattr(head, name) / getattr(nominal, name) for head in heads])
+        assert abs(part - 1).max() <= 0.05 + 1e-12
+        assert part.max() - part.min() > 0.08
+
+
+@pytest.mark.parametrize(
+    "problem", [TRAIN, LOT, replace(LOT, spread=Spread(0.05, 8, "mean"))], ids=["train", "worst", "mean"]
+)
+def test_gradients_of_several_drops_or_heads_equal_differences(problem):
+    costs, gradients = problem.evaluate_with_gradient(POINTS)
+    np.testing.assert_allclose(costs, problem.evaluate(POINTS), atol=1e-9)
+    size, right = 1e-6, []
+    for point, gradient in zip(POINTS, gradients, strict=True):
+        inside = np.clip(point, -0.99, 0.99)
+        if (inside != point).any():
+            continue
+        up = problem.evaluate(point + size * np.eye(7))
+        down = problem.evaluate(point - size * np.eye(7))
+        right.append(np.allclose((up - down) / (2 * size), gradient, rtol=1e-3, atol=1e-3))
+    assert len(right) > 20
+    assert np.mean(right) > 0.9  # where a peak appears, or another drop or head becomes the worse one, the cost breaks
+
+
+def test_a_reading_hangs_on_the_run_and_the_number_of_the_evaluation_alone():
+    noisy = Problem("noisy", reading_V=0.2)
+    together = noisy.read(POINTS, seed=5)
+    apart = np.concatenate([noisy.read(POINTS[:7], 5), noisy.read(POINTS[7:], 5, first=7)])
+    assert (together == apart).all()
+    assert (noisy.read(POINTS, seed=6) != together).all()
+    assert (noisy.evaluate(POINTS) == Problem("nominal").evaluate(POINTS)).all()
+
+
+def test_readings_scatter_about_the_cost_as_the_errors_of_the_peaks_do():
+    """Peaks far above the noise: the effective one weighs 5, the next 5, the others 1 each."""
+    noisy = Problem("noisy", cost=PeakCost(-5, 5, "first"), reading_V=1e-3, window_s=60e-6)
+    point = noisy.bounds.to_unit([100, -100, 1e-6, 12e-6, 5e-6, 12e-6, 5e-6])
+    peaks = noisy.respond(point).peaks_V
+    assert np.abs(peaks).min() > 0.1
+    read = noisy.read(np.tile(point, (4000, 1)), seed=1) - noisy.evaluate(point)
+    wanted = 1e-3 * math.sqrt(25 + 25 + peaks.size - 2)
+    assert abs(read.mean()) < 4 * wanted / math.sqrt(4000)
+    assert read.std() == pytest.approx(wanted, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [TRAIN, LOT, Problem("noisy", reading_V=0.1), Problem("drop", cost=PeakCost(-50, 5, enough_V=4.0))],
+    ids=lambda problem: problem.name,
+)
+def test_settings_rebuild_what_is_new_in_a_problem(problem):
+    assert Problem.from_settings(problem.name, problem.settings()) == problem
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(ValueError, match="does not fit into a period"):
+        Problem("train", jetting_Hz=20e3)
+    with pytest.raises(ValueError, match="not offered together"):
+        replace(LOT, reading_V=0.1)
+    with pytest.raises(ValueError, match="readings of peaks have no gradients"):
+        Problem("noisy", reading_V=0.1).evaluate_with_gradient(POINTS)
+    with pytest.raises(ValueError, match=r"Did you mean 'worst'\?"):
+        Spread(judged="wurst")
+    assert not Problem("noisy", reading_V=0.1).has_gradient
+    assert TRAIN.has_gradient
