@@ -32,7 +32,7 @@ class CmaEs(Optimizer):
         self._search: cma.CMAEvolutionStrategy | None = None
         self._candidates: list[Real] = []
 
-    def _begin(self, population: int | None) -> cma.CMAEvolutionStrategy:
+    def _begin(self, population: int | None, first_step: float | None = None) -> cma.CMAEvolutionStrategy:
         options = {
             "bounds": [-1.0, 1.0],
             "randn": lambda *shape: self.rng.standard_normal(shape),
@@ -43,14 +43,23 @@ class CmaEs(Optimizer):
         }
         if population is not None:
             options["popsize"] = population
-        return cma.CMAEvolutionStrategy(self.rng.uniform(-1.0, 1.0, self.dimension), self.first_step, options)
+        start = self.rng.uniform(-1.0, 1.0, self.dimension)
+        return cma.CMAEvolutionStrategy(start, first_step or self.first_step, options)
+
+    def _restart(self, ended: cma.CMAEvolutionStrategy) -> cma.CMAEvolutionStrategy:
+        """The search that follows one that pycma's criteria, or `_spent`, have ended."""
+        return self._begin(2 * ended.popsize)
+
+    def _spent(self, search: cma.CMAEvolutionStrategy) -> bool:
+        """Whether a search has had its share of evaluations."""
+        return False
 
     def propose(self) -> Real:
         """One population."""
         if self._search is None:
             self._search = self._begin(None)
-        elif self._search.stop():
-            self._search = self._begin(2 * self._search.popsize)
+        elif self._search.stop() or self._spent(self._search):
+            self._search = self._restart(self._search)
         self._candidates = self._search.ask()
         return np.array(self._candidates)
 
@@ -58,3 +67,42 @@ class CmaEs(Optimizer):
         """Update mean, step and covariance."""
         if self._search is not None:
             self._search.tell(self._candidates, costs.tolist())
+
+
+class BipopCmaEs(CmaEs):
+    """CMA-ES with two kinds of restarts (BIPOP), whichever has had fewer evaluations: the searches are pycma's.
+
+    Hansen, GECCO Companion (2009) 2389: one kind doubles the population each time; the other draws a population
+    between the default and half of the largest, ``λ (λ_large / 2λ)^(U²)``, and a first step ``10^(-2U)`` times as
+    large, and gets at most half of what the last large one had. U is uniform.
+    """
+
+    name = "bipop-cma-es"
+
+    def __init__(self, dimension: int, budget: int, seed: int) -> None:
+        super().__init__(dimension, budget, seed)
+        self._default: int = 0
+        self._largest: int = 0
+        self._large, self._small, self._last_large = 0, 0, 0
+        self._now_small, self._allowed = False, self.budget
+
+    def _restart(self, ended: cma.CMAEvolutionStrategy) -> cma.CMAEvolutionStrategy:
+        used = int(ended.countevals)
+        if not self._largest:  # the first search belongs to neither kind
+            self._default = self._largest = int(ended.popsize)
+        elif self._now_small:
+            self._small += used
+        else:
+            self._large += used
+            self._last_large = used
+        self._now_small = self._small < self._large
+        if not self._now_small:
+            self._largest *= 2
+            self._allowed = self.budget
+            return self._begin(self._largest)
+        between = (0.5 * self._largest / self._default) ** (self.rng.uniform() ** 2)
+        self._allowed = max(1, self._last_large // 2)
+        return self._begin(max(2, int(self._default * between)), self.first_step * 10 ** (-2 * self.rng.uniform()))
+
+    def _spent(self, search: cma.CMAEvolutionStrategy) -> bool:
+        return int(search.countevals) >= self._allowed

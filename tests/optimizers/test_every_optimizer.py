@@ -44,9 +44,9 @@ def whole(name):
     return run(name, 150)
 
 
-def test_all_fifteen_are_available_here():
+def test_all_are_available_here():
     assert sorted(NAMES) == sorted(optimizers.names())
-    assert len(NAMES) == 15
+    assert len(NAMES) == 17
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -173,6 +173,8 @@ def test_asking_twice_repeats_the_answer_and_a_spent_budget_is_said(name):
         ("pso", 1200, 0.1),
         ("pso-printed", 1200, 0.1),
         ("cma-es", 1200, 1e-8),
+        ("bipop-cma-es", 1200, 1e-8),
+        ("coordinate", 1200, 1e-4),
         ("nevergrad-TwoPointsDE", 600, 8.0),
         ("nevergrad-OnePlusOne", 600, 1e-3),
         ("scipy-differential-evolution", 1200, 2.0),

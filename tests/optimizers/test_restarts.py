@@ -71,3 +71,42 @@ def test_closing_ends_the_library_even_if_it_clings_to_its_objective():
     optimizer.close()
     assert ended == [True]
     optimizer.close()
+
+
+class Rugged(Sphere):
+    """Many minima: searches stop early and begin again."""
+
+    def evaluate(self, points):
+        return (10 * points**2 - 3 * np.cos(20 * points)).sum(axis=1)
+
+
+def test_bipop_shares_its_evaluations_between_two_kinds_of_restarts():
+    optimizer = optimizers.make("bipop-cma-es", dimension=3, budget=20_000, seed=2)
+    searches = {}
+    while optimizer.remaining:
+        points = optimizer.ask()
+        searches.setdefault(id(optimizer._search), [optimizer._search, optimizer._now_small, 0])[2] += len(points)
+        optimizer.tell(points, Rugged().evaluate(points))
+    kinds = [(search.popsize, small, used) for search, small, used in searches.values()]
+    default = kinds[0][0]
+    large = [(population, used) for population, small, used in kinds[1:] if not small]
+    small = [(population, used) for population, small, used in kinds[1:] if small]
+    assert [population for population, _ in large] == [default * 2**k for k in range(1, len(large) + 1)]
+    assert len(large) >= 2
+    assert len(small) >= 2
+    assert all(default <= population <= large[-1][0] / 2 for population, _ in small)
+    assert sum(used for _, used in small) < 2 * sum(used for _, used in large)
+
+
+def test_coordinate_search_moves_one_parameter_at_a_time_and_narrows_its_scans():
+    optimizer = optimizers.make("coordinate", dimension=4, budget=400, seed=3)
+    widths = []
+    while optimizer.remaining:
+        points = optimizer.ask()
+        extent = np.ptp(points, axis=0)
+        if len(points) > 1:
+            assert np.count_nonzero(extent) == 1
+            widths.append(float(extent.max()))
+        optimizer.tell(points, Sphere().evaluate(points - 0.3))
+    assert widths[0] == 2.0
+    assert min(widths) < 0.1
