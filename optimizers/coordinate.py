@@ -51,7 +51,7 @@ class Coordinate(InvertedOptimizer):
                 width /= 2
 
     def _scan(self, here: Real, k: int, width: float) -> Real:
-        """Points that differ in one coordinate, over a stretch about where it is, shifted where the box would cut it."""
+        """Points that differ in one coordinate, over a stretch about where it is, which the box may shift."""
         low = np.clip(here[k] - width, -1.0, 1.0 - 2 * width)
         points = np.tile(here, (self._steps, 1))
         points[:, k] = np.clip(np.linspace(low, low + 2 * width, self._steps), -1.0, 1.0)

@@ -1,0 +1,221 @@
+"""Measures of optimisers over many instances: how soon a target is met, how good a run ends, who is better.
+
+Everything here is arithmetic on arrays. *Runs* are repeats on one instance; *instances* are problems. What is said of
+problems in general takes the instances as the sample, never the repeats.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Real = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+RESAMPLES = 2000
+PRIOR_STRENGTH = 0.5
+"""Of the pseudo-observation of no difference in `bayesian_signed_rank`, in observations; Benavoli et al.'s."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number and its 95 % interval; NaN where nothing tells."""
+
+    value: float
+    low: float
+    high: float
+
+
+def first_hits(best_so_far: ArrayLike, targets: ArrayLike) -> Real:
+    """Evaluations after which each run has met each target, shape (runs, targets); infinite where it never did.
+
+    Parameters
+    ----------
+    best_so_far : array_like, shape (runs, evaluations)
+        Least regret up to each evaluation, in volts.
+    targets : array_like, shape (targets,)
+        Regrets, in volts.
+
+    Examples
+    --------
+    >>> first_hits([[5.0, 2.0, 2.0, 0.5]], [3.0, 0.5, 0.1])
+    array([[ 2.,  4., inf]])
+    """
+    curves = np.asarray(best_so_far, dtype=np.float64)
+    met = curves[:, None, :] <= np.asarray(targets, dtype=np.float64)[None, :, None]
+    hits: Real = np.where(met.any(axis=2), met.argmax(axis=2) + 1.0, math.inf)
+    return hits
+
+
+def expected_running_time(hits: ArrayLike, budgets: ArrayLike) -> float:
+    """Evaluations spent in all runs for every run that met the target; infinite where none did.
+
+    Hansen, Auger, Ros, Mersmann, Tušar & Brockhoff, COCO, Optim. Methods Softw. 36 (2021) 114: the expected time of
+    an optimiser that is begun again until it succeeds.
+
+    Parameters
+    ----------
+    hits : array_like, shape (runs,)
+        From `first_hits`.
+    budgets : array_like, shape (runs,) or ()
+        Evaluations that each run had.
+
+    Examples
+    --------
+    >>> expected_running_time([10.0, math.inf, 30.0], 100)
+    70.0
+    """
+    found = np.asarray(hits, dtype=np.float64)
+    successes = int(np.isfinite(found).sum())
+    return float(np.minimum(found, budgets).sum() / successes) if successes else math.inf
+
+
+def simulated_restarts(hits: ArrayLike, budgets: ArrayLike, rng: np.random.Generator, draws: int = RESAMPLES) -> Real:
+    """Running times of an optimiser that is begun again until it meets the target, shape (draws,).
+
+    Runs are drawn with replacement, and what each has spent is added, until one has succeeded (COCO, as above).
+    Infinite where none ever did.
+    """
+    found = np.atleast_1d(np.asarray(hits, dtype=np.float64))
+    spent = np.minimum(found, budgets)
+    success = np.isfinite(found)
+    if not success.any():
+        return np.full(draws, math.inf)
+    total, going = np.zeros(draws), np.arange(draws)
+    while going.size:
+        drawn = rng.integers(0, found.size, going.size)
+        total[going] += spent[drawn]
+        going = going[~success[drawn]]
+    return total
+
+
+def running_time_distribution(times: ArrayLike, evaluations: ArrayLike) -> Real:
+    """Share of (run, target, instance) triples that are met after each number of evaluations; COCO's ECDF.
+
+    Parameters
+    ----------
+    times : array_like
+        Running times, any shape; infinite where a target was never met.
+    evaluations : array_like, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    ordered = np.sort(np.ravel(np.asarray(times, dtype=np.float64)))
+    share: Real = np.searchsorted(ordered, np.asarray(evaluations, dtype=np.float64), side="right") / ordered.size
+    return share
+
+
+def interquartile_mean(scores: ArrayLike) -> float:
+    """Mean of the middle half of all runs on all instances, shape (runs, instances) or any.
+
+    Agarwal, Schwarzer, Castro, Courville & Bellemare, NeurIPS 34 (2021): less moved by single runs than a mean, and
+    tells more than a median. A quarter of the values, rounded down, is cut off at either end, as they do.
+
+    Examples
+    --------
+    >>> interquartile_mean([0.0, 1.0, 2.0, 99.0])
+    1.5
+    """
+    from scipy.stats import trim_mean
+
+    return float(trim_mean(np.ravel(np.asarray(scores, dtype=np.float64)), 0.25))
+
+
+def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> float:
+    """Chance that a run of the first ends lower than one of the second, on an instance drawn at random.
+
+    Ties count half. Agarwal et al., as above: the mean over instances of the Mann–Whitney statistic.
+
+    Parameters
+    ----------
+    first, second : array_like, shape (runs, instances)
+        Regrets: less is better. The numbers of runs may differ.
+    """
+    a, b = (np.asarray(scores, dtype=np.float64) for scores in (first, second))
+    difference = b[None, :, :] - a[:, None, :]
+    return float(np.mean((difference > 0) + 0.5 * (difference == 0)))
+
+
+def performance_profile(scores: ArrayLike, levels: ArrayLike) -> Real:
+    """Share of runs on all instances that end at or below each level, shape (levels,).
+
+    The distribution of run scores of Agarwal et al., as above, for scores of which less is better.
+    """
+    return running_time_distribution(scores, levels)
+
+
+def stratified(
+    statistic: Callable[..., float],
+    samples: Sequence[ArrayLike],
+    rng: np.random.Generator,
+    resamples: int = RESAMPLES,
+) -> Estimate:
+    """A statistic of runs on given instances, with its percentile interval; runs are resampled within each instance.
+
+    Parameters
+    ----------
+    statistic : callable
+        Of as many arrays as there are samples.
+    samples : sequence of array_like, shape (runs, instances) each
+    rng : Generator
+    resamples : int
+    """
+    arrays = [np.asarray(sample, dtype=np.float64) for sample in samples]
+    value = statistic(*arrays)
+    if any(len(array) < 2 for array in arrays):
+        return Estimate(value, math.nan, math.nan)
+    drawn = [
+        statistic(*(np.take_along_axis(a, rng.integers(0, len(a), a.shape), axis=0) for a in arrays))
+        for _ in range(resamples)
+    ]
+    tails = 50 * (1 - CONFIDENCE)
+    finite = np.asarray(drawn)[np.isfinite(drawn)]
+    if finite.size < resamples:  # a resample without any success: the upper end is not known
+        low = float(np.percentile(finite, tails)) if finite.size else math.nan
+        return Estimate(value, low, math.inf)
+    low, high = np.percentile(drawn, [tails, 100 - tails])
+    return Estimate(value, float(low), float(high))
+
+
+@dataclass(frozen=True)
+class SignedRank:
+    """Posterior probabilities that, on another instance, the first is better, both are alike, the second is better."""
+
+    first: float
+    alike: float
+    second: float
+
+
+def bayesian_signed_rank(
+    first: ArrayLike, second: ArrayLike, alike: float, rng: np.random.Generator, draws: int = 20_000
+) -> SignedRank:
+    """Bayesian signed-rank test over instances.
+
+    Benavoli, Corani, Demšar & Zaffalon, J. Mach. Learn. Res. 18 (2017) 77, section 4.2: a Dirichlet process over the
+    differences, with a pseudo-observation of none; per draw the largest of the three probabilities wins.
+
+    Parameters
+    ----------
+    first, second : array_like, shape (instances,)
+        One number an instance, such as the median regret: less is better.
+    alike : float
+        Difference that does not matter, at least 0.
+    rng : Generator
+    draws : int
+    """
+    difference = np.concatenate([[0.0], np.asarray(second, dtype=np.float64) - np.asarray(first, dtype=np.float64)])
+    pairs = difference[:, None] + difference[None, :]
+    weights = rng.dirichlet([PRIOR_STRENGTH, *np.ones(difference.size - 1)], draws)
+    better, worse = pairs > 2 * alike, pairs < -2 * alike
+    of_first = np.einsum("di,ij,dj->d", weights, better, weights, optimize=True)
+    of_second = np.einsum("di,ij,dj->d", weights, worse, weights, optimize=True)
+    shares = np.column_stack([of_first, 1 - of_first - of_second, of_second])
+    won = shares >= shares.max(axis=1, keepdims=True) - 1e-12
+    first_, alike_, second_ = (won / won.sum(axis=1, keepdims=True)).mean(axis=0)
+    return SignedRank(float(first_), float(alike_), float(second_))
