@@ -2,6 +2,14 @@
 
 from inkjet_env.envs.bipolar_waveform import BipolarWaveformEnv
 from inkjet_env.envs.task import WaveformTask, make_task
+from inkjet_env.envs.tune_waveform import TuneWaveformEnv, TuneWaveformVectorEnv
 from inkjet_env.envs.vector import BipolarWaveformVectorEnv
 
-__all__ = ["BipolarWaveformEnv", "BipolarWaveformVectorEnv", "WaveformTask", "make_task"]
+__all__ = [
+    "BipolarWaveformEnv",
+    "BipolarWaveformVectorEnv",
+    "TuneWaveformEnv",
+    "TuneWaveformVectorEnv",
+    "WaveformTask",
+    "make_task",
+]

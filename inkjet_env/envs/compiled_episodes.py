@@ -27,15 +27,15 @@ def waveforms_of_actions(points, lower, upper, waveforms):
 
 
 @_jit
-def batch_peaks(waveforms, heads, laps_before, one_point, window_s, peaks, counts, tails):
-    """Fill the signed peaks (n, capacity) of each waveform (n, 7), their number and the magnitude beyond them (V).
+def batch_peaks(waveforms, heads, laps_before, one_point, window_s, times, peaks, counts, tails):
+    """Fill times and signed peaks (n, capacity) of each waveform (n, 7), their number, the magnitude beyond them (V).
 
     ``heads`` has 1 or n rows. Returns False when ``peaks`` was too narrow.
     """
     knots_s, knots_V = np.empty(6), np.empty(6)
     memory, pieces = np.empty(32), np.empty((40, 6))
     rate, series = np.empty(compiled_edges.MAX_DEGREE), np.empty(compiled_edges.SERIES_TERMS + 2)
-    stack, times = np.empty((64, 4)), np.empty(peaks.shape[1])
+    stack = np.empty((64, 4))
     state, no_knots = np.empty(2), np.empty(0)
     for i in range(waveforms.shape[0]):
         state[:] = 0.0
@@ -45,7 +45,7 @@ def batch_peaks(waveforms, heads, laps_before, one_point, window_s, peaks, count
             knots_V, head[compiled_edges.HEAD_FULL_SCALE], laps_before, one_point, memory, pieces
         )
         counts[i], tails[i] = compiled.response_extrema(
-            head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks[i], no_knots
+            head, knots_s, pieces, found, window_s, state, rate, series, stack, times[i], peaks[i], no_knots
         )
         if counts[i] == compiled_edges.OVERFLOW:
             return False

@@ -129,6 +129,27 @@ def _value_of(option: str, kind: type[Value], keys: tuple[str, ...], given: obje
 
 
 @dataclass(frozen=True)
+class Readings:
+    """What was read of n responses.
+
+    Attributes
+    ----------
+    times_s, heights_V : ndarray, shape (n, capacity)
+        Of the peaks, signed, in time order; what follows the last one means nothing.
+    counts : ndarray of int, shape (n,)
+        How many peaks there are.
+    read_V, costs_V : ndarray, shape (n,)
+        Costs of the readings, and those free of noise.
+    """
+
+    times_s: Real
+    heights_V: Real
+    counts: NDArray[np.int64]
+    read_V: Real
+    costs_V: Real
+
+
+@dataclass(frozen=True)
 class WaveformTask:
     """One printhead, cost, search box and way of measuring; made by `make_task`, which tells what each field is."""
 
@@ -275,22 +296,33 @@ class WaveformTask:
         if self.noise == 0:
             costs = simulated_costs(waveforms, heads, settings, capacity)
             return costs, costs
+        readings = self.read(waveforms, heads, generators)
+        return readings.read_V, readings.costs_V
+
+    def read(self, waveforms: Real, heads: Real, generators: Sequence[np.random.Generator]) -> Readings:
+        """Fire waveforms (n, 7) on heads without effects (1 or n rows) and read every peak, with an error each.
+
+        A generator a row; none is used where there is no noise.
+        """
         from inkjet_env.envs.compiled_episodes import batch_peaks, costs_of_readings
 
-        laps_before, one_point, window_s, _, *cost = settings
-        counts, tails = np.empty(len(waveforms), dtype=np.int64), np.empty(len(waveforms))
+        (laps_before, one_point, window_s, _, *cost), capacity = self._prepared
+        counts, tails = np.zeros(len(waveforms), dtype=np.int64), np.empty(len(waveforms))
         while True:
-            peaks = np.zeros((len(waveforms), capacity))
-            if batch_peaks(waveforms, heads, laps_before, one_point, window_s, peaks, counts, tails):
+            times, peaks = np.zeros((2, len(waveforms), capacity))
+            if batch_peaks(waveforms, heads, laps_before, one_point, window_s, times, peaks, counts, tails):
                 break
             capacity *= 2
         costs, read = np.empty(len(waveforms)), np.empty(len(waveforms))
         costs_of_readings(peaks, counts, tails, *cost, costs)
+        if self.noise == 0:
+            return Readings(times, peaks, counts, costs, costs)
         errors = np.zeros_like(peaks)
         for row, count, generator in zip(errors, counts.tolist(), generators, strict=True):
             generator.standard_normal(out=row[:count])
-        costs_of_readings(peaks + self.noise * errors, counts, tails, *cost, read)
-        return read, costs
+        heights = peaks + self.noise * errors
+        costs_of_readings(heights, counts, tails, *cost, read)
+        return Readings(times, heights, counts, read, costs)
 
     def _measure_with_effects(self, waveforms: Real, generators: Sequence[np.random.Generator]) -> tuple[Real, Real]:
         """`measure` of the task's own head, one waveform at a time."""

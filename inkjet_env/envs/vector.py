@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
-from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from inkjet_env.envs.bipolar_waveform import (
-    BipolarWaveformEnv,
-    check_no_options,
-    check_render_mode,
-    warn_of_no_render_mode,
-)
+from inkjet_env.envs.bipolar_waveform import check_no_options, warn_of_no_render_mode
+from inkjet_env.envs.many_heads import ManyHeads
 from inkjet_env.envs.task import make_task
 
 
-class BipolarWaveformVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
+class BipolarWaveformVectorEnv(ManyHeads):
     """N single environments, number for number: seeded with ``s``, they are N environments seeded ``s … s + N − 1``.
 
     Every step ends all episodes and begins the next ones (autoreset in the same step). As Gymnasium does it, the ended
@@ -52,60 +45,24 @@ class BipolarWaveformVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any
     ((3, 4), (3,))
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
-        **BipolarWaveformEnv.metadata,
-        "render_modes": ["rgb_array"],
-        "autoreset_mode": AutoresetMode.SAME_STEP,
-    }
-
     def __init__(self, num_envs: int = 1, render_mode: str | None = None, **options: Any) -> None:
-        if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
-            raise ValueError(f"num_envs must be a whole number of at least 1; got {num_envs!r}.")
-        if check_render_mode(render_mode) == "human":
-            raise ValueError("render_mode of a vector environment must be 'rgb_array' or None; got 'human'.")
-        self.num_envs = int(num_envs)
-        self.render_mode = render_mode
+        super().__init__(num_envs, render_mode)
         self.task = make_task(**options)
         self.single_action_space = self.task.action_space()
         self.single_observation_space = self.task.observation_space()
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._generators: list[np.random.Generator | None] = [None] * self.num_envs
-        self._seeds: list[int | None] = [None] * self.num_envs
         self._contexts = np.tile(self.task.fixed_context, (self.num_envs, 1))
         self._heads = self.task.heads(self._contexts)
         self._is_reset = False
         self._fired: tuple[NDArray[np.float64], NDArray[np.float32]] | None = None
-
-    @property  # type: ignore[misc]
-    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The generator of each head; one that was never seeded is seeded by chance."""
-        for i, generator in enumerate(self._generators):
-            if generator is None:
-                self._seed(i, None)
-        return tuple(self._generators)  # type: ignore[arg-type]
-
-    @property
-    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """The seed of each head's generator."""
-        _ = self.np_random
-        return tuple(self._seeds)  # type: ignore[arg-type]
-
-    def _seed(self, i: int, seed: int | None) -> None:
-        self._generators[i], self._seeds[i] = seeding.np_random(None if seed is None else operator.index(seed))
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin N episodes. ``seed`` is the first head's, or one a head; there are no ``options``."""
         check_no_options(options)
-        if seed is not None:
-            seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, (int, np.integer)) else list(seed)
-            if len(seeds) != self.num_envs:
-                raise ValueError(f"seed must be a number, or {self.num_envs} of them; got {len(seeds)}.")
-            for i, one in enumerate(seeds):
-                if one is not None:
-                    self._seed(i, one)
+        self._seed_all(seed)
         self._begin()
         self._is_reset = True
         self._fired = None
@@ -136,11 +93,6 @@ class BipolarWaveformVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any
         }
         terminations, truncations = np.ones(self.num_envs, dtype=np.bool_), np.zeros(self.num_envs, dtype=np.bool_)
         return self._contexts.copy(), -read, terminations, truncations, infos
-
-    def _infos(self, **values: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
-        """Values of all heads, each with Gymnasium's mask that says whose it is: everyone's."""
-        masks = {f"_{name}": np.ones(self.num_envs, dtype=np.bool_) for name in values}
-        return {**values, **masks}
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """One picture a head of the waveforms fired last; axes are empty before the first step."""

@@ -1,0 +1,128 @@
+"""Tuning the waveform of a head that nobody knows, in a few tries: what is tried, read and shown.
+
+The single environment and the vector one are faces of this file, which works on rows; a row's numbers do not depend on
+how many rows there are.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from inkjet_env.envs.task import WaveformTask, make_task
+
+Real = NDArray[np.float64]
+
+PEAK_SCALE_V, TIME_SCALE_S, COST_SCALE_V = 5.0, 100e-6, 20.0
+"""What 1 in an observation is."""
+LARGEST = 10.0
+"""Observations are clipped at this."""
+MOST_TRIES, MOST_PEAKS = 10_000, 1000
+
+
+class Tuning:
+    """N heads on the bench, what was tried on each and what was read.
+
+    Parameters
+    ----------
+    count : int
+        N.
+    tries : int
+        Waveforms that may be fired at each head.
+    peaks : int
+        How many peaks of the last response are shown, from the first on.
+    **options
+        See `inkjet_env.envs.task.make_task`; ``context`` is "random" and cannot be given.
+    """
+
+    def __init__(self, count: int, tries: int, peaks: int, **options: Any) -> None:
+        if "context" in options:
+            raise ValueError('context cannot be given: a head to be tuned is always drawn, as by context="random".')
+        self.tries = _counted("tries", tries, MOST_TRIES)
+        self.peaks = _counted("peaks", peaks, MOST_PEAKS)
+        self.task: WaveformTask = make_task(context="random", **options)
+        self.count = count
+        self._clear()
+
+    def _clear(self) -> None:
+        n = self.count
+        self.done = 0
+        self.contexts = np.zeros((n, 4), dtype=np.float32)
+        self.fired, self.kept = np.zeros((n, 7)), np.zeros((n, 7))
+        self.heights_V, self.times_s = np.zeros((n, self.peaks)), np.zeros((n, self.peaks))
+        self.kept_read_V, self.kept_cost_V = np.zeros(n), np.zeros(n)
+
+    def action_space(self) -> spaces.Box:
+        """The seven parameters, scaled."""
+        return self.task.action_space()
+
+    def observation_space(self) -> spaces.Box:
+        """Of one head."""
+        return spaces.Box(-LARGEST, LARGEST, (16 + 2 * self.peaks,), np.float32)
+
+    def begin(self, generators: Sequence[np.random.Generator]) -> None:
+        """Put other heads on the bench, of which nothing is known."""
+        self._clear()
+        self.contexts = self.task.contexts(generators)
+        self._heads = self.task.heads(self.contexts)
+
+    def fire(
+        self, actions: NDArray[Any], shape: tuple[int, ...], generators: Sequence[np.random.Generator]
+    ) -> tuple[Real, dict[str, Real]]:
+        """One try on each head: rewards in volts, shape (n,), and what ``info`` tells, a row a head.
+
+        Raises
+        ------
+        ValueError
+            Actions that are not of ``shape``, NaN or outside the box; nothing has been fired.
+        """
+        waveforms = self.task.waveforms(actions, shape)
+        readings = self.task.read(waveforms, self._heads, generators if self.task.noise else ())
+        self.done += 1
+        self.fired = np.array(actions, dtype=np.float64).reshape(-1, 7)
+        shown = np.arange(self.peaks) < readings.counts[:, None]
+        width = min(self.peaks, readings.heights_V.shape[1])
+        for table, found in ((self.heights_V, readings.heights_V), (self.times_s, readings.times_s)):
+            table[:] = 0.0
+            table[:, :width] = np.where(shown[:, :width], found[:, :width], 0.0)
+        better = readings.read_V < self.kept_read_V
+        rewards = np.where(better, self.kept_cost_V - readings.costs_V, 0.0)
+        self.kept[better] = self.fired[better]
+        self.kept_read_V = np.where(better, readings.read_V, self.kept_read_V)
+        self.kept_cost_V = np.where(better, readings.costs_V, self.kept_cost_V)
+        told = {
+            "waveform": waveforms,
+            "cost": readings.costs_V.copy(),
+            "reading": readings.read_V.copy(),
+            "kept_cost": self.kept_cost_V.copy(),
+        }
+        return rewards, told
+
+    @property
+    def over(self) -> bool:
+        """Whether all tries have been made."""
+        return self.done >= self.tries
+
+    def observations(self) -> NDArray[np.float32]:
+        """What is known of each head, shape (n, 16 + 2 peaks)."""
+        share = np.full((self.count, 1), self.done / self.tries)
+        parts = (
+            share, self.kept_read_V[:, None] / COST_SCALE_V, self.fired, self.kept,
+            self.heights_V / PEAK_SCALE_V, self.times_s / TIME_SCALE_S,
+        )  # fmt: skip
+        return np.clip(np.concatenate(parts, axis=1), -LARGEST, LARGEST).astype(np.float32)
+
+
+def _counted(name: str, value: Any, most: int) -> int:
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise ValueError(f"{name} must be a whole number; got {value!r}.") from None
+    if isinstance(value, bool) or not 1 <= count <= most:
+        raise ValueError(f"{name} must be 1 to {most}; got {value!r}.")
+    return count
