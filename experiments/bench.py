@@ -14,29 +14,23 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from experiments.arguments import MAX_BUDGET
 from experiments.problems import problem, suite
 from experiments.progress import shown_progress
-from experiments.runs import RunKey, RunResult, read_run, run_path, write_run
+from experiments.runs import RunKey, RunResult, label_of, read_run, run_path, write_run
+from experiments.versions import code_digest, first_difference, versions
 from inkjet_env.storage import json_text, remove_unfinished, write_atomically
 
 BENCH_FORMAT = "bench/1"
 DEFAULT_BUDGET = 2000  # 40 particles × 50 generations
 DEFAULT_REPEATS = 15
-DECISIVE_PACKAGES = (
-    "inkjet-env",
-    "numpy",
-    "scipy",
-    "numba",
-    "cma",
-    "nevergrad",
-    "torch",
-    "stable-baselines3",
-)
+SOURCES = ("inkjet_env/**/*.py", "optimizers/**/*.py", "experiments/problems.py")
+"""What decides a run's numbers."""
 LEFT_OUT = {
     "nevergrad-NGOpt": "Left out unless asked for (--optimizers all): its own time is half of the whole comparison's.",
 }
@@ -99,6 +93,7 @@ class BenchSettings:
             "seed": self.seed,
             "optimizers": list(self.optimizers),
             "problems": {name: problem(name).settings() for name in self.problems},
+            "code": code_digest(SOURCES),
             "versions": versions(),
         }
 
@@ -121,17 +116,6 @@ class BenchOutcome:
     folder: Path
     results: list[RunResult]
     unavailable: dict[str, str]
-
-
-def versions() -> dict[str, str]:
-    """Versions of the packages that decide the numbers."""
-    found = {"python": ".".join(str(part) for part in sys.version_info[:3])}
-    for package in DECISIVE_PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
 
 
 def open_folder(folder: Path, settings: BenchSettings) -> None:
@@ -168,23 +152,6 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
         write_atomically(file, json_text(asked))
 
 
-def first_difference(stored: Any, asked: Any, place: str = "") -> str:
-    """Say where two JSON values first differ; empty where they agree."""
-    if isinstance(stored, dict) and isinstance(asked, dict):
-        for name in [*asked, *(name for name in stored if name not in asked)]:
-            inner = f"{place} {name}".strip()
-            if name not in stored or name not in asked:
-                return f"{inner} is {'new' if name in asked else 'missing'} here"
-            if difference := first_difference(stored[name], asked[name], inner):
-                return difference
-        return ""
-    return "" if stored == asked else f"{place} is {_brief(stored)} there and {_brief(asked)} here"
-
-
-def _brief(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
 def run_bench(settings: BenchSettings, folder: Path, workers: int | None = None) -> BenchOutcome:
     """Do every run of the bench that ``folder`` does not hold yet, and return all results.
 
@@ -215,9 +182,8 @@ def run_bench(settings: BenchSettings, folder: Path, workers: int | None = None)
         if optimizer not in unavailable
         for repeat in range(settings.repeats)
     ]
-    results = {
-        key: read_run(folder, key, settings.seed, settings.budget) for key in keys if run_path(folder, key).exists()
-    }
+    told = settings.to_json()
+    results = {key: read_run(folder, key, label_of(key, told)) for key in keys if run_path(folder, key).exists()}
     missing = [key for key in keys if key not in results]
     if results and missing:
         print(f"{len(results)} of {len(keys)} runs are there already; going on.", file=sys.stderr, flush=True)
@@ -243,8 +209,9 @@ def _perform_all(
 
     from joblib.externals.loky import ProcessPoolExecutor
 
+    told = settings.to_json()
     # Compile once, here: the workers find the compiled code on disk.
-    problem(missing[0].problem).evaluate_with_gradient([[0.0] * 7])
+    suite()["nominal"].evaluate_with_gradient([[0.0] * 7])
     failures: dict[str, str] = {}
     one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     pool = ProcessPoolExecutor(
@@ -263,7 +230,7 @@ def _perform_all(
                 if failure:
                     failures.setdefault(key.optimizer, f"broke down on {key.problem}, repeat {key.repeat}: {failure}")
                 else:
-                    write_run(folder, result, seconds)
+                    write_run(folder, result, label_of(key, told), seconds)
                     results[key] = result
                 progress(done, f"{key.optimizer} on {key.problem}")
     finally:
@@ -295,9 +262,10 @@ def perform(key: RunKey, settings: BenchSettings) -> tuple[RunKey, RunResult | N
     import optimizers
     from optimizers.loop import minimise
 
-    objective = problem(key.problem)
-    objective.evaluate_with_gradient([[0.0] * 7])  # nobody's run is charged with loading the compiled code
     seed = key.seed(settings.seed)
+    objective = problem(key.problem).told(seed)
+    objective.evaluate(np.zeros((1, 7)))  # nobody's run is charged with loading the compiled code
+    objective = problem(key.problem).told(seed)
     begin_s = time.perf_counter()
     try:
         optimizer = optimizers.make(key.optimizer, budget=settings.budget, seed=seed)
@@ -311,4 +279,4 @@ def perform(key: RunKey, settings: BenchSettings) -> tuple[RunKey, RunResult | N
         "objective": run.objective_seconds,
         "total": time.perf_counter() - begin_s,
     }
-    return key, RunResult(key, seed, run.points, run.costs), seconds, ""
+    return key, RunResult.of(key, run.points, run.costs), seconds, ""

@@ -71,10 +71,11 @@ class Optimisation:
         from optimizers.loop import Interrupted, minimise
 
         optimizer = optimizers.make(self.optimizer, budget=self.budget, seed=self.seed, **self.options)
+        done = 0 if recorded is None else len(recorded.costs if hasattr(recorded, "costs") else recorded[1])
         try:
             with shown_progress(self.optimizer, self.budget) as progress:
                 return minimise(
-                    self.problem,
+                    self.problem.told(self.seed, done),
                     optimizer,
                     self.budget,
                     recorded=recorded,
@@ -152,5 +153,5 @@ def _check_evaluations(optimisation: Optimisation, points: Real, costs: Real, *g
             raise ValueError(f"its {name} are not {shape} finite numbers")
     if not 0 < len(costs) <= optimisation.budget <= MAX_BUDGET or np.abs(points).max() > 1:
         raise ValueError(f"its {len(costs)} evaluations do not fit a budget of {optimisation.budget} in the box")
-    if difference := first_other_cost(optimisation.problem, points, costs):
+    if difference := first_other_cost(optimisation.problem, points, costs, optimisation.seed):
         raise ValueError(difference)

@@ -208,6 +208,13 @@ class Problem:
         numbers = range(first, first + len(waveforms))
         return task.measure(waveforms, task.heads([]), [np.random.default_rng([seed, k]) for k in numbers])[0]
 
+    def told(self, seed: int, first: int = 0) -> Any:
+        """What an optimiser is given in a run of that seed: this problem, or a rig that reads with errors.
+
+        ``first``: how many evaluations the run has had before.
+        """
+        return _Rig(self, seed, first) if self.reading_V else self
+
     def respond(self, point: ArrayLike) -> Any:
         """Response of the nominal printhead, at rest before, to the waveform of one point in ``[-1, 1]``, shape (7,).
 
@@ -268,6 +275,21 @@ class Problem:
             "window_s": self.window_s if np.isfinite(self.window_s) else "inf",
         }
         return settings | more | augmented
+
+
+@dataclass
+class _Rig:
+    """A problem as a run of one seed is told it: readings, one after another, and no gradients."""
+
+    problem: Problem
+    seed: int
+    read: int = 0
+
+    def evaluate(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Readings in volts, shape (n,), of the next n evaluations."""
+        costs = self.problem.read(points, self.seed, self.read)
+        self.read += len(points)
+        return costs
 
 
 def chosen_head(path: Path | None) -> Printhead | AugmentedPrinthead:

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from experiments import pictures
-from experiments.bench import BenchOutcome, versions
+from experiments.bench import BenchOutcome
 from experiments.problems import problem
 from experiments.runs import RunKey, RunResult, read_seconds
 from experiments.statistics import Summary, regret_quartiles
+from experiments.versions import versions
 from inkjet_env.storage import json_text, write_atomically
 
 RANKING_FORMAT = "ranking/1"
@@ -150,7 +151,7 @@ def volts(value: float) -> str:
 
 def median_run(results: Sequence[RunResult]) -> RunResult:
     """The run whose final cost is the median (the better of the middle two)."""
-    return sorted(results, key=lambda result: float(result.costs.min()))[(len(results) - 1) // 2]
+    return sorted(results, key=lambda result: float(result.costs_V[-1]))[(len(results) - 1) // 2]
 
 
 def convergence_figure(outcome: BenchOutcome, summary: Summary) -> Any:
@@ -174,6 +175,6 @@ def before_after_figure(run: RunResult) -> Any:
     """Best waveform of a run's first 40 evaluations beside the best of all."""
     solved = problem(run.key.problem)
     first, final = solved.respond(run.best_point(GENERATION)), solved.respond(run.best_point())
-    last = len(run.costs)
+    last = run.budget
     titles = (f"best of the first {min(GENERATION, last)} evaluations", f"best of all {last} evaluations")
     return pictures.draw_before_after(first, final, solved.cost, titles)

@@ -1,24 +1,33 @@
 """One run of the comparison: an optimiser, a problem, a repeat; and the file that keeps it.
 
-A run's file depends on nothing but its key, its budget and the bench's seed, so that the same run gives the same bytes
-on every occasion. How long it took is kept in another file.
+A run is kept by its improvements: after how many evaluations a better cost was told, of which waveform, and what that
+truly costs. The file is a Parquet table whose label says what it is a run of, on which code; it depends on nothing
+else, so that the same run gives the same bytes on every occasion. How long it took is kept in another file.
 """
 
 from __future__ import annotations
 
+import io
 import json
-import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
-from hashlib import blake2b
+from hashlib import blake2b, sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from experiments.problems import Problem, problem
-from inkjet_env.storage import archive_bytes, json_text, write_atomically
+from experiments.versions import first_difference
+from inkjet_env.printhead.waveform import PARAMETER_NAMES
+from inkjet_env.storage import json_text, write_atomically
 
-RUN_FORMAT = "run/1"
+Real = NDArray[np.float64]
+
+RUN_FORMAT = "run/2"
+LABEL = b"inkjet"
+NUMBERS = ("told_V", "cost_V", *PARAMETER_NAMES)
 
 
 class DamagedResultError(ValueError):
@@ -44,51 +53,92 @@ class RunKey:
         return f"{self.problem}--{self.optimizer}--{self.repeat:03d}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RunResult:
-    """All evaluations of one run, in order.
+    """The improvements of one run, in order.
 
     Parameters
     ----------
     key : RunKey
-    seed : int
-        Of the optimiser.
-    points : ndarray, shape (budget, 7)
+    budget : int
+        Evaluations of the run.
+    evaluations : ndarray of int, shape (k,)
+        After which a better cost was told; the first is 1.
+    told_V : ndarray, shape (k,)
+        That cost, in volts; of readings, with their errors.
+    costs_V : ndarray, shape (k,)
+        What the waveform costs truly.
+    points : ndarray, shape (k, 7)
         In ``[-1, 1]``.
-    costs : ndarray, shape (budget,)
-        In volts.
     """
 
     key: RunKey
-    seed: int
-    points: NDArray[np.float64]
-    costs: NDArray[np.float64]
+    budget: int
+    evaluations: NDArray[np.int64]
+    told_V: Real
+    costs_V: Real
+    points: Real
 
-    def best_so_far(self) -> NDArray[np.float64]:
-        """Least cost up to each evaluation, in volts, shape (budget,)."""
-        return np.minimum.accumulate(self.costs)
+    @classmethod
+    def of(cls, key: RunKey, points: Real, told_V: Real) -> RunResult:
+        """The run of these evaluations, in order."""
+        best = np.minimum.accumulate(told_V)
+        better = np.flatnonzero(np.concatenate([[True], told_V[1:] < best[:-1]]))
+        kept = points[better]
+        of = problem(key.problem)
+        costs_V = of.evaluate(kept) if of.reading_V else told_V[better].copy()
+        return cls(key, len(told_V), better + 1, told_V[better].copy(), costs_V, kept)
 
-    def best_point(self, evaluations: int | None = None) -> NDArray[np.float64]:
+    def kept_V(self, evaluations: ArrayLike) -> Real:
+        """True cost, in volts, of the best waveform told after each number of evaluations, same shape."""
+        kept: Real = self.costs_V[np.searchsorted(self.evaluations, np.asarray(evaluations), side="right") - 1]
+        return kept
+
+    def best_point(self, evaluations: int | None = None) -> Real:
         """Best point of the first ``evaluations`` (all unless given), in ``[-1, 1]``, shape (7,)."""
-        return self.points[int(np.argmin(self.costs[:evaluations]))]
+        last = len(self.evaluations) if evaluations is None else np.searchsorted(self.evaluations, evaluations, "right")
+        point: Real = self.points[int(last) - 1]
+        return point
 
-    def to_bytes(self) -> bytes:
+    def to_bytes(self, label: Mapping[str, Any]) -> bytes:
         """Content of the run's file."""
-        label = {
-            "format": RUN_FORMAT,
-            "optimizer": self.key.optimizer,
-            "problem": self.key.problem,
-            "repeat": self.key.repeat,
-            "seed": self.seed,
-        }
-        return archive_bytes(
-            {"label": np.array(json.dumps(label)), "points": self.points, "costs": self.costs},
-        )
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        columns = [self.evaluations, self.told_V, self.costs_V, *self.points.T]
+        table = pa.table(dict(zip(("evaluation", *NUMBERS), map(np.ascontiguousarray, columns), strict=True)))
+        whole = table.replace_schema_metadata({LABEL: json.dumps(label, sort_keys=True).encode()})
+        buffer = io.BytesIO()
+        pq.write_table(whole, buffer, compression="zstd")
+        return buffer.getvalue()
+
+
+def label_of(key: RunKey, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """What the file of a run says of itself.
+
+    Parameters
+    ----------
+    key : RunKey
+    settings : mapping
+        Of the bench, as it writes them.
+    """
+    of = json.dumps(settings["problems"][key.problem], sort_keys=True)
+    return {
+        "format": RUN_FORMAT,
+        "optimizer": key.optimizer,
+        "problem": key.problem,
+        "problem_sha256": sha256(of.encode()).hexdigest(),
+        "repeat": key.repeat,
+        "seed": key.seed(settings["seed"]),
+        "budget": settings["budget"],
+        "code": settings["code"],
+        "versions": settings["versions"],
+    }
 
 
 def run_path(folder: Path, key: RunKey) -> Path:
     """Where a bench's folder keeps a run."""
-    return folder / "runs" / f"{key.file_stem}.npz"
+    return folder / "runs" / f"{key.file_stem}.parquet"
 
 
 def timing_path(folder: Path, key: RunKey) -> Path:
@@ -96,10 +146,10 @@ def timing_path(folder: Path, key: RunKey) -> Path:
     return folder / "timings" / f"{key.file_stem}.json"
 
 
-def write_run(folder: Path, result: RunResult, seconds: dict[str, float]) -> None:
+def write_run(folder: Path, result: RunResult, label: Mapping[str, Any], seconds: dict[str, float]) -> None:
     """Store a run: first its timing, then the result, whose presence means that the run is done."""
     write_atomically(timing_path(folder, result.key), json_text(seconds))
-    write_atomically(run_path(folder, result.key), result.to_bytes())
+    write_atomically(run_path(folder, result.key), result.to_bytes(label))
 
 
 def read_seconds(folder: Path, key: RunKey) -> dict[str, float]:
@@ -110,7 +160,7 @@ def read_seconds(folder: Path, key: RunKey) -> dict[str, float]:
         return {}
 
 
-def read_run(folder: Path, key: RunKey, bench_seed: int, budget: int) -> RunResult:
+def read_run(folder: Path, key: RunKey, label: Mapping[str, Any]) -> RunResult:
     """Read a run and check that it is whole and is the run asked for.
 
     Raises
@@ -118,43 +168,52 @@ def read_run(folder: Path, key: RunKey, bench_seed: int, budget: int) -> RunResu
     DamagedResultError
         The file is not what the bench writes for this run; the message names it and says what to do.
     """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     path = run_path(folder, key)
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            label = json.loads(str(archive["label"]))
-            points, costs = archive["points"], archive["costs"]
-    except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile, NotImplementedError) as error:
+        table = pq.read_table(path)
+        found = json.loads((table.schema.metadata or {})[LABEL])
+        evaluations = table["evaluation"].to_numpy().astype(np.int64, casting="safe")
+        told_V, costs_V, *points = (table[name].to_numpy().astype(np.float64, casting="safe") for name in NUMBERS)
+    except (pa.ArrowException, ValueError, KeyError, TypeError, OSError, RecursionError) as error:
         raise _damaged(path, f"it cannot be read ({type(error).__name__})") from None
-    seed = key.seed(bench_seed)
-    expected = {
-        "format": RUN_FORMAT,
-        "optimizer": key.optimizer,
-        "problem": key.problem,
-        "repeat": key.repeat,
-        "seed": seed,
-    }
-    if label != expected:
-        raise _damaged(path, f"it is labelled {label} instead of {expected}")
-    if points.dtype != np.float64 or costs.dtype != np.float64:
-        raise _damaged(path, f"it holds points of {points.dtype} and costs of {costs.dtype} instead of float64")
-    if points.shape != (budget, 7) or costs.shape != (budget,):
-        raise _damaged(path, f"it holds points {points.shape} and costs {costs.shape} for a budget of {budget}")
-    if not (np.isfinite(costs).all() and (np.abs(points) <= 1).all()):
-        raise _damaged(path, "it holds a cost that is not finite or a point outside the box")
-    result = RunResult(key, seed, points, costs)
-    if difference := first_other_cost(problem(key.problem), points, costs):
-        raise _damaged(path, difference)
+    if difference := first_difference(found, dict(label)):
+        raise _damaged(path, f"it is the file of another run: {difference}")
+    result = RunResult(key, label["budget"], evaluations, told_V, costs_V, np.column_stack(points))
+    if wrong := _what_is_wrong(result, label["seed"]):
+        raise _damaged(path, wrong)
     return result
 
 
-def first_other_cost(problem: Problem, points: NDArray[np.float64], costs: NDArray[np.float64]) -> str:
-    """Say which recorded cost is not what its point costs here; empty where all are."""
-    again = problem.evaluate(points)
+def _what_is_wrong(run: RunResult, seed: int) -> str:
+    """Say what improvements of a run cannot be; empty where they can."""
+    counts = run.evaluations
+    if not (counts.size and counts[0] == 1 and (np.diff(counts) > 0).all() and counts[-1] <= run.budget):
+        return f"its evaluations are not improvements of a run of {run.budget}"
+    if not (np.isfinite(run.costs_V).all() and (np.abs(run.points) <= 1).all()):
+        return "it holds a cost that is not finite or a point outside the box"
+    if not (np.isfinite(run.told_V).all() and (np.diff(run.told_V) < 0).all()):
+        return "the costs that were told do not fall"
+    of = problem(run.key.problem)
+    if difference := _first_other(of.evaluate(run.points), run.costs_V, counts):
+        return difference
+    read_V = [of.read(point, seed, int(k) - 1)[0] for point, k in zip(run.points, counts, strict=True)]
+    return _first_other(np.array(read_V), run.told_V, counts)
+
+
+def first_other_cost(problem: Problem, points: Real, told_V: Real, seed: int) -> str:
+    """Say which recorded cost is not what its point is told to cost in a run of that seed; empty where all are."""
+    return _first_other(problem.read(points, seed), told_V, np.arange(1, len(told_V) + 1))
+
+
+def _first_other(again: Real, costs: Real, evaluations: NDArray[np.int64]) -> str:
     wrong = ~np.isclose(again, costs, rtol=1e-9, atol=1e-9)
     if not wrong.any():
         return ""
     i = int(np.argmax(wrong))
-    return f"evaluation {i + 1} costs {again[i]:.9g} V here, not the {costs[i]:.9g} V it records"
+    return f"evaluation {evaluations[i]} costs {again[i]:.9g} V here, not the {costs[i]:.9g} V it records"
 
 
 def _damaged(path: Path, reason: str) -> DamagedResultError:

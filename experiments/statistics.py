@@ -116,7 +116,7 @@ def final_regrets(results: Sequence[RunResult]) -> dict[str, dict[str, Real]]:
     """Final best cost − best known cost in volts: by optimiser and problem, one value a run, in the runs' order."""
     found: dict[str, dict[str, list[float]]] = {}
     for result in results:
-        regret = float(result.costs.min()) - best_known_cost(result.key.problem)
+        regret = float(result.costs_V[-1]) - best_known_cost(result.key.problem)
         found.setdefault(result.key.optimizer, {}).setdefault(result.key.problem, []).append(regret)
     return {
         optimizer: {name: np.array(values) for name, values in by_problem.items()}
@@ -125,9 +125,8 @@ def final_regrets(results: Sequence[RunResult]) -> dict[str, dict[str, Real]]:
 
 
 def regret_quartiles(results: Sequence[RunResult], evaluations: ArrayLike) -> Real:
-    """Quartiles over runs of the best-so-far regret, shape (3, n), in volts, after each number of ``evaluations``."""
-    at = np.asarray(evaluations) - 1
-    curves = [result.best_so_far()[at] - best_known_cost(result.key.problem) for result in results]
+    """Quartiles over runs of the regret of what is kept, shape (3, n), in volts, after so many ``evaluations`` each."""
+    curves = [result.kept_V(evaluations) - best_known_cost(result.key.problem) for result in results]
     return np.percentile(curves, [25, 50, 75], axis=0)
 
 

@@ -10,7 +10,8 @@ from typing import Any
 from experiments.proof.campaign_files import ProofError
 from experiments.proof.concealment import plant_of
 from experiments.proof.corpus import Draw
-from experiments.proof.sealing import JUDGE_SOURCES, code_digest
+from experiments.proof.sealing import JUDGE_SOURCES
+from experiments.versions import code_digest
 
 COMPARED = {
     ("amplifier_bandwidth", "bandwidth_Hz"): ("bandwidth_Hz", ("first_order",)),

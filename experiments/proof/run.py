@@ -24,7 +24,6 @@ from experiments.proof.sealing import (
     Settings,
     answer_file,
     check_answer,
-    code_digest,
     commit_answers,
     open_folder,
     read_answer,
@@ -34,6 +33,7 @@ from experiments.proof.sealing import (
     unseal,
     verified_manifest,
 )
+from experiments.versions import code_digest
 from inkjet_env.storage import UNFINISHED, json_text, write_atomically
 
 JUDGED_FORMAT = "proof-judged/1"

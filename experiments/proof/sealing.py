@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import secrets
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -23,6 +23,7 @@ from typing import Any
 from experiments.proof.campaign_files import ProofError, check_campaign_only, digest
 from experiments.proof.concealment import RIG
 from experiments.proof.corpus import PUBLISHED_SEED, STAGES, VERSION
+from experiments.versions import code_digest, first_difference, versions
 from inkjet_env.storage import UNFINISHED, json_text, remove_unfinished, write_atomically
 
 SETTINGS, MANIFEST, ANSWERS = "proof.json", "manifest.json", "answers.json"
@@ -53,8 +54,6 @@ class Settings:
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values, with the code's digests and the versions of what it stands on."""
-        from experiments.bench import versions
-
         return {
             "format": "proof-settings/1",
             "version": VERSION,
@@ -67,15 +66,6 @@ class Settings:
         }
 
 
-def code_digest(patterns: Iterable[str]) -> str:
-    """SHA-256 over the package's sources that match, in hexadecimal."""
-    root = Path(__file__).resolve().parents[2]
-    total = sha256()
-    for file in sorted({file for pattern in patterns for file in root.glob(pattern)}):
-        total.update(f"{file.relative_to(root).as_posix()}\0{sha256(file.read_bytes()).hexdigest()}\0".encode())
-    return total.hexdigest()
-
-
 def open_folder(folder: Path, settings: Settings) -> None:
     """Make ``folder`` this proof's own, or check that it is.
 
@@ -84,8 +74,6 @@ def open_folder(folder: Path, settings: Settings) -> None:
     ProofError
         It holds a proof of another version, seed, profile or code, or something else. Nothing in it is changed.
     """
-    from experiments.bench import first_difference
-
     file, asked = folder / SETTINGS, settings.to_json()
     if file.exists():
         if difference := first_difference(read_json(file), asked):

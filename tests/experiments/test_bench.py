@@ -8,10 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from experiments.bench import BenchSettings, first_difference, perform, run_bench
+from experiments.bench import BenchSettings, perform, run_bench
 from experiments.report import ranking_csv, ranking_json, write_report
-from experiments.runs import DamagedResultError, RunKey, read_run, run_path
+from experiments.runs import DamagedResultError, RunKey, RunResult, label_of, read_run, run_path
 from experiments.statistics import summarise
+from experiments.versions import first_difference
 
 COMMAND = [sys.executable, "-m", "experiments.cli", "bench", "--workers", "1"]
 SMALL = ["--problems", "nominal,stiff-head", "--optimizers", "cma-es,pso,random", "--repeats", "4", "--budget", "1500"]
@@ -39,7 +40,7 @@ def contents(folder):
 def test_a_killed_bench_goes_on_and_ends_as_if_it_had_not_been_killed(tmp_path):
     killed, whole = tmp_path / "killed", tmp_path / "whole"
     process = subprocess.Popen([*COMMAND, *SMALL, "--results", killed], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    while len(list(killed.glob("runs/*.npz"))) < 4 and process.poll() is None:
+    while len(list(killed.glob("runs/*.parquet"))) < 4 and process.poll() is None:
         time.sleep(0.01)
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
@@ -58,15 +59,19 @@ def test_a_killed_bench_goes_on_and_ends_as_if_it_had_not_been_killed(tmp_path):
 
 def test_a_run_depends_on_nothing_but_its_names_budget_and_seed():
     key = RunKey("pso", "nominal", 1)
-    alone = perform(key, small_settings())[1].to_bytes()
-    assert perform(key, small_settings(optimizers=("random", "pso"), repeats=7))[1].to_bytes() == alone
-    assert perform(key, small_settings(seed=1))[1].to_bytes() != alone
+
+    def file(settings):
+        return perform(key, settings)[1].to_bytes(label_of(key, settings.to_json()))
+
+    alone = file(small_settings())
+    assert file(small_settings(optimizers=("random", "pso"), repeats=7)) == alone
+    assert file(small_settings(seed=1)) != alone
 
 
 def test_a_finished_bench_is_not_run_again(finished, monkeypatch):
     monkeypatch.setattr("experiments.bench._perform_all", lambda *_: pytest.fail("ran again"))
     again = run_bench(small_settings(), finished.folder)
-    assert [r.to_bytes() for r in again.results] == [r.to_bytes() for r in finished.results]
+    assert [r.to_bytes({}) for r in again.results] == [r.to_bytes({}) for r in finished.results]
 
 
 @pytest.mark.parametrize(
@@ -99,24 +104,42 @@ def damage_by_another_run(path, folder):
     path.write_bytes(run_path(folder, RunKey("random", "nominal", 0)).read_bytes())
 
 
+def a_run(folder):
+    key, told = RunKey("pso", "nominal", 0), small_settings().to_json()
+    return read_run(folder, key, label_of(key, told)), label_of(key, told)
+
+
 def damage_by_pickle(path, _):
     with open(path, "wb") as file:
         np.savez(file, label=np.array({"a": 1}, dtype=object))
 
 
 def damage_by_better_costs(path, folder):
-    result = read_run(folder, RunKey("pso", "nominal", 0), 0, 90)
-    result.costs[7] -= 100
-    path.write_bytes(result.to_bytes())
+    run, label = a_run(folder)
+    run.costs_V[2] -= 100
+    path.write_bytes(run.to_bytes(label))
+
+
+def damage_by_rising_costs(path, folder):
+    run, label = a_run(folder)
+    run.told_V[1] = run.told_V[0]
+    path.write_bytes(run.to_bytes(label))
+
+
+def damage_by_other_code(path, folder):
+    run, label = a_run(folder)
+    path.write_bytes(run.to_bytes(label | {"code": "0" * 64}))
 
 
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
         (damage_by_truncation, "cannot be read"),
-        (damage_by_another_run, "it is labelled"),
+        (damage_by_another_run, "it is the file of another run: optimizer is random there and pso here"),
         (damage_by_pickle, "cannot be read"),
-        (damage_by_better_costs, "evaluation 8 costs"),
+        (damage_by_better_costs, "costs .* V here, not the"),
+        (damage_by_rising_costs, "the costs that were told do not fall"),
+        (damage_by_other_code, "it is the file of another run: code is 0000"),
     ],
 )
 def test_a_damaged_result_is_named_and_what_to_do(finished, damage, said):
@@ -170,6 +193,17 @@ def test_tables_for_machines_agree_with_each_other(finished):
     assert best["optimizer"] == first["optimizer"] == summary.winner
     assert float(best["median_regret_V"]) == first["problems"]["nominal"]["median_regret_V"]
     json.dumps(found, allow_nan=False)
+
+
+def test_a_run_is_kept_by_its_improvements():
+    points = np.linspace(-1, 1, 35).reshape(5, 7)
+    run = RunResult.of(RunKey("pso", "nominal", 0), points, np.array([3.0, 4.0, 2.0, 2.0, 1.0]))
+    assert run.evaluations.tolist() == [1, 3, 5]
+    assert run.told_V.tolist() == [3.0, 2.0, 1.0]
+    assert run.kept_V([1, 2, 3, 4, 5]).tolist() == [3.0, 3.0, 2.0, 2.0, 1.0]
+    assert (run.best_point(4) == points[2]).all()
+    assert (run.best_point() == points[4]).all()
+    assert run.budget == 5
 
 
 def test_first_difference_names_the_place():

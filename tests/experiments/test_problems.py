@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.optimisation import Optimisation
 from experiments.problems import Problem, Spread
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
 
@@ -102,3 +103,19 @@ def test_what_cannot_be_is_refused():
         Spread(judged="wurst")
     assert not Problem("noisy", reading_V=0.1).has_gradient
     assert TRAIN.has_gradient
+
+
+def test_a_run_is_told_readings_and_goes_on_with_the_same_ones():
+    noisy = Problem("noisy", reading_V=0.2)
+    plan = Optimisation(noisy, "pso", 120, 3)
+    whole = plan.carry_out()
+    assert (whole.costs == noisy.read(whole.points, 3)).all()
+    assert np.mean(whole.costs != noisy.evaluate(whole.points)) > 0.8  # no drive has no peaks to misread
+    resumed = plan.carry_out((whole.points[:70], whole.costs[:70]))
+    assert (resumed.points == whole.points).all()
+    assert (resumed.costs == whole.costs).all()
+
+
+def test_a_rig_that_reads_has_no_gradients():
+    with pytest.raises(AttributeError):
+        Problem("noisy", reading_V=0.2).told(0).evaluate_with_gradient(POINTS)

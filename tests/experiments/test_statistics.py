@@ -9,7 +9,7 @@ from experiments.runs import RunKey, RunResult
 
 def a_result(optimizer, regrets, repeat, name="nominal"):
     best = problem(name).best_known.cost
-    return RunResult(RunKey(optimizer, name, repeat), 0, np.zeros((len(regrets), 7)), best + np.array(regrets))
+    return RunResult.of(RunKey(optimizer, name, repeat), np.zeros((len(regrets), 7)), best + np.array(regrets))
 
 
 def an_outcome(tmp_path, by_optimizer, name="nominal"):

@@ -1,0 +1,58 @@
+"""What numbers hang on beside their settings: versions of packages, and the code itself."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+DECISIVE_PACKAGES = (
+    "inkjet-env",
+    "numpy",
+    "scipy",
+    "numba",
+    "cma",
+    "nevergrad",
+    "torch",
+    "stable-baselines3",
+)
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that decide the numbers."""
+    found = {"python": ".".join(str(part) for part in sys.version_info[:3])}
+    for package in DECISIVE_PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def code_digest(patterns: Iterable[str]) -> str:
+    """SHA-256 over the package's sources that match, in hexadecimal."""
+    root = Path(__file__).resolve().parents[1]
+    total = sha256()
+    for file in sorted({file for pattern in patterns for file in root.glob(pattern)}):
+        total.update(f"{file.relative_to(root).as_posix()}\0{sha256(file.read_bytes()).hexdigest()}\0".encode())
+    return total.hexdigest()
+
+
+def first_difference(stored: Any, asked: Any, place: str = "") -> str:
+    """Say where two JSON values first differ; empty where they agree."""
+    if isinstance(stored, dict) and isinstance(asked, dict):
+        for name in [*asked, *(name for name in stored if name not in asked)]:
+            inner = f"{place} {name}".strip()
+            if name not in stored or name not in asked:
+                return f"{inner} is {'new' if name in asked else 'missing'} here"
+            if difference := first_difference(stored[name], asked[name], inner):
+                return difference
+        return ""
+    return "" if stored == asked else f"{place} is {_brief(stored)} there and {_brief(asked)} here"
+
+
+def _brief(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
