@@ -6,11 +6,9 @@ end, the report. Finished runs are never written again.
 
 from __future__ import annotations
 
+import functools
 import json
-import os
-import signal
 import sys
-import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from experiments.arguments import MAX_BUDGET
+from experiments.cluster import run_each, workers_of
 from experiments.problems import problem, suite
 from experiments.progress import shown_progress
 from experiments.runs import RunKey, RunResult, label_of, read_run, run_path, write_run
@@ -34,6 +33,10 @@ SOURCES = ("inkjet_env/**/*.py", "optimizers/**/*.py", "experiments/problems.py"
 LEFT_OUT = {
     "nevergrad-NGOpt": "Left out unless asked for (--optimizers all): its own time is half of the whole comparison's.",
 }
+REPEATS_A_JOB = 5
+"""Runs that a worker does before it tells of them; a lost worker's are done again."""
+Ended = tuple[RunKey, RunResult | None, dict[str, float], str]
+"""A run that has ended: its result, or None; seconds by what they were spent on; how it failed, in words."""
 SLOWEST_FIRST = ("sb3-", "nevergrad-", "cma-es", "lbfgsb", "scipy-dual")
 
 
@@ -152,7 +155,9 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
         write_atomically(file, json_text(asked))
 
 
-def run_bench(settings: BenchSettings, folder: Path, workers: int | None = None) -> BenchOutcome:
+def run_bench(
+    settings: BenchSettings, folder: Path, workers: int | None = None, scheduler: str | None = None
+) -> BenchOutcome:
     """Do every run of the bench that ``folder`` does not hold yet, and return all results.
 
     Parameters
@@ -161,12 +166,14 @@ def run_bench(settings: BenchSettings, folder: Path, workers: int | None = None)
     folder : Path
         Made if missing.
     workers : int, optional
-        Processes; as many as there are cores unless given.
+        Processes on this machine; as many as there are cores unless given.
+    scheduler : str, optional
+        Of a Dask cluster, as ``tcp://host:8786``, which does the runs in place of processes here.
 
     Raises
     ------
     ValueError
-        The folder is another bench's, or holds a damaged file.
+        The folder is another bench's, or holds a damaged file; or the cluster cannot do the work.
     KeyboardInterrupt
         On Ctrl-C; runs that were finished are kept.
     """
@@ -188,7 +195,7 @@ def run_bench(settings: BenchSettings, folder: Path, workers: int | None = None)
     if results and missing:
         print(f"{len(results)} of {len(keys)} runs are there already; going on.", file=sys.stderr, flush=True)
     if missing:
-        failures = _perform_all(missing, settings, folder, results, len(keys), workers or os.cpu_count() or 1)
+        failures = _perform_all(missing, settings, folder, results, len(keys), workers, scheduler)
         unavailable |= failures
     scored = [results[key] for key in keys if key.optimizer not in unavailable]
     if settings.optimizers == BenchSettings.default().optimizers:
@@ -202,40 +209,55 @@ def _perform_all(
     folder: Path,
     results: dict[RunKey, RunResult],
     total: int,
-    workers: int,
+    workers: int | None,
+    scheduler: str | None,
 ) -> dict[str, str]:
     """Do the missing runs side by side, storing each as it ends; return the optimisers that broke down."""
-    from concurrent.futures import as_completed
-
-    from joblib.externals.loky import ProcessPoolExecutor
-
     told = settings.to_json()
     # Compile once, here: the workers find the compiled code on disk.
     suite()["nominal"].evaluate_with_gradient([[0.0] * 7])
     failures: dict[str, str] = {}
-    one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    pool = ProcessPoolExecutor(
-        max_workers=min(workers, len(missing)),
-        initializer=_start_worker,
-        initargs=(os.getpid(),),
-        env=one_thread,
-    )
-    try:
-        with shown_progress("bench", total, len(results)) as progress:
-            futures = [pool.submit(perform, key, settings) for key in sorted(missing, key=_slowness)]
-            done = len(results)
-            for future in as_completed(futures):
-                key, result, seconds, failure = future.result()
+    done = len(results)
+    batches: dict[str, list[RunKey]] = {}
+    for key in sorted(missing, key=_slowness):
+        part = f"{key.problem}--{key.optimizer}--{key.repeat // REPEATS_A_JOB:03d}"
+        batches.setdefault(part, []).append(key)
+    jobs = {part: functools.partial(_job, keys, settings, told["code"]) for part, keys in batches.items()}
+    with shown_progress("bench", total, done) as progress, workers_of(scheduler, workers) as client:
+
+        def keep(_: str, ended: list[Ended]) -> None:
+            nonlocal done
+            for key, result, seconds, failure in ended:
                 done += 1
-                if failure:
+                if result is None:
                     failures.setdefault(key.optimizer, f"broke down on {key.problem}, repeat {key.repeat}: {failure}")
                 else:
                     write_run(folder, result, label_of(key, told), seconds)
                     results[key] = result
                 progress(done, f"{key.optimizer} on {key.problem}")
-    finally:
-        pool.shutdown(wait=True, kill_workers=True)
+
+        run_each(client, perform_some, jobs, keep)
     return failures
+
+
+def _job(keys: Sequence[RunKey], settings: BenchSettings, code: str) -> tuple[Any, ...]:
+    return tuple(keys), settings, code
+
+
+def perform_some(keys: Sequence[RunKey], settings: BenchSettings, code: str) -> list[Ended]:
+    """What `perform` makes of these runs, at a worker.
+
+    Raises
+    ------
+    ValueError
+        The worker's code is another.
+    """
+    if code_digest(SOURCES) != code:
+        raise ValueError(
+            "the code is not the one that this bench was begun with, here or at a worker. Put that code back on all "
+            "machines, start the workers again, and give the same command; or give another folder."
+        )
+    return [perform(key, settings) for key in keys]
 
 
 def _slowness(key: RunKey) -> int:
@@ -245,19 +267,7 @@ def _slowness(key: RunKey) -> int:
     return len(SLOWEST_FIRST)
 
 
-def _start_worker(parent: int) -> None:
-    """Prepare a worker: Ctrl-C is the parent's business, and so is life."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def end_with_parent() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
-
-    threading.Thread(target=end_with_parent, daemon=True).start()
-
-
-def perform(key: RunKey, settings: BenchSettings) -> tuple[RunKey, RunResult | None, dict[str, float], str]:
+def perform(key: RunKey, settings: BenchSettings) -> Ended:
     """Do one run: its result and seconds, or else how it failed, in words."""
     import optimizers
     from optimizers.loop import minimise

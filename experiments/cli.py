@@ -225,7 +225,10 @@ def bench(
     repeats: Annotated[int, typer.Option(help="runs of each optimiser on each problem")] = 15,
     budget: Annotated[int, typer.Option(help="evaluations of each run")] = 2000,
     seed: Annotated[int, typer.Option(help="all other seeds derive from it")] = 0,
-    workers: Annotated[int | None, typer.Option(help="processes; one a core unless given")] = None,
+    workers: Annotated[int | None, typer.Option(help="processes on this machine; one a core unless given")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="of a Dask cluster, as tcp://host:8786; processes of this machine unless given")
+    ] = None,
     json: JsonFile = None,
 ) -> None:
     """Compare the optimisers on the problem suite; resumes where it was stopped.
@@ -237,6 +240,10 @@ def bench(
     check_outputs(json=json)
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}.")
+    if scheduler is not None and workers is not None:
+        raise ValueError(
+            "--workers belongs to this machine; a cluster given by --scheduler has its own. Leave one out."
+        )
     chosen = {
         label: tuple(name.strip() for name in names.split(",") if name.strip())
         for label, names in (("problems", problems), ("optimizers", optimizers))
@@ -251,7 +258,7 @@ def bench(
     settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
     announce_compiling()
     try:
-        outcome = run_bench(settings, results, workers)
+        outcome = run_bench(settings, results, workers, scheduler)
     except KeyboardInterrupt:
         print(f"Interrupted; finished runs are kept in {results}. The same command goes on.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None

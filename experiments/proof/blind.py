@@ -12,20 +12,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from experiments.cluster import ONE_THREAD, WorkLostError
 from experiments.proof.campaign_files import ProofError, digest, unpack
 from experiments.proof.watched import PARENT, SEEN
 
 ANSWER_FORMAT = "proof-answer/1"
 TIME_LIMIT_S = 3600.0
 REFUSED = 2
-ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
-)
 KEPT_OF_ENVIRONMENT = ("PATH", "SYSTEMROOT", "LD_LIBRARY_PATH")
-
-
-class WorkLostError(RuntimeError):
-    """A process was killed from outside: its work is to be done again."""
 
 
 def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, Any]:

@@ -91,7 +91,7 @@ def _proved(
     report: Path,
 ) -> int:
     """Do the proof, write and print what it came to; the exit status."""
-    from experiments.proof import cluster
+    from experiments import cluster
     from experiments.proof.judging import judge_case, questions
     from experiments.proof.page import write_page
     from experiments.proof.printed import print_score

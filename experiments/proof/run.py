@@ -12,10 +12,10 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from experiments.cluster import run_each
 from experiments.progress import shown_progress
 from experiments.proof.blind import diagnose_blind
 from experiments.proof.campaign_files import ProofError, digest, pack, unpack
-from experiments.proof.cluster import run_each
 from experiments.proof.concealment import conceal, families
 from experiments.proof.corpus import Draw, corpus, opaque_name
 from experiments.proof.sealing import (

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from experiments.bench import BenchSettings, perform, run_bench
+from experiments.bench import BenchSettings, perform, perform_some, run_bench
 from experiments.report import ranking_csv, ranking_json, write_report
 from experiments.runs import DamagedResultError, RunKey, RunResult, label_of, read_run, run_path
 from experiments.statistics import summarise
@@ -66,6 +66,11 @@ def test_a_run_depends_on_nothing_but_its_names_budget_and_seed():
     alone = file(small_settings())
     assert file(small_settings(optimizers=("random", "pso"), repeats=7)) == alone
     assert file(small_settings(seed=1)) != alone
+
+
+def test_a_worker_of_other_code_does_nothing():
+    with pytest.raises(ValueError, match="the code is not the one that this bench was begun with"):
+        perform_some([RunKey("pso", "nominal", 0)], small_settings(), "0" * 64)
 
 
 def test_a_finished_bench_is_not_run_again(finished, monkeypatch):

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from experiments.cluster import WorkLostError
 from experiments.proof import blind, watched
-from experiments.proof.blind import WorkLostError, clean_environment, diagnose_blind
+from experiments.proof.blind import clean_environment, diagnose_blind
 from experiments.proof.campaign_files import ProofError, digest, pack
 
 

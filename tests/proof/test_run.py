@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.proof import cluster, judging, run
+from experiments import cluster
+from experiments.proof import judging, run
 from experiments.proof.campaign_files import ProofError, digest
 
 SECONDS = 0.06
@@ -118,7 +119,7 @@ def test_the_cases_of_a_killed_worker_run_again(start, driver, scheduler, finish
 def test_a_scheduler_that_is_not_there_is_told_in_one_sentence(monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
     with (
-        pytest.raises(ProofError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"),
+        pytest.raises(cluster.ClusterError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"),
         cluster.workers_of("tcp://127.0.0.1:9", None),
     ):
         pass
@@ -141,6 +142,6 @@ def test_a_case_that_kills_every_worker_is_told(fakes, monkeypatch):
     jobs = {"case": lambda: ("case",)}
     with (
         cluster.workers_of(None, 1) as client,
-        pytest.raises(ProofError, match="case was begun 2 times and never ended"),
+        pytest.raises(cluster.ClusterError, match="case was begun 2 times and never ended"),
     ):
         cluster.run_each(client, fake_steps.deadly, jobs, print)

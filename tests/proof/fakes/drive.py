@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fake_steps import STEPS
 
-from experiments.proof.cluster import workers_of
+from experiments.cluster import workers_of
 from experiments.proof.run import prove
 from experiments.proof.sealing import Settings
 

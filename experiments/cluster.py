@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from experiments.proof.blind import ONE_THREAD, WorkLostError
-from experiments.proof.campaign_files import ProofError
-
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+)
 TRIES = 5
 """How often a case is begun before it counts as one that kills whoever works on it."""
 IN_FLIGHT_A_WORKER = 2
@@ -22,6 +22,14 @@ POLL_S = 0.1
 COUNT_EVERY_S = 0.5
 SAY_WAITING_AFTER_S = 10.0
 CONNECT_S = 15.0
+
+
+class ClusterError(ValueError):
+    """The cluster cannot do the work; what was finished is kept."""
+
+
+class WorkLostError(RuntimeError):
+    """A process was killed from outside: its work is to be done again."""
 
 
 @contextmanager
@@ -37,7 +45,7 @@ def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
 
     Raises
     ------
-    ProofError
+    ClusterError
         Nobody answers at the address.
     """
     import dask
@@ -54,7 +62,7 @@ def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
             try:
                 client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
             except (OSError, ValueError) as error:
-                raise ProofError(
+                raise ClusterError(
                     f"no Dask scheduler answers at {scheduler} ({error}). Start one, or leave out --scheduler."
                 ) from None
             with client:
@@ -106,7 +114,7 @@ def run_each(
 
     Raises
     ------
-    ProofError
+    ClusterError
         The scheduler is gone; or a job that `TRIES` workers did not survive. What was kept stays kept.
     Exception
         What the function raises, but for `WorkLostError`: its job is done again.
@@ -117,6 +125,7 @@ def run_each(
     begun: dict[str, int] = {}
     running: dict[Any, str] = {}
     completed = as_completed(loop=client.loop)
+    something = threading.Event()
 
     def begin(name: str) -> None:
         begun[name] = begun.get(name, 0) + 1
@@ -124,6 +133,7 @@ def run_each(
         future = client.submit(function, *jobs[name](), key=key, pure=False)
         running[future] = name
         completed.add(future)
+        future.add_done_callback(lambda _: something.set())
 
     try:
         since_s, counted_s, workers = time.monotonic(), -math.inf, 0
@@ -140,7 +150,9 @@ def run_each(
                 if lost is None:
                     keep(name, future.result())
                 elif begun[name] >= TRIES:
-                    raise ProofError(f"{name} was begun {TRIES} times and never ended: {lost}. See the workers' logs.")
+                    raise ClusterError(
+                        f"{name} was begun {TRIES} times and never ended: {lost}. See the workers' logs."
+                    )
                 else:
                     _check_connection(client)
                     waiting.append(name)
@@ -150,7 +162,8 @@ def run_each(
                 print("no worker is connected; waiting for one …", file=sys.stderr, flush=True)
                 since_s = time.monotonic()
             if not done:
-                time.sleep(POLL_S)
+                something.wait(POLL_S)
+                something.clear()
     finally:
         if running and client.status == "running":
             client.cancel(list(running), force=True)
@@ -167,7 +180,7 @@ def _workers(client: Any) -> int:
 
 def _check_connection(client: Any) -> None:
     if client.status != "running":
-        raise ProofError(
+        raise ClusterError(
             "the Dask scheduler is gone. What is finished is kept: start another, and give the same command."
         )
 
