@@ -25,7 +25,7 @@ def chosen_problem(
     """The problem of that name with what was asked to be otherwise; then it is called "custom"."""
     from dataclasses import replace
 
-    from experiments.problems import problem
+    from experiments.suite import problem
     from inkjet_env.printhead.hysteresis import laps_before_recording
     from inkjet_env.printhead.printhead import check_window
 

@@ -19,9 +19,9 @@ import numpy as np
 
 from experiments.arguments import MAX_BUDGET
 from experiments.cluster import run_each, workers_of
-from experiments.problems import problem, suite
 from experiments.progress import shown_progress
 from experiments.runs import RunKey, RunResult, label_of, read_run, run_path, write_run
+from experiments.suite import BENCHED, problem
 from experiments.versions import code_digest, first_difference, versions
 from inkjet_env.storage import json_text, remove_unfinished, write_atomically
 
@@ -81,11 +81,11 @@ class BenchSettings:
 
     @classmethod
     def default(cls, **changes: Any) -> BenchSettings:
-        """All problems, all optimisers but those `LEFT_OUT`; ``changes`` by name."""
+        """The usual problems, all optimisers but those `LEFT_OUT`; ``changes`` by name."""
         import optimizers
 
         compared = tuple(name for name in optimizers.names() if name not in LEFT_OUT)
-        return cls(**{"problems": tuple(suite()), "optimizers": compared, **changes})
+        return cls(**{"problems": BENCHED, "optimizers": compared, **changes})
 
     def to_json(self) -> dict[str, Any]:
         """Everything that decides the results, as plain JSON values."""
@@ -160,6 +160,8 @@ def run_bench(
 ) -> BenchOutcome:
     """Do every run of the bench that ``folder`` does not hold yet, and return all results.
 
+    In a script of your own, call it under ``if __name__ == "__main__":``, for it starts processes.
+
     Parameters
     ----------
     settings : BenchSettings
@@ -186,7 +188,7 @@ def run_bench(
         RunKey(optimizer, name, repeat)
         for name in settings.problems
         for optimizer in settings.optimizers
-        if optimizer not in unavailable
+        if optimizer not in unavailable and applies(optimizer, name)
         for repeat in range(settings.repeats)
     ]
     told = settings.to_json()
@@ -203,6 +205,13 @@ def run_bench(
     return BenchOutcome(settings, folder, scored, unavailable)
 
 
+def applies(optimizer: str, name: str) -> bool:
+    """Whether a problem has what an optimiser needs: gradients, where it uses them."""
+    import optimizers
+
+    return problem(name).has_gradient or not optimizers.uses_gradient(optimizer)
+
+
 def _perform_all(
     missing: Sequence[RunKey],
     settings: BenchSettings,
@@ -215,7 +224,7 @@ def _perform_all(
     """Do the missing runs side by side, storing each as it ends; return the optimisers that broke down."""
     told = settings.to_json()
     # Compile once, here: the workers find the compiled code on disk.
-    suite()["nominal"].evaluate_with_gradient([[0.0] * 7])
+    problem("nominal").evaluate_with_gradient([[0.0] * 7])
     failures: dict[str, str] = {}
     done = len(results)
     batches: dict[str, list[RunKey]] = {}

@@ -218,7 +218,9 @@ def bench(
     results: Annotated[Path, typer.Option(help="results folder; runs found there are not done again")] = Path(
         "results/bench"
     ),
-    problems: Annotated[str | None, typer.Option(help="names, with commas between; all unless given")] = None,
+    problems: Annotated[
+        str | None, typer.Option(help='names, with commas between, or "all"; the usual five unless given')
+    ] = None,
     optimizers: Annotated[
         str | None, typer.Option(help='names, with commas between, or "all"; all but the slowest unless given')
     ] = None,
@@ -254,7 +256,9 @@ def bench(
 
         chosen["optimizers"] = names()
     if chosen.get("problems") == ("all",):
-        del chosen["problems"]
+        from experiments.suite import suite
+
+        chosen["problems"] = tuple(suite())
     settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
     announce_compiling()
     try:

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.problems import Problem, problem
+from experiments.problems import Problem
+from experiments.suite import problem
 from inkjet_env.printhead import PeakCost, Response
 
 PARTICLES, GENERATIONS = 40, 50

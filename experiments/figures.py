@@ -13,8 +13,8 @@ import numpy as np
 from experiments import pictures
 from experiments.figure7 import GENERATIONS, reproduce
 from experiments.identification_study import published_loop
-from experiments.problems import problem
 from experiments.statistics import best_known_cost
+from experiments.suite import problem
 from inkjet_env.printhead import Printhead
 
 if TYPE_CHECKING:

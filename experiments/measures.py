@@ -17,6 +17,7 @@ Real = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
+AT_ONCE = 100
 PRIOR_STRENGTH = 0.5
 """Of the pseudo-observation of no difference in `bayesian_signed_rank`, in observations; Benavoli et al.'s."""
 
@@ -51,7 +52,7 @@ def first_hits(best_so_far: ArrayLike, targets: ArrayLike) -> Real:
     return hits
 
 
-def expected_running_time(hits: ArrayLike, budgets: ArrayLike) -> float:
+def expected_running_time(hits: ArrayLike, budgets: ArrayLike) -> Real:
     """Evaluations spent in all runs for every run that met the target; infinite where none did.
 
     Hansen, Auger, Ros, Mersmann, Tušar & Brockhoff, COCO, Optim. Methods Softw. 36 (2021) 114: the expected time of
@@ -59,19 +60,25 @@ def expected_running_time(hits: ArrayLike, budgets: ArrayLike) -> float:
 
     Parameters
     ----------
-    hits : array_like, shape (runs,)
+    hits : array_like, shape (..., runs)
         From `first_hits`.
     budgets : array_like, shape (runs,) or ()
         Evaluations that each run had.
 
+    Returns
+    -------
+    ndarray, shape (...)
+
     Examples
     --------
-    >>> expected_running_time([10.0, math.inf, 30.0], 100)
+    >>> float(expected_running_time([10.0, math.inf, 30.0], 100))
     70.0
     """
     found = np.asarray(hits, dtype=np.float64)
-    successes = int(np.isfinite(found).sum())
-    return float(np.minimum(found, budgets).sum() / successes) if successes else math.inf
+    successes = np.isfinite(found).sum(axis=-1)
+    spent = np.minimum(found, budgets).sum(axis=-1)
+    time: Real = np.where(successes > 0, spent / np.maximum(successes, 1), math.inf)
+    return time
 
 
 def simulated_restarts(hits: ArrayLike, budgets: ArrayLike, rng: np.random.Generator, draws: int = RESAMPLES) -> Real:
@@ -111,35 +118,43 @@ def running_time_distribution(times: ArrayLike, evaluations: ArrayLike) -> Real:
     return share
 
 
-def interquartile_mean(scores: ArrayLike) -> float:
-    """Mean of the middle half of all runs on all instances, shape (runs, instances) or any.
+def interquartile_mean(scores: ArrayLike) -> Real:
+    """Mean of the middle half of all runs on all instances, shape (..., runs, instances); the last two are one sample.
 
     Agarwal, Schwarzer, Castro, Courville & Bellemare, NeurIPS 34 (2021): less moved by single runs than a mean, and
     tells more than a median. A quarter of the values, rounded down, is cut off at either end, as they do.
 
     Examples
     --------
-    >>> interquartile_mean([0.0, 1.0, 2.0, 99.0])
+    >>> float(interquartile_mean([[0.0, 1.0], [2.0, 99.0]]))
     1.5
     """
-    from scipy.stats import trim_mean
+    values = np.asarray(scores, dtype=np.float64)
+    flat = np.sort(values.reshape(*values.shape[:-2], -1), axis=-1)
+    cut = flat.shape[-1] // 4
+    mean: Real = flat[..., cut : flat.shape[-1] - cut].mean(axis=-1)
+    return mean
 
-    return float(trim_mean(np.ravel(np.asarray(scores, dtype=np.float64)), 0.25))
 
-
-def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> float:
+def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> Real:
     """Chance that a run of the first ends lower than one of the second, on an instance drawn at random.
 
     Ties count half. Agarwal et al., as above: the mean over instances of the Mann–Whitney statistic.
 
     Parameters
     ----------
-    first, second : array_like, shape (runs, instances)
+    first, second : array_like, shape (..., runs, instances)
         Regrets: less is better. The numbers of runs may differ.
+
+    Returns
+    -------
+    ndarray, shape (...)
     """
     a, b = (np.asarray(scores, dtype=np.float64) for scores in (first, second))
-    difference = b[None, :, :] - a[:, None, :]
-    return float(np.mean((difference > 0) + 0.5 * (difference == 0)))
+    mine, theirs = a[..., :, None, :], b[..., None, :, :]
+    axes = (-3, -2, -1)
+    better: Real = (mine < theirs).mean(axis=axes) + 0.5 * (mine == theirs).mean(axis=axes)
+    return better
 
 
 def performance_profile(scores: ArrayLike, levels: ArrayLike) -> Real:
@@ -151,7 +166,7 @@ def performance_profile(scores: ArrayLike, levels: ArrayLike) -> Real:
 
 
 def stratified(
-    statistic: Callable[..., float],
+    statistic: Callable[..., Real],
     samples: Sequence[ArrayLike],
     rng: np.random.Generator,
     resamples: int = RESAMPLES,
@@ -161,26 +176,31 @@ def stratified(
     Parameters
     ----------
     statistic : callable
-        Of as many arrays as there are samples.
+        Of as many arrays (..., runs, instances) as there are samples: an array (...).
     samples : sequence of array_like, shape (runs, instances) each
     rng : Generator
     resamples : int
     """
     arrays = [np.asarray(sample, dtype=np.float64) for sample in samples]
-    value = statistic(*arrays)
+    value = float(statistic(*arrays))
     if any(len(array) < 2 for array in arrays):
         return Estimate(value, math.nan, math.nan)
-    drawn = [
-        statistic(*(np.take_along_axis(a, rng.integers(0, len(a), a.shape), axis=0) for a in arrays))
-        for _ in range(resamples)
-    ]
+    drawn = np.concatenate([statistic(*(_resampled(a, rng, some) for a in arrays)) for some in _parts(resamples)])
     tails = 50 * (1 - CONFIDENCE)
-    finite = np.asarray(drawn)[np.isfinite(drawn)]
-    if finite.size < resamples:  # a resample without any success: the upper end is not known
-        low = float(np.percentile(finite, tails)) if finite.size else math.nan
-        return Estimate(value, low, math.inf)
-    low, high = np.percentile(drawn, [tails, 100 - tails])
+    # a resample without any success is infinitely bad: ranks are taken, nothing between them
+    low, high = np.percentile(drawn, [tails, 100 - tails], method="inverted_cdf")
     return Estimate(value, float(low), float(high))
+
+
+def _parts(resamples: int) -> list[int]:
+    """So many at a time: arrays stay small."""
+    return [min(AT_ONCE, resamples - begun) for begun in range(0, resamples, AT_ONCE)]
+
+
+def _resampled(values: Real, rng: np.random.Generator, count: int) -> Real:
+    """Runs drawn with replacement, for each instance by itself, shape (count, runs, instances)."""
+    drawn: Real = np.take_along_axis(values[None], rng.integers(0, len(values), (count, *values.shape)), axis=1)
+    return drawn
 
 
 @dataclass(frozen=True)

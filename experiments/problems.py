@@ -1,4 +1,4 @@
-"""The problems that optimisers are compared on, each with the best waveform known."""
+"""What a problem is: a printhead, a cost, a search box, and what an optimiser is told; with the best waveform known."""
 
 from __future__ import annotations
 
@@ -97,8 +97,8 @@ class Problem:
     window_s : float
         Peaks count within this time of the waveform's start, in seconds; ``inf`` for the whole tail.
     jetting_Hz : float
-        The waveform is repeated so often a second, and costs what the worse of two drops does: the first, from rest,
-        and one of the steady state, which meets what all before it left ringing. 0: drops are far apart.
+        The waveform is repeated so often a second that it starts in what all before it left ringing; peaks count
+        within one period. 0: drops are far apart.
     spread : Spread, optional
         The waveform is judged on many heads about this one.
     reading_V : float
@@ -141,9 +141,7 @@ class Problem:
         if isinstance(self.printhead, AugmentedPrinthead):
             raise ValueError("a printhead with effects has no gradients. Take an optimiser that needs none, as pso.")
         if self.jetting_Hz:
-            head, period_s = batch.head_table(self.printhead), 1 / self.jetting_Hz
-            window_s = min(self.window_s, period_s)
-            return [(head, math.inf, window_s), (head, period_s, window_s)]
+            return [(batch.head_table(self.printhead), 1 / self.jetting_Hz, self.window_s)]
         heads = self.spread.around(self.printhead) if self.spread else (self.printhead,)
         return [(batch.head_table(head), math.inf, self.window_s) for head in heads]
 
@@ -303,34 +301,3 @@ def _best_known_entries() -> dict[str, Any]:
     if not file.is_file():
         return {}
     return json.loads(file.read_text(encoding="utf-8"))["problems"]
-
-
-@functools.cache
-def suite() -> dict[str, Problem]:
-    """The five problems of the comparison, by name.
-
-    ``nominal`` is the default problem on the published printhead. The two ``literal`` problems use the cost as the
-    paper prints it ("first" peak), with weights at which doing nothing is not the answer. The two other heads are
-    the published one with another resonance, damping, gain and hysteresis, at the default cost.
-    """
-    published = Printhead.published()
-    problems = (
-        Problem("nominal"),
-        Problem("literal-5-1", cost=PeakCost(-5.0, 1.0, "first")),
-        Problem("literal-10-5", cost=PeakCost(-10.0, 5.0, "first")),
-        Problem(
-            "stiff-head",
-            published.varied(frequency_Hz=65e3, damping_ratio=0.035, gain=1.2, hysteresis_strength=0.7),
-        ),
-        Problem(
-            "soft-head",
-            published.varied(frequency_Hz=38e3, damping_ratio=0.07, gain=0.8, hysteresis_strength=1.3),
-        ),
-    )
-    return {problem.name: problem for problem in problems}
-
-
-def problem(name: str) -> Problem:
-    """The problem of that name; an unknown name is a ``ValueError`` that suggests the nearest."""
-    check_name("problem", name, suite())
-    return suite()[name]

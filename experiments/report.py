@@ -13,14 +13,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from experiments import pictures
+from experiments import comparison_page, pictures
 from experiments.bench import BenchOutcome
-from experiments.problems import problem
-from experiments.runs import RunKey, RunResult, read_seconds
-from experiments.statistics import Summary, regret_quartiles
-from experiments.versions import versions
+from experiments.comparison import Comparison
+from experiments.runs import RunResult
+from experiments.statistics import Summary
+from experiments.suite import problem
 from inkjet_env.storage import json_text, write_atomically
 
 RANKING_FORMAT = "ranking/1"
@@ -38,7 +36,12 @@ def write_report(outcome: BenchOutcome, summary: Summary) -> Path:
     write_atomically(outcome.folder / "ranking.csv", ranking_csv(summary))
     write_atomically(outcome.folder / "ranking.json", json_text(ranking_json(outcome, summary)))
     page = outcome.folder / "report.html"
-    write_atomically(page, report_html(outcome, summary))
+    settings = outcome.settings
+    shown = "nominal" if "nominal" in settings.problems else settings.problems[0]
+    runs = [r for r in outcome.results if (r.key.optimizer, r.key.problem) == (summary.winner, shown)]
+    run = median_run(runs or outcome.results)
+    waveforms = pictures.svg_text(before_after_figure(run))
+    write_atomically(page, comparison_page.page(Comparison(outcome), summary.sentences, run.key, waveforms))
     return page
 
 
@@ -67,7 +70,7 @@ def ranking_json(outcome: BenchOutcome, summary: Summary) -> dict[str, Any]:
                         "within_5_percent": score.within_5_percent,
                     }
                     for name in outcome.settings.problems
-                    for score in [summary.score(standing.optimizer, name)]
+                    if (score := summary.score(standing.optimizer, name)) is not None
                 },
             }
             for standing in summary.standings
@@ -95,45 +98,6 @@ def ranking_csv(summary: Summary) -> str:
     return text.getvalue()
 
 
-def report_html(outcome: BenchOutcome, summary: Summary) -> str:
-    """The page: conclusions, ranking, convergence, the winner's waveform, settings; pictures inside it."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
-    environment.filters["volts"] = volts
-    settings = outcome.settings
-    shown = "nominal" if "nominal" in settings.problems else settings.problems[0]
-    run = median_run([r for r in outcome.results if (r.key.optimizer, r.key.problem) == (summary.winner, shown)])
-    return environment.get_template("report.html").render(
-        settings=settings,
-        summary=summary,
-        unavailable=outcome.unavailable,
-        problems=[(name, problem(name).settings()["cost"], problem(name).best_known) for name in settings.problems],
-        tallies=[(standing, *_tally(outcome, summary, standing.optimizer)) for standing in summary.standings],
-        versions=versions(),
-        convergence=pictures.svg_text(convergence_figure(outcome, summary)),
-        waveforms=pictures.svg_text(before_after_figure(run)),
-        shown_problem=shown,
-        shown_repeat=run.key.repeat,
-    )
-
-
-def _tally(outcome: BenchOutcome, summary: Summary, optimizer: str) -> tuple[float, float, float]:
-    """Shares of all runs within 1 % and 5 %, and mean seconds a run."""
-    scores = [score for score in summary.scores if score.optimizer == optimizer]
-    seconds = [
-        read_seconds(outcome.folder, RunKey(optimizer, name, repeat)).get("total", math.nan)
-        for name in outcome.settings.problems
-        for repeat in range(outcome.settings.repeats)
-    ]
-    known = [value for value in seconds if math.isfinite(value)]
-    return (
-        float(np.mean([score.within_1_percent for score in scores])),
-        float(np.mean([score.within_5_percent for score in scores])),
-        float(np.mean(known)) if known else math.nan,
-    )
-
-
 def volts(value: float) -> str:
     """A regret for people.
 
@@ -152,23 +116,6 @@ def volts(value: float) -> str:
 def median_run(results: Sequence[RunResult]) -> RunResult:
     """The run whose final cost is the median (the better of the middle two)."""
     return sorted(results, key=lambda result: float(result.costs_V[-1]))[(len(results) - 1) // 2]
-
-
-def convergence_figure(outcome: BenchOutcome, summary: Summary) -> Any:
-    """Regret against evaluations, a panel a problem, optimisers in the order of the ranking."""
-    budget = outcome.settings.budget
-    evaluations = np.unique(np.round(np.geomspace(1, budget, 120)).astype(int))
-    curves = {
-        name: {
-            standing.optimizer: regret_quartiles(
-                [r for r in outcome.results if (r.key.optimizer, r.key.problem) == (standing.optimizer, name)],
-                evaluations,
-            )
-            for standing in summary.standings
-        }
-        for name in outcome.settings.problems
-    }
-    return pictures.draw_convergence(evaluations, curves, FLOOR_V, "best mean rank first")
 
 
 def before_after_figure(run: RunResult) -> Any:

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from experiments.problems import Problem, problem
+from experiments.problems import Problem
+from experiments.suite import problem
 from experiments.versions import first_difference
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.storage import json_text, write_atomically

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from experiments.bench import BenchOutcome
-from experiments.problems import problem
 from experiments.runs import RunResult
+from experiments.suite import problem
 
 Real = NDArray[np.float64]
 
@@ -97,9 +97,9 @@ class Summary:
         """The optimiser of the best mean rank."""
         return self.standings[0].optimizer
 
-    def score(self, optimizer: str, problem: str) -> Score:
-        """The score of one optimiser on one problem."""
-        return next(s for s in self.scores if (s.optimizer, s.problem) == (optimizer, problem))
+    def score(self, optimizer: str, problem: str) -> Score | None:
+        """The score of one optimiser on one problem; None where it cannot be used there."""
+        return next((s for s in self.scores if (s.optimizer, s.problem) == (optimizer, problem)), None)
 
 
 def best_known_cost(name: str) -> float:
@@ -237,10 +237,13 @@ def summarise(outcome: BenchOutcome) -> Summary:
     for name in problems:
         scale = abs(best_known_cost(name))
         for optimizer, by_problem in regrets.items():
-            values = by_problem[name]
+            values = by_problem.get(name)
+            if values is None:
+                continue
             near = [float(np.mean(values <= share * scale)) for share in (0.01, 0.05)]
             scores.append(Score(optimizer, name, values.size, median_interval(values, rng), *near))
-    stacked = {optimizer: np.array([by[name] for name in problems]) for optimizer, by in regrets.items()}
+    never = np.full(outcome.settings.repeats, math.inf)  # what cannot be used on a problem ranks last there
+    stacked = {optimizer: np.array([by.get(name, never) for name in problems]) for optimizer, by in regrets.items()}
     order = standings(stacked, rng)
     p, difference = friedman_and_nemenyi(np.array([np.median(values, axis=1) for values in stacked.values()]))
     return Summary(

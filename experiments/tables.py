@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -46,7 +47,10 @@ def print_ranking(summary: Summary, problems: Sequence[str], unavailable: dict[s
         (
             standing.optimizer,
             f"{standing.mean_rank:.2f}",
-            *(volts(summary.score(standing.optimizer, name).regret.value) for name in problems),
+            *(
+                volts(score.regret.value if (score := summary.score(standing.optimizer, name)) else math.nan)
+                for name in problems
+            ),
         )
         for standing in summary.standings
     ]

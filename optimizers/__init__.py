@@ -1,6 +1,21 @@
 """Optimisers behind one ask-and-tell interface: made by name, run by `optimizers.loop.minimise`."""
 
 from optimizers.base import Optimizer
-from optimizers.registry import UnavailableOptimizerError, UnknownOptimizerError, availability, make, names
+from optimizers.registry import (
+    UnavailableOptimizerError,
+    UnknownOptimizerError,
+    availability,
+    make,
+    names,
+    uses_gradient,
+)
 
-__all__ = ["Optimizer", "UnavailableOptimizerError", "UnknownOptimizerError", "availability", "make", "names"]
+__all__ = [
+    "Optimizer",
+    "UnavailableOptimizerError",
+    "UnknownOptimizerError",
+    "availability",
+    "make",
+    "names",
+    "uses_gradient",
+]

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cma
 import numpy as np
 
 from optimizers.base import Optimizer, Real
+
+STEP = 0.5
+"""First step of a search that begins anywhere, in half widths of the box."""
 
 
 class CmaEs(Optimizer):
@@ -16,19 +21,33 @@ class CmaEs(Optimizer):
     uniform in the box, the first step is 0.5, a quarter of its width. The box is kept by pycma's `BoundTransform`;
     everything else is pycma's default.
 
+    Parameters
+    ----------
+    start : sequence of d floats, optional
+        Where the first search begins, in the box, as a warm start; the others begin anywhere.
+    first_step : float
+        Of the first search, in half widths of the box.
+
     Raises
     ------
     ValueError
-        Fewer than two dimensions, which pycma does not do.
+        Fewer than two dimensions, which pycma does not do; or a start outside the box.
     """
 
     name = "cma-es"
-    first_step = 0.5
 
-    def __init__(self, dimension: int, budget: int, seed: int) -> None:
+    def __init__(
+        self, dimension: int, budget: int, seed: int, *, start: Sequence[float] | None = None, first_step: float = STEP
+    ) -> None:
         super().__init__(dimension, budget, seed)
         if self.dimension < 2:
             raise ValueError(f"dimension must be at least 2 for cma-es; got {dimension}.")
+        self._start = None if start is None else np.array(start, dtype=np.float64)
+        if self._start is not None and not (self._start.shape == (dimension,) and (np.abs(self._start) <= 1).all()):
+            raise ValueError(f"start must be {dimension} numbers in [-1, 1]; got {start}.")
+        if not 0 < first_step <= 2:
+            raise ValueError(f"first_step must be above 0 and at most 2; got {first_step!r}.")
+        self._first_step = float(first_step)
         self._search: cma.CMAEvolutionStrategy | None = None
         self._candidates: list[Real] = []
 
@@ -44,7 +63,8 @@ class CmaEs(Optimizer):
         if population is not None:
             options["popsize"] = population
         start = self.rng.uniform(-1.0, 1.0, self.dimension)
-        return cma.CMAEvolutionStrategy(start, first_step or self.first_step, options)
+        start, self._start = (self._start, None) if self._start is not None else (start, None)
+        return cma.CMAEvolutionStrategy(start, first_step or STEP, options)
 
     def _restart(self, ended: cma.CMAEvolutionStrategy) -> cma.CMAEvolutionStrategy:
         """The search that follows one that pycma's criteria, or `_spent`, have ended."""
@@ -57,7 +77,7 @@ class CmaEs(Optimizer):
     def propose(self) -> Real:
         """One population."""
         if self._search is None:
-            self._search = self._begin(None)
+            self._search = self._begin(None, self._first_step)
         elif self._search.stop() or self._spent(self._search):
             self._search = self._restart(self._search)
         self._candidates = self._search.ask()
@@ -102,7 +122,7 @@ class BipopCmaEs(CmaEs):
             return self._begin(self._largest)
         between = (0.5 * self._largest / self._default) ** (self.rng.uniform() ** 2)
         self._allowed = max(1, self._last_large // 2)
-        return self._begin(max(2, int(self._default * between)), self.first_step * 10 ** (-2 * self.rng.uniform()))
+        return self._begin(max(2, int(self._default * between)), STEP * 10 ** (-2 * self.rng.uniform()))
 
     def _spent(self, search: cma.CMAEvolutionStrategy) -> bool:
         return int(search.countevals) >= self._allowed

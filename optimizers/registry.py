@@ -90,6 +90,15 @@ def make(name: str, dimension: int = 7, budget: int = 2000, seed: int = 0, **opt
     return made(dimension, budget, seed, **options)
 
 
+def uses_gradient(name: str) -> bool:
+    """Whether an optimiser needs gradients; False for one that is not available."""
+    module, class_name = CLASSES.get(name, CLASSES["nevergrad-NGOpt"])
+    try:
+        return bool(getattr(import_module(f"optimizers.{module}"), class_name).uses_gradient)
+    except ModuleNotFoundError:
+        return False
+
+
 def availability(of: Iterable[str] | None = None) -> dict[str, str | None]:
     """Which optimisers work here: for each name None, or the reason why not.
 

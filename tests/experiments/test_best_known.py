@@ -2,16 +2,28 @@ import numpy as np
 import pytest
 
 from experiments.best_known import polished, valley_polished
-from experiments.problems import Problem, problem, suite
+from experiments.problems import Problem
+from experiments.suite import BENCHED, families, family_of, problem, suite
 from inkjet_env.printhead import Waveform
+
+
+def drops(solved, waveform):
+    """What a waveform costs on each head of a problem, without compiled code."""
+    heads = solved.spread.around(solved.printhead) if solved.spread else (solved.printhead,)
+    period_s = 1 / solved.jetting_Hz if solved.jetting_Hz else np.inf
+    return [
+        head.respond(waveform, solved.initial_state, solved.window_s, period_s=period_s).cost(solved.cost)
+        for head in heads
+    ]
 
 
 @pytest.mark.parametrize("name", suite())
 def test_recorded_cost_is_the_cost_of_the_recorded_waveform(name):
     solved, known = problem(name), problem(name).best_known
     assert known is not None
-    plain = solved.printhead.respond(Waveform.from_array(known.waveform), solved.initial_state, solved.window_s)
-    assert plain.cost(solved.cost) == pytest.approx(known.cost, abs=1e-9)
+    by_mean = solved.spread and solved.spread.judged == "mean"
+    plain = (np.mean if by_mean else max)(drops(solved, Waveform.from_array(known.waveform)))
+    assert plain == pytest.approx(known.cost, abs=1e-9)
     assert solved.evaluate(solved.bounds.to_unit(known.waveform))[0] == pytest.approx(known.cost, abs=1e-7)
 
 
@@ -22,7 +34,8 @@ def test_no_small_step_improves_the_recorded_waveform(name, size):
     best = solved.bounds.to_unit(solved.best_known.waveform)
     moves = size * rng.standard_normal((4000, 7)) * (rng.random((4000, 7)) < 0.5)
     costs = solved.evaluate(np.clip(best + moves, -1, 1))
-    assert costs.min() >= solved.best_known.cost - 1e-6
+    within_V = 1e-4 if solved.spread else 1e-6  # a mean over heads breaks wherever one of them does
+    assert costs.min() >= solved.best_known.cost - within_V
 
 
 def test_default_problem_reaches_the_optimum_that_is_known():
@@ -35,6 +48,26 @@ def test_default_problem_reaches_the_optimum_that_is_known():
 def test_literal_problems_have_an_answer_other_than_doing_nothing():
     assert problem("literal-5-1").best_known.cost <= -22.1
     assert problem("literal-10-5").best_known.cost <= -31.6
+
+
+@pytest.mark.parametrize("name", ["drop-4V", "drop-6V"])
+def test_the_best_waveform_of_a_wanted_drop_reaches_its_height(name):
+    """The weight of a missing volt outweighs what it saves elsewhere: the penalty is exact."""
+    solved = problem(name)
+    peaks_V = solved.respond(solved.bounds.to_unit(solved.best_known.waveform)).peaks_V
+    assert np.abs(peaks_V).max() >= solved.cost.enough_V - 1e-6
+
+
+def test_what_is_read_with_errors_has_the_best_waveform_of_what_is_read_without():
+    exact = problem("nominal").best_known.cost
+    for name in ("reading-50mV", "reading-200mV"):
+        assert problem(name).best_known.cost == pytest.approx(exact, abs=1e-6)
+
+
+def test_every_instance_has_one_family():
+    assert sorted(suite()) == sorted(one.name for family in families().values() for one in family)
+    assert all(problem(name) in families()[family_of(name)] for name in suite())
+    assert set(BENCHED) <= set(suite())
 
 
 def test_an_entry_of_another_problem_is_not_used():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.optimisation import Optimisation, read_record, write_record
-from experiments.problems import problem
+from experiments.suite import problem
 from inkjet_env.storage import archive_bytes
 from optimizers.loop import Run
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.figure7 import CLAIMS, GENERATIONS, Reproduction, effective_and_later, reproduce, table
-from experiments.problems import problem
+from experiments.suite import problem
 from inkjet_env.printhead import Waveform
 
 

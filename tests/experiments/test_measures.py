@@ -53,7 +53,7 @@ def test_probability_of_improvement_is_the_mean_mann_whitney_statistic():
 def test_intervals_resample_within_instances():
     """Instances differ by far more than runs; an interval that mixed them would be a hundred times wider."""
     scores = 100.0 * np.arange(8) + RNG(4).standard_normal((12, 8))
-    found = measures.stratified(np.mean, [scores], RNG(5))
+    found = measures.stratified(lambda x: x.mean(axis=(-2, -1)), [scores], RNG(5))
     assert found.low < found.value < found.high
     assert found.high - found.low == pytest.approx(2 * 1.96 / math.sqrt(96), rel=0.3)
 
@@ -61,14 +61,14 @@ def test_intervals_resample_within_instances():
 def test_intervals_cover_about_as_often_as_they_say():
     rng, covered = RNG(6), 0
     for _ in range(120):
-        found = measures.stratified(np.mean, [rng.standard_normal((15, 3))], rng, 400)
+        found = measures.stratified(lambda x: x.mean(axis=(-2, -1)), [rng.standard_normal((15, 3))], rng, 400)
         covered += found.low <= 0 <= found.high
     assert 0.86 <= covered / 120 <= 1.0
 
 
 def test_an_interval_whose_resamples_may_fail_has_no_upper_end():
     hits = np.array([[30.0], [math.inf], [math.inf], [math.inf]])
-    found = measures.stratified(lambda h: measures.expected_running_time(h[:, 0], 100), [hits], RNG(7), 500)
+    found = measures.stratified(lambda h: measures.expected_running_time(h[..., 0], 100), [hits], RNG(7), 500)
     assert found.high == math.inf
     assert found.low < found.value
 
@@ -89,6 +89,16 @@ def test_signed_rank_is_symmetric():
     a, b = RNG(9).random(10), RNG(10).random(10) + 0.1
     forth, back = (measures.bayesian_signed_rank(*pair, 0.02, RNG(11)) for pair in ((a, b), (b, a)))
     assert (forth.first, forth.alike, forth.second) == pytest.approx((back.second, back.alike, back.first), abs=1e-12)
+
+
+def test_measures_of_many_samples_at_once_are_those_of_each():
+    a, b = RNG(13).random((6, 9, 4)), RNG(14).random((6, 7, 4))
+    for measure, samples in (
+        (measures.interquartile_mean, (a,)),
+        (measures.probability_of_improvement, (a, b)),
+        (lambda hits: measures.expected_running_time(np.where(hits > 0.5, math.inf, hits), 1), (a[..., 0],)),
+    ):
+        np.testing.assert_allclose(measure(*samples), [measure(*(s[k] for s in samples)) for k in range(6)])
 
 
 def test_three_instances_prove_nothing():

@@ -3,8 +3,8 @@ import pytest
 
 from experiments import statistics
 from experiments.bench import BenchOutcome, BenchSettings
-from experiments.problems import problem
 from experiments.runs import RunKey, RunResult
+from experiments.suite import problem
 
 
 def a_result(optimizer, regrets, repeat, name="nominal"):

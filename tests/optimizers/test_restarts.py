@@ -1,6 +1,7 @@
 """Searches that end before the budget does begin again elsewhere."""
 
 import numpy as np
+import pytest
 
 import optimizers
 from optimizers.inverted import InvertedOptimizer
@@ -71,6 +72,15 @@ def test_closing_ends_the_library_even_if_it_clings_to_its_objective():
     optimizer.close()
     assert ended == [True]
     optimizer.close()
+
+
+def test_cma_es_begins_where_it_is_told_to():
+    start = np.full(3, 0.7)
+    optimizer = optimizers.make("cma-es", dimension=3, budget=100, seed=1, start=start.tolist(), first_step=1e-3)
+    assert np.abs(optimizer.ask() - start).max() < 0.01
+    for options, said in (({"start": [0.0, 2.0, 0.0]}, "start must be 3 numbers"), ({"first_step": 0}, "first_step")):
+        with pytest.raises(ValueError, match=said):
+            optimizers.make("cma-es", dimension=3, **options)
 
 
 class Rugged(Sphere):

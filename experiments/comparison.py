@@ -1,0 +1,227 @@
+"""A finished comparison as numbers: for a family of problems, or all, and a budget, who is how good and how surely.
+
+Regrets of different problems are compared after division by the problem's own scale: what the best of 50 random
+waveforms is worse than the best known, on the average. Runs are resampled within each problem for what is said of these
+problems; what is said of problems in general takes the problems as the sample.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.bench import BenchOutcome
+from experiments.measures import (
+    Estimate,
+    SignedRank,
+    bayesian_signed_rank,
+    expected_running_time,
+    interquartile_mean,
+    probability_of_improvement,
+    running_time_distribution,
+    stratified,
+)
+from experiments.runs import RunResult
+from experiments.statistics import best_known_cost, friedman_and_nemenyi, mean_ranks
+from experiments.suite import family_of, problem
+
+Real = NDArray[np.float64]
+
+BUDGETS = (50, 150, 2000, 20_000)
+TARGETS = tuple(float(t) for t in np.logspace(0, -4, 41))
+"""Of the distribution of running times: regrets in the problem's scale."""
+SOLVED = 0.01
+"""Regret in the problem's scale at which a problem counts as solved."""
+ALIKE = 0.01
+"""Difference of median regrets, in the problem's scale, that does not matter."""
+REFERENCE = "pso"
+"""The paper's optimiser, against which the others are held."""
+RANDOM_POINTS, RANDOM_DRAWS = 50, 200
+RESAMPLES = 1000
+
+
+@functools.cache
+def scale_V(name: str) -> float:
+    """Mean regret of the best of 50 random waveforms on a problem, in volts."""
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (RANDOM_DRAWS * RANDOM_POINTS, 7))
+    costs = problem(name).evaluate(points).reshape(RANDOM_DRAWS, RANDOM_POINTS)
+    return float(costs.min(axis=1).mean()) - best_known_cost(name)
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One optimiser on a family of problems, after a budget.
+
+    Attributes
+    ----------
+    optimizer : str
+    applies : int
+        On how many of the problems it can be used.
+    quality : Estimate
+        Interquartile mean of the regret in the problems' scales; infinite where it cannot be used on all.
+    solved : Estimate
+        Share of runs within a hundredth of the scale.
+    rank : float
+        Mean over the problems, of the median regret.
+    improvement : Estimate
+        Probability that a run of it ends lower than one of the reference.
+    signed_rank : SignedRank
+        Against the reference, on another problem; ``first`` is this one.
+    """
+
+    optimizer: str
+    applies: int
+    quality: Estimate
+    solved: Estimate
+    rank: float
+    improvement: Estimate
+    signed_rank: SignedRank
+
+
+@dataclass(frozen=True, eq=False)
+class Standings:
+    """All optimisers on a family of problems, after a budget, the best mean rank first.
+
+    ``friedman_p`` and ``critical_difference`` are NaN with fewer than three optimisers or two problems.
+    """
+
+    family: str
+    budget: int
+    problems: tuple[str, ...]
+    rows: tuple[Row, ...]
+    friedman_p: float
+    critical_difference: float
+
+
+class Comparison:
+    """The runs of a bench, ready to be asked.
+
+    Parameters
+    ----------
+    outcome : BenchOutcome
+    """
+
+    def __init__(self, outcome: BenchOutcome) -> None:
+        self.outcome = outcome
+        self.problems = outcome.settings.problems
+        self.budgets = (*(b for b in BUDGETS if b < outcome.settings.budget), outcome.settings.budget)
+        self.runs: dict[tuple[str, str], list[RunResult]] = {}
+        for result in outcome.results:
+            self.runs.setdefault((result.key.optimizer, result.key.problem), []).append(result)
+        self.optimizers = tuple(dict.fromkeys(optimizer for optimizer, _ in self.runs))
+        self.families = tuple(dict.fromkeys(family_of(name) for name in self.problems))
+
+    def in_family(self, family: str) -> tuple[str, ...]:
+        """Problems of a family; all where it is "all"."""
+        return tuple(name for name in self.problems if family in ("all", family_of(name)))
+
+    def regrets(self, optimizer: str, name: str, budget: int) -> Real:
+        """Regret after a budget, in the problem's scale, shape (runs,); infinite where it has no run so long."""
+        runs = self.runs.get((optimizer, name), [])
+        if not runs or runs[0].budget < budget:
+            return np.full(self.outcome.settings.repeats, math.inf)
+        kept = np.array([float(run.kept_V(budget)) for run in runs])
+        regrets: Real = (kept - best_known_cost(name)) / scale_V(name)
+        return regrets
+
+    def hits(self, optimizer: str, name: str, targets: Sequence[float] = TARGETS) -> Real:
+        """Evaluations until each target is met, in the problem's scale, shape (runs, targets); infinite where never."""
+        runs = self.runs.get((optimizer, name), [])
+        found = np.full((max(len(runs), 1), len(targets)), math.inf)
+        for row, run in zip(found, runs, strict=False):
+            regret = (run.costs_V - best_known_cost(name)) / scale_V(name)
+            for k, target in enumerate(targets):
+                met = np.flatnonzero(regret <= target)
+                row[k] = run.evaluations[met[0]] if met.size else math.inf
+        return found
+
+    def running_times(self, optimizer: str, family: str, evaluations: Sequence[int]) -> Real:
+        """Share of targets met on a family after so many evaluations, shape (n,)."""
+        times = [self.hits(optimizer, name).ravel() for name in self.in_family(family)]
+        return running_time_distribution(np.concatenate(times), evaluations)
+
+    def expected_time(self, optimizer: str, name: str, target: float, rng: np.random.Generator) -> Estimate:
+        """Evaluations that it takes to meet a target on a problem, restarts counted; with an interval over runs."""
+        hits = self.hits(optimizer, name, [target])
+        runs = self.runs.get((optimizer, name), [])
+        if not runs:
+            return Estimate(math.inf, math.nan, math.nan)
+        budget = runs[0].budget
+        return stratified(lambda h: expected_running_time(h[..., 0], budget), [hits], rng, RESAMPLES)
+
+    def standings(self, family: str, budget: int, rng: np.random.Generator) -> Standings:
+        """Who is how good on a family after a budget."""
+        problems = self.in_family(family)
+        regrets = {
+            optimizer: np.column_stack([self.regrets(optimizer, name, budget) for name in problems])
+            for optimizer in self.optimizers
+        }
+        used = {optimizer: values for optimizer, values in regrets.items() if np.isfinite(values).any()}
+        medians = np.array([np.median(values, axis=0) for values in used.values()])
+        ranks = dict(zip(used, mean_ranks(medians), strict=True))
+        p, difference = friedman_and_nemenyi(medians)
+        rows = []
+        for optimizer, values in used.items():
+            rows.append(self._row(optimizer, values, regrets.get(REFERENCE), float(ranks[optimizer]), rng))
+        rows.sort(key=lambda row: row.rank)
+        return Standings(family, budget, problems, tuple(rows), p, difference)
+
+    @staticmethod
+    def _row(optimizer: str, values: Real, reference: Real | None, rank: float, rng: np.random.Generator) -> Row:
+        nothing = Estimate(math.nan, math.nan, math.nan)
+        improvement, signed_rank = nothing, SignedRank(math.nan, math.nan, math.nan)
+        usable = np.isfinite(values).all(axis=0)
+        if reference is not None and optimizer != REFERENCE:
+            shared = usable & np.isfinite(reference).all(axis=0)
+            if shared.any():
+                mine, theirs = values[:, shared], reference[:, shared]
+                improvement = stratified(probability_of_improvement, [mine, theirs], rng, RESAMPLES)
+                signed_rank = bayesian_signed_rank(np.median(mine, axis=0), np.median(theirs, axis=0), ALIKE, rng)
+        return Row(
+            optimizer,
+            int(usable.sum()),
+            stratified(interquartile_mean, [values], rng, RESAMPLES),
+            stratified(lambda x: np.mean(x <= SOLVED, axis=(-2, -1)), [values], rng, RESAMPLES),
+            rank,
+            improvement,
+            signed_rank,
+        )
+
+    def sentences(self) -> list[str]:
+        """What may be said of the reference and the best, with intervals, after the whole budget."""
+        budget = self.budgets[-1]
+        found = self.standings("all", budget, np.random.default_rng(self.outcome.settings.seed))
+        said = []
+        best = found.rows[0]
+        if best.optimizer != REFERENCE and math.isfinite(best.improvement.value):
+            rank = best.signed_rank
+            said.append(
+                f"After {budget:,} evaluations a run of {best.optimizer} ends lower than one of {REFERENCE} with "
+                f"probability {_ranged(best.improvement)}; on another problem like these it is better with posterior "
+                f"probability {rank.first:.2f}, alike with {rank.alike:.2f}, worse with {rank.second:.2f}."
+            )
+        printed = next((row for row in found.rows if row.optimizer == "pso-printed"), None)
+        if printed is not None and math.isfinite(printed.improvement.value):
+            said.append(
+                "A run of the swarm as the paper prints it, without random factors, ends lower than one of the swarm "
+                f"with them with probability {_ranged(printed.improvement)}."
+            )
+        return said
+
+
+def _ranged(estimate: Estimate) -> str:
+    return f"{estimate.value:.2f} ({estimate.low:.2f} to {estimate.high:.2f})"
+
+
+def as_json(estimate: Estimate) -> dict[str, Any]:
+    """An estimate as plain JSON values; what does not exist is null."""
+    return {
+        name: value if math.isfinite(value) else None
+        for name, value in (("value", estimate.value), ("low", estimate.low), ("high", estimate.high))
+    }

@@ -1,0 +1,185 @@
+"""The page that a comparison is read from: one file that needs nothing but itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.comparison import REFERENCE, SOLVED, Comparison, Standings, as_json, scale_V
+from experiments.jetting import jetting
+from experiments.measures import performance_profile
+from experiments.runs import RunKey, read_seconds
+from experiments.statistics import best_known_cost, regret_quartiles
+from experiments.suite import family_of, problem
+from experiments.versions import versions
+
+LEVELS = np.logspace(-5, 1, 121)
+GRID = 90
+FLOOR_V = 1e-6
+COLOURS = (
+    "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf",
+)  # fmt: skip
+
+
+def page(compared: Comparison, sentences: Sequence[str], run: RunKey, waveforms: str) -> str:
+    """The page as HTML.
+
+    Parameters
+    ----------
+    compared : Comparison
+    sentences : sequence of str
+        What a reader may conclude.
+    run : RunKey
+        Whose waveforms are shown.
+    waveforms : str
+        The picture, as SVG.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from plotly.offline import get_plotlyjs
+
+    environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
+    return environment.get_template("comparison.html").render(
+        sentences=[*sentences, *compared.sentences()],
+        run=run,
+        waveforms=waveforms,
+        settings=compared.outcome.settings,
+        unavailable=compared.outcome.unavailable,
+        versions=versions(),
+        reference=REFERENCE,
+        plotly=get_plotlyjs(),
+        data=_script_text(page_data(compared)),
+    )
+
+
+def _script_text(value: Any) -> str:
+    """JSON that may stand in a script element: no closing tag can be in it."""
+    import json
+
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def page_data(compared: Comparison) -> dict[str, Any]:
+    """Everything the page shows, as plain JSON values."""
+    rng = np.random.default_rng(compared.outcome.settings.seed)
+    budget = compared.outcome.settings.budget
+    spaced = np.round(np.geomspace(1, budget, GRID)).astype(int)
+    evaluations = sorted({*spaced.tolist(), *compared.budgets})
+    families = ("all", *compared.families) if len(compared.families) > 1 else ("all",)
+    found = {family: {str(b): compared.standings(family, b, rng) for b in compared.budgets} for family in families}
+    order = [row.optimizer for row in found["all"][str(compared.budgets[-1])].rows]
+    order += [name for name in compared.optimizers if name not in order]
+    return {
+        "families": list(families),
+        "budgets": list(compared.budgets),
+        "optimizers": order,
+        "colours": list(COLOURS),
+        "reference": REFERENCE,
+        "floor_V": FLOOR_V,
+        "evaluations": evaluations,
+        "levels": LEVELS.tolist(),
+        "standings": {
+            family: {b: _standings_json(one) for b, one in by_budget.items()} for family, by_budget in found.items()
+        },
+        "ecdf": {
+            family: {name: compared.running_times(name, family, evaluations).tolist() for name in order}
+            for family in families
+        },
+        "profile": {family: {str(b): _profiles(compared, family, b) for b in compared.budgets} for family in families},
+        "curves": {name: _curves(compared, name, evaluations) for name in compared.problems},
+        "physical": {name: _physical(compared, name, order, rng) for name in compared.problems},
+        "problems": [_problem_json(name) for name in compared.problems],
+        "seconds": {name: _seconds(compared, name) for name in order},
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _standings_json(found: Standings) -> dict[str, Any]:
+    rows = [
+        {
+            "optimizer": row.optimizer,
+            "rank": row.rank,
+            "quality": as_json(row.quality),
+            "solved": as_json(row.solved),
+            "improvement": as_json(row.improvement),
+            "signed_rank": None if math.isnan(row.signed_rank.first) else vars(row.signed_rank),
+        }
+        for row in found.rows
+    ]
+    return {
+        "problems": len(found.problems),
+        "friedman_p": _finite(found.friedman_p),
+        "critical_difference": _finite(found.critical_difference),
+        "rows": rows,
+    }
+
+
+def _profiles(compared: Comparison, family: str, budget: int) -> dict[str, list[float]]:
+    names = compared.in_family(family)
+    profiles = {}
+    for optimizer in compared.optimizers:
+        regrets = np.concatenate([compared.regrets(optimizer, name, budget) for name in names])
+        if np.isfinite(regrets).any():
+            profiles[optimizer] = performance_profile(regrets, LEVELS).tolist()
+    return profiles
+
+
+def _curves(compared: Comparison, name: str, evaluations: list[int]) -> dict[str, list[list[float]]]:
+    """Quartiles of the regret in volts, by optimiser, as far as its runs go."""
+    curves = {}
+    for optimizer in compared.optimizers:
+        runs = compared.runs.get((optimizer, name))
+        if runs:
+            reached = [count for count in evaluations if count <= runs[0].budget]
+            curves[optimizer] = regret_quartiles(runs, reached).tolist()
+    return curves
+
+
+def _physical(compared: Comparison, name: str, order: list[str], rng: np.random.Generator) -> list[dict[str, Any]]:
+    solved, rows = problem(name), []
+    for optimizer in order:
+        runs = compared.runs.get((optimizer, name))
+        if not runs:
+            continue
+        run = sorted(runs, key=lambda one: float(one.costs_V[-1]))[(len(runs) - 1) // 2]
+        figures = jetting(solved.respond(run.best_point()), solved.cost)
+        rows.append(
+            {
+                "optimizer": optimizer,
+                "cost_V": float(run.costs_V[-1]),
+                "effective_V": _finite(figures.effective_V),
+                "residual_mV": _finite(1e3 * figures.residual_V),
+                "residual": _finite(figures.residual),
+                "settling_us": _finite(1e6 * figures.settling_s),
+                "highest_kHz": _finite(1e-3 * figures.highest_Hz),
+                "expected": as_json(compared.expected_time(optimizer, name, SOLVED, rng)),
+            }
+        )
+    return rows
+
+
+def _seconds(compared: Comparison, optimizer: str) -> float | None:
+    """Mean seconds a run, where it is known."""
+    found = [
+        read_seconds(compared.outcome.folder, run.key).get("total", math.nan)
+        for name in compared.problems
+        for run in compared.runs.get((optimizer, name), ())
+    ]
+    known = [value for value in found if math.isfinite(value)]
+    return float(np.mean(known)) if known else None
+
+
+def _problem_json(name: str) -> dict[str, Any]:
+    known = problem(name).best_known
+    return {
+        "name": name,
+        "family": family_of(name),
+        "best_V": best_known_cost(name),
+        "scale_V": scale_V(name),
+        "found_by": "" if known is None else known.found_by,
+    }

@@ -1,0 +1,138 @@
+"""Policies: from what a head is like to a waveform, at once. A file of numbers and a header; nothing in it is run."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inkjet_env.envs.task import CONTEXT_NAMES
+from inkjet_env.printhead import check_name
+from inkjet_env.printhead.waveform import PARAMETER_NAMES
+from inkjet_env.storage import archive_bytes, write_atomically
+
+Real = NDArray[np.float64]
+
+POLICY_FORMAT = "policy/1"
+ENDS = ("clip", "tanh")
+MOST_LAYERS, MOST_UNITS = 16, 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Policy:
+    """A network from an observation of `BipolarWaveformEnv` to an action.
+
+    Parameters
+    ----------
+    weights : tuple of ndarray, shape (out, in) each
+    biases : tuple of ndarray, shape (out,) each
+    end : {"clip", "tanh"}
+        How the last layer is brought into the box. Hidden layers end in tanh.
+    made : dict
+        How it was made, as plain JSON values.
+    """
+
+    weights: tuple[Real, ...]
+    biases: tuple[Real, ...]
+    end: str
+    made: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        check_name("end", self.end, ENDS)
+        sizes = [len(CONTEXT_NAMES), *(len(bias) for bias in self.biases)]
+        wanted = [(b, a) for a, b in itertools.pairwise(sizes)]
+        found = [weight.shape for weight in self.weights]
+        if found != wanted or sizes[-1] != len(PARAMETER_NAMES):
+            raise ValueError(
+                f"a policy must lead from {len(CONTEXT_NAMES)} numbers to {len(PARAMETER_NAMES)}; its layers are "
+                f"{found}, with {sizes[1:]} biases."
+            )
+        if not all(np.isfinite(part).all() for part in (*self.weights, *self.biases)):
+            raise ValueError("a policy's weights must be finite; one is not.")
+
+    def act(self, observations: ArrayLike) -> Real:
+        """Actions in ``[-1, 1]``, shape (n, 7), for observations, shape (n, 4)."""
+        x = np.atleast_2d(np.asarray(observations, dtype=np.float64))
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            x = np.tanh(x @ weight.T + bias)
+        x = x @ self.weights[-1].T + self.biases[-1]
+        actions: Real = np.tanh(x) if self.end == "tanh" else np.clip(x, -1.0, 1.0)
+        return actions
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the policy, whole or not at all: an archive of arrays with a JSON header."""
+        header = {
+            "format": POLICY_FORMAT,
+            "observation": list(CONTEXT_NAMES),
+            "action": list(PARAMETER_NAMES),
+            "layers": [list(weight.shape) for weight in self.weights],
+            "end": self.end,
+            "made": dict(self.made),
+        }
+        arrays: dict[str, NDArray[Any]] = {"header": np.array(json.dumps(header))}
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            arrays |= {f"weight{k}": weight, f"bias{k}": bias}
+        write_atomically(path, archive_bytes(arrays))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Policy:
+        """Read what `save` wrote; ``ValueError`` names the file and what is wrong with it. Nothing in it is run."""
+        try:
+            with np.load(Path(path), allow_pickle=False) as archive:
+                header = json.loads(str(archive["header"]))
+                if header.get("format") != POLICY_FORMAT:
+                    raise ValueError(f"its format is {header.get('format')!r}, not {POLICY_FORMAT!r}")
+                if header["observation"] != list(CONTEXT_NAMES) or header["action"] != list(PARAMETER_NAMES):
+                    raise ValueError("it is made for other observations or actions")
+                layers = header["layers"]
+                if not 1 <= len(layers) <= MOST_LAYERS or max(max(layer) for layer in layers) > MOST_UNITS:
+                    raise ValueError(f"its layers are {layers}")
+                weights, biases = (
+                    tuple(archive[f"{part}{k}"].astype(np.float64, casting="safe") for k in range(len(layers)))
+                    for part in ("weight", "bias")
+                )
+            return cls(weights, biases, header["end"], header["made"])
+        except FileNotFoundError:
+            raise ValueError(f"{path}: there is no such file. Give a policy that was saved here.") from None
+        except (
+            ValueError, KeyError, TypeError, AttributeError, EOFError, OSError, RecursionError, zipfile.BadZipFile,
+            NotImplementedError,
+        ) as error:  # fmt: skip
+            reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
+            raise ValueError(
+                f"{path}: is not a policy ({str(reason).rstrip('.') or type(error).__name__}). "
+                "Give one that was saved here."
+            ) from None
+
+
+def policy_of_layers(layers: Sequence[Any], end: str, made: Mapping[str, Any]) -> Policy:
+    """A policy of torch's linear layers, in order; what lies between them must be tanh."""
+    weights = tuple(layer.weight.detach().double().numpy().copy() for layer in layers)
+    biases = tuple(layer.bias.detach().double().numpy().copy() for layer in layers)
+    return Policy(weights, biases, end, made)
+
+
+def policy_of_sb3(model: Any, made: Mapping[str, Any]) -> Policy:
+    """The deterministic policy of a trained PPO or SAC of Stable-Baselines3, made with tanh between its layers."""
+    from stable_baselines3 import PPO, SAC
+    from torch import nn
+
+    if isinstance(model, PPO):
+        actor = model.policy
+        layers, end = [*actor.mlp_extractor.policy_net, actor.action_net], "clip"
+    elif isinstance(model, SAC):
+        layers, end = [*model.actor.latent_pi, model.actor.mu], "tanh"
+    else:
+        raise ValueError(f"model must be a PPO or a SAC; got {type(model).__name__}.")
+    linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
+    if any(not isinstance(layer, (nn.Linear, nn.Tanh)) for layer in layers):
+        raise ValueError("between a policy's layers there must be tanh: pass activation_fn=torch.nn.Tanh.")
+    return policy_of_layers(linear, end, made)

@@ -1,0 +1,85 @@
+"""The problems that optimisers are compared on: named instances in families, versioned."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+
+from experiments.problems import Problem, Spread
+from inkjet_env.printhead import Bounds, PeakCost, Printhead, check_name
+
+VERSION = 2
+"""Raised whenever an instance changes or goes; that one comes does not change what was found on the others."""
+BENCHED = ("nominal", "literal-5-1", "literal-10-5", "stiff-head", "soft-head")
+"""The instances of a comparison that is not told which."""
+
+
+def _durations(longest_s: float) -> Bounds:
+    return Bounds(upper=(100.0, 0.0, *[longest_s] * 5))
+
+
+@functools.cache
+def families() -> Mapping[str, tuple[Problem, ...]]:
+    """The instances by family.
+
+    ``cost``
+        The default problem, and the cost as the paper prints it ("first" peak) with weights at which doing nothing is
+        not the answer.
+    ``head``, ``hysteresis``, ``damping``
+        The published head with another resonance, damping, gain and hysteresis; one property alone in the last two.
+    ``durations``
+        Edges and dwells of at most 10 or 40 µs in place of 20.
+    ``reading``
+        Peaks are read with an error of that standard deviation.
+    ``drop``
+        The effective peak must reach that height, and higher is no better: a volt less costs more than all ringing.
+    ``lot``
+        Sixteen heads within 5 % of the published one, judged by the worst or by the mean.
+    ``train``
+        Drops at a jetting frequency, in the steady state: each meets what those before it left ringing.
+    """
+    published = Printhead.published()
+    varied = published.varied
+    return {
+        "cost": (
+            Problem("nominal"),
+            Problem("literal-5-1", cost=PeakCost(-5.0, 1.0, "first")),
+            Problem("literal-10-5", cost=PeakCost(-10.0, 5.0, "first")),
+        ),
+        "head": (
+            Problem("stiff-head", varied(65e3, 0.035, 1.2, 0.7)),
+            Problem("soft-head", varied(38e3, 0.07, 0.8, 1.3)),
+            Problem("fast-head", varied(70e3, 0.03, 1.3, 1.4)),
+            Problem("slow-head", varied(35e3, 0.08, 0.7, 0.6)),
+        ),
+        "hysteresis": tuple(
+            Problem(f"hysteresis-{100 * strength:.0f}", varied(hysteresis_strength=strength))
+            for strength in (0.0, 0.5, 1.5)
+        ),
+        "damping": tuple(Problem(f"damping-{ratio:g}", varied(damping_ratio=ratio)) for ratio in (0.02, 0.01)),
+        "durations": tuple(Problem(f"durations-{us}us", bounds=_durations(us * 1e-6)) for us in (10, 40)),
+        "reading": tuple(Problem(f"reading-{mV}mV", reading_V=1e-3 * mV) for mV in (50, 200)),
+        "drop": tuple(Problem(f"drop-{V}V", cost=PeakCost(-50.0, 5.0, enough_V=float(V))) for V in (4, 6)),
+        "lot": tuple(Problem(f"lot-{judged}", spread=Spread(judged=judged)) for judged in ("worst", "mean")),
+        "train": tuple(
+            Problem(f"train-{kHz}kHz", bounds=_durations(min(20e-6, 0.2e-3 / kHz)), jetting_Hz=1e3 * kHz)
+            for kHz in (5, 10, 20)
+        ),
+    }
+
+
+@functools.cache
+def suite() -> dict[str, Problem]:
+    """All instances by name."""
+    return {problem.name: problem for family in families().values() for problem in family}
+
+
+def problem(name: str) -> Problem:
+    """The instance of that name; an unknown name is a ``ValueError`` that suggests the nearest."""
+    check_name("problem", name, suite())
+    return suite()[name]
+
+
+def family_of(name: str) -> str:
+    """The family of an instance."""
+    return next(family for family, problems in families().items() if any(one.name == name for one in problems))

@@ -1,0 +1,101 @@
+import math
+
+import numpy as np
+import pytest
+
+from experiments import comparison
+from experiments.bench import BenchOutcome, BenchSettings
+from experiments.comparison import Comparison, scale_V
+from experiments.runs import RunKey, RunResult
+from experiments.suite import problem
+
+PROBLEMS = ("nominal", "stiff-head", "soft-head")
+
+
+def an_outcome(tmp_path, curves, problems=PROBLEMS, budget=3):
+    """Curves in the problem's scale: by optimiser and problem, one list of regrets a run."""
+    repeats = len(next(iter(next(iter(curves.values())).values())))
+    settings = BenchSettings(problems, tuple(curves), repeats=repeats, budget=budget)
+    results = []
+    for optimizer, by_problem in curves.items():
+        for name, runs in by_problem.items():
+            for repeat, regrets in enumerate(runs):
+                costs = problem(name).best_known.cost + scale_V(name) * np.array(regrets)
+                points = np.zeros((len(regrets), 7))
+                results.append(RunResult.of(RunKey(optimizer, name, repeat), points, costs))
+    return BenchOutcome(settings, tmp_path, results, {})
+
+
+@pytest.fixture
+def compared(tmp_path):
+    good = {name: [[0.5, 0.005, 0.005], [0.5, 0.5, 0.002]] for name in PROBLEMS}
+    bad = {name: [[0.9, 0.9, 0.8], [0.7, 0.6, 0.6]] for name in PROBLEMS}
+    return Comparison(an_outcome(tmp_path, {"pso": bad, "cma-es": good}))
+
+
+def test_a_problems_scale_is_what_fifty_random_waveforms_are_worse():
+    points = np.random.default_rng(3).uniform(-1, 1, (50 * 400, 7))
+    best = problem("nominal").evaluate(points).reshape(400, 50).min(axis=1)
+    assert scale_V("nominal") == pytest.approx(best.mean() - problem("nominal").best_known.cost, rel=0.05)
+
+
+def test_regrets_and_hits_are_in_that_scale(compared):
+    np.testing.assert_allclose(compared.regrets("cma-es", "nominal", 2), [0.005, 0.5], atol=1e-9)
+    hits = compared.hits("cma-es", "nominal", [0.6, 0.01, 0.001])
+    assert hits.tolist() == [[1, 2, math.inf], [1, 3, math.inf]]
+
+
+def test_standings_rank_and_tell_how_sure(compared):
+    found = compared.standings("all", 3, np.random.default_rng(0))
+    best, worst = found.rows
+    assert (best.optimizer, best.rank, worst.optimizer, worst.rank) == ("cma-es", 1.0, "pso", 2.0)
+    assert best.solved.value == 1.0
+    assert best.quality.value == pytest.approx(0.0035, abs=1e-6)
+    assert best.improvement.value == 1.0
+    assert best.signed_rank.first > 0.8
+    assert math.isnan(worst.improvement.value)
+    assert found.problems == PROBLEMS
+
+
+def test_a_family_is_looked_at_by_itself(compared):
+    assert compared.families == ("cost", "head")
+    assert compared.in_family("head") == ("stiff-head", "soft-head")
+    assert compared.standings("cost", 3, np.random.default_rng(0)).problems == ("nominal",)
+
+
+def test_running_times_count_every_target_of_every_run(compared):
+    share = compared.running_times("cma-es", "cost", [0, 1, 2, 3, 100])
+    targets = np.array(comparison.TARGETS)
+    first = np.mean(targets >= 0.5)
+    assert share[0] == 0
+    assert share[1] == pytest.approx(first)
+    assert share[2] == pytest.approx((np.mean(targets >= 0.005) + first) / 2)
+    assert share[4] == share[3] == pytest.approx((np.mean(targets >= 0.005) + np.mean(targets >= 0.002)) / 2)
+
+
+def test_expected_time_counts_what_failed(tmp_path):
+    runs = {"nominal": [[1.0, 0.5, 0.005], [1.0, 1.0, 1.0]]}
+    compared = Comparison(an_outcome(tmp_path, {"pso": runs}, ("nominal",)))
+    assert compared.expected_time("pso", "nominal", 0.01, np.random.default_rng(0)).value == 6
+    assert compared.expected_time("pso", "nominal", 1e-9, np.random.default_rng(0)).value == math.inf
+
+
+def test_what_cannot_be_used_somewhere_ranks_last_there_and_is_compared_where_it_can(tmp_path):
+    def runs(level):
+        return [[1.0, level, level]] * 4
+
+    everywhere = {name: runs(0.5) for name in PROBLEMS}
+    curves = {"pso": everywhere, "lbfgsb-multistart": {name: runs(0.1) for name in PROBLEMS[:2]}}
+    found = Comparison(an_outcome(tmp_path, curves)).standings("all", 3, np.random.default_rng(0))
+    by_name = {row.optimizer: row for row in found.rows}
+    lbfgs = by_name["lbfgsb-multistart"]
+    assert lbfgs.applies == 2
+    assert lbfgs.rank == pytest.approx((1 + 1 + 2) / 3)
+    assert lbfgs.improvement.value == 1.0
+    assert lbfgs.solved.value == 0.0
+
+
+def test_budgets_are_those_that_the_runs_have(compared, tmp_path):
+    assert compared.budgets == (3,)
+    runs = {"nominal": [[1.0] * 160]}
+    assert Comparison(an_outcome(tmp_path, {"pso": runs}, ("nominal",), 160)).budgets == (50, 150, 160)

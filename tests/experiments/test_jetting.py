@@ -1,0 +1,48 @@
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from experiments.jetting import jetting
+from inkjet_env.printhead import PeakCost, Printhead, Waveform
+
+HEAD = Printhead.published()
+
+
+def a_response(peaks_V, times_s, end_s=20e-6):
+    return SimpleNamespace(
+        peaks_V=np.array(peaks_V), peak_times_s=np.array(times_s), knot_times_s=np.array([0.0, end_s])
+    )
+
+
+def test_figures_are_those_worked_out_by_hand():
+    found = jetting(a_response([1.0, -6.0, 2.0, -0.4, 0.1], [1e-5, 2e-5, 3e-5, 4e-5, 5e-5]), PeakCost())
+    assert (found.effective_V, found.residual_V, found.settling_s) == (6.0, 2.0, 4e-5)
+    assert found.residual == pytest.approx(1 / 3)
+    assert found.highest_Hz == pytest.approx(25e3)
+
+
+def test_no_drop_follows_before_the_waveform_has_ended():
+    found = jetting(a_response([6.0, -0.1], [5e-6, 1e-5], end_s=80e-6), PeakCost())
+    assert found.highest_Hz == pytest.approx(12.5e3)
+
+
+def test_what_nobody_saw_settle_has_no_highest_frequency():
+    found = jetting(a_response([6.0, -3.0], [5e-6, 1e-5]), PeakCost())
+    assert (found.settling_s, found.highest_Hz) == (math.inf, 0.0)
+
+
+def test_no_effective_peak_has_no_figures():
+    assert math.isnan(jetting(a_response([], []), PeakCost()).effective_V)
+
+
+def test_a_free_ringing_settles_when_its_envelope_says():
+    """After a step each half period keeps e^(-πζ/√(1-ζ²)): so many until 5 %."""
+    response = HEAD.respond(Waveform(50, 0, 0.1e-6, 400e-6, 0.1e-6, 0, 0), window_s=390e-6)
+    found = jetting(response, PeakCost(effective="first"))
+    kept = math.exp(-math.pi * HEAD.damping_ratio / math.sqrt(1 - HEAD.damping_ratio**2))
+    half_s = 0.5 / (HEAD.frequency_Hz * math.sqrt(1 - HEAD.damping_ratio**2))
+    count = math.floor(math.log(0.05) / math.log(kept))
+    assert found.settling_s == pytest.approx(response.peak_times_s[0] + count * half_s, rel=1e-6)
+    assert found.residual == pytest.approx(kept, rel=1e-6)

@@ -1,0 +1,109 @@
+"""The comparison's page in a real browser: it needs nothing but itself, and its filters do what they say."""
+
+import json
+import re
+
+import pytest
+
+from experiments.bench import BenchSettings, run_bench
+from experiments.report import write_report
+from experiments.statistics import summarise
+from tests.experiments import browser
+
+PROBLEMS = ("nominal", "stiff-head", "reading-200mV")
+OPTIMIZERS = ("pso", "cma-es", "lbfgsb-multistart", "random")
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """The page of a small comparison."""
+    folder = tmp_path_factory.mktemp("bench") / "results"
+    outcome = run_bench(BenchSettings(PROBLEMS, OPTIMIZERS, repeats=3, budget=200), folder, workers=1)
+    return write_report(outcome, summarise(outcome))
+
+
+def test_the_page_loads_nothing_and_holds_what_it_shows(report):
+    text = report.read_text()
+    own = re.sub(r"<script>.*?</script>", "", text, flags=re.S)
+    for load in ("src=", "@import", "<link", "url(http", 'href="http'):
+        assert load not in own
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.S)[1])
+    assert {problem["name"] for problem in data["problems"]} == set(PROBLEMS)
+    assert set(data["optimizers"]) == set(OPTIMIZERS)
+    assert data["budgets"] == [50, 150, 200]
+    assert data["families"] == ["all", "cost", "head", "reading"]
+
+
+@pytest.fixture(scope="module")
+def tab(report, tmp_path_factory):
+    """The page in a browser."""
+    if browser.found() is None:
+        pytest.skip("there is no Chromium on this machine (apt-get install chromium)")
+    with browser.opened(tmp_path_factory.mktemp("profile")) as tab:
+        tab.open(report)
+        yield tab
+
+
+def rows(tab, table="standings"):
+    """Texts of a table's first column."""
+    return tab.value(f"[...document.querySelectorAll('#{table} tbody tr')].map((r) => r.cells[0].textContent)")
+
+
+def traces(tab, plot):
+    """Names of what a plot shows."""
+    return tab.value(f"document.getElementById('{plot}').data.map((t) => t.name)")
+
+
+def test_it_loads_without_an_error_and_without_the_network(tab):
+    assert tab.faults() == []
+    assert set(rows(tab)) == set(OPTIMIZERS)
+    assert set(traces(tab, "ecdf")) == set(OPTIMIZERS)
+
+
+def test_families_change_tables_and_plots(tab):
+    tab.choose("family", "reading")
+    assert set(rows(tab)) == set(OPTIMIZERS) - {"lbfgsb-multistart"}  # it cannot be used there
+    assert set(traces(tab, "profile")) == set(OPTIMIZERS) - {"lbfgsb-multistart"}
+    tab.choose("family", "head")
+    assert set(rows(tab)) == set(OPTIMIZERS)
+    tab.choose("family", "all")
+    assert tab.faults() == []
+
+
+def test_budgets_change_the_standings(tab):
+    texts = {}
+    for budget in ("50", "200"):
+        tab.choose("budget", budget)
+        texts[budget] = tab.value("document.getElementById('standings').textContent")
+    assert texts["50"] != texts["200"]
+
+
+def test_optimisers_can_be_hidden_and_shown(tab):
+    box = "document.querySelector('#optimizers input[value=\"pso\"]')"
+    tab.value(f"{box}.click()")
+    assert "pso" not in rows(tab) + rows(tab, "physical") + traces(tab, "ecdf") + traces(tab, "curves")
+    tab.value(f"{box}.click()")
+    assert "pso" in rows(tab)
+    assert tab.faults() == []
+
+
+def test_a_problem_can_be_looked_at(tab):
+    tab.choose("problem", "reading-200mV")
+    assert set(traces(tab, "curves")) == set(OPTIMIZERS) - {"lbfgsb-multistart"}
+    tab.choose("problem", "nominal")
+    assert set(rows(tab, "physical")) == set(OPTIMIZERS)
+
+
+def test_a_curve_tells_its_numbers_where_the_pointer_is(tab):
+    tab.value("document.getElementById('ecdf').scrollIntoView()")
+    text = tab.value(
+        "(() => { Plotly.Fx.hover('ecdf', [{curveNumber: 0, pointNumber: 40}]);"
+        " return document.querySelector('#ecdf .hoverlayer').textContent; })()"
+    )
+    assert "evaluations" in text
+
+
+def test_nothing_is_wider_than_the_page(tab, tmp_path):
+    assert tab.value("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    tab.picture(tmp_path / "page.png")
+    assert (tmp_path / "page.png").stat().st_size > 50_000
