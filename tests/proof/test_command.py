@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from experiments import cli
-from experiments.proof import cluster, run
+from experiments import cli, cluster
+from experiments.proof import run
 from experiments.proof.corpus import PUBLISHED_SEED, Draw
 
 
