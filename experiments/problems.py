@@ -134,16 +134,20 @@ class Problem:
         return not (isinstance(self.printhead, AugmentedPrinthead) or self.reading_V)
 
     @functools.cached_property
-    def _cases(self) -> list[tuple[NDArray[np.float64], float, float]]:
-        """What a waveform is tried on: a head for the compiled simulator, the period and the window, in seconds."""
+    def _heads(self) -> list[NDArray[np.float64]]:
+        """What a waveform is tried on, for the compiled simulator."""
         from inkjet_env.printhead import batch
 
         if isinstance(self.printhead, AugmentedPrinthead):
             raise ValueError("a printhead with effects has no gradients. Take an optimiser that needs none, as pso.")
-        if self.jetting_Hz:
-            return [(batch.head_table(self.printhead), 1 / self.jetting_Hz, self.window_s)]
         heads = self.spread.around(self.printhead) if self.spread else (self.printhead,)
-        return [(batch.head_table(head), math.inf, self.window_s) for head in heads]
+        return [batch.head_table(head) for head in heads]
+
+    @property
+    def _fired(self) -> dict[str, Any]:
+        """How waveforms are fired and looked at."""
+        period_s = 1 / self.jetting_Hz if self.jetting_Hz else math.inf
+        return {"initial_state": self.initial_state, "window_s": self.window_s, "period_s": period_s}
 
     def evaluate(self, points: ArrayLike) -> NDArray[np.float64]:
         """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7)."""
@@ -152,12 +156,7 @@ class Problem:
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
         if isinstance(self.printhead, AugmentedPrinthead):
             return self.printhead.costs(waveforms, self.cost, self.initial_state, self.window_s)
-        costs = np.array(
-            [
-                batch.costs(waveforms, head, self.cost, self.initial_state, window_s, period_s=period_s)
-                for head, period_s, window_s in self._cases
-            ]
-        )
+        costs = np.array([batch.costs(waveforms, head, self.cost, **self._fired) for head in self._heads])
         judged: NDArray[np.float64] = costs.mean(axis=0) if self._by_mean else costs.max(axis=0)
         return judged
 
@@ -171,10 +170,7 @@ class Problem:
         if self.reading_V:
             raise ValueError("readings of peaks have no gradients. Take an optimiser that needs none, as pso.")
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
-        found = [
-            batch.costs_and_gradients(waveforms, head, self.cost, self.initial_state, window_s, period_s=period_s)
-            for head, period_s, window_s in self._cases
-        ]
+        found = [batch.costs_and_gradients(waveforms, head, self.cost, **self._fired) for head in self._heads]
         costs, gradients = (np.array(part) for part in zip(*found, strict=True))
         if self._by_mean:
             return costs.mean(axis=0), gradients.mean(axis=0) * self.bounds.half_width

@@ -198,10 +198,13 @@ def _what_is_wrong(run: RunResult, seed: int) -> str:
     if not (np.isfinite(run.told_V).all() and (np.diff(run.told_V) < 0).all()):
         return "the costs that were told do not fall"
     of = problem(run.key.problem)
-    if difference := _first_other(of.evaluate(run.points), run.costs_V, counts):
+    again_V = of.evaluate(run.points)
+    if difference := _first_other(again_V, run.costs_V, counts):
         return difference
-    read_V = [of.read(point, seed, int(k) - 1)[0] for point, k in zip(run.points, counts, strict=True)]
-    return _first_other(np.array(read_V), run.told_V, counts)
+    if of.reading_V:
+        each = zip(run.points, counts, strict=True)
+        again_V = np.array([of.read(point, seed, int(k) - 1)[0] for point, k in each])
+    return _first_other(again_V, run.told_V, counts)
 
 
 def first_other_cost(problem: Problem, points: Real, told_V: Real, seed: int) -> str:

@@ -193,11 +193,21 @@ def waveform_knots(waveform, knots_s, knots_V):
 
 
 @_jit
-def steady_start(head, duration_s, period_s, state):
-    """Turn the state at the end of a waveform that began at rest into that at its start when it is repeated.
+def steady_start(
+    head, knots_s, pieces, piece_count, period_s, state, rate, series, stack, times, peaks, no_knots
+):  # fmt: skip
+    """Fill ``state`` (2,), V and V/s, at the start of a waveform that has been repeated for ever.
 
-    ``s = e^{FT} s + e^{F(T - D)} r`` with ``r`` the given state, in place; ``state`` (2,) in V and V/s.
+    ``s = e^{FT} s + e^{F(T - D)} r`` with ``r`` what the waveform leaves at its end D, begun at rest. The other
+    arguments as `response_extrema`; ``times`` and ``peaks`` are overwritten. False where they are too short.
     """
+    duration_s = knots_s[-1]
+    state[:] = 0.0
+    count, _ = response_extrema(
+        head, knots_s, pieces, piece_count, duration_s, state, rate, series, stack, times, peaks, no_knots
+    )
+    if count == OVERFLOW:
+        return False
     a0, pole_re = head[HEAD_A0], -0.5 * head[HEAD_A1]
     omega0 = math.sqrt(a0)
     pole_im = math.sqrt((omega0 + pole_re) * (omega0 - pole_re))
@@ -210,6 +220,7 @@ def steady_start(head, duration_s, period_s, state):
     determinant = along * other - across * back
     state[0] = (other * y - across * slope) / determinant
     state[1] = (along * slope - back * y) / determinant
+    return True
 
 
 @_jit
@@ -230,13 +241,10 @@ def batch_costs(
         head = heads[i if heads.shape[0] > 1 else 0]
         waveform_knots(waveforms[i], knots_s, knots_V)
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
-        if period_s < math.inf:
-            count, _ = response_extrema(
-                head, knots_s, pieces, found, knots_s[5], state, rate, series, stack, times, peaks, no_knots
-            )
-            if count == OVERFLOW:
-                return False
-            steady_start(head, knots_s[5], period_s, state)
+        if period_s < math.inf and not steady_start(
+            head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots
+        ):
+            return False
         count, tail = response_extrema(
             head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
         )

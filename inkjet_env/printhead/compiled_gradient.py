@@ -142,13 +142,10 @@ def batch_costs_and_gradients(
         waveform_knots(waveforms[i], knots_s, knots_V)
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
         state[:] = 0.0
-        if period_s < math.inf:
-            count, _ = response_extrema(
-                head, knots_s, pieces, found, knots_s[5], state, rate, series, stack, times, peaks, no_knots
-            )
-            if count == OVERFLOW:
-                return False
-            steady_start(head, knots_s[5], period_s, state)
+        if period_s < math.inf and not steady_start(
+            head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots
+        ):
+            return False
         count, tail = response_extrema(
             head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
         )
