@@ -38,8 +38,10 @@ def test_ngopt_repeats_itself_under_its_seed_whatever_else_draws_random_numbers(
     assert not np.array_equal(first_points("nevergrad-NGOpt", 170, 6), ngopt_points)
 
 
-def test_no_thread_is_left_and_nothing_stays_exchanged(ngopt_points):
-    assert threading.active_count() == 1
+def test_no_thread_is_left_and_nothing_stays_exchanged():
+    others = set(threading.enumerate())  # of whatever ran in this process before, such as a cluster's
+    first_points("nevergrad-NGOpt", 170, 5)
+    assert set(threading.enumerate()) <= others
     assert nevergrad_threads.recaster.MessagingThread is not nevergrad_threads.Conversation
     assert str(nevergrad_threads.cma_default_options["seed"]).startswith("time")
 
