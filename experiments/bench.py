@@ -31,13 +31,16 @@ DEFAULT_REPEATS = 15
 SOURCES = ("inkjet_env/**/*.py", "optimizers/**/*.py", "experiments/problems.py")
 """What decides a run's numbers."""
 LEFT_OUT = {
-    "nevergrad-NGOpt": "Left out unless asked for (--optimizers all): its own time is half of the whole comparison's.",
+    name: f"Left out unless asked for (--optimizers all): its own time is {share} of the whole comparison's."
+    for name, share in (("nevergrad-NGOpt", "half"), ("optuna-gp", "half"))
 }
+LONGEST = {"optuna-gp": 150}
+"""Evaluations after which the runs of some end, whatever the budget: beyond them their own time is in hours."""
 REPEATS_A_JOB = 5
 """Runs that a worker does before it tells of them; a lost worker's are done again."""
 Ended = tuple[RunKey, RunResult | None, dict[str, float], str]
 """A run that has ended: its result, or None; seconds by what they were spent on; how it failed, in words."""
-SLOWEST_FIRST = ("sb3-", "nevergrad-", "cma-es", "lbfgsb", "scipy-dual")
+SLOWEST_FIRST = ("optuna-", "sb3-", "nevergrad-", "cma-es", "lbfgsb", "scipy-dual")
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,11 @@ class BenchSettings:
                 raise ValueError(f"{label} must be at least 1; got {count}.")
             if count > MAX_BUDGET:
                 raise ValueError(f"{label} must be at most {MAX_BUDGET:,}; got {count}.")
+        longest = max(map(self.budget_of, self.optimizers))
+        if longest < self.budget:
+            raise ValueError(
+                f"budget must be at most {longest} for {', '.join(self.optimizers)} alone; got {self.budget}."
+            )
 
     @classmethod
     def default(cls, **changes: Any) -> BenchSettings:
@@ -87,11 +95,16 @@ class BenchSettings:
         compared = tuple(name for name in optimizers.names() if name not in LEFT_OUT)
         return cls(**{"problems": BENCHED, "optimizers": compared, **changes})
 
+    def budget_of(self, optimizer: str) -> int:
+        """Evaluations of a run of that optimiser."""
+        return min(self.budget, LONGEST.get(optimizer, self.budget))
+
     def to_json(self) -> dict[str, Any]:
         """Everything that decides the results, as plain JSON values."""
         return {
             "format": BENCH_FORMAT,
             "budget": self.budget,
+            "shorter": {name: self.budget_of(name) for name in self.optimizers if self.budget_of(name) < self.budget},
             "repeats": self.repeats,
             "seed": self.seed,
             "optimizers": list(self.optimizers),
@@ -289,10 +302,11 @@ def perform(key: RunKey, settings: BenchSettings) -> Ended:
     objective = asked.told(seed)
     begin_s = time.perf_counter()
     try:
-        optimizer = optimizers.make(key.optimizer, budget=settings.budget, seed=seed)
+        budget = settings.budget_of(key.optimizer)
+        optimizer = optimizers.make(key.optimizer, budget=budget, seed=seed)
         if torch := sys.modules.get("torch"):
             torch.set_num_threads(1)
-        run = minimise(objective, optimizer, settings.budget)
+        run = minimise(objective, optimizer, budget)
     except Exception as error:  # whatever a third party's optimiser throws is reported, not scored
         return key, None, {}, f"{type(error).__name__}: {error}"
     seconds = {

@@ -64,7 +64,7 @@ def _script_text(value: Any) -> str:
 def page_data(compared: Comparison) -> dict[str, Any]:
     """Everything the page shows, as plain JSON values."""
     rng = np.random.default_rng(compared.outcome.settings.seed)
-    budget = compared.outcome.settings.budget
+    budget, budget_of = compared.outcome.settings.budget, compared.outcome.settings.budget_of
     spaced = np.round(np.geomspace(1, budget, GRID)).astype(int)
     evaluations = sorted({*spaced.tolist(), *compared.budgets})
     families = ("all", *compared.families) if len(compared.families) > 1 else ("all",)
@@ -84,7 +84,10 @@ def page_data(compared: Comparison) -> dict[str, Any]:
             family: {b: _standings_json(one) for b, one in by_budget.items()} for family, by_budget in found.items()
         },
         "ecdf": {
-            family: {name: compared.running_times(name, family, evaluations).tolist() for name in order}
+            family: {
+                name: compared.running_times(name, family, [e for e in evaluations if e <= budget_of(name)]).tolist()
+                for name in order
+            }
             for family in families
         },
         "profile": {family: {str(b): _profiles(compared, family, b) for b in compared.budgets} for family in families},

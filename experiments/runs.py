@@ -131,7 +131,7 @@ def label_of(key: RunKey, settings: Mapping[str, Any]) -> dict[str, Any]:
         "problem_sha256": sha256(of.encode()).hexdigest(),
         "repeat": key.repeat,
         "seed": key.seed(settings["seed"]),
-        "budget": settings["budget"],
+        "budget": settings["shorter"].get(key.optimizer, settings["budget"]),
         "code": settings["code"],
         "versions": settings["versions"],
     }

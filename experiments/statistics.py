@@ -227,11 +227,12 @@ def friedman_and_nemenyi(medians: Real) -> tuple[float, float]:
 
 
 def summarise(outcome: BenchOutcome) -> Summary:
-    """Summary of a finished comparison; the same numbers for the same runs."""
-    if not outcome.results:
+    """Summary of a finished comparison, of the runs that had its whole budget; the same numbers for the same runs."""
+    results = [result for result in outcome.results if result.budget == outcome.settings.budget]
+    if not results:
         raise ValueError(f"no optimiser of {outcome.folder} could be run, so there is nothing to compare.")
     rng = np.random.default_rng(outcome.settings.seed)
-    regrets = final_regrets(outcome.results)
+    regrets = final_regrets(results)
     problems = outcome.settings.problems
     scores = []
     for name in problems:
@@ -276,6 +277,10 @@ def conclusions(
         said.append("On these problems every other optimiser ranks behind it (95 %).")
     if {"pso", "pso-printed"} <= set(regrets):
         said.append(_swarms(order, regrets))
+    shorter = [name for name in settings.optimizers if settings.budget_of(name) < settings.budget]
+    if shorter:
+        told = (f"{name} ({settings.budget_of(name):,} evaluations)" for name in shorter)
+        said.append(f"Compared up to the end of their shorter runs only, and not in this ranking: {', '.join(told)}.")
     if math.isfinite(critical_difference):
         alike = [s.optimizer for s in order[1:] if s.mean_rank - winner.mean_rank < critical_difference]
         said.append(

@@ -8,7 +8,9 @@ import time
 import numpy as np
 import pytest
 
-from experiments.bench import BenchSettings, perform, perform_some, run_bench
+from experiments.bench import LONGEST, BenchOutcome, BenchSettings, perform, perform_some, run_bench
+from experiments.comparison import Comparison
+from experiments.comparison_page import page_data
 from experiments.report import ranking_csv, ranking_json, write_report
 from experiments.runs import DamagedResultError, RunKey, RunResult, label_of, read_run, run_path
 from experiments.statistics import summarise
@@ -66,6 +68,29 @@ def test_a_run_depends_on_nothing_but_its_names_budget_and_seed():
     alone = file(small_settings())
     assert file(small_settings(optimizers=("random", "pso"), repeats=7)) == alone
     assert file(small_settings(seed=1)) != alone
+
+
+def test_an_optimizer_of_shorter_runs_is_compared_as_far_as_they_go(monkeypatch, tmp_path):
+    monkeypatch.setitem(LONGEST, "random", 60)
+    settings = small_settings()
+    keys = [RunKey(optimizer, "nominal", repeat) for optimizer in settings.optimizers for repeat in range(2)]
+    outcome = BenchOutcome(settings, tmp_path, [perform(key, settings)[1] for key in keys], {})
+    assert [run.budget for run in outcome.results] == [90, 90, 60, 60]
+    labels = [label_of(key, settings.to_json())["budget"] for key in keys]
+    assert labels == [90, 90, 60, 60]
+    summary = summarise(outcome)
+    assert [standing.optimizer for standing in summary.standings] == ["pso"]
+    assert "not in this ranking: random (60 evaluations)." in " ".join(summary.sentences)
+    compared = Comparison(outcome)
+    for budget, there in ((50, {"pso", "random"}), (90, {"pso"})):
+        rows = compared.standings("all", budget, np.random.default_rng(0)).rows
+        assert {row.optimizer for row in rows} == there
+    drawn = page_data(compared)
+    cut = {name: drawn["evaluations"][len(drawn["ecdf"]["all"][name]) - 1] for name in settings.optimizers}
+    assert cut["pso"] == 90
+    assert 50 <= cut["random"] <= 60
+    with pytest.raises(ValueError, match="budget must be at most 60 for random alone; got 90"):
+        small_settings(optimizers=("random",))
 
 
 def test_a_worker_of_other_code_does_nothing():

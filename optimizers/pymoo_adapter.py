@@ -1,0 +1,93 @@
+"""Optimisers of pymoo."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pymoo.algorithms.soo.nonconvex.de import DE
+from pymoo.algorithms.soo.nonconvex.pso import PSO
+from pymoo.core.algorithm import Algorithm
+from pymoo.core.problem import Problem
+from pymoo.core.termination import NoTermination
+
+from optimizers.base import Optimizer, Real, checked_count
+
+
+class _Pymoo(Optimizer):
+    """One of pymoo's algorithms, asked and told a generation at a time until the budget is spent.
+
+    Blank & Deb, IEEE Access 8 (2020) 89497.
+    """
+
+    def __init__(self, dimension: int, budget: int, seed: int) -> None:
+        super().__init__(dimension, budget, seed)
+        self._algorithm = self.algorithm()
+        box = Problem(n_var=self.dimension, n_obj=1, xl=-1.0, xu=1.0)
+        word = int(np.random.SeedSequence(self.seed).generate_state(1)[0])
+        self._algorithm.setup(box, termination=NoTermination(), seed=word, verbose=False)
+        self._generation: Any = None
+
+    def algorithm(self) -> Algorithm:
+        """The algorithm, not yet set up."""
+        raise NotImplementedError
+
+    def propose(self) -> Real:
+        """One generation."""
+        self._generation = self._algorithm.ask()
+        points: Real = self._generation.get("X").astype(np.float64)
+        return points
+
+    def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
+        """Put the costs into the generation and let it be followed."""
+        self._generation.set("F", costs[:, None])
+        for individual in self._generation:
+            individual.evaluated.update({"F", "G", "H"})
+        self._algorithm.tell(infills=self._generation)
+
+
+class PymooPSO(_Pymoo):
+    """Particle swarm with pymoo's defaults: a peer of `pso` by other hands, and with other habits.
+
+    Inertia and pulls adapt to how spread the swarm is (Zhan et al., IEEE Trans. Syst. Man Cybern. B 39 (2009) 1362),
+    velocities are cut at a fifth of the box, and the swarm's best is perturbed in every generation. 25 particles.
+
+    Parameters
+    ----------
+    particles : int
+    """
+
+    name = "pymoo-pso"
+
+    def __init__(self, dimension: int, budget: int, seed: int, *, particles: int = 25) -> None:
+        self._particles = checked_count("particles", particles, least=2)
+        super().__init__(dimension, budget, seed)
+
+    def algorithm(self) -> Algorithm:
+        """The swarm."""
+        return PSO(pop_size=self._particles)
+
+
+class PymooDE(_Pymoo):
+    """Differential evolution with pymoo's defaults: best/1/bin, F 0.5, CR 0.2, and a mutation now and then.
+
+    Storn & Price, J. Global Optim. 11 (1997) 341. 100 individuals.
+
+    Parameters
+    ----------
+    individuals : int
+    variant : str
+        ``DE/<selection>/<differences>/<crossover>``, as pymoo has them.
+    """
+
+    name = "pymoo-de"
+
+    def __init__(
+        self, dimension: int, budget: int, seed: int, *, individuals: int = 100, variant: str = "DE/best/1/bin"
+    ) -> None:
+        self._individuals, self._variant = checked_count("individuals", individuals, least=4), variant
+        super().__init__(dimension, budget, seed)
+
+    def algorithm(self) -> Algorithm:
+        """The population."""
+        return DE(pop_size=self._individuals, variant=self._variant)
