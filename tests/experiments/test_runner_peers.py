@@ -1,0 +1,36 @@
+import pandas
+import psutil
+import pytest
+
+from experiments import runner_peers
+from experiments.statistics import best_known_cost
+
+
+def test_their_runner_does_the_job_here_and_its_results_are_counted(tmp_path):
+    file = tmp_path / "theirs.csv"
+    took_s = runner_peers.seconds_of(runner_peers.theirs(file, runner_peers.Job(repeats=1, budget=100, workers=1)))
+    assert took_s > 0
+    rows = pandas.read_csv(file)
+    assert runner_peers.kept(file) == len(rows) == len(runner_peers.METHODS) * len(runner_peers.BENCHED)
+    assert set(rows["optimizer_name"]) == set(runner_peers.METHODS)
+    for name in runner_peers.BENCHED:
+        assert rows["loss"][rows["name"] == name].min() > best_known_cost(name)
+
+
+def test_what_has_no_result_is_not_counted(tmp_path):
+    file = tmp_path / "theirs.csv"
+    assert runner_peers.kept(file) == 0
+    file.write_text("loss,error\n,NameError\n-12.5,\n")
+    assert runner_peers.kept(file) == 1
+
+
+def test_a_command_is_killed_with_all_that_it_began(tmp_path):
+    begun = tmp_path / "pid"
+    runner_peers.seconds_of(["bash", "-c", f"sleep 600 & echo $! > {begun}; wait"], 1.0)
+    left = psutil.Process(int(begun.read_text())) if psutil.pid_exists(int(begun.read_text())) else None
+    assert left is None or left.status() == psutil.STATUS_ZOMBIE
+
+
+def test_a_command_that_fails_is_told():
+    with pytest.raises(RuntimeError, match="no such thing"):
+        runner_peers.seconds_of(["bash", "-c", "echo no such thing; exit 3"])
