@@ -19,6 +19,7 @@ import numpy as np
 
 from experiments.arguments import MAX_BUDGET
 from experiments.cluster import run_each, workers_of
+from experiments.entrants import entrant
 from experiments.progress import shown_progress
 from experiments.runs import RunKey, RunResult, label_of, read_run, run_path, write_run
 from experiments.suite import BENCHED, problem
@@ -28,7 +29,11 @@ from inkjet_env.storage import json_text, remove_unfinished, write_atomically
 BENCH_FORMAT = "bench/1"
 DEFAULT_BUDGET = 2000  # 40 particles × 50 generations
 DEFAULT_REPEATS = 15
-SOURCES = ("inkjet_env/**/*.py", "optimizers/**/*.py", "experiments/problems.py")
+SOURCES = (
+    *("inkjet_env/**/*.py", "optimizers/**/*.py"),
+    *("experiments/problems.py", "experiments/suite.py", "experiments/augmented_heads.json"),
+    *("experiments/entrants.py", "experiments/tuned.json"),
+)
 """What decides a run's numbers."""
 LEFT_OUT = {
     name: f"Left out unless asked for (--optimizers all): its own time is {share} of the whole comparison's."
@@ -66,11 +71,8 @@ class BenchSettings:
     def __post_init__(self) -> None:
         for name in self.problems:
             problem(name)
-        import optimizers
-
         for name in self.optimizers:
-            if name not in optimizers.names():
-                optimizers.make(name).close()  # raises the error that suggests the nearest name
+            entrant(name)
         for label, names in (("problems", self.problems), ("optimizers", self.optimizers)):
             if not names:
                 raise ValueError(f"{label} must name at least one; got none.")
@@ -97,7 +99,7 @@ class BenchSettings:
 
     def budget_of(self, optimizer: str) -> int:
         """Evaluations of a run of that optimiser."""
-        return min(self.budget, LONGEST.get(optimizer, self.budget))
+        return min(self.budget, LONGEST.get(entrant(optimizer).optimizer, self.budget))
 
     def to_json(self) -> dict[str, Any]:
         """Everything that decides the results, as plain JSON values."""
@@ -108,6 +110,7 @@ class BenchSettings:
             "repeats": self.repeats,
             "seed": self.seed,
             "optimizers": list(self.optimizers),
+            "options": {name: options for name in self.optimizers if (options := entrant(name).options)},
             "problems": {name: problem(name).settings() for name in self.problems},
             "code": code_digest(SOURCES),
             "versions": versions(),
@@ -195,8 +198,10 @@ def run_bench(
     import optimizers
 
     open_folder(folder, settings)
-    reasons = optimizers.availability(settings.optimizers)
-    unavailable = {name: str(reasons[name]) for name in settings.optimizers if reasons[name] is not None}
+    reasons = optimizers.availability(entrant(name).optimizer for name in settings.optimizers)
+    unavailable = {
+        name: reason for name in settings.optimizers if (reason := reasons[entrant(name).optimizer]) is not None
+    }
     keys = [
         RunKey(optimizer, name, repeat)
         for name in settings.problems
@@ -222,7 +227,7 @@ def applies(optimizer: str, name: str) -> bool:
     """Whether a problem has what an optimiser needs: gradients, where it uses them."""
     import optimizers
 
-    return problem(name).has_gradient or not optimizers.uses_gradient(optimizer)
+    return problem(name).has_gradient or not optimizers.uses_gradient(entrant(optimizer).optimizer)
 
 
 def _perform_all(
@@ -291,7 +296,6 @@ def _slowness(key: RunKey) -> int:
 
 def perform(key: RunKey, settings: BenchSettings) -> Ended:
     """Do one run: its result and seconds, or else how it failed, in words."""
-    import optimizers
     from optimizers.loop import minimise
 
     seed = key.seed(settings.seed)
@@ -303,7 +307,7 @@ def perform(key: RunKey, settings: BenchSettings) -> Ended:
     begin_s = time.perf_counter()
     try:
         budget = settings.budget_of(key.optimizer)
-        optimizer = optimizers.make(key.optimizer, budget=budget, seed=seed)
+        optimizer = entrant(key.optimizer).made(budget, seed)
         if torch := sys.modules.get("torch"):
             torch.set_num_threads(1)
         run = minimise(objective, optimizer, budget)

@@ -252,9 +252,9 @@ def bench(
         if names is not None
     }
     if chosen.get("optimizers") == ("all",):
-        from optimizers import names
+        from experiments.entrants import entrants
 
-        chosen["optimizers"] = names()
+        chosen["optimizers"] = entrants()
     if chosen.get("problems") == ("all",):
         from experiments.suite import suite
 

@@ -27,6 +27,7 @@ from experiments.measures import (
     running_time_distribution,
     stratified,
 )
+from experiments.problems import Problem
 from experiments.runs import RunResult
 from experiments.statistics import best_known_cost, friedman_and_nemenyi, mean_ranks
 from experiments.suite import family_of, problem
@@ -49,9 +50,14 @@ RESAMPLES = 1000
 @functools.cache
 def scale_V(name: str) -> float:
     """Mean regret of the best of 50 random waveforms on a problem, in volts."""
+    return best_of_random_V(problem(name)) - best_known_cost(name)
+
+
+def best_of_random_V(of: Problem) -> float:
+    """Mean cost of the best of 50 random waveforms, in volts."""
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (RANDOM_DRAWS * RANDOM_POINTS, 7))
-    costs = problem(name).evaluate(points).reshape(RANDOM_DRAWS, RANDOM_POINTS)
-    return float(costs.min(axis=1).mean()) - best_known_cost(name)
+    costs = of.evaluate(points).reshape(RANDOM_DRAWS, RANDOM_POINTS)
+    return float(costs.min(axis=1).mean())
 
 
 @dataclass(frozen=True, eq=False)

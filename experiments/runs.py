@@ -127,6 +127,7 @@ def label_of(key: RunKey, settings: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "format": RUN_FORMAT,
         "optimizer": key.optimizer,
+        "options": settings["options"].get(key.optimizer, {}),
         "problem": key.problem,
         "problem_sha256": sha256(of.encode()).hexdigest(),
         "repeat": key.repeat,

@@ -16,6 +16,8 @@ DECISIVE_PACKAGES = (
     "numba",
     "cma",
     "nevergrad",
+    "pymoo",
+    "optuna",
     "torch",
     "stable-baselines3",
 )

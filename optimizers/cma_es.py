@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import cma
 import numpy as np
 
-from optimizers.base import Optimizer, Real
+from optimizers.base import Optimizer, Real, checked_count
 
 STEP = 0.5
 """First step of a search that begins anywhere, in half widths of the box."""
@@ -27,6 +27,8 @@ class CmaEs(Optimizer):
         Where the first search begins, in the box, as a warm start; the others begin anywhere.
     first_step : float
         Of the first search, in half widths of the box.
+    population : int, optional
+        Of the first search, at least 2; pycma's ``4 + ⌊3 ln d⌋`` unless given.
 
     Raises
     ------
@@ -37,7 +39,14 @@ class CmaEs(Optimizer):
     name = "cma-es"
 
     def __init__(
-        self, dimension: int, budget: int, seed: int, *, start: Sequence[float] | None = None, first_step: float = STEP
+        self,
+        dimension: int,
+        budget: int,
+        seed: int,
+        *,
+        start: Sequence[float] | None = None,
+        first_step: float = STEP,
+        population: int | None = None,
     ) -> None:
         super().__init__(dimension, budget, seed)
         if self.dimension < 2:
@@ -48,6 +57,7 @@ class CmaEs(Optimizer):
         if not 0 < first_step <= 2:
             raise ValueError(f"first_step must be above 0 and at most 2; got {first_step!r}.")
         self._first_step = float(first_step)
+        self._population = None if population is None else checked_count("population", population, least=2)
         self._search: cma.CMAEvolutionStrategy | None = None
         self._candidates: list[Real] = []
 
@@ -77,7 +87,7 @@ class CmaEs(Optimizer):
     def propose(self) -> Real:
         """One population."""
         if self._search is None:
-            self._search = self._begin(None, self._first_step)
+            self._search = self._begin(self._population, self._first_step)
         elif self._search.stop() or self._spent(self._search):
             self._search = self._restart(self._search)
         self._candidates = self._search.ask()

@@ -55,17 +55,19 @@ class PymooPSO(_Pymoo):
     Parameters
     ----------
     particles : int
+    fastest : float
+        Largest velocity, in parts of the box a generation.
     """
 
     name = "pymoo-pso"
 
-    def __init__(self, dimension: int, budget: int, seed: int, *, particles: int = 25) -> None:
-        self._particles = checked_count("particles", particles, least=2)
+    def __init__(self, dimension: int, budget: int, seed: int, *, particles: int = 25, fastest: float = 0.2) -> None:
+        self._particles, self._fastest = checked_count("particles", particles, least=2), fastest
         super().__init__(dimension, budget, seed)
 
     def algorithm(self) -> Algorithm:
         """The swarm."""
-        return PSO(pop_size=self._particles)
+        return PSO(pop_size=self._particles, max_velocity_rate=self._fastest)
 
 
 class PymooDE(_Pymoo):
@@ -78,16 +80,29 @@ class PymooDE(_Pymoo):
     individuals : int
     variant : str
         ``DE/<selection>/<differences>/<crossover>``, as pymoo has them.
+    mutation : float
+        Weight of a difference: pymoo's F.
+    recombination : float
+        Chance of a coordinate to come from the mutant: pymoo's CR.
     """
 
     name = "pymoo-de"
 
     def __init__(
-        self, dimension: int, budget: int, seed: int, *, individuals: int = 100, variant: str = "DE/best/1/bin"
+        self,
+        dimension: int,
+        budget: int,
+        seed: int,
+        *,
+        individuals: int = 100,
+        variant: str = "DE/best/1/bin",
+        mutation: float = 0.5,
+        recombination: float = 0.2,
     ) -> None:
         self._individuals, self._variant = checked_count("individuals", individuals, least=4), variant
+        self._mutation, self._recombination = mutation, recombination
         super().__init__(dimension, budget, seed)
 
     def algorithm(self) -> Algorithm:
         """The population."""
-        return DE(pop_size=self._individuals, variant=self._variant)
+        return DE(pop_size=self._individuals, variant=self._variant, F=self._mutation, CR=self._recombination)

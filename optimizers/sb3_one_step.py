@@ -106,24 +106,37 @@ class OneStepPPO(_OneStepLearner):
     ----------
     tasks : int
         Episodes side by side, at least 2.
+    learning_rate : float
+    log_std : float
+        Logarithm of the first standard deviation, in half widths of the box.
     """
 
     name = "sb3-ppo"
 
-    def __init__(self, dimension: int, budget: int, seed: int, *, tasks: int = 40) -> None:
+    def __init__(
+        self,
+        dimension: int,
+        budget: int,
+        seed: int,
+        *,
+        tasks: int = 40,
+        learning_rate: float = 1e-2,
+        log_std: float = -0.7,
+    ) -> None:
         super().__init__(dimension, budget, seed, tasks=tasks)
         checked_count("tasks", tasks, least=2)
+        self._learning_rate, self._log_std = learning_rate, log_std
 
     def algorithm(self, envs: VecEnv) -> BaseAlgorithm:
         """PPO with the settings above."""
         return PPO(
             "MlpPolicy",
             envs,
-            learning_rate=1e-2,
+            learning_rate=self._learning_rate,
             n_steps=1,
             batch_size=self._tasks,
             n_epochs=10,
-            policy_kwargs={"net_arch": [32], "log_std_init": -0.7},
+            policy_kwargs={"net_arch": [32], "log_std_init": self._log_std},
             seed=self.seed % 2**32,
             device="cpu",
         )
@@ -144,25 +157,38 @@ class OneStepSAC(_OneStepLearner):
     ----------
     tasks : int
         Episodes side by side.
+    learning_rate : float
+    entropy : float
+        Its weight.
     """
 
     name = "sb3-sac"
 
-    def __init__(self, dimension: int, budget: int, seed: int, *, tasks: int = 10) -> None:
+    def __init__(
+        self,
+        dimension: int,
+        budget: int,
+        seed: int,
+        *,
+        tasks: int = 10,
+        learning_rate: float = 3e-3,
+        entropy: float = 0.02,
+    ) -> None:
         super().__init__(dimension, budget, seed, tasks=tasks)
+        self._learning_rate, self._entropy = learning_rate, entropy
 
     def algorithm(self, envs: VecEnv) -> BaseAlgorithm:
         """SAC with the settings above."""
         return SAC(
             "MlpPolicy",
             envs,
-            learning_rate=3e-3,
+            learning_rate=self._learning_rate,
             buffer_size=max(self.budget, self._tasks),
             learning_starts=100,
             batch_size=128,
             train_freq=1,
             gradient_steps=2,
-            ent_coef=0.02,
+            ent_coef=self._entropy,
             policy_kwargs={"net_arch": [64, 64]},
             seed=self.seed % 2**32,
             device="cpu",

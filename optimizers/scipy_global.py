@@ -32,13 +32,27 @@ class DifferentialEvolution(_ScipyOptimizer):
     ----------
     individuals_per_dimension : int
         SciPy's ``popsize``.
+    mutation : float or (float, float)
+        Weight of a difference, below 2; of two numbers one between them is drawn for each generation.
+    recombination : float
+        Chance of a coordinate to come from the mutant.
     """
 
     name = "scipy-differential-evolution"
 
-    def __init__(self, dimension: int, budget: int, seed: int, *, individuals_per_dimension: int = 15) -> None:
+    def __init__(
+        self,
+        dimension: int,
+        budget: int,
+        seed: int,
+        *,
+        individuals_per_dimension: int = 15,
+        mutation: float | tuple[float, float] = (0.5, 1.0),
+        recombination: float = 0.7,
+    ) -> None:
         super().__init__(dimension, budget, seed)
         self._individuals = checked_count("individuals_per_dimension", individuals_per_dimension)
+        self._mutation, self._recombination = mutation, recombination
 
     def search(self) -> None:
         """Run until SciPy finds that the population has converged."""
@@ -46,6 +60,8 @@ class DifferentialEvolution(_ScipyOptimizer):
             lambda columns: self.evaluate(columns.T),
             self._box(),
             popsize=self._individuals,
+            mutation=self._mutation,
+            recombination=self._recombination,
             maxiter=ENDLESS,
             rng=self.rng,
             polish=False,
