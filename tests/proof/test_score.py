@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.proof.corpus import STAGES, corpus
+from experiments.proof.document import document
 from experiments.proof.figures_of_merit import Figure, counted, estimated
 from experiments.proof.page import headline, page_html, sentences
 from experiments.proof.printed import print_score
@@ -187,7 +188,9 @@ def test_peers_are_compared_by_their_median(draws):
 
 def test_the_order_of_the_cases_does_not_change_the_score(flawless):
     spoilt = with_answer(flawless, lambda draw: draw["number"] % 7 == 0, verdict("unknown"))
-    assert json_text(scored(spoilt)["figures"]) == json_text(scored(spoilt)["figures"])
+    values = [[figure["value"] for figure in scored(cases)["figures"]] for cases in (spoilt, spoilt[::-1])]
+    assert values[0] == values[1]
+    assert json_text(scored(spoilt)) == json_text(scored(list(spoilt)))
     assert scored(spoilt)["curve"] == scored(spoilt[::-1])["curve"]
 
 
@@ -246,6 +249,22 @@ def test_the_table_is_printed_with_what_is_asked(flawless, capsys):
     out = capsys.readouterr().out
     assert re.search(r"F1 of two effects at once\s+0\s.*≥ 0.8\s+SHORT", out)
     assert "figures are what is asked of a first-rate diagnosis" in out
+
+
+def test_the_record_in_markdown_says_what_was_said_of_each(flawless, draws):
+    drawn = next(d for d in draws if d.family == "effect" and d.strength == "strong" and not d.meagre)
+    spoilt = with_answer(flawless, lambda draw: draw["number"] == drawn.number, verdict("named", "feedthrough"))
+    won = {"base": -20.0, "augmented": -24.0, "oracle": -25.0, "waveforms": {}, "foretold": {}}
+    peers = {"over_noise": {"refit": 3.0}, "judged": {"refit": "nothing"}, "same": True}
+    spoilt = [*spoilt, case_of(drawn, perfect(drawn), reoptimised=won, baselines=peers)]
+    text = document(json.loads(json_text(scored(spoilt))))
+    assert f"| {drawn.effects[0]} | strong | named | feedthrough | 1 |" in text
+    assert f"| {drawn.effects[0]} | 2 | 1 | feedthrough 1 |" in text
+    assert f"| {drawn.effects[0]} | 1 | -20.00 | -24.00 | -25.00 | 80 % |" in text
+    assert "| refit | 3 | nothing 1 |" in text
+    for table in text.split("\n\n"):
+        widths = {row.count("|") for row in table.splitlines() if row.startswith("|")}
+        assert len(widths) <= 1
 
 
 def test_every_id_has_a_row_in_the_confusion_matrix(flawless):

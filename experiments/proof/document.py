@@ -1,0 +1,161 @@
+"""The tables of a proof in Markdown, for its record in ``docs``.
+
+``python -m experiments.proof.document score.json`` prints them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from experiments.proof.corpus import STAGES
+from experiments.proof.printed import figure_text
+from experiments.proof.score import SCORE_FORMAT
+
+MARKS = {True: "yes", False: "**no**", None: ""}
+WORDS = {
+    "none": "nothing", "unknown": "unknown", "set": "a set that holds it", "wrong set": "a set without it",
+    "several": "several at once", "refused": "refused",
+}  # fmt: skip
+
+
+def _table(heading: Sequence[str], rows: Iterator[Sequence[str]] | Sequence[Sequence[str]]) -> str:
+    lines = [" | ".join(heading), " | ".join(["---"] * len(heading)), *(" | ".join(row) for row in rows)]
+    return "\n".join(f"| {line} |" for line in lines)
+
+
+def _ranged(figure: Mapping[str, Any]) -> str:
+    value, low, high = (figure_text(figure[name], figure["kind"]) for name in ("value", "low", "high"))
+    return f"{value} ({low} … {high})"
+
+
+def figures_table(found: Mapping[str, Any]) -> str:
+    """Every figure with its 90 % interval, beside what is asked."""
+    return _table(
+        ("figure", "reached (90 % interval)", "cases", "asked", "met"),
+        [
+            (
+                figure["name"], _ranged(figure),
+                str(figure["of"]) if figure["hits"] is None else f"{figure['hits']} of {figure['of']}",
+                figure["asked"], MARKS[figure["met"]],
+            )
+            for figure in found["figures"] if figure["of"]
+        ],
+    )  # fmt: skip
+
+
+def curve_table(found: Mapping[str, Any]) -> str:
+    """Detection against strength."""
+    return _table(
+        ("strength", "mismatch over noise, median", "detected", "right name or set"),
+        [
+            (
+                row["strength"], f"{row['rho']:.2g}", _ranged(row["detected"]),
+                "" if row["right"] is None else _ranged(row["right"]),
+            )
+            for row in found["curve"]
+        ],
+    )  # fmt: skip
+
+
+def said_table(found: Mapping[str, Any]) -> str:
+    """What was said of each concealed effect, strong or medium, of families outside the catalogue and other laws."""
+    rows = []
+    for hidden, row in found["confusion"].items():
+        counts = {column: count for column, count in row.items() if count}
+        if not counts:
+            continue
+        right = (
+            counts.pop(hidden, 0) if hidden in STAGES else counts.pop("none" if hidden == "nothing" else "unknown", 0)
+        )
+        others = sorted(counts.items(), key=lambda item: -item[1])
+        rows.append(
+            (hidden, str(sum(row.values())), str(right), "; ".join(f"{WORDS.get(k, k)} {n}" for k, n in others))
+        )
+    return _table(("concealed", "heads", "right", "else"), rows)
+
+
+def worth_table(found: Mapping[str, Any]) -> str:
+    """Share of the oracle's gain won back by effect, where the oracle has one."""
+    from experiments.proof.score import LEAST_ORACLE
+
+    heads = [h for h in found["worth"]["heads"] if h["base"] - h["oracle"] > LEAST_ORACLE * abs(h["base"])]
+    by_effect: dict[str, list[Mapping[str, Any]]] = {}
+    for head in heads:
+        by_effect.setdefault("+".join(head["effects"]), []).append(head)
+
+    def row(label: str, mine: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+        base, augmented, oracle = (sum(h[name] for h in mine) / len(mine) for name in ("base", "augmented", "oracle"))
+        share = (base - augmented) / (base - oracle)
+        return label, str(len(mine)), f"{base:.2f}", f"{augmented:.2f}", f"{oracle:.2f}", f"{100 * share:.0f} %"
+
+    rows = [row(effect, mine) for effect, mine in sorted(by_effect.items())]
+    if heads:
+        rows.append(row("**all**", heads))
+    return _table(("concealed", "heads", "base, V", "augmented, V", "oracle, V", "won back"), rows)
+
+
+def misses_table(found: Mapping[str, Any]) -> str:
+    """How often each wrong thing was said of what, over all families and strengths."""
+    counted = Counter((miss["concealed"], miss["strength"], miss["verdict"], miss["said"]) for miss in found["misses"])
+    named = {key: n for key, n in counted.items() if key[2] in ("named", "set")}
+    return _table(
+        ("concealed", "strength", "verdict", "said", "times"),
+        [(*key, str(n)) for key, n in sorted(named.items(), key=lambda item: (-item[1], item[0]))],
+    )
+
+
+def peers_table(found: Mapping[str, Any]) -> str:
+    """What else one could do, on the same heads."""
+    peers = found["peers"]
+    return _table(
+        ("method", "held-out RMS over noise, median", "what it said"),
+        [
+            (
+                name,
+                "–" if over is None else f"{over:.3g}",
+                ", ".join(
+                    f"{word} {n}" for word, n in sorted(peers["judged"].get(name, {}).items(), key=lambda i: -i[1])
+                ),
+            )
+            for name, over in peers["median_over_noise"].items()
+        ],
+    )
+
+
+def document(found: Mapping[str, Any]) -> str:
+    """All tables under their headings.
+
+    Parameters
+    ----------
+    found : mapping
+        A ``proof-score/1``.
+    """
+    sections = [
+        ("Figures", figures_table(found)),
+        ("Detection against strength", curve_table(found)),
+        ("What was said", said_table(found)),
+        ("What it is worth", worth_table(found)) if found["worth"]["heads"] else None,
+        ("Beside other methods", peers_table(found)) if found["peers"]["cases"] else None,
+        ("Wrong names and sets", misses_table(found)),
+    ]
+    return "\n\n".join(f"## {section[0]}\n\n{section[1]}" for section in sections if section) + "\n"
+
+
+def main() -> None:
+    """Print the tables of a score."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.proof.document", description=__doc__)
+    parser.add_argument("score", type=Path, help="score.json of a proof's folder")
+    path = parser.parse_args().score
+    found = json.loads(path.read_text(encoding="utf-8"))
+    if found.get("format") != SCORE_FORMAT:
+        parser.error(f"{path} is not a {SCORE_FORMAT}; it is {found.get('format')!r}.")
+    print(document(found), end="")
+
+
+if __name__ == "__main__":
+    main()
