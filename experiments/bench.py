@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from experiments.arguments import MAX_BUDGET
-from experiments.cluster import run_each, workers_of
+from experiments.cluster import run_each, worker_count, workers_of
 from experiments.entrants import entrant
 from experiments.progress import shown_progress
 from experiments.runs import RunKey, RunResult, label_of, read_run, run_path, write_run
@@ -250,12 +250,15 @@ def _perform_all(
         part = f"{key.problem}--{key.optimizer}--{key.repeat // REPEATS_A_JOB:03d}"
         batches.setdefault(part, []).append(key)
     jobs = {part: functools.partial(_job, keys, settings, told["code"]) for part, keys in batches.items()}
+    useful_s = 0.0
     with shown_progress("bench", total, done) as progress, workers_of(scheduler, workers) as client:
+        begin_s = time.perf_counter()
 
         def keep(_: str, ended: list[Ended]) -> None:
-            nonlocal done
+            nonlocal done, useful_s
             for key, result, seconds, failure in ended:
                 done += 1
+                useful_s += seconds.get("optimizer", 0.0) + seconds.get("objective", 0.0)
                 if result is None:
                     failures.setdefault(key.optimizer, f"broke down on {key.problem}, repeat {key.repeat}: {failure}")
                 else:
@@ -264,6 +267,13 @@ def _perform_all(
                 progress(done, f"{key.optimizer} on {key.problem}")
 
         run_each(client, perform_some, jobs, keep)
+        at_work_s = (time.perf_counter() - begin_s) * worker_count(client)
+    if at_work_s:
+        elsewhere = 100 * (1 - useful_s / at_work_s)
+        print(
+            f"{elsewhere:.0f} % of the workers' time went elsewhere than into optimisers and objective.",
+            file=sys.stderr,
+        )
     return failures
 
 
@@ -279,12 +289,18 @@ def perform_some(keys: Sequence[RunKey], settings: BenchSettings, code: str) -> 
     ValueError
         The worker's code is another.
     """
-    if code_digest(SOURCES) != code:
+    if _own_code() != code:
         raise ValueError(
             "the code is not the one that this bench was begun with, here or at a worker. Put that code back on all "
             "machines, start the workers again, and give the same command; or give another folder."
         )
     return [perform(key, settings) for key in keys]
+
+
+@functools.cache
+def _own_code() -> str:
+    """Of the code that this process has loaded: it is read once."""
+    return code_digest(SOURCES)
 
 
 def _slowness(key: RunKey) -> int:

@@ -271,13 +271,13 @@ def bench(
     from inkjet_env.storage import write_json
 
     summary = summarise(outcome)
-    page = write_report(outcome, summary)
+    page, sentences = write_report(outcome, summary)
     if json is not None:
-        write_json(json, ranking_json(outcome, summary))
+        write_json(json, ranking_json(outcome, summary, sentences))
     if str(json) != "-":
         from experiments.tables import print_ranking
 
-        print_ranking(summary, settings.problems, outcome.unavailable)
+        print_ranking(summary, settings.problems, sentences, outcome.unavailable)
         print(f"Report: {page}")
 
 

@@ -140,7 +140,7 @@ def run_each(
         while waiting or running:
             _check_connection(client)
             if time.monotonic() - counted_s > COUNT_EVERY_S:
-                workers, counted_s = _workers(client), time.monotonic()
+                workers, counted_s = worker_count(client), time.monotonic()
             while waiting and len(running) < max(1, IN_FLIGHT_A_WORKER * workers):
                 begin(waiting.pop())
             done = completed.next_batch(block=False)
@@ -169,8 +169,8 @@ def run_each(
             client.cancel(list(running), force=True)
 
 
-def _workers(client: Any) -> int:
-    """How many threads there are to work."""
+def worker_count(client: Any) -> int:
+    """How many threads of a cluster there are to work."""
     try:
         told = client.scheduler_info(n_workers=-1)["workers"]
     except OSError:

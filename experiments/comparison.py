@@ -169,7 +169,8 @@ class Comparison:
             for optimizer in self.optimizers
         }
         used = {optimizer: values for optimizer, values in regrets.items() if np.isfinite(values).any()}
-        medians = np.array([np.median(values, axis=0) for values in used.values()])
+        scales_V = np.array([scale_V(name) for name in problems])
+        medians = np.array([np.median(values, axis=0) * scales_V for values in used.values()])
         ranks = dict(zip(used, mean_ranks(medians), strict=True))
         p, difference = friedman_and_nemenyi(medians)
         rows = []
@@ -199,26 +200,44 @@ class Comparison:
             signed_rank,
         )
 
-    def sentences(self) -> list[str]:
-        """What may be said of the reference and the best, with intervals, after the whole budget."""
+    @functools.cached_property
+    def sentences(self) -> tuple[str, ...]:
+        """What a reader may conclude after the whole budget: of the best, of the paper's swarm, of it as printed."""
         budget = self.budgets[-1]
         found = self.standings("all", budget, np.random.default_rng(self.outcome.settings.seed))
-        said = []
-        best = found.rows[0]
-        if best.optimizer != REFERENCE and math.isfinite(best.improvement.value):
-            rank = best.signed_rank
+        by_name = {row.optimizer: row for row in found.rows}
+        swarm, printed = by_name.get(REFERENCE), by_name.get("pso-printed")
+        everywhere = [row for row in found.rows if row.applies == len(found.problems)]
+        best = (everywhere or found.rows)[0]
+        of = "" if best is found.rows[0] else " of those that can be used on all problems"
+        said = [
+            f"After {budget:,} evaluations {best.optimizer}, the best by mean rank{of}, leaves a regret of "
+            f"{_ranged(best.quality)} of the problems' scales (interquartile mean of all runs){self._against(best)}."
+        ]
+        if swarm is not None and best is not swarm:
+            place = found.rows.index(swarm) + 1
             said.append(
-                f"After {budget:,} evaluations a run of {best.optimizer} ends lower than one of {REFERENCE} with "
-                f"probability {_ranged(best.improvement)}; on another problem like these it is better with posterior "
-                f"probability {rank.first:.2f}, alike with {rank.alike:.2f}, worse with {rank.second:.2f}."
+                f"The paper's particle swarm, with random factors ({REFERENCE}), is at place {place} of "
+                f"{len(found.rows)} (mean rank {swarm.rank:.1f}), with a regret of {_ranged(swarm.quality)}."
             )
-        printed = next((row for row in found.rows if row.optimizer == "pso-printed"), None)
-        if printed is not None and math.isfinite(printed.improvement.value):
+        if printed is not None and swarm is not None:
             said.append(
-                "A run of the swarm as the paper prints it, without random factors, ends lower than one of the swarm "
-                f"with them with probability {_ranged(printed.improvement)}."
+                f"As the paper prints it, without random factors (pso-printed), it leaves {_ranged(printed.quality)}"
+                f"{self._against(printed)}."
             )
-        return said
+        return tuple(said)
+
+    @staticmethod
+    def _against(row: Row) -> str:
+        """How an optimiser stands to the reference, in words; nothing of the reference itself."""
+        if not math.isfinite(row.improvement.value):
+            return ""
+        rank = row.signed_rank
+        return (
+            f"; a run of it ends lower than one of {REFERENCE} with probability {_ranged(row.improvement)}, and on "
+            f"another problem like these it is better with posterior probability {rank.first:.2f}, alike with "
+            f"{rank.alike:.2f}, worse with {rank.second:.2f}"
+        )
 
 
 def _ranged(estimate: Estimate) -> str:

@@ -42,7 +42,7 @@ def page(compared: Comparison, sentences: Sequence[str], run: RunKey, waveforms:
 
     environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
     return environment.get_template("comparison.html").render(
-        sentences=[*sentences, *compared.sentences()],
+        sentences=sentences,
         run=run,
         waveforms=waveforms,
         settings=compared.outcome.settings,

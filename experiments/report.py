@@ -31,26 +31,35 @@ CSV_COLUMNS = (
 )
 
 
-def write_report(outcome: BenchOutcome, summary: Summary) -> Path:
-    """Write report.html, ranking.csv and ranking.json into the results folder; return the page's path."""
+def write_report(outcome: BenchOutcome, summary: Summary) -> tuple[Path, tuple[str, ...]]:
+    """Write report.html, ranking.csv and ranking.json into the results folder.
+
+    Returns
+    -------
+    page : Path
+    sentences : tuple of str
+        What a reader may conclude.
+    """
+    compared = Comparison(outcome)
+    sentences = (*compared.sentences, *summary.sentences)
     write_atomically(outcome.folder / "ranking.csv", ranking_csv(summary))
-    write_atomically(outcome.folder / "ranking.json", json_text(ranking_json(outcome, summary)))
+    write_atomically(outcome.folder / "ranking.json", json_text(ranking_json(outcome, summary, sentences)))
     page = outcome.folder / "report.html"
     settings = outcome.settings
     shown = "nominal" if "nominal" in settings.problems else settings.problems[0]
     runs = [r for r in outcome.results if (r.key.optimizer, r.key.problem) == (summary.winner, shown)]
     run = median_run(runs or outcome.results)
     waveforms = pictures.svg_text(before_after_figure(run))
-    write_atomically(page, comparison_page.page(Comparison(outcome), summary.sentences, run.key, waveforms))
-    return page
+    write_atomically(page, comparison_page.page(compared, sentences, run.key, waveforms))
+    return page, sentences
 
 
-def ranking_json(outcome: BenchOutcome, summary: Summary) -> dict[str, Any]:
+def ranking_json(outcome: BenchOutcome, summary: Summary, sentences: Sequence[str]) -> dict[str, Any]:
     """The ranking as plain JSON values; numbers that do not exist are null."""
     return {
         "format": RANKING_FORMAT,
         "settings": outcome.settings.to_json(),
-        "sentences": list(summary.sentences),
+        "sentences": list(sentences),
         "friedman_p": _number(summary.friedman_p),
         "critical_difference": _number(summary.critical_difference),
         "ranking": [

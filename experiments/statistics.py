@@ -247,20 +247,17 @@ def summarise(outcome: BenchOutcome) -> Summary:
     stacked = {optimizer: np.array([by.get(name, never) for name in problems]) for optimizer, by in regrets.items()}
     order = standings(stacked, rng)
     p, difference = friedman_and_nemenyi(np.array([np.median(values, axis=1) for values in stacked.values()]))
-    return Summary(
-        tuple(scores), order, p, difference, conclusions(outcome, tuple(scores), order, stacked, p, difference)
-    )
+    return Summary(tuple(scores), order, p, difference, conclusions(outcome, tuple(scores), order, p, difference))
 
 
 def conclusions(
     outcome: BenchOutcome,
     scores: Sequence[Score],
     order: Sequence[Standing],
-    regrets: Mapping[str, Real],
     friedman_p: float,
     critical_difference: float,
 ) -> tuple[str, ...]:
-    """What a reader may conclude, in sentences made from the numbers."""
+    """What the ranking allows one to say, in sentences made from the numbers."""
     settings, winner = outcome.settings, order[0]
     near = np.mean([s.within_1_percent for s in scores if s.optimizer == winner.optimizer])
     said = [
@@ -275,8 +272,6 @@ def conclusions(
         said.append(f"On these problems {_listed(tied)} cannot be told from it; the others rank behind it (95 %).")
     elif len(order) > 1:
         said.append("On these problems every other optimiser ranks behind it (95 %).")
-    if {"pso", "pso-printed"} <= set(regrets):
-        said.append(_swarms(order, regrets))
     shorter = [name for name in settings.optimizers if settings.budget_of(name) < settings.budget]
     if shorter:
         told = (f"{name} ({settings.budget_of(name):,} evaluations)" for name in shorter)
@@ -290,24 +285,6 @@ def conclusions(
             f"which leaves {len(alike)} of the other {len(order) - 1} level with {winner.optimizer}."
         )
     return tuple(said)
-
-
-def _swarms(order: Sequence[Standing], regrets: Mapping[str, Real]) -> str:
-    """Where the usual particle swarm stands to the one printed in the paper."""
-    from scipy.stats import false_discovery_control, mannwhitneyu
-
-    rank = {s.optimizer: s.mean_rank for s in order}
-    usual, printed = regrets["pso"], regrets["pso-printed"]
-    difference = np.round((np.median(printed, axis=1) - np.median(usual, axis=1)) / RESOLUTION_V)
-    p = false_discovery_control([mannwhitneyu(a, b).pvalue for a, b in zip(usual, printed, strict=True)], method="by")
-    sure = p < 1 - CONFIDENCE
-    better, worse = difference > 0, difference < 0
-    return (
-        f"The particle swarm with random factors (pso, mean rank {rank['pso']:.2f}) has a lower median regret than the "
-        f"one printed in the paper without them (pso-printed, {rank['pso-printed']:.2f}) on {better.sum()} of "
-        f"{_count(len(difference), 'problem')}, surely so on {(sure & better).sum()}; a higher one on {worse.sum()}, "
-        f"surely so on {(sure & worse).sum()} (Mann–Whitney, 5 % false discoveries)."
-    )
 
 
 def _count(number: int, noun: str) -> str:

@@ -39,7 +39,9 @@ def print_peaks(found: dict[str, Any]) -> None:
     print(f"cost {found['cost']:.6f} V")
 
 
-def print_ranking(summary: Summary, problems: Sequence[str], unavailable: dict[str, str]) -> None:
+def print_ranking(
+    summary: Summary, problems: Sequence[str], sentences: Sequence[str], unavailable: dict[str, str]
+) -> None:
     """Print the ranking, what may be concluded from it, and what was not compared."""
     from experiments.report import volts
 
@@ -56,7 +58,7 @@ def print_ranking(summary: Summary, problems: Sequence[str], unavailable: dict[s
     ]
     print_table(("optimiser", "mean rank", *problems), rows)
     print("Median regret in volts above the best known cost.")
-    for sentence in summary.sentences:
+    for sentence in sentences:
         print(f"- {sentence}")
     for name, reason in unavailable.items():
         print(f"- Not compared: {name}: {reason}")

@@ -192,7 +192,7 @@ def test_an_optimiser_that_breaks_down_is_reported_and_not_scored(tmp_path, monk
     outcome = run_bench(small_settings(), tmp_path / "r", workers=1)
     assert outcome.unavailable == {"pso": "too old"}
     assert {r.key.optimizer for r in outcome.results} == {"random"}
-    page = write_report(outcome, summarise(outcome)).read_text()
+    page = write_report(outcome, summarise(outcome))[0].read_text()
     assert "too old" in page
 
 
@@ -205,8 +205,9 @@ def test_an_optimiser_that_needs_gradients_is_left_out_where_there_are_none(tmp_
     ]
     summary = summarise(outcome)
     assert summary.score("lbfgsb-multistart", "reading-200mV") is None
-    assert "–" in write_report(outcome, summary).read_text()
-    json.dumps(ranking_json(outcome, summary), allow_nan=False)
+    page, sentences = write_report(outcome, summary)
+    assert "–" in page.read_text()
+    json.dumps(ranking_json(outcome, summary, sentences), allow_nan=False)
     told, true = ([getattr(r, part)[-1] for r in outcome.results[-2:]] for part in ("told_V", "costs_V"))
     assert (np.array(told) != true).all()
 
@@ -214,7 +215,7 @@ def test_an_optimiser_that_needs_gradients_is_left_out_where_there_are_none(tmp_
 def test_tables_for_machines_agree_with_each_other(finished):
     summary = summarise(finished)
     lines = ranking_csv(summary).splitlines()
-    found = ranking_json(finished, summary)
+    found = ranking_json(finished, summary, summary.sentences)
     assert found["format"] == "ranking/1"
     assert len(lines) == 1 + 2 * 1
     best = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))

@@ -1,4 +1,5 @@
 import math
+import re
 
 import numpy as np
 import pytest
@@ -55,6 +56,24 @@ def test_standings_rank_and_tell_how_sure(compared):
     assert best.signed_rank.first > 0.8
     assert math.isnan(worst.improvement.value)
     assert found.problems == PROBLEMS
+
+
+def test_three_sentences_say_what_one_may_conclude_each_with_its_interval(tmp_path):
+    rng = np.random.default_rng(1)
+    ends = {"pso": 0.6, "pso-printed": 0.9, "cma-es": 0.1, "lbfgsb-multistart": 0.01}
+    problems = (*PROBLEMS, "damping-0.02", "damping-0.01")
+    curves = {
+        optimizer: {name: [[1.0, end + 0.05 * rng.random()] for _ in range(8)] for name in problems}
+        for optimizer, end in ends.items()
+    }
+    del curves["lbfgsb-multistart"]["damping-0.02"]  # as if it could not be used there
+    best, swarm, printed = Comparison(an_outcome(tmp_path, curves, problems, 2)).sentences
+    assert best.startswith("After 2 evaluations cma-es, the best by mean rank of those that can be used on all")
+    assert "probability 1.00 (1.00 to 1.00)" in best
+    assert "with posterior probability 1.00, alike with 0.00, worse with 0.00" in best
+    assert "(pso), is at place 3 of 4" in swarm
+    assert re.search(r"regret of 0\.6\d \(0\.6\d to 0\.6\d\)", swarm)
+    assert "lower than one of pso with probability 0.00 (0.00 to 0.00)" in printed
 
 
 def test_a_family_is_looked_at_by_itself(compared):

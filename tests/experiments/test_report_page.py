@@ -19,7 +19,7 @@ def report(tmp_path_factory):
     """The page of a small comparison."""
     folder = tmp_path_factory.mktemp("bench") / "results"
     outcome = run_bench(BenchSettings(PROBLEMS, OPTIMIZERS, repeats=3, budget=200), folder, workers=1)
-    return write_report(outcome, summarise(outcome))
+    return write_report(outcome, summarise(outcome))[0]
 
 
 def test_the_page_loads_nothing_and_holds_what_it_shows(report):

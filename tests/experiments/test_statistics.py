@@ -84,7 +84,7 @@ def test_share_near_the_optimum_counts_one_and_five_percent(tmp_path):
     assert (score.within_1_percent, score.within_5_percent) == (0.5, 0.75)
 
 
-def test_sentences_say_which_optimisers_are_level_and_where_the_printed_swarm_stands(tmp_path):
+def test_sentences_say_which_optimisers_are_level(tmp_path):
     rng = np.random.default_rng(4)
     regrets = {
         "pso-printed": 9 + rng.random(15),
@@ -95,8 +95,6 @@ def test_sentences_say_which_optimisers_are_level_and_where_the_printed_swarm_st
     said = statistics.summarise(an_outcome(tmp_path, regrets)).sentences
     assert "has the best mean rank" in said[0]
     assert ("sobol cannot be told from it" in said[1]) or ("random cannot be told from it" in said[1])
-    assert "lower median regret" in said[2]
-    assert "on 1 of 1 problem, surely so on 1; a higher one on 0" in said[2]
 
 
 def test_few_runs_are_not_called_a_proof(tmp_path):
