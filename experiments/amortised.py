@@ -15,7 +15,7 @@ import itertools
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -315,13 +315,18 @@ def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int)
     best = np.array([descended(tests.one(k), labelling, seed + k)[1] for k in range(heads)])
     results = []
     trained: dict[str, Policy] = {}
+    asked = {"evaluations": evaluations, "seed": seed}
     for name, learn in LEARNERS.items():
         file = folder / f"{name}.npz"
-        if file.exists():
-            trained[name] = Policy.load(file)
-        else:
-            trained[name], _ = learn(evaluations, seed)
-            trained[name].save(file)
+        if not file.exists():
+            policy, _ = learn(evaluations, seed)
+            replace(policy, made={**policy.made, "asked": asked}).save(file)
+        trained[name] = Policy.load(file)
+        if trained[name].made.get("asked") != asked:
+            raise ValueError(
+                f"{file} was trained as {trained[name].made.get('asked')}, not as {asked}. Give another folder, or "
+                "delete that file to have it trained again."
+            )
     for optimizer in SCRATCH:
         results.append(tuned(optimizer, None, optimizer, tests, best, seed))
     for name, policy in trained.items():
@@ -373,6 +378,8 @@ def main(arguments: list[str] | None = None) -> None:
             parser.error(f"--{name} must be at least 1; got {getattr(chosen, name)}.")
     try:
         print_study(study(chosen.folder, chosen.evaluations, chosen.heads, chosen.labelling, chosen.seed))
+    except ValueError as error:
+        parser.exit(2, f"{parser.prog}: {error}\n")
     except KeyboardInterrupt:
         print(f"Interrupted; policies that are trained are kept in {chosen.folder}.", file=sys.stderr)
         sys.exit(130)

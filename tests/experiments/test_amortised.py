@@ -78,3 +78,15 @@ def test_a_study_keeps_its_policies_and_tells_the_same_again(tmp_path, monkeypat
     assert by_name["imitation"]["5"]["value"] <= by_name["imitation"]["0"]["value"]
     assert min(row["20"]["low"] for row in first["rows"]) >= 0
     amortised.print_study(first)
+
+
+def test_a_policy_of_other_settings_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(amortised, "BUDGETS", (5,))
+    monkeypatch.setattr(amortised, "LEARNERS", {"imitation": amortised.by_imitation})
+    monkeypatch.setattr(amortised, "SCRATCH", ("random",))
+    amortised.study(tmp_path, evaluations=300, heads=2, labelling=1, seed=0)
+    with pytest.raises(SystemExit) as ended:
+        amortised.main(["--folder", str(tmp_path), "--evaluations", "400", "--heads", "2", "--labelling", "1"])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert "imitation.npz was trained as {'evaluations': 300, 'seed': 0}, not as {'evaluations': 400" in said
