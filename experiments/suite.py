@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 
+from experiments.augmented_heads import HEADS, augmented_head
 from experiments.problems import Problem, Spread
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, check_name
 
@@ -37,6 +38,8 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
         Sixteen heads within 5 % of the published one, judged by the worst or by the mean.
     ``train``
         Drops at a jetting frequency, in the steady state: each meets what those before it left ringing.
+    ``augmented``
+        Heads with an effect, as a diagnosis found them; see `experiments.augmented_heads`.
     """
     published = Printhead.published()
     varied = published.varied
@@ -65,6 +68,7 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
             Problem(f"train-{kHz}kHz", bounds=_durations(min(20e-6, 0.2e-3 / kHz)), jetting_Hz=1e3 * kHz)
             for kHz in (5, 10, 20)
         ),
+        "augmented": tuple(Problem(name, augmented_head(name)) for name in HEADS),
     }
 
 

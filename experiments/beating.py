@@ -1,0 +1,117 @@
+"""Trying to beat the best known waveforms, by other methods than those that found them.
+
+``python -m experiments.beating --minutes 60`` divides the time among all problems and three methods; exit status 1
+where one of them finds a waveform that costs less by more than a thousandth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from dataclasses import dataclass
+
+from experiments.progress import shown_progress
+from experiments.statistics import best_known_cost
+from experiments.suite import problem, suite
+from experiments.tables import print_table
+
+METHODS = ("bipop-cma-es", "scipy-differential-evolution", "lbfgsb-multistart")
+WITHOUT_GRADIENT = "pymoo-pso"
+"""In place of a method that the problem has no gradient for."""
+BUDGET = 20_000
+"""Evaluations of one run; runs follow one another, with other seeds, until the time is up."""
+ALLOWED = 1e-3
+"""Of the best known cost: what may be gained on it without its being called beaten."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """The best that a method came to on a problem.
+
+    Attributes
+    ----------
+    problem, method : str
+    cost_V : float
+    evaluations : int
+    """
+
+    problem: str
+    method: str
+    cost_V: float
+    evaluations: int
+
+    @property
+    def gain(self) -> float:
+        """By how much of the best known cost it costs less; negative where it costs more."""
+        known_V = best_known_cost(self.problem)
+        return (known_V - self.cost_V) / abs(known_V)
+
+
+def attempt(name: str, method: str, seconds: float) -> Attempt:
+    """Search one problem by one method, run after run, for so long."""
+    from dataclasses import replace
+
+    import optimizers
+    from optimizers.loop import minimise
+
+    of = replace(problem(name), reading_V=0.0)  # what is best does not hang on how it is read
+    if optimizers.uses_gradient(method) and not of.has_gradient:
+        method = WITHOUT_GRADIENT
+    of.evaluate([[0.0] * 7])
+    best_V, spent, seed, end_s = float("inf"), 0, 0, time.perf_counter() + seconds
+    while not spent or time.perf_counter() < end_s:
+        run = minimise(of, optimizers.make(method, 7, BUDGET, seed), BUDGET)
+        best_V, spent, seed = min(best_V, run.best_cost), spent + BUDGET, seed + 1
+    return Attempt(name, method, best_V, spent)
+
+
+def attempts(names: list[str], seconds: float, workers: int) -> list[Attempt]:
+    """All problems by all methods, in an order of their own."""
+    from joblib import Parallel, delayed
+
+    jobs = [(name, method) for name in names for method in METHODS]
+    each_s = seconds * workers / len(jobs)
+    found: list[Attempt] = []
+    with shown_progress("beating", len(jobs)) as progress:
+        for one in Parallel(n_jobs=workers, return_as="generator")(
+            delayed(attempt)(name, method, each_s) for name, method in jobs
+        ):
+            found.append(one)
+            progress(len(found), f"{one.method} on {one.problem}: {100 * one.gain:+.3f} %")
+    return found
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Try, tell, and say whether any was beaten."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.beating", description=__doc__)
+    parser.add_argument("--problem", action="append", choices=list(suite()), help="all of the suite unless given")
+    parser.add_argument("--minutes", type=float, default=60.0, help="for all of it (60)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes; one a core unless given")
+    chosen = parser.parse_args(arguments)
+    if not chosen.minutes > 0 or chosen.workers < 1:
+        parser.error("--minutes must be above 0 and --workers at least 1.")
+    found = attempts(chosen.problem or list(suite()), 60 * chosen.minutes, chosen.workers)
+    print_table(
+        ("problem", "best known, V", "method", "its best, V", "gain, %", "evaluations"),
+        [
+            (one.problem, f"{best_known_cost(one.problem):.6f}", one.method, f"{one.cost_V:.6f}",
+             f"{100 * one.gain:+.4f}", f"{one.evaluations:,}")
+            for one in found
+        ],
+    )  # fmt: skip
+    beaten = [one for one in found if one.gain > ALLOWED]
+    for one in beaten:
+        print(f"{one.problem} is beaten by {one.method}: {one.cost_V:.9f} V. Run python -m experiments.best_known.")
+    if not beaten:
+        most = max(found, key=lambda one: one.gain)
+        print(
+            f"None is beaten by more than {100 * ALLOWED:g} %; the largest gain is {100 * most.gain:+.4f} % "
+            f"({most.method} on {most.problem})."
+        )
+    return 1 if beaten else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+import pytest
+
+from experiments import beating
+from experiments.statistics import best_known_cost
+
+
+def test_a_record_that_is_too_high_is_beaten(monkeypatch, capsys):
+    monkeypatch.setattr(beating, "BUDGET", 4000)
+    monkeypatch.setattr(beating, "best_known_cost", lambda name: best_known_cost(name) + 1.0)
+    assert beating.main(["--problem", "nominal", "--minutes", "0.01", "--workers", "1"]) == 1
+    assert "nominal is beaten by lbfgsb-multistart" in capsys.readouterr().out
+
+
+def test_the_record_stands_and_every_method_says_what_it_spent(capsys):
+    found = beating.attempts(["reading-50mV"], 0.1, 1)
+    assert [one.method for one in found] == list(beating.METHODS)
+    assert all(one.evaluations >= beating.BUDGET for one in found)
+    assert all(-0.2 < one.gain <= beating.ALLOWED for one in found)
+    assert max(one.gain for one in found) > -1e-3  # they search what is told without errors
+
+
+def test_heads_without_gradients_meet_another_method(monkeypatch):
+    monkeypatch.setattr(beating, "BUDGET", 300)
+    one = beating.attempt("augmented-echo", "lbfgsb-multistart", 0.0)
+    assert one.method == beating.WITHOUT_GRADIENT
+    assert one.evaluations == beating.BUDGET
+
+
+def test_no_time_at_all_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        beating.main(["--minutes", "0"])
+    assert "--minutes must be above 0" in capsys.readouterr().err
