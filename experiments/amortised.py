@@ -41,6 +41,10 @@ LABELLING_STARTS = 8
 """Descents that a waveform to imitate is the best of."""
 
 
+class OtherSettingsError(ValueError):
+    """A policy that is kept was trained with other settings than those asked for."""
+
+
 @functools.cache
 def the_task() -> WaveformTask:
     """Heads as the environment draws them with ``context="random"``."""
@@ -323,7 +327,7 @@ def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int)
             replace(policy, made={**policy.made, "asked": asked}).save(file)
         trained[name] = Policy.load(file)
         if trained[name].made.get("asked") != asked:
-            raise ValueError(
+            raise OtherSettingsError(
                 f"{file} was trained as {trained[name].made.get('asked')}, not as {asked}. Give another folder, or "
                 "delete that file to have it trained again."
             )
@@ -378,7 +382,7 @@ def main(arguments: list[str] | None = None) -> None:
             parser.error(f"--{name} must be at least 1; got {getattr(chosen, name)}.")
     try:
         print_study(study(chosen.folder, chosen.evaluations, chosen.heads, chosen.labelling, chosen.seed))
-    except ValueError as error:
+    except OtherSettingsError as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
     except KeyboardInterrupt:
         print(f"Interrupted; policies that are trained are kept in {chosen.folder}.", file=sys.stderr)

@@ -57,8 +57,7 @@ def test_every_setting_that_may_be_tried_is_one_that_the_optimizer_has():
             make(name, 7, 100, 0, **asked(study.ask())).close()
 
 
-def test_tuning_beats_the_defaults_where_these_are_bad_and_counts_what_it_spends(monkeypatch):
-    """A swarm told to try anything between dispersed and frozen, against one of 40 that has six generations."""
+def test_tuning_counts_what_it_spends_repeats_itself_and_keeps_the_defaults_where_nothing_is_better():
     pytest.importorskip("optuna")
     entry = tuning.tune("pso", trials=8, budget=240, heads=3)
     assert entry["evaluations"] == (8 + 6) * 3 * tuning.REPEATS * 240
