@@ -122,6 +122,7 @@ class Comparison:
             self.runs.setdefault((result.key.optimizer, result.key.problem), []).append(result)
         self.optimizers = tuple(dict.fromkeys(optimizer for optimizer, _ in self.runs))
         self.families = tuple(dict.fromkeys(family_of(name) for name in self.problems))
+        self._standings: dict[tuple[str, int], Standings] = {}
 
     def in_family(self, family: str) -> tuple[str, ...]:
         """Problems of a family; all where it is "all"."""
@@ -161,8 +162,14 @@ class Comparison:
         budget = runs[0].budget
         return stratified(lambda h: expected_running_time(h[..., 0], budget), [hits], rng, RESAMPLES)
 
-    def standings(self, family: str, budget: int, rng: np.random.Generator) -> Standings:
-        """Who is how good on a family after a budget."""
+    def standings(self, family: str, budget: int) -> Standings:
+        """Who is how good on a family after a budget; whoever asks is told the same."""
+        if (family, budget) not in self._standings:
+            self._standings[family, budget] = self._standings_of(family, budget)
+        return self._standings[family, budget]
+
+    def _standings_of(self, family: str, budget: int) -> Standings:
+        rng = np.random.default_rng(self.outcome.settings.seed)
         problems = self.in_family(family)
         regrets = {
             optimizer: np.column_stack([self.regrets(optimizer, name, budget) for name in problems])
@@ -204,7 +211,7 @@ class Comparison:
     def sentences(self) -> tuple[str, ...]:
         """What a reader may conclude after the whole budget: of the best, of the paper's swarm, of it as printed."""
         budget = self.budgets[-1]
-        found = self.standings("all", budget, np.random.default_rng(self.outcome.settings.seed))
+        found = self.standings("all", budget)
         by_name = {row.optimizer: row for row in found.rows}
         swarm, printed = by_name.get(REFERENCE), by_name.get("pso-printed")
         everywhere = [row for row in found.rows if row.applies == len(found.problems)]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments.comparison import REFERENCE, SOLVED, Comparison, Standings, as_json, scale_V
+from experiments.entrants import entrant
 from experiments.jetting import jetting
 from experiments.measures import performance_profile
 from experiments.runs import RunKey, read_seconds
@@ -68,7 +69,7 @@ def page_data(compared: Comparison) -> dict[str, Any]:
     spaced = np.round(np.geomspace(1, budget, GRID)).astype(int)
     evaluations = sorted({*spaced.tolist(), *compared.budgets})
     families = ("all", *compared.families) if len(compared.families) > 1 else ("all",)
-    found = {family: {str(b): compared.standings(family, b, rng) for b in compared.budgets} for family in families}
+    found = {family: {str(b): compared.standings(family, b) for b in compared.budgets} for family in families}
     order = [row.optimizer for row in found["all"][str(compared.budgets[-1])].rows]
     order += [name for name in compared.optimizers if name not in order]
     return {
@@ -94,6 +95,7 @@ def page_data(compared: Comparison) -> dict[str, Any]:
         "curves": {name: _curves(compared, name, evaluations) for name in compared.problems},
         "physical": {name: _physical(compared, name, order, rng) for name in compared.problems},
         "problems": [_problem_json(name) for name in compared.problems],
+        "entrants": [_entrant_json(name, budget_of(name)) for name in order],
         "seconds": {name: _seconds(compared, name) for name in order},
     }
 
@@ -175,6 +177,17 @@ def _seconds(compared: Comparison, optimizer: str) -> float | None:
     ]
     known = [value for value in found if math.isfinite(value)]
     return float(np.mean(known)) if known else None
+
+
+def _entrant_json(name: str, budget: int) -> dict[str, Any]:
+    who = entrant(name)
+    return {
+        "name": name,
+        "settings": ", ".join(f"{option} {value:.3g}" for option, value in who.options.items()) or "defaults",
+        "tuning": who.tuning_evaluations,
+        "budget": budget,
+        "remark": who.remark,
+    }
 
 
 def _problem_json(name: str) -> dict[str, Any]:

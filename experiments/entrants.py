@@ -14,6 +14,15 @@ from typing import Any
 
 TUNED = "-tuned"
 TUNED_FILE = "tuned.json"
+REMARKS = {
+    "sb3-": "On one head an agent is only a search distribution over seven numbers: nothing that it learns is of use "
+    "for the next head.",
+    "nevergrad-NGOpt": "Chooses its method for the whole budget, which is a handicap at the smaller ones.",
+    "lbfgsb-": "Uses exact gradients; each counts, with its value, as one evaluation.",
+    "pso-printed": "As the paper prints it: without random factors.",
+    "coordinate": "As practitioners do it: one parameter at a time.",
+}
+"""What a reader has to mind of those whose names begin so."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +48,16 @@ class Entrant:
         import optimizers
 
         return optimizers.make(self.optimizer, budget=budget, seed=seed, **self.options)
+
+    @property
+    def remark(self) -> str:
+        """What a reader has to mind; empty where that is nothing."""
+        return " ".join(text for prefix, text in REMARKS.items() if self.optimizer.startswith(prefix))
+
+    @property
+    def tuning_evaluations(self) -> int:
+        """What its settings took to be found; nothing for defaults."""
+        return int(tuned_settings()[self.optimizer]["evaluations"]) if self.options else 0
 
 
 @functools.cache

@@ -269,7 +269,8 @@ def conclusions(
     if settings.repeats < 5:
         said.append("So few runs tell no optimiser from another with any confidence; repeat more often.")
     elif tied:
-        said.append(f"On these problems {_listed(tied)} cannot be told from it; the others rank behind it (95 %).")
+        others = "" if len(tied) == len(order) - 1 else "; the others rank behind it"
+        said.append(f"On these problems {_listed(tied)} cannot be told from it{others} (95 %).")
     elif len(order) > 1:
         said.append("On these problems every other optimiser ranks behind it (95 %).")
     shorter = [name for name in settings.optimizers if settings.budget_of(name) < settings.budget]
@@ -279,7 +280,7 @@ def conclusions(
     if math.isfinite(critical_difference):
         alike = [s.optimizer for s in order[1:] if s.mean_rank - winner.mean_rank < critical_difference]
         said.append(
-            f"As a sample of other problems, {len(settings.problems)} are few: the optimisers "
+            f"On problems in general, of which these {len(settings.problems)} are a sample, the optimisers "
             f"{'differ' if friedman_p < 0.05 else 'do not differ significantly'} (Friedman, p = {friedman_p:.2g}), but "
             f"mean ranks less than {critical_difference:.1f} apart (Nemenyi) are not different, "
             f"which leaves {len(alike)} of the other {len(order) - 1} level with {winner.optimizer}."

@@ -6,12 +6,13 @@ import re
 import pytest
 
 from experiments.bench import BenchSettings, run_bench
+from experiments.entrants import entrant
 from experiments.report import write_report
 from experiments.statistics import summarise
 from tests.experiments import browser
 
 PROBLEMS = ("nominal", "stiff-head", "reading-200mV")
-OPTIMIZERS = ("pso", "cma-es", "lbfgsb-multistart", "random")
+OPTIMIZERS = ("pso", "pso-tuned", "cma-es", "lbfgsb-multistart", "random")
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,18 @@ def test_it_loads_without_an_error_and_without_the_network(tab):
     assert tab.faults() == []
     assert set(rows(tab)) == set(OPTIMIZERS)
     assert set(traces(tab, "ecdf")) == set(OPTIMIZERS)
+
+
+def test_it_tells_who_took_part_and_what_tuning_took(tab):
+    told = tab.value(
+        "[...document.querySelectorAll('#entrants tbody tr')].map((r) => [...r.cells].map((c) => c.textContent))"
+    )
+    by_name = {name: rest for name, *rest in told}
+    assert set(by_name) == set(OPTIMIZERS)
+    assert by_name["pso"][1:3] == ["–", "defaults"]
+    assert by_name["pso-tuned"][1] == f"{entrant('pso-tuned').tuning_evaluations:,}"
+    assert "particles 93" in by_name["pso-tuned"][2]
+    assert "gradient" in by_name["lbfgsb-multistart"][3]
 
 
 def test_families_change_tables_and_plots(tab):
