@@ -15,6 +15,7 @@ from experiments.report import ranking_csv, ranking_json, write_report
 from experiments.runs import DamagedResultError, RunKey, RunResult, label_of, read_run, run_path
 from experiments.statistics import summarise
 from experiments.versions import first_difference
+from tests.processes import wait_until, worker
 
 COMMAND = [sys.executable, "-m", "experiments.cli", "bench", "--workers", "1"]
 SMALL = ["--problems", "nominal,stiff-head", "--optimizers", "cma-es,pso,random", "--repeats", "4", "--budget", "1500"]
@@ -57,6 +58,21 @@ def test_a_killed_bench_goes_on_and_ends_as_if_it_had_not_been_killed(tmp_path):
     assert len(after) == 24
     for name in ("ranking.csv", "ranking.json"):
         assert (killed / name).read_bytes() == (whole / name).read_bytes()
+
+
+def test_the_runs_of_a_killed_worker_are_done_again(start, scheduler, tmp_path):
+    shared, whole = tmp_path / "shared", tmp_path / "whole"
+    workers = [worker(start, scheduler) for _ in range(2)]
+    bench = start(*COMMAND[1:3], "bench", *SMALL, "--scheduler", scheduler, "--results", shared)
+    wait_until(lambda: any(shared.glob("runs/*.parquet")))
+    workers[0].kill()
+    assert len(contents(shared)) < 24
+    _, err = bench.communicate(timeout=120)
+    assert bench.returncode == 0, err
+    done = subprocess.run([*COMMAND, *SMALL, "--results", whole], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert contents(shared) == contents(whole)
+    assert len(contents(whole)) == 24
 
 
 def test_a_run_depends_on_nothing_but_its_names_budget_and_seed():

@@ -2,7 +2,6 @@ import json
 import os
 import shutil
 import signal
-import time
 from pathlib import Path
 
 import pytest
@@ -10,15 +9,9 @@ import pytest
 from experiments import cluster
 from experiments.proof import judging, run
 from experiments.proof.campaign_files import ProofError, digest
+from tests.processes import wait_until, worker
 
 SECONDS = 0.06
-
-
-def wait_until(true, seconds=60):
-    end_s = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end_s, "it never came to that"
-        time.sleep(0.02)
 
 
 def answers(folder):
@@ -77,31 +70,6 @@ def test_campaigns_that_were_taken_away_are_recorded_anew_and_must_be_the_same(s
     assert again.returncode
     assert f"{name} comes out otherwise than it was recorded before" in err
     assert not (folder / "campaigns" / name).exists()
-
-
-@pytest.fixture
-def scheduler(start, tmp_path):
-    """A Dask scheduler in a process of its own; its address and process."""
-    file = tmp_path / "scheduler.json"
-    start(
-        "-m",
-        "distributed.cli.dask_scheduler",
-        "--host",
-        "127.0.0.1",
-        "--port",
-        "0",
-        "--no-dashboard",
-        "--scheduler-file",
-        file,
-    )
-    wait_until(file.exists)
-    return json.loads(file.read_text())["address"]
-
-
-def worker(start, scheduler, **environment):
-    return start(
-        "-m", "distributed.cli.dask_worker", scheduler, "--nthreads", "1", "--no-nanny", "--no-dashboard", **environment
-    )
 
 
 def test_the_cases_of_a_killed_worker_run_again(start, driver, scheduler, finished, tmp_path):

@@ -1,0 +1,31 @@
+import json
+
+import pytest
+
+from tests.processes import started, wait_until
+
+
+@pytest.fixture
+def start():
+    """Start processes; what is left of them ends with the test."""
+    processes = []
+
+    def begin(*command, **environment):
+        processes.append(started(*command, **environment))
+        return processes[-1]
+
+    yield begin
+    for process in processes:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def scheduler(start, tmp_path):
+    """Address of a Dask scheduler in a process of its own."""
+    file = tmp_path / "scheduler.json"
+    local = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    start("-m", "distributed.cli.dask_scheduler", *local, "--scheduler-file", file)
+    wait_until(file.exists)
+    return json.loads(file.read_text())["address"]
