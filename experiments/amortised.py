@@ -15,7 +15,7 @@ import itertools
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.measures import Estimate, first_hits, stratified
-from experiments.policies import Policy, policy_of_layers, policy_of_sb3
+from experiments.policies import Policy, PolicyFileError, kept_policy, policy_of_layers, policy_of_sb3
 from experiments.progress import shown_progress
 from inkjet_env.envs.task import WaveformTask, make_task
 from inkjet_env.storage import json_text, write_atomically
@@ -37,12 +37,10 @@ WARM_STEP = 0.05
 SCRATCH = ("cma-es", "lbfgsb-multistart", "pso", "coordinate")
 TEST_SEED, TRAIN_SEED = 10**12, 10_000
 """Training draws from its own on, one number a step: it must never come to the other."""
-LABELLING_STARTS = 8
+LABELLING_STARTS = 4
 """Descents that a waveform to imitate is the best of."""
-
-
-class OtherSettingsError(ValueError):
-    """A policy that is kept was trained with other settings than those asked for."""
+POINTS_A_START = 100
+"""Uniform points for each descent, which begins from one of the best of all."""
 
 
 @functools.cache
@@ -96,16 +94,19 @@ class OneHead(Heads):
 
 
 def descended(head: OneHead, starts: int, seed: int) -> tuple[Real, float, int]:
-    """Best end of L-BFGS-B from uniform starts on one head: point, cost in volts, evaluations."""
-    from scipy.optimize import minimize
+    """Best end of L-BFGS-B from the best of many uniform points on one head: point, cost in volts, evaluations.
 
-    best, cost, spent = np.zeros(7), math.inf, 0
+    From any point it mostly ends at firing nothing, which costs nothing and has no slope.
+    """
+    from scipy.optimize import minimize
 
     def value_and_slope(point: Real) -> tuple[float, Real]:
         costs, gradients = head.evaluate_with_gradient(point[None, :])
         return float(costs[0]), gradients[0]
 
-    for start in np.random.default_rng(seed).uniform(-1.0, 1.0, (starts, 7)):
+    points = np.random.default_rng(seed).uniform(-1.0, 1.0, (POINTS_A_START * starts, 7))
+    best, cost, spent = np.zeros(7), math.inf, len(points)
+    for start in points[np.argsort(head.evaluate(points))[:starts]]:
         end = minimize(value_and_slope, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 7)
         spent += int(end.nfev)
         if end.fun < cost:
@@ -190,29 +191,19 @@ def by_agent(algorithm: str, evaluations: int, seed: int) -> Trained:
     )
     model = getattr(stable_baselines3, algorithm)("MlpPolicy", envs, seed=seed, device="cpu", **options)
     with shown_progress(f"sb3-{algorithm.lower()}", evaluations) as progress:
-        model.learn(evaluations, callback=_Shown(progress).callback())
+        model.learn(evaluations, callback=telling(progress, evaluations))
     spent = int(model.num_timesteps)
     return policy_of_sb3(model, {"by": f"sb3-{algorithm.lower()}", "evaluations": spent, "seed": seed}), spent
 
 
-class _Shown:
-    """Progress of an agent's training."""
+def telling(progress: Callable[[int, str], None], total: int) -> Callable[[Any, Any], bool]:
+    """A callback of Stable-Baselines3 that shows how far training is; it may run over by a part of a rollout."""
 
-    def __init__(self, progress: Callable[[int, str], None]) -> None:
-        self.progress = progress
+    def tell(scope: Any, _: Any) -> bool:
+        progress(min(scope["self"].num_timesteps, total), "")
+        return True
 
-    def callback(self) -> Any:
-        """For Stable-Baselines3."""
-        from stable_baselines3.common.callbacks import BaseCallback
-
-        progress = self.progress
-
-        class Told(BaseCallback):
-            def _on_step(self) -> bool:
-                progress(self.num_timesteps, "")
-                return True
-
-        return Told()
+    return tell
 
 
 def _network() -> tuple[Any, list[Any]]:
@@ -317,20 +308,12 @@ def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int)
     folder.mkdir(parents=True, exist_ok=True)
     tests = Heads(drawn(heads, TEST_SEED))
     best = np.array([descended(tests.one(k), labelling, seed + k)[1] for k in range(heads)])
-    results = []
-    trained: dict[str, Policy] = {}
     asked = {"evaluations": evaluations, "seed": seed}
-    for name, learn in LEARNERS.items():
-        file = folder / f"{name}.npz"
-        if not file.exists():
-            policy, _ = learn(evaluations, seed)
-            replace(policy, made={**policy.made, "asked": asked}).save(file)
-        trained[name] = Policy.load(file)
-        if trained[name].made.get("asked") != asked:
-            raise OtherSettingsError(
-                f"{file} was trained as {trained[name].made.get('asked')}, not as {asked}. Give another folder, or "
-                "delete that file to have it trained again."
-            )
+    trained = {
+        name: kept_policy(folder / f"{name}.npz", asked, functools.partial(_policy, learn, evaluations, seed))
+        for name, learn in LEARNERS.items()
+    }
+    results = []
     for optimizer in SCRATCH:
         results.append(tuned(optimizer, None, optimizer, tests, best, seed))
     for name, policy in trained.items():
@@ -347,6 +330,10 @@ def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int)
     }
     write_atomically(folder / "amortised.json", json_text(found))
     return found
+
+
+def _policy(learn: Callable[[int, int], Trained], evaluations: int, seed: int) -> Policy:
+    return learn(evaluations, seed)[0]
 
 
 def print_study(found: Mapping[str, Any]) -> None:
@@ -382,7 +369,7 @@ def main(arguments: list[str] | None = None) -> None:
             parser.error(f"--{name} must be at least 1; got {getattr(chosen, name)}.")
     try:
         print_study(study(chosen.folder, chosen.evaluations, chosen.heads, chosen.labelling, chosen.seed))
-    except OtherSettingsError as error:
+    except PolicyFileError as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
     except KeyboardInterrupt:
         print(f"Interrupted; policies that are trained are kept in {chosen.folder}.", file=sys.stderr)

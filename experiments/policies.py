@@ -1,4 +1,4 @@
-"""Policies: from what a head is like to a waveform, at once. A file of numbers and a header; nothing in it is run."""
+"""Policies: from what is known of a head to a waveform. A file of numbers and a header; nothing in it is run."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import itertools
 import json
 import os
 import zipfile
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +26,13 @@ ENDS = ("clip", "tanh")
 MOST_LAYERS, MOST_UNITS = 16, 4096
 
 
+class PolicyFileError(ValueError):
+    """A file holds no policy, or another than was asked for; the message names it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Policy:
-    """A network from an observation of `BipolarWaveformEnv` to an action.
+    """A network from an observation to an action.
 
     Parameters
     ----------
@@ -38,28 +42,32 @@ class Policy:
         How the last layer is brought into the box. Hidden layers end in tanh.
     made : dict
         How it was made, as plain JSON values.
+    observation : tuple of str
+        What each number of an observation is; unless given, the four of `BipolarWaveformEnv` with
+        ``context="random"``.
     """
 
     weights: tuple[Real, ...]
     biases: tuple[Real, ...]
     end: str
     made: Mapping[str, Any]
+    observation: tuple[str, ...] = CONTEXT_NAMES
 
     def __post_init__(self) -> None:
         check_name("end", self.end, ENDS)
-        sizes = [len(CONTEXT_NAMES), *(len(bias) for bias in self.biases)]
+        sizes = [len(self.observation), *(len(bias) for bias in self.biases)]
         wanted = [(b, a) for a, b in itertools.pairwise(sizes)]
         found = [weight.shape for weight in self.weights]
         if found != wanted or sizes[-1] != len(PARAMETER_NAMES):
             raise ValueError(
-                f"a policy must lead from {len(CONTEXT_NAMES)} numbers to {len(PARAMETER_NAMES)}; its layers are "
+                f"a policy must lead from {len(self.observation)} numbers to {len(PARAMETER_NAMES)}; its layers are "
                 f"{found}, with {sizes[1:]} biases."
             )
         if not all(np.isfinite(part).all() for part in (*self.weights, *self.biases)):
             raise ValueError("a policy's weights must be finite; one is not.")
 
     def act(self, observations: ArrayLike) -> Real:
-        """Actions in ``[-1, 1]``, shape (n, 7), for observations, shape (n, 4)."""
+        """Actions in ``[-1, 1]``, shape (n, 7), for observations, shape (n, numbers of each)."""
         x = np.atleast_2d(np.asarray(observations, dtype=np.float64))
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = np.tanh(x @ weight.T + bias)
@@ -71,7 +79,7 @@ class Policy:
         """Write the policy, whole or not at all: an archive of arrays with a JSON header."""
         header = {
             "format": POLICY_FORMAT,
-            "observation": list(CONTEXT_NAMES),
+            "observation": list(self.observation),
             "action": list(PARAMETER_NAMES),
             "layers": [list(weight.shape) for weight in self.weights],
             "end": self.end,
@@ -83,14 +91,20 @@ class Policy:
         write_atomically(path, archive_bytes(arrays))
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Policy:
-        """Read what `save` wrote; ``ValueError`` names the file and what is wrong with it. Nothing in it is run."""
+    def load(cls, path: str | os.PathLike[str], observation: Sequence[str] = CONTEXT_NAMES) -> Policy:
+        """Read what `save` wrote for such observations; nothing in it is run.
+
+        Raises
+        ------
+        PolicyFileError
+            Names the file and what is wrong with it.
+        """
         try:
             with np.load(Path(path), allow_pickle=False) as archive:
                 header = json.loads(str(archive["header"]))
                 if header.get("format") != POLICY_FORMAT:
                     raise ValueError(f"its format is {header.get('format')!r}, not {POLICY_FORMAT!r}")
-                if header["observation"] != list(CONTEXT_NAMES) or header["action"] != list(PARAMETER_NAMES):
+                if header["observation"] != list(observation) or header["action"] != list(PARAMETER_NAMES):
                     raise ValueError("it is made for other observations or actions")
                 layers = header["layers"]
                 if not 1 <= len(layers) <= MOST_LAYERS or max(max(layer) for layer in layers) > MOST_UNITS:
@@ -99,28 +113,61 @@ class Policy:
                     tuple(archive[f"{part}{k}"].astype(np.float64, casting="safe") for k in range(len(layers)))
                     for part in ("weight", "bias")
                 )
-            return cls(weights, biases, header["end"], header["made"])
+            return cls(weights, biases, header["end"], header["made"], tuple(observation))
         except FileNotFoundError:
-            raise ValueError(f"{path}: there is no such file. Give a policy that was saved here.") from None
+            raise PolicyFileError(f"{path}: there is no such file. Give a policy that was saved here.") from None
         except (
             ValueError, KeyError, TypeError, AttributeError, EOFError, OSError, RecursionError, zipfile.BadZipFile,
             NotImplementedError,
         ) as error:  # fmt: skip
             reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
-            raise ValueError(
+            raise PolicyFileError(
                 f"{path}: is not a policy ({str(reason).rstrip('.') or type(error).__name__}). "
                 "Give one that was saved here."
             ) from None
 
 
-def policy_of_layers(layers: Sequence[Any], end: str, made: Mapping[str, Any]) -> Policy:
+def kept_policy(
+    path: Path, asked: Mapping[str, Any], train: Callable[[], Policy], observation: Sequence[str] = CONTEXT_NAMES
+) -> Policy:
+    """The policy that a file keeps, or else one that is trained now and kept there.
+
+    Parameters
+    ----------
+    path : Path
+    asked : mapping
+        What it is trained with, as plain JSON values.
+    train : callable
+        Returns a policy.
+    observation : sequence of str
+
+    Raises
+    ------
+    PolicyFileError
+        What is kept is no policy, or was trained with something else.
+    """
+    if not path.exists():
+        policy = train()
+        replace(policy, made={**policy.made, "asked": dict(asked)}).save(path)
+    policy = Policy.load(path, observation)
+    if (trained := policy.made.get("asked")) != dict(asked):
+        raise PolicyFileError(
+            f"{path} was trained as {trained}, not as {dict(asked)}. Give another folder, or delete that file to have "
+            "it trained again."
+        )
+    return policy
+
+
+def policy_of_layers(
+    layers: Sequence[Any], end: str, made: Mapping[str, Any], observation: Sequence[str] = CONTEXT_NAMES
+) -> Policy:
     """A policy of torch's linear layers, in order; what lies between them must be tanh."""
     weights = tuple(layer.weight.detach().double().numpy().copy() for layer in layers)
     biases = tuple(layer.bias.detach().double().numpy().copy() for layer in layers)
-    return Policy(weights, biases, end, made)
+    return Policy(weights, biases, end, made, tuple(observation))
 
 
-def policy_of_sb3(model: Any, made: Mapping[str, Any]) -> Policy:
+def policy_of_sb3(model: Any, made: Mapping[str, Any], observation: Sequence[str] = CONTEXT_NAMES) -> Policy:
     """The deterministic policy of a trained PPO or SAC of Stable-Baselines3, made with tanh between its layers."""
     from stable_baselines3 import PPO, SAC
     from torch import nn
@@ -135,4 +182,4 @@ def policy_of_sb3(model: Any, made: Mapping[str, Any]) -> Policy:
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
     if any(not isinstance(layer, (nn.Linear, nn.Tanh)) for layer in layers):
         raise ValueError("between a policy's layers there must be tanh: pass activation_fn=torch.nn.Tanh.")
-    return policy_of_layers(linear, end, made)
+    return policy_of_layers(linear, end, made, observation)

@@ -15,6 +15,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from inkjet_env.envs.task import WaveformTask, make_task
+from inkjet_env.printhead.waveform import PARAMETER_NAMES
 
 Real = NDArray[np.float64]
 
@@ -64,6 +65,15 @@ class Tuning:
     def observation_space(self) -> spaces.Box:
         """Of one head."""
         return spaces.Box(-LARGEST, LARGEST, (16 + 2 * self.peaks,), np.float32)
+
+    def observation_names(self) -> tuple[str, ...]:
+        """What each number of an observation is."""
+        numbered = range(1, self.peaks + 1)
+        return (
+            "tries_made", "kept_reading", *(f"fired_{name}" for name in PARAMETER_NAMES),
+            *(f"kept_{name}" for name in PARAMETER_NAMES), *(f"peak_{k}_height" for k in numbered),
+            *(f"peak_{k}_time" for k in numbered),
+        )  # fmt: skip
 
     def begin(self, generators: Sequence[np.random.Generator]) -> None:
         """Put other heads on the bench, of which nothing is known."""

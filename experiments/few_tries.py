@@ -1,0 +1,273 @@
+"""A few tries on a head that nobody knows: what to expect of whom on ``inkjet_env/TuneWaveform-v0``.
+
+``python -m experiments.few_tries`` has optimisers spend the tries from scratch, fires one waveform for all heads, goes
+on from it by CMA-ES, and trains an agent that sees the peaks; all on the same heads, which nobody saw before. What
+learning took is counted in evaluations. A folder keeps what was learnt.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import math
+import sys
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.amortised import HIDDEN, TEST_SEED, TRAIN_SEED, Heads, descended, drawn, telling
+from experiments.measures import stratified
+from experiments.policies import Policy, PolicyFileError, kept_policy, policy_of_sb3
+from experiments.progress import shown_progress
+from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
+from inkjet_env.storage import json_text, write_atomically
+
+Real = NDArray[np.float64]
+
+FORMAT = "few-tries/1"
+SCRATCH = ("random", "sobol", "pso", "coordinate", "cma-es", "optuna-gp")
+SHOWN = (1, 3, TRIES)
+"""After how many tries the tables tell."""
+NEAR = 0.15
+"""First step of CMA-ES around the waveform for all, in half widths of the box: heads differ by that much."""
+
+
+class Tuner(Protocol):
+    """Whoever tunes N heads side by side."""
+
+    def fire(self, observations: NDArray[np.float32]) -> Real:
+        """Actions for the next try, shape (n, 7)."""
+
+    def told(self, readings: Real) -> None:
+        """Costs as they were read, shape (n,)."""
+
+
+class Optimisers:
+    """An optimiser a head, which is told readings and nothing else.
+
+    Parameters
+    ----------
+    name : str
+    count : int
+        Number of heads.
+    tries : int
+    seed : int
+    **options
+        Of the optimiser.
+    """
+
+    def __init__(self, name: str, count: int, tries: int, seed: int, **options: Any) -> None:
+        import optimizers
+
+        self.each = [optimizers.make(name, budget=tries, seed=seed + k, **options) for k in range(count)]
+        self.asked: list[Real] = [np.empty((0, 7))] * count
+        self.waiting: list[deque[Real]] = [deque() for _ in range(count)]
+        self.read: list[list[float]] = [[] for _ in range(count)]
+
+    def fire(self, observations: NDArray[np.float32]) -> Real:
+        """The next of what each has asked for."""
+        for k, optimizer in enumerate(self.each):
+            if not self.waiting[k]:
+                self.asked[k], self.read[k] = optimizer.ask(), []
+                self.waiting[k].extend(self.asked[k])
+        return np.array([waiting.popleft() for waiting in self.waiting])
+
+    def told(self, readings: Real) -> None:
+        """Each is told once all that it asked for has been read."""
+        for k, optimizer in enumerate(self.each):
+            self.read[k].append(float(readings[k]))
+            if not self.waiting[k]:
+                optimizer.tell(self.asked[k], np.array(self.read[k]))
+
+
+class Agent:
+    """A policy that sees what the environment shows."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+
+    def fire(self, observations: NDArray[np.float32]) -> Real:
+        """What it does where it sees that."""
+        return self.policy.act(observations)
+
+    def told(self, readings: Real) -> None:
+        """It will see them."""
+
+
+class OneForAll:
+    """The same waveform whatever the head, again and again."""
+
+    def __init__(self, point: Real) -> None:
+        self.point = point
+
+    def fire(self, observations: NDArray[np.float32]) -> Real:
+        """That waveform."""
+        return np.tile(self.point, (len(observations), 1))
+
+    def told(self, readings: Real) -> None:
+        """It does not listen."""
+
+
+def kept_costs_V(tuner: Tuner, heads: int, tries: int, seed: int) -> Real:
+    """True cost of the waveform kept after each try, shape (heads, tries); the same heads for the same seed."""
+    envs = TuneWaveformVectorEnv(heads, tries=tries)
+    observations, _ = envs.reset(seed=seed)
+    kept = np.empty((heads, tries))
+    for k in range(tries):
+        actions = np.asarray(tuner.fire(observations), dtype=np.float32)
+        observations, _, _, _, infos = envs.step(actions)
+        kept[:, k] = infos["kept_cost"]
+        tuner.told(infos["reading"])
+    return kept
+
+
+def heads_on_the_bench(heads: int, seed: int) -> Heads:
+    """The heads that the environment puts on the bench for that seed."""
+    envs = TuneWaveformVectorEnv(heads)
+    envs.reset(seed=seed)
+    return Heads(envs.tuning.contexts.copy())
+
+
+def one_for_all(seed: int, heads: int = 64, waveforms: int = 3000) -> tuple[Real, int]:
+    """The waveform of least mean cost over many heads, by CMA-ES, and the evaluations that it took."""
+    import optimizers
+
+    many = Heads(drawn(heads, TRAIN_SEED + seed))
+    search = optimizers.make("bipop-cma-es", budget=waveforms, seed=seed)
+    best, least = np.zeros(7), math.inf
+    while search.remaining:
+        points = search.ask()
+        means = np.array([many.evaluate(np.tile(point, (heads, 1))).mean() for point in points])
+        search.tell(points, means)
+        if means.min() < least:
+            best, least = points[means.argmin()], float(means.min())
+    return best, heads * waveforms
+
+
+def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
+    """Stable-Baselines3's PPO on the environment, which sees peaks and is never told the head."""
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from inkjet_env.envs.sb3 import TuneWaveformVecEnv
+
+    torch.set_num_threads(1)
+    envs = TuneWaveformVecEnv(64, tries=tries)
+    names = envs.vector_env.tuning.observation_names()
+    envs.seed(seed)
+    model = PPO(
+        "MlpPolicy", VecNormalize(envs, norm_obs=False, gamma=1.0), n_steps=4 * tries, batch_size=256,
+        learning_rate=5e-4, gamma=1.0, seed=seed, device="cpu",
+        policy_kwargs={"net_arch": list(HIDDEN), "activation_fn": torch.nn.Tanh, "log_std_init": -0.7},
+    )  # fmt: skip
+    with shown_progress("sb3-ppo", evaluations) as progress:
+        model.learn(evaluations, callback=telling(progress, evaluations))
+    made = {"by": "sb3-ppo", "evaluations": int(model.num_timesteps), "tries": tries, "seed": seed}
+    return policy_of_sb3(model, made, names)
+
+
+def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int, tries: int = TRIES) -> dict[str, Any]:
+    """Learn, tune every head by everybody, and write ``few_tries.json``.
+
+    Parameters
+    ----------
+    folder : Path
+    evaluations : int
+        Of the agent's training.
+    heads : int
+        To be tuned.
+    labelling : int
+        Descents for the best cost known of a head.
+    seed, tries : int
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    asked = {"evaluations": evaluations, "tries": tries, "seed": seed}
+    shown = TuneWaveformVectorEnv(1, tries=tries).tuning.observation_names()
+    policy = kept_policy(
+        folder / "sb3-ppo.npz", asked, functools.partial(trained_agent, evaluations, tries, seed), shown
+    )
+    point, spent = one_for_all(seed)
+    test_seed = TEST_SEED + seed
+    tested = heads_on_the_bench(heads, test_seed)
+    best_V = np.array([descended(tested.one(k), labelling, seed + k)[1] for k in range(heads)])
+
+    near = {"start": point.tolist(), "first_step": NEAR}
+    tuners: list[tuple[str, int, Callable[[], Tuner]]] = [
+        *((name, 0, functools.partial(Optimisers, name, heads, tries, seed)) for name in SCRATCH),
+        ("one for all", spent, functools.partial(OneForAll, point)),
+        ("cma-es from one for all", spent, functools.partial(Optimisers, "cma-es", heads, tries, seed, **near)),
+        ("sb3-ppo", int(policy.made["evaluations"]), functools.partial(Agent, policy)),
+    ]
+    rng = np.random.default_rng(seed)
+    rows = []
+    with shown_progress("few tries", len(tuners)) as progress:
+        for done, (name, learning, make) in enumerate(tuners):
+            regrets = kept_costs_V(make(), heads, tries, test_seed) - best_V[:, None]
+            after = {}
+            for count in sorted({min(count, tries) for count in SHOWN}):
+                median = stratified(lambda x: np.median(x, axis=(-2, -1)), [regrets[:, count - 1, None]], rng)
+                after[str(count)] = vars(median)
+            rows.append({"name": name, "learning": learning, "after": after})
+            progress(done + 1, name)
+    found = {
+        "format": FORMAT,
+        "heads": heads,
+        "tries": tries,
+        "evaluations": evaluations,
+        "seed": seed,
+        "nothing_V": float(np.median(-best_V)),
+        "rows": rows,
+    }
+    write_atomically(folder / "few_tries.json", json_text(found))
+    return found
+
+
+def print_study(found: Mapping[str, Any]) -> None:
+    """The table for people."""
+    from experiments.tables import print_table
+
+    counts: Sequence[str] = list(found["rows"][0]["after"])
+    rows = [
+        (
+            row["name"], f"{row['learning']:,}",
+            *(f"{e['value']:.2f} ({e['low']:.2f} … {e['high']:.2f})" for e in row["after"].values()),
+        )
+        for row in sorted(found["rows"], key=lambda row: float(row["after"][counts[-1]]["value"]))
+    ]  # fmt: skip
+    print_table(("tuned by", "evaluations to learn", *(f"after {count}" for count in counts)), rows)
+    print(
+        f"Median regret in volts over {found['heads']} heads that nobody had seen, with its 95 % interval; firing "
+        f"nothing has {found['nothing_V']:.2f}."
+    )
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Learn, tune and tell."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.few_tries", description=__doc__)
+    parser.add_argument("--folder", type=Path, default=Path("results/few-tries"))
+    parser.add_argument("--evaluations", type=int, default=500_000, help="of the agent's training")
+    parser.add_argument("--heads", type=int, default=200, help="to tune")
+    parser.add_argument("--labelling", type=int, default=60, help="descents for the best cost known of a head")
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args(arguments)
+    for name in ("evaluations", "heads", "labelling"):
+        if getattr(chosen, name) < 1:
+            parser.error(f"--{name} must be at least 1; got {getattr(chosen, name)}.")
+    if chosen.seed < 0:
+        parser.error(f"--seed must be at least 0; got {chosen.seed}.")
+    try:
+        print_study(study(chosen.folder, chosen.evaluations, chosen.heads, chosen.labelling, chosen.seed))
+    except PolicyFileError as error:
+        parser.exit(2, f"{parser.prog}: {error}\n")
+    except KeyboardInterrupt:
+        print(f"Interrupted; an agent that is trained is kept in {chosen.folder}.", file=sys.stderr)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

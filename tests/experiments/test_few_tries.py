@@ -1,0 +1,89 @@
+"""A few tries on an unknown head: everybody meets the same heads, and only what is told may be used."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments import few_tries
+from experiments.amortised import Heads
+from experiments.few_tries import Agent, OneForAll, Optimisers, heads_on_the_bench, kept_costs_V
+from experiments.policies import Policy
+from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
+
+SEED = 5
+
+
+@pytest.mark.parametrize("name", few_tries.SCRATCH)
+def test_what_is_kept_never_reads_worse_and_an_optimiser_alone_asks_the_same(name):
+    kept = kept_costs_V(Optimisers(name, 3, 7, SEED), 3, 7, SEED)
+    assert kept.shape == (3, 7)
+    assert (kept == kept_costs_V(Optimisers(name, 3, 7, SEED), 3, 7, SEED)).all()
+    alone = Optimisers(name, 1, 7, SEED + 2)
+    first = Optimisers(name, 3, 7, SEED).fire(np.zeros((3, 32), dtype=np.float32))[2]
+    assert (alone.fire(np.zeros((1, 32), dtype=np.float32))[0] == first).all()
+
+
+def test_the_heads_on_the_bench_are_those_whose_best_is_searched_for():
+    point = np.array([0.9, -0.8, -0.5, 0.1, 0.3, -0.2, 0.4], dtype=np.float32)
+    envs = TuneWaveformVectorEnv(4, tries=2, noise=0.0)
+    envs.reset(seed=SEED)
+    *_, infos = envs.step(np.tile(point, (4, 1)))
+    costs = heads_on_the_bench(4, SEED).evaluate(np.tile(point.astype(float), (4, 1)))
+    np.testing.assert_allclose(infos["cost"], costs, rtol=1e-9)
+
+
+def test_the_same_waveform_again_gains_nothing():
+    kept = kept_costs_V(OneForAll(np.full(7, 0.3)), 5, 4, SEED)
+    assert (np.diff(kept, axis=1) <= 0).all()  # nothing but nothing itself may be given up for it
+    costs = Heads(heads_on_the_bench(5, SEED).observations).evaluate(np.tile(np.float32(0.3).astype(float), (5, 7)))
+    for row, cost in zip(kept, costs, strict=True):
+        assert set(np.round(row, 9)) <= {0.0, round(cost, 9)}
+
+
+def test_one_waveform_for_all_is_better_on_new_heads_than_any_guess():
+    point, spent = few_tries.one_for_all(0, heads=20, waveforms=600)
+    assert spent == 20 * 600
+    heads = heads_on_the_bench(40, SEED)
+    guesses = np.random.default_rng(0).uniform(-1, 1, (50, 7))
+    means = [heads.evaluate(np.tile(guess, (40, 1))).mean() for guess in guesses]
+    assert heads.evaluate(np.tile(point, (40, 1))).mean() < min(means)
+
+
+def test_an_agent_is_kept_with_what_its_observations_are(tmp_path):
+    policy = few_tries.trained_agent(2000, 4, seed=0)
+    assert policy.made["evaluations"] == 2 * 64 * 16  # whole rollouts
+    names = TuneWaveformVectorEnv(1, tries=4).tuning.observation_names()
+    assert len(names) == TuneWaveformVectorEnv(1).single_observation_space.shape[0]
+    policy.save(tmp_path / "agent.npz")
+    again = Policy.load(tmp_path / "agent.npz", names)
+    kept = [kept_costs_V(Agent(one), 3, 4, SEED) for one in (policy, again)]
+    assert (kept[0] == kept[1]).all()
+    with pytest.raises(ValueError, match="made for other observations"):
+        Policy.load(tmp_path / "agent.npz")
+
+
+def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(few_tries, "SCRATCH", ("random", "cma-es"))
+    arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "8", "--labelling", "4"]
+    few_tries.main(arguments)
+    text = (tmp_path / "few_tries.json").read_bytes()
+    monkeypatch.setattr(few_tries, "trained_agent", lambda *_: pytest.fail("trained again"))
+    few_tries.main(arguments)
+    assert (tmp_path / "few_tries.json").read_bytes() == text
+    found = json.loads(text)
+    learning = {row["name"]: row["learning"] for row in found["rows"]}
+    assert (
+        learning["random"] == learning["cma-es"] == 0 < learning["one for all"] == learning["cma-es from one for all"]
+    )
+    assert learning["sb3-ppo"] == 2560
+    for row in found["rows"]:
+        medians = [row["after"][count]["value"] for count in ("1", "3", "10")]
+        assert max(medians) < found["nothing_V"] + 0.5  # as far as errors of reading mislead
+        assert row["after"]["10"]["low"] <= medians[2] <= row["after"]["10"]["high"]
+    assert "nobody had seen" in capsys.readouterr().out
+    (tmp_path / "sb3-ppo.npz").write_bytes(b"no policy")
+    with pytest.raises(SystemExit) as ended:
+        few_tries.main(arguments)
+    assert ended.value.code == 2
+    assert "sb3-ppo.npz: is not a policy" in capsys.readouterr().err
