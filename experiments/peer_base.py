@@ -33,7 +33,7 @@ def base_fit(campaign: Campaign, head: Head) -> JointFit:
     coefficients = np.linalg.lstsq(powers, law.Q(x), rcond=None)[0]
     printhead = replace(head.printhead, coefficients=(*(float(c) for c in coefficients[::-1]), 0.0))
     head = replace(head, printhead=printhead)
-    observed = observe(campaign)
+    observed = tuple(o for o in observe(campaign) if o.channel != "drive_monitor")  # which is no sensor of the head
     coarsest_s = max(o.shot.step_s for o in observed if o.shot.fast)
     observed = finer(observed, 2 * math.ceil(NODES_A_PERIOD * head.printhead.frequency_Hz * coarsest_s / 2))
 

@@ -10,7 +10,9 @@ import numpy as np
 
 from experiments.proof.corpus import STAGES
 from experiments.proof.figures_of_merit import Figure, counted, estimated, finite
+from experiments.proof.sealing import JUDGE_SOURCES
 from experiments.verdict_scores import OUTCOMES, Told, confusion, f1
+from experiments.versions import code_digest, versions
 
 if TYPE_CHECKING:
     from experiments.proof.run import Outcome
@@ -49,6 +51,7 @@ def score(outcome: Outcome) -> dict[str, Any]:
     return {
         "format": SCORE_FORMAT,
         **{name: manifest[name] for name in ("version", "seed", "profile", "published", "code", "versions")},
+        "judge": {"code": code_digest(JUDGE_SOURCES), "versions": versions()},
         "truth_sha256": manifest["truth_sha256"],
         "answers_sha256": outcome.answers["answers_sha256"],
         "cases": len(cases),

@@ -69,6 +69,8 @@ class Settings:
 def open_folder(folder: Path, settings: Settings) -> None:
     """Make ``folder`` this proof's own, or check that it is.
 
+    Once all answers are committed to, they may be judged by other code and packages than gave them, on the same rig.
+
     Raises
     ------
     ProofError
@@ -76,7 +78,10 @@ def open_folder(folder: Path, settings: Settings) -> None:
     """
     file, asked = folder / SETTINGS, settings.to_json()
     if file.exists():
-        if difference := first_difference(read_json(file), asked):
+        stored = read_json(file)
+        if (folder / ANSWERS).exists():
+            asked["versions"], asked["code"]["finder"] = stored["versions"], stored["code"]["finder"]
+        if difference := first_difference(stored, asked):
             raise ProofError(
                 f"{folder} holds a proof of other settings: {difference}. "
                 "Results are never mixed: give another folder with --out, or delete that one."

@@ -47,6 +47,13 @@ def test_the_base_model_settles_wherever_it_begins(cubic, with_spring):
     assert again.base.nll == pytest.approx(cubic.base.nll, rel=1e-3)
 
 
+def test_a_voltage_measured_at_the_head_is_none_of_the_peers_business(cubic, with_spring):
+    measured = [replace(r, drive_monitor_V=1.001 * r.drive_V) for r in with_spring.recordings]
+    again = fitted(replace(with_spring, recordings=tuple(measured)))
+    assert [o.name for o in again.observed] == [o.name for o in cubic.observed]
+    assert again.base.nll == cubic.base.nll
+
+
 def signals_of(joint, force):
     return joint.modelled(joint.base) | {o.name: force.signal(o) for o in joint.observed if o.channel == "self_sensing"}
 

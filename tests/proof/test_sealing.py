@@ -152,9 +152,22 @@ def test_versions_are_not_mixed(proof, monkeypatch):
         open_folder(proof, SETTINGS)
 
 
-def test_code_is_not_mixed(proof, monkeypatch):
+@pytest.mark.parametrize("part", ["finder", "rig"])
+def test_code_is_not_mixed(proof, monkeypatch, part):
+    (proof / "answers.json").unlink()
+    monkeypatch.setattr(sealing, "SOURCES", {**sealing.SOURCES, part: ("inkjet_env/storage.py",)})
+    with pytest.raises(ProofError, match=f"code {part} is"):
+        open_folder(proof, SETTINGS)
+
+
+def test_answers_that_are_committed_to_may_be_judged_by_other_code_but_on_the_same_rig(proof, monkeypatch):
+    kept = (proof / "proof.json").read_bytes()
     monkeypatch.setattr(sealing, "SOURCES", {**sealing.SOURCES, "finder": ("inkjet_env/storage.py",)})
-    with pytest.raises(ProofError, match="code finder is"):
+    monkeypatch.setattr(sealing, "versions", lambda: {"python": "4.0"})
+    open_folder(proof, SETTINGS)
+    assert (proof / "proof.json").read_bytes() == kept
+    monkeypatch.setattr(sealing, "SOURCES", {**sealing.SOURCES, "rig": ("inkjet_env/storage.py",)})
+    with pytest.raises(ProofError, match="code rig is"):
         open_folder(proof, SETTINGS)
 
 
