@@ -81,7 +81,8 @@ def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> t
     Raises
     ------
     ValueError
-        A name that is no recording; a channel in volts here and in micrometres there; everything held out.
+        A name that is no recording; a channel in volts here and in micrometres there; everything held out, or all
+        of a channel.
     """
     gathered = _gathered(campaign)
     names = [recording.name for recording in campaign.recordings]
@@ -94,6 +95,12 @@ def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> t
     result = [replace(m, fitted=0) if chosen & set(m.names) else m for m in gathered]
     if not any(m.fitted for m in result):
         raise ValueError(f"all recordings of campaign {campaign.name!r} are held out. Leave some to be fitted.")
+    for channel in sorted({m.channel for m in result}):
+        if not any(m.fitted for m in result if m.channel == channel):
+            raise ValueError(
+                f"all recordings of channel {channel} in campaign {campaign.name!r} are held out, so nothing tells its "
+                "gain and offset. Leave one to be fitted."
+            )
     if held_out is None and not any(m.fitted == 0 and m.channel != "strain_gauge" for m in result):
         fast = [m for m in result if m.channel != "strain_gauge" and not m.still and m.initial_state != "periodic"]
         if fast:

@@ -1,4 +1,4 @@
-"""Whether held-out recordings that were foretold badly bear a name out once they are fitted."""
+"""What held-out recordings that were foretold badly say once they are fitted."""
 
 from __future__ import annotations
 
@@ -12,6 +12,45 @@ from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.diagnosis import LEFT_OVER
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.signatures import signatures
+from inkjet_env.mismatch.verdict import LEAST_EXCESS, SURE
+
+
+def against_the_base_model(joint: JointFit) -> tuple[str, ...]:
+    """Held-out recordings that the base model does not explain to their noise, even when it is fitted to them too.
+
+    What no fitted recording shows is looked for in none. A base model that foretold them badly, because little of what
+    was fitted tells its parameters there, explains them once they tell as well.
+
+    Parameters
+    ----------
+    joint : JointFit
+        Whose base model explains what was fitted.
+
+    Returns
+    -------
+    tuple of str
+        Names, that of the largest excess first.
+    """
+    whole, found = _of_everything(joint), {}
+    for key in sorted({o.noise_key for o in joint.observed if o.channel != "drive_monitor"}):
+        mine = [o for o in joint.observed if o.noise_key == key and o.channel != "drive_monitor"]
+        seen = np.concatenate([joint.base.left[o.name][o.rows(held_out=False)] for o in mine])
+        usual = float(seen @ seen) / seen.size if seen.size else 1.0
+        for o in mine:
+            left = whole.base.left[o.name][o.rows(held_out=True)]
+            if not left.size:
+                continue
+            excess = float(left @ left) / left.size / usual - 1
+            doubt = np.sqrt(2 / left.size + 2 / max(seen.size, 1))
+            if excess > LEAST_EXCESS + SURE * doubt:
+                found[o.name] = excess * left.size
+    return tuple(sorted(found, key=lambda name: -found[name]))
+
+
+def _of_everything(joint: JointFit) -> JointFit:
+    """The same with what was held out fitted too."""
+    everything = [replace(o, fitted=o.shot.samples) for o in joint.observed]
+    return JointFit(everything, joint.noise, joint.base.head, joint.standing)
 
 
 def borne_out(joint: JointFit, chosen: Hypothesis, crew: Crew, progress: Callable[[str], None]) -> bool:
@@ -29,8 +68,7 @@ def borne_out(joint: JointFit, chosen: Hypothesis, crew: Crew, progress: Callabl
         Where the fits run.
     progress : callable
     """
-    everything = [replace(o, fitted=o.shot.samples) for o in joint.observed]
-    whole = JointFit(everything, joint.noise, joint.base.head, joint.standing)
+    whole = _of_everything(joint)
     found, told = signatures(whole, chosen.fit.effects, crew), base_hypothesis(whole)
     for effect in chosen.fit.effects:
         beside = found.beside(told.columns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections import Counter
@@ -14,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
 from inkjet_env.mismatch.base_model import MOST_PARTS, base_model
-from inkjet_env.mismatch.bearing_out import borne_out
+from inkjet_env.mismatch.bearing_out import against_the_base_model, borne_out
 from inkjet_env.mismatch.chance import ByChance, by_chance, without
 from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.diagnosis import FORETOLD_POORLY, LEFT_OVER, MOST_ALIKE, Correction, Diagnosis, Named
@@ -286,7 +287,9 @@ class _Work:
             bool(chosen.ids) and closure < FORETOLD_POORLY and not borne_out(joint, chosen, self.crew, self.progress)
         )
         vague = max(map(len, groups), default=0) > MOST_ALIKE
-        if share > LEFT_OVER or refuted or vague:
+        # the base model was checked on what was fitted alone: does it stand where it foretold badly?
+        unseen = () if anything or math.isnan(closure) else against_the_base_model(joint)
+        if share > LEFT_OVER or refuted or vague or unseen:
             verdict = "unknown"
         elif not anything:
             verdict = "none"
@@ -323,7 +326,7 @@ class _Work:
         head = joint.base.head if verdict == "unknown" else chosen.fit.head  # of a model that is not named: no half
         gains, offsets = ({c: v for c, v in of.items() if c in units} for of in (head.gains, head.offsets))
         told = all(joint.noise.known(o) for o in joint.seen)
-        said = headline(verdict, named, groups, closure, share, closest(base, selection), location, told)
+        said = headline(verdict, named, groups, closure, share, closest(base, selection), location, told, unseen)
         groups = [] if verdict == "unknown" else groups
         return Diagnosis(
             self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),

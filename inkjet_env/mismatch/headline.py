@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from inkjet_env.mismatch.diagnosis import LEFT_OVER, MOST_ALIKE, Location, Named
 from inkjet_env.plant.wording import percent, span_told
 
-MOST_BANDS = 2
+MOST_BANDS, MOST_NAMED = 2, 3
 
 
 def headline(
@@ -20,6 +20,7 @@ def headline(
     closest: tuple[tuple[str, ...], float] | None,
     location: Location,
     noise_known: bool = True,
+    unseen: Sequence[str] = (),
 ) -> str:
     """The verdict for a reader who has five seconds.
 
@@ -37,6 +38,8 @@ def headline(
     location : Location
     noise_known : bool
         Whether anything but the fit's own residual tells the noise.
+    unseen : sequence of str
+        Held-out recordings that alone show a mismatch.
     """
     if verdict == "none" and not noise_known:
         return (
@@ -44,7 +47,16 @@ def headline(
             "recordings, though, so that something else may be left out: repeat one, or record with zero drive."
         )
     if verdict == "none":
-        return "The base model explains these recordings to their noise: nothing was left out that they could show."
+        late = "" if math.isnan(closure) else ", those held out once they are fitted too"
+        return (
+            f"The base model explains these recordings to their noise{late}: nothing was left out that they could show."
+        )
+    if verdict == "unknown" and unseen and left_over <= LEFT_OVER:
+        names = ", ".join(unseen[:MOST_NAMED]) + (" and others" if len(unseen) > MOST_NAMED else "")
+        return (
+            f"{names} {'does' if len(unseen) == 1 else 'do'} what the base model cannot, and what was fitted shows "
+            "nothing of it. Hold other recordings out, and diagnose again."
+        )
     if verdict == "unknown":
         refuted = [n.effect.id for n in named] or list(closest[0] if closest else ())
         return _unknown(left_over, refuted, closest, location, max(map(len, groups), default=0))

@@ -86,3 +86,30 @@ def test_all_held_out_is_refused(recorded, head):
     campaign = recorded()
     with pytest.raises(ValueError, match="all recordings of campaign 'planted' are held out"):
         diagnose(campaign, head, held_out=[r.name for r in campaign.recordings], workers=1)
+    gauge = [r.name for r in campaign.recordings if r.channel == "strain_gauge"]
+    with pytest.raises(
+        ValueError, match=r"all recordings of channel strain_gauge .* nothing tells its gain and offset"
+    ):
+        diagnose(campaign, head, held_out=gauge, workers=1)
+
+
+def test_what_only_a_held_out_recording_shows_is_not_called_nothing(recorded_as, recorded, head, effects):
+    """An amplifier that only the steepest edge is too fast for, which no fit sees."""
+    looked_for = [effects["slew_limit"], effects["feedthrough"]]
+    campaign = recorded_as("slew_limit", slew_rate_V_s=60e6)
+    steep = next(r.name for r in campaign.recordings if np.abs(np.diff(r.drive_V)).max() / r.step_s > 1e8)
+    found = diagnose(campaign, head, looked_for, held_out=[steep], workers=1)
+    assert (found.verdict, found.effects, found.closure) == ("unknown", (), 0.0)
+    assert found.headline.startswith(f"{steep} does what the base model cannot, and what was fitted shows nothing")
+    assert ids(diagnose(campaign, head, looked_for, held_out=["r013"], workers=1)) == ["slew_limit"]
+    # where nothing is concealed it may be held out
+    assert diagnose(recorded(), head, looked_for, held_out=[steep], workers=1).verdict == "none"
+
+
+def test_a_base_model_that_foretells_badly_for_want_of_recordings_leaves_nothing_out(recorded, head, effects):
+    """All that is of high voltage is held out, so the law's course up there is anybody's guess."""
+    campaign = recorded()
+    high = [r.name for r in campaign.recordings if np.abs(r.drive_V).max() > 85 and r.channel == "self_sensing"]
+    found = diagnose(campaign, head, [effects["feedthrough"]], held_out=high, workers=1)
+    assert (found.verdict, found.closure) == ("none", 0.0)
+    assert "to their noise, those held out once they are fitted too: nothing was left out" in found.headline
