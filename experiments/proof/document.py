@@ -1,6 +1,6 @@
 """The tables of a proof in Markdown, for its record in ``docs``.
 
-``python -m experiments.proof.document score.json`` prints them.
+``python -m experiments.proof.document score.json`` prints them, and draws the pictures with ``--figures``.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from experiments.proof.corpus import STAGES
 from experiments.proof.printed import figure_text
 from experiments.proof.score import SCORE_FORMAT
 
+DPI = 110
 MARKS = {True: "yes", False: "**no**", None: ""}
 WORDS = {
     "none": "nothing", "unknown": "unknown", "set": "a set that holds it", "wrong set": "a set without it",
@@ -146,14 +147,33 @@ def document(found: Mapping[str, Any]) -> str:
     return "\n\n".join(f"## {section[0]}\n\n{section[1]}" for section in sections if section) + "\n"
 
 
+def draw(found: Mapping[str, Any], folder: Path) -> None:
+    """The pictures of a score, as PNG in a folder."""
+    from experiments.proof.figures import closures_figure, confusion_figure, curve_figure, worth_figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    drawn = {
+        "curve": curve_figure(found["curve"]),
+        "confusion": confusion_figure(found["confusion"]),
+        "closure": closures_figure(found["closures"]),
+        "worth": worth_figure(found["worth"]["heads"]),
+    }
+    for name, figure in drawn.items():
+        figure.savefig(folder / f"proof-{name}.png", dpi=DPI)
+
+
 def main() -> None:
     """Print the tables of a score."""
     parser = argparse.ArgumentParser(prog="python -m experiments.proof.document", description=__doc__)
     parser.add_argument("score", type=Path, help="score.json of a proof's folder")
-    path = parser.parse_args().score
+    parser.add_argument("--figures", type=Path, help="folder to draw the pictures into")
+    given = parser.parse_args()
+    path = given.score
     found = json.loads(path.read_text(encoding="utf-8"))
     if found.get("format") != SCORE_FORMAT:
         parser.error(f"{path} is not a {SCORE_FORMAT}; it is {found.get('format')!r}.")
+    if given.figures is not None:
+        draw(found, given.figures)
     print(document(found), end="")
 
 

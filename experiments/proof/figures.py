@@ -43,7 +43,7 @@ def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.minorticks_off()
     axes.set_xlabel("strength ρ")
     axes.set_ylabel("share of heads (%)")
-    axes.legend(frameon=False, loc="upper left")
+    figure.legend(loc="outside upper left", ncols=2, frameon=False)
     return figure
 
 
@@ -118,7 +118,7 @@ def closures_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.set(ylim=(len(names) - 0.5, -0.5), xlim=(-0.52, 1.02))
     axes.set_xlabel("closure on drives nobody saw")
     if rows:
-        axes.legend(frameon=False, fontsize=8, loc="upper left")
+        figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
     return figure
 
 
@@ -132,7 +132,7 @@ def worth_figure(heads: Sequence[Mapping[str, Any]]) -> Figure:
     axes.plot(base, at, "o", color=pictures.COLOURS[1], mfc="white", ms=5, label="of the base model")
     axes.plot(augmented, at, "o", color=pictures.COLOURS[0], ms=4, label="of the augmented model")
     axes.plot(oracle, at, "|", color="#222222", ms=9, mew=1.6, label="of the head itself")
-    axes.set_yticks(at, [_words(" + ".join(head["effects"])) for head in order], fontsize=7 if len(order) < 40 else 4)
+    axes.set_yticks(at, [_words(" + ".join(head["effects"])) for head in order], fontsize=7)
     axes.set(ylim=(len(order) - 0.4, -0.6))
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("peak cost on the concealed head (V; less is better)")
