@@ -355,25 +355,38 @@ def print_study(found: Mapping[str, Any]) -> None:
     print(f"Median regret in volts over {found['heads']} heads that nobody had seen, with its 95 % interval.")
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Train, test and tell."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.amortised", description=__doc__)
-    parser.add_argument("--folder", type=Path, default=Path("results/amortised"))
-    parser.add_argument("--evaluations", type=int, default=200_000, help="of each learner's training")
-    parser.add_argument("--heads", type=int, default=100, help="to test on")
+def run_command(
+    module: str,
+    description: str | None,
+    evaluations: int,
+    heads: int,
+    run: Callable[[Path, int, int, int, int], Mapping[str, Any]],
+    show: Callable[[Mapping[str, Any]], None],
+    arguments: list[str] | None,
+) -> None:
+    """A study from the command line: ``run(folder, evaluations, heads, labelling, seed)``, then ``show`` of it."""
+    parser = argparse.ArgumentParser(prog=f"python -m experiments.{module}", description=description)
+    parser.add_argument("--folder", type=Path, default=Path("results") / module.replace("_", "-"))
+    parser.add_argument("--evaluations", type=int, default=evaluations, help="of a training")
+    parser.add_argument("--heads", type=int, default=heads, help="to test on")
     parser.add_argument("--labelling", type=int, default=60, help="descents for the best cost known of a test head")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)
-    for name in ("evaluations", "heads", "labelling"):
-        if getattr(chosen, name) < 1:
-            parser.error(f"--{name} must be at least 1; got {getattr(chosen, name)}.")
+    for name, least in (("evaluations", 1), ("heads", 1), ("labelling", 1), ("seed", 0)):
+        if getattr(chosen, name) < least:
+            parser.error(f"--{name} must be at least {least}; got {getattr(chosen, name)}.")
     try:
-        print_study(study(chosen.folder, chosen.evaluations, chosen.heads, chosen.labelling, chosen.seed))
+        show(run(chosen.folder, chosen.evaluations, chosen.heads, chosen.labelling, chosen.seed))
     except PolicyFileError as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
     except KeyboardInterrupt:
         print(f"Interrupted; policies that are trained are kept in {chosen.folder}.", file=sys.stderr)
         sys.exit(130)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Train, test and tell."""
+    run_command("amortised", __doc__, 200_000, 100, study, print_study, arguments)
 
 
 if __name__ == "__main__":

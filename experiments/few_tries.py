@@ -7,10 +7,8 @@ learning took is counted in evaluations. A folder keeps what was learnt.
 
 from __future__ import annotations
 
-import argparse
 import functools
 import math
-import sys
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -19,9 +17,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.amortised import HIDDEN, TEST_SEED, TRAIN_SEED, Heads, descended, drawn, telling
+from experiments.amortised import HIDDEN, TEST_SEED, TRAIN_SEED, Heads, descended, drawn, run_command, telling
 from experiments.measures import stratified
-from experiments.policies import Policy, PolicyFileError, kept_policy, policy_of_sb3
+from experiments.policies import Policy, kept_policy, policy_of_sb3
 from experiments.progress import shown_progress
 from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
 from inkjet_env.storage import json_text, write_atomically
@@ -248,25 +246,7 @@ def print_study(found: Mapping[str, Any]) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Learn, tune and tell."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.few_tries", description=__doc__)
-    parser.add_argument("--folder", type=Path, default=Path("results/few-tries"))
-    parser.add_argument("--evaluations", type=int, default=500_000, help="of the agent's training")
-    parser.add_argument("--heads", type=int, default=200, help="to tune")
-    parser.add_argument("--labelling", type=int, default=60, help="descents for the best cost known of a head")
-    parser.add_argument("--seed", type=int, default=0)
-    chosen = parser.parse_args(arguments)
-    for name in ("evaluations", "heads", "labelling"):
-        if getattr(chosen, name) < 1:
-            parser.error(f"--{name} must be at least 1; got {getattr(chosen, name)}.")
-    if chosen.seed < 0:
-        parser.error(f"--seed must be at least 0; got {chosen.seed}.")
-    try:
-        print_study(study(chosen.folder, chosen.evaluations, chosen.heads, chosen.labelling, chosen.seed))
-    except PolicyFileError as error:
-        parser.exit(2, f"{parser.prog}: {error}\n")
-    except KeyboardInterrupt:
-        print(f"Interrupted; an agent that is trained is kept in {chosen.folder}.", file=sys.stderr)
-        sys.exit(130)
+    run_command("few_tries", __doc__, 500_000, 200, study, print_study, arguments)
 
 
 if __name__ == "__main__":

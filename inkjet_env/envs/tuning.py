@@ -64,7 +64,7 @@ class Tuning:
 
     def observation_space(self) -> spaces.Box:
         """Of one head."""
-        return spaces.Box(-LARGEST, LARGEST, (16 + 2 * self.peaks,), np.float32)
+        return spaces.Box(-LARGEST, LARGEST, (len(self.observation_names()),), np.float32)
 
     def observation_names(self) -> tuple[str, ...]:
         """What each number of an observation is."""

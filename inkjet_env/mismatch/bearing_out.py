@@ -32,8 +32,9 @@ def against_the_base_model(joint: JointFit) -> tuple[str, ...]:
         Names, that of the largest excess first.
     """
     whole, found = _of_everything(joint), {}
-    for key in sorted({o.noise_key for o in joint.observed if o.channel != "drive_monitor"}):
-        mine = [o for o in joint.observed if o.noise_key == key and o.channel != "drive_monitor"]
+    of_the_head = [o for o in joint.observed if o.channel != "drive_monitor"]
+    for key in sorted({o.noise_key for o in of_the_head}):
+        mine = [o for o in of_the_head if o.noise_key == key]
         seen = np.concatenate([joint.base.left[o.name][o.rows(held_out=False)] for o in mine])
         usual = float(seen @ seen) / seen.size if seen.size else 1.0
         for o in mine:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from experiments import few_tries
-from experiments.amortised import Heads
 from experiments.few_tries import Agent, OneForAll, Optimisers, heads_on_the_bench, kept_costs_V
 from experiments.policies import Policy
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
@@ -15,7 +14,7 @@ SEED = 5
 
 
 @pytest.mark.parametrize("name", few_tries.SCRATCH)
-def test_what_is_kept_never_reads_worse_and_an_optimiser_alone_asks_the_same(name):
+def test_tuning_repeats_itself_and_an_optimiser_beside_others_asks_what_it_would_alone(name):
     kept = kept_costs_V(Optimisers(name, 3, 7, SEED), 3, 7, SEED)
     assert kept.shape == (3, 7)
     assert (kept == kept_costs_V(Optimisers(name, 3, 7, SEED), 3, 7, SEED)).all()
@@ -36,7 +35,7 @@ def test_the_heads_on_the_bench_are_those_whose_best_is_searched_for():
 def test_the_same_waveform_again_gains_nothing():
     kept = kept_costs_V(OneForAll(np.full(7, 0.3)), 5, 4, SEED)
     assert (np.diff(kept, axis=1) <= 0).all()  # nothing but nothing itself may be given up for it
-    costs = Heads(heads_on_the_bench(5, SEED).observations).evaluate(np.tile(np.float32(0.3).astype(float), (5, 7)))
+    costs = heads_on_the_bench(5, SEED).evaluate(np.tile(np.float32(0.3).astype(float), (5, 7)))
     for row, cost in zip(kept, costs, strict=True):
         assert set(np.round(row, 9)) <= {0.0, round(cost, 9)}
 

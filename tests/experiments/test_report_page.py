@@ -69,7 +69,7 @@ def test_it_tells_who_took_part_and_what_tuning_took(tab):
     assert set(by_name) == set(OPTIMIZERS)
     assert by_name["pso"][1:3] == ["–", "defaults"]
     assert by_name["pso-tuned"][1] == f"{entrant('pso-tuned').tuning_evaluations:,}"
-    assert "particles 93" in by_name["pso-tuned"][2]
+    assert f"particles {entrant('pso-tuned').options['particles']}" in by_name["pso-tuned"][2]
     assert "gradient" in by_name["lbfgsb-multistart"][3]
 
 
