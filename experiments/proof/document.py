@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.proof.corpus import STAGES
-from experiments.proof.printed import figure_text
+from experiments.proof.printed import figure_text, interval_text
 from experiments.proof.score import SCORE_FORMAT
 
 DPI = 110
@@ -30,8 +30,7 @@ def _table(heading: Sequence[str], rows: Iterator[Sequence[str]] | Sequence[Sequ
 
 
 def _ranged(figure: Mapping[str, Any]) -> str:
-    value, low, high = (figure_text(figure[name], figure["kind"]) for name in ("value", "low", "high"))
-    return f"{value} ({low} … {high})"
+    return f"{figure_text(figure['value'], figure['kind'])} ({interval_text(figure)})"
 
 
 def figures_table(found: Mapping[str, Any]) -> str:

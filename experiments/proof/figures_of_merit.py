@@ -101,9 +101,13 @@ def estimated(
     most: float | None = None,
     kind: str = "number",
 ) -> Figure:
-    """A statistic of cases, with the percentiles of its bootstrap over them; the same numbers at every call."""
-    if not sample:
-        return Figure(name, math.nan, math.nan, math.nan, 0, kind, None, least, most)
+    """A statistic of cases, with the percentiles of its bootstrap over them; the same numbers at every call.
+
+    One case tells nothing of the spread, and has no interval.
+    """
+    if len(sample) < 2:
+        value = statistic(sample) if sample else math.nan
+        return Figure(name, value, math.nan, math.nan, len(sample), kind, None, least, most)
     rng = np.random.default_rng(0)
     places: NDArray[np.int64] = rng.integers(0, len(sample), (RESAMPLES, len(sample)))
     drawn = np.array([statistic([sample[k] for k in row]) for row in places])

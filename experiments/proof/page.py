@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.pictures import svg_text
 from experiments.proof import figures
-from experiments.proof.printed import figure_text
+from experiments.proof.printed import figure_text, interval_text
 from inkjet_env.storage import write_atomically
 
 MOST_WORTH_SHOWN = 100
@@ -31,6 +31,7 @@ def page_html(found: Mapping[str, Any]) -> str:
 
     environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
     environment.filters["figure"] = figure_text
+    environment.filters["interval"] = interval_text
     heads = found["worth"]["heads"][:MOST_WORTH_SHOWN]
     return environment.get_template("proof.html").render(
         found=found,
@@ -67,38 +68,37 @@ def sentences(found: Mapping[str, Any]) -> list[str]:
         figure = by_name[name]
         if not figure["of"] or figure["value"] is None:
             return []
-        value, low, high = (figure_text(figure[key], figure["kind"]) for key in ("value", "low", "high"))
-        return [template.format(**(figure | {"value": value, "low": low, "high": high}))]
+        value = figure_text(figure["value"], figure["kind"])
+        return [template.format(**(figure | {"value": value, "interval": interval_text(figure)}))]
 
     said = [
         *told(
             "false alarms where nothing is concealed",
-            "Nothing was concealed in {of} heads; {hits} of them raised an alarm ({value}; 90 % interval {low} … "
-            "{high}).",
+            "Nothing was concealed in {of} heads; {hits} of them raised an alarm ({value}; 90 % interval {interval}).",
         ),
         *told(
             "right name or right set",
             "A strong or medium effect was concealed in {of} heads; in {hits} of them the diagnosis gave it its name, "
-            "or named a set that holds it and the recording that would decide ({value}; {low} … {high}).",
+            "or named a set that holds it and the recording that would decide ({value}; {interval}).",
         ),
         *told(
             "confidently wrong, inside the catalogue",
-            "In {hits} of those {of} it named physics that is not there ({value}; {low} … {high}).",
+            "In {hits} of those {of} it named physics that is not there ({value}; {interval}).",
         ),
         *told(
             "outside the catalogue told as unknown",
-            "Physics that no catalogue has was concealed in {of} heads; “unknown” was said of {hits} ({value}; {low} … "
-            "{high}).",
+            "Physics that no catalogue has was concealed in {of} heads; “unknown” was said of {hits} ({value}; "
+            "{interval}).",
         ),
         *told(
             "median closure on drives nobody saw",
             "On fresh drives, which the concealed plant answered and the diagnosis never saw, the corrected model "
-            "removed a median of {value} of the base model's error (1 is all of it; {of} heads).",
+            "removed a median of {value} of the base model's error (1 is all of it; heads: {of}).",
         ),
         *told(
             "share of the oracle's gain won back, all heads together",
             "Waveforms optimised on the corrected model won {value} of what waveforms optimised on the concealed head "
-            "itself win over those of the base model ({of} heads; {low} … {high}).",
+            "itself win over those of the base model (heads: {of}; {interval}).",
         ),
     ]
     if found["profile"] == "quick":

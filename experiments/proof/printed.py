@@ -19,6 +19,20 @@ def figure_text(value: float | None, kind: str) -> str:
     return f"{100 * value:.1f} %" if kind == "share" else f"{value:.3g}"
 
 
+def interval_text(figure: Mapping[str, Any]) -> str:
+    """The 90 % interval of a figure for people; a dash where one case tells nothing of the spread.
+
+    Examples
+    --------
+    >>> interval_text({"low": 0.5, "high": 0.75, "kind": "share"})
+    '50.0 % … 75.0 %'
+    >>> interval_text({"low": None, "high": None, "kind": "share"})
+    '–'
+    """
+    low, high = (figure_text(figure[end], figure["kind"]) for end in ("low", "high"))
+    return "–" if low == high == "–" else f"{low} … {high}"
+
+
 def print_score(found: Mapping[str, Any]) -> None:
     """Print the table, and how many figures fall short."""
     from experiments.tables import print_table
@@ -27,9 +41,9 @@ def print_score(found: Mapping[str, Any]) -> None:
     rows = []
     for figure in found["figures"]:
         if figure["of"]:
-            value, low, high = (figure_text(figure[name], figure["kind"]) for name in ("value", "low", "high"))
+            value = figure_text(figure["value"], figure["kind"])
             count = f"{figure['hits']}/{figure['of']}" if figure["hits"] is not None else str(figure["of"])
-            rows.append((figure["name"], value, f"{low} … {high}", count, figure["asked"], marks[figure["met"]]))
+            rows.append((figure["name"], value, interval_text(figure), count, figure["asked"], marks[figure["met"]]))
     print_table(("figure", "reached", "90 % interval", "cases", "asked", "met"), rows)
     judged = [figure for figure in found["figures"] if figure["met"] is not None]
     print(f"{len(judged) - len(found['short'])} of {len(judged)} figures are what is asked of a first-rate diagnosis.")

@@ -165,6 +165,9 @@ def test_the_share_of_the_oracles_gain_is_of_all_heads_together(draws):
     median = figure(found, "median share of the oracle's gain won back by a head")
     assert median["of"] == 2  # a head of which nothing can be won back has no share
     assert median["value"] == pytest.approx((0.8 + 0.5) / 2)
+    assert median["low"] < median["value"] < median["high"]
+    alone = figure(scored(cases[:1]), "median share of the oracle's gain won back by a head")
+    assert (alone["value"], alone["low"], alone["high"]) == (pytest.approx(0.8), None, None)  # one tells of no spread
 
 
 def test_peers_are_compared_by_their_median(draws):
