@@ -7,7 +7,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from inkjet_env.mismatch.next_experiment import next_experiment
 from inkjet_env.mismatch.observed import Observed, finer, noise_seen, observe
 from inkjet_env.mismatch.select import Selection, leftover, select, supported
 from inkjet_env.mismatch.signatures import Signatures, signatures
+from inkjet_env.mismatch.straight_law import straight_beyond
 from inkjet_env.mismatch.verdict import (
     chance_of,
     closest,
@@ -49,6 +50,8 @@ FINE_ENOUGH = 0.5
 """Standard errors of a parameter by which the simulation may be wrong."""
 SURELY_FORETOLD = 2.0
 """Standard errors by which a flexible model must do better on held-out recordings to be offered as a correction."""
+AS_WELL = 0.5
+"""Share of what effects explain, from which on a bend of the law that explains it is tried in their place."""
 SAME_GAIN = 0.02
 """Two effects by chance of which one gains so little more than the other are not told apart."""
 
@@ -110,6 +113,25 @@ def diagnose(
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What one base model's residuals told."""
+
+    joint: JointFit
+    standing: list[ByChance]
+    selection: Selection
+
+    def score(self, on: JointFit) -> float:
+        """Log-likelihood of the fitted recordings by another's noise, less what is free by Schwarz's criterion."""
+        chosen = self.selection.chosen
+        modelled, told = self.joint.modelled(chosen.fit), chosen.fit.with_values
+        left = on.stacked({o.name: o.measured - modelled[o.name] for o in on.observed})
+        amplitudes = [self.joint.chance(o, told) for o in on.seen]
+        free = chosen.free + sum(len(s.values) for s in self.standing)
+        free += sum(columns.shape[1] for columns in amplitudes if columns is not None)
+        return -0.5 * float(left @ left) - 0.5 * free * math.log(left.size)
+
+
 class _Work:
     """The steps of one diagnosis."""
 
@@ -149,26 +171,17 @@ class _Work:
         if not any(o.fitted < o.shot.samples for o in observed):
             self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
         self.took("base model")
-        standing: list[ByChance] = []
-        if by_accident:
-            self.progress("what differs from recording to recording")
-            resting = [o for o in observed if o.at_rest]
-            joint, standing = self.with_chance(joint, by_accident, resting, standing)
-            self.took("chance")
-        found, selection = self.selected(joint, lawful)
-        nothing = not selection.chosen.ids
-        if by_accident and (nothing or not leftover(selection.chosen, found, self.rng)):
-            exact, chosen = self.polished(joint, selection.chosen, standing)
-            trusted = [o for o in observed if nothing or o.fitted]  # in the others, what was chosen may do badly
-            again, more = self.with_chance(exact, by_accident, trusted, standing, chosen)
-            self.took("chance")
-            if more is not standing:
-                joint, standing = again, more
-                found, selection = self.selected(joint, lawful)
+        told = self.told(joint, by_accident, lawful)
+        if (other := self.with_another_law(joint, told)) is not None:
+            self.progress("the same with a law that goes straight beyond a smaller swing")
+            again = self.told(other, by_accident, lawful)
+            if again.score(joint) - 0.5 * math.log(joint.ends[-1]) > told.score(joint):
+                told = again
+        joint, standing, selection = told.joint, told.standing, told.selection
         joint, chosen = self.polished(joint, selection.chosen, standing)
         if chosen.ids and self.quieter(joint, selection.chosen.joint):
             # With what was found the noise is seen to be less: is there more to be found?
-            found, selection = self.selected(joint, lawful)
+            _, selection = self.selected(joint, lawful)
             joint, chosen = self.polished(joint, selection.chosen, standing)
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
             chosen = base_hypothesis(joint)  # finer nodes, or another noise, made it vanish
@@ -177,6 +190,44 @@ class _Work:
         flexible = flexible_residual(chosen)
         self.took("flexible model")
         return self.verdict(joint, chosen, selection, standing, flexible, untestable)
+
+    def told(self, joint: JointFit, by_accident: Sequence[Effect], lawful: Sequence[Effect]) -> _Told:
+        """What differs from recording to recording, and what by a law, told from one base model."""
+        standing: list[ByChance] = []
+        if by_accident:
+            self.progress("what differs from recording to recording")
+            resting = [o for o in joint.observed if o.at_rest]
+            joint, standing = self.with_chance(joint, by_accident, resting, standing)
+            self.took("chance")
+        found, selection = self.selected(joint, lawful)
+        nothing = not selection.chosen.ids
+        if by_accident and (nothing or not leftover(selection.chosen, found, self.rng)):
+            exact, chosen = self.polished(joint, selection.chosen, standing)
+            trusted = [o for o in joint.observed if nothing or o.fitted]  # in the others, what was chosen may do badly
+            again, more = self.with_chance(exact, by_accident, trusted, standing, chosen)
+            self.took("chance")
+            if more is not standing:
+                joint, standing = again, more
+                found, selection = self.selected(joint, lawful)
+        return _Told(joint, standing, selection)
+
+    def with_another_law(self, joint: JointFit, told: _Told) -> JointFit | None:
+        """The base model with a law that goes straight from some swing on, where that could be what was told instead.
+
+        Either what was told leaves a bend of the law, or the bend alone explains about as much.
+        """
+        bent = straight_beyond(told.joint, told.selection.chosen)
+        if bent is None and (told.selection.chosen.ids or told.standing):
+            bent = straight_beyond(joint, base_hypothesis(joint))
+            gain = told.score(joint) + joint.base.nll
+            if bent is not None and joint.base.nll - bent.base.nll < AS_WELL * gain:
+                bent = None
+        self.took("base model")
+        if bent is None:
+            return None
+        modelled = bent.modelled(bent.base)
+        left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
+        return JointFit(joint.observed, noise_seen(joint.observed, left, dict(joint.noise.models)), bent.base.head)
 
     @staticmethod
     def less_chance(

@@ -1,0 +1,108 @@
+"""A branch law that goes straight from some swing on, which no polynomial follows: asked before an effect is blamed.
+
+A ceramic whose play operators all yield below some threshold has such a law: its density p(r) ends there. It is the
+base model still, with a smaller full scale than the recordings' largest swing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from inkjet_env.mismatch.attribute import LEAST_SHARE, Hypothesis
+from inkjet_env.mismatch.fit import Fit
+from inkjet_env.mismatch.head import Head, in_convention
+from inkjet_env.mismatch.joint_fit import JointFit
+
+Real = NDArray[np.float64]
+
+LOOKED_AT = (0.9, 0.75, 0.5)
+"""Full scales, in parts of the base model's, whose laws beside its own show a bend wherever it is."""
+FULL_SCALES = np.linspace(0.975, 0.5, 20)
+"""Those that are fitted, from the largest on; none is smaller."""
+REFUTED = 1.0
+"""A fit that leaves so much more of each sample is of a full scale too small, and so are all below it."""
+FITTED = 3
+"""Steps of a fit with another full scale."""
+TOLERANCE = 2e-3
+"""Of the full scale, in parts of the base model's."""
+NODES = 400
+"""Of the old law, from which the new one starts."""
+LEAST_SINE = 1e-5
+"""Of the angle between what two laws can say, below which they say the same."""
+
+
+def straight_beyond(joint: JointFit, chosen: Hypothesis) -> JointFit | None:
+    """The base model with a law that goes straight beyond a smaller full scale, if it explains surely more.
+
+    Parameters
+    ----------
+    joint : JointFit
+    chosen : Hypothesis
+        On the same recordings and noise; its effects are on where full scales are compared.
+
+    Returns
+    -------
+    JointFit or None
+        With the best full scale; None where what is left does not look like a law's bend, or no full scale gains more
+        than a parameter would by chance (Schwarz's criterion) and a share of the mismatch that equations may be wrong
+        by.
+    """
+    worth = max(0.5 * math.log(chosen.left.size), LEAST_SHARE * chosen.gain)
+    if max(_bend(joint, chosen, part) for part in LOOKED_AT) <= worth:
+        return None
+    fits: dict[float, Fit] = {}
+
+    def nll(part: float) -> float:
+        fits[part] = _fitted(joint, chosen, part)
+        return fits[part].nll
+
+    least = chosen.fit.nll
+    for part in FULL_SCALES:
+        found = nll(float(part))
+        if found > least + REFUTED * chosen.left.size:
+            break
+        least = min(least, found)
+    best, step = min(fits, key=lambda part: fits[part].nll), float(FULL_SCALES[0] - FULL_SCALES[1])
+    limits = (best - step, min(best + step, 1.0))
+    minimize_scalar(nll, bounds=limits, method="bounded", options={"xatol": TOLERANCE})
+    best = min(fits, key=lambda part: fits[part].nll)
+    if chosen.fit.nll - fits[best].nll <= worth:
+        return None
+    begun = JointFit(joint.observed, joint.noise, fits[best].head, joint.standing)
+    return JointFit(joint.observed, joint.noise, in_convention(begun.base.head), joint.standing)
+
+
+def _bend(joint: JointFit, chosen: Hypothesis, part: float) -> float:
+    """What laws of another full scale would explain of what a hypothesis leaves, less what so many would by chance.
+
+    To first order, by projection: a law enters linearly.
+    """
+    other = JointFit(joint.observed, joint.noise, narrower(chosen.fit.head, part), joint.standing, joint.base)
+    own, (columns, _) = chosen.columns, other.basis
+    for _ in range(2):  # once more, for they are nearly alike
+        columns = columns - own @ (own.T @ columns)
+    u, sines, _ = np.linalg.svd(columns, full_matrices=False)
+    new = u[:, sines > LEAST_SINE]
+    return 0.5 * float(np.sum((new.T @ chosen.left) ** 2)) - 0.5 * new.shape[1] * math.log(chosen.left.size)
+
+
+def _fitted(joint: JointFit, chosen: Hypothesis, part: float) -> Fit:
+    """A hypothesis gone on with from a law of another full scale."""
+    begun = replace(chosen.fit, head=narrower(chosen.fit.head, part))
+    return joint.near(begun).fit(begun.effects, begun.point, most_steps=FITTED)
+
+
+def narrower(head: Head, part: float) -> Head:
+    """The head with its law cut off at a part of its full scale: there the polynomial that is nearest to it."""
+    old = head.printhead
+    full_scale_V = part * old.full_scale_V
+    x: Real = np.linspace(0.0, 1.0, NODES)
+    swing = np.array([old.full_scale_V * old.branch_law.Q(part * at) for at in x]) / full_scale_V
+    ascending = np.linalg.lstsq(x[:, None] ** np.arange(1, head.degree + 1), swing, rcond=None)[0]
+    coefficients = (*(float(c) for c in ascending[::-1]), 0.0)
+    return replace(head, printhead=replace(old, coefficients=coefficients, full_scale_V=full_scale_V))
