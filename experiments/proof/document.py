@@ -1,20 +1,24 @@
 """The tables of a proof in Markdown, for its record in ``docs``.
 
-``python -m experiments.proof.document score.json`` prints them, and draws the pictures with ``--figures``.
+``python -m experiments.proof.document FOLDER`` prints them, and draws the pictures with ``--figures``. Of a folder
+the kept judgements are counted again, held against both commitments; the campaigns need not be there.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from experiments.proof.campaign_files import ProofError
 from experiments.proof.corpus import STAGES
 from experiments.proof.printed import figure_text, interval_text
-from experiments.proof.score import SCORE_FORMAT
+from experiments.proof.run import as_judged
+from experiments.proof.score import SCORE_FORMAT, score
+from experiments.proof.sealing import read_json
+from inkjet_env.storage import write_json
 
 DPI = 110
 MARKS = {True: "yes", False: "**no**", None: ""}
@@ -164,13 +168,18 @@ def draw(found: Mapping[str, Any], folder: Path) -> None:
 def main() -> None:
     """Print the tables of a score."""
     parser = argparse.ArgumentParser(prog="python -m experiments.proof.document", description=__doc__)
-    parser.add_argument("score", type=Path, help="score.json of a proof's folder")
+    parser.add_argument("score", type=Path, metavar="FOLDER", help="a judged proof's, or a score.json")
+    parser.add_argument("--out", type=Path, help="score.json to write")
     parser.add_argument("--figures", type=Path, help="folder to draw the pictures into")
     given = parser.parse_args()
-    path = given.score
-    found = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        found = score(as_judged(given.score)) if given.score.is_dir() else read_json(given.score)
+    except ProofError as error:
+        parser.error(str(error))
     if found.get("format") != SCORE_FORMAT:
-        parser.error(f"{path} is not a {SCORE_FORMAT}; it is {found.get('format')!r}.")
+        parser.error(f"{given.score} is not a {SCORE_FORMAT}; it is {found.get('format')!r}.")
+    if given.out is not None:
+        write_json(given.out, found)
     if given.figures is not None:
         draw(found, given.figures)
     print(document(found), end="")

@@ -132,6 +132,30 @@ def prove(
     truth = unseal(folder, verified_manifest(folder))
     _say("Unsealed: the truth is the one that was sealed.")
     judged = _judge_all(folder, truth, client, steps, asked(draws), settings.rig)
+    return _outcome(folder, manifest, committed, truth, judged)
+
+
+def as_judged(folder: Path) -> Outcome:
+    """A proof that has been judged, as it was, held against its commitments; without its campaigns, if need be.
+
+    Raises
+    ------
+    ProofError
+        A judgement is missing; or answers or truth are not those that were committed to.
+    """
+    manifest = read_json(folder / "manifest.json")
+    committed, truth = commit_answers(folder, manifest), unseal(folder, manifest)
+    judged = {name: read_json(folder / "judged" / f"{name}.json")["judged"] for name in truth}
+    return _outcome(folder, manifest, committed, truth, judged)
+
+
+def _outcome(
+    folder: Path,
+    manifest: Mapping[str, Any],
+    committed: Mapping[str, Any],
+    truth: Mapping[str, Mapping[str, Any]],
+    judged: Mapping[str, Any],
+) -> Outcome:
     told = []
     for name, case in truth.items():
         entry = read_answer(folder, name)

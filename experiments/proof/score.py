@@ -238,12 +238,17 @@ def matrix(cases: Sequence[Case]) -> dict[str, dict[str, int]]:
 
 
 def worth(cases: Sequence[Case]) -> dict[str, Any]:
-    """Peak cost on the concealed plant of the waveforms of base model, augmented model and plant itself."""
-    heads = [
-        {"effects": case["draw"]["effects"], "strength": case["draw"]["strength"], **case["judged"]["reoptimised"]}
-        for case in cases
-        if case["judged"].get("reoptimised")
-    ]
+    """Peak cost on the concealed plant of the waveforms of base model, augmented model and plant itself.
+
+    The oracle's is the best of the three: a search on the plant that ends above another model's waveform has not found
+    what the plant can do.
+    """
+    heads = []
+    for case in cases:
+        if found := case["judged"].get("reoptimised"):
+            best = min(found[name] for name in ("base", "augmented", "oracle"))
+            about = {"effects": case["draw"]["effects"], "strength": case["draw"]["strength"]}
+            heads.append({**about, **found, "oracle": best})
     return {"heads": heads, "share": finite(_won_back(heads))}
 
 

@@ -218,10 +218,7 @@ class _Work:
         """
         bent = straight_beyond(told.joint, told.selection.chosen)
         if bent is None and (told.selection.chosen.ids or told.standing):
-            bent = straight_beyond(joint, base_hypothesis(joint))
-            gain = told.score(joint) + joint.base.nll
-            if bent is not None and joint.base.nll - bent.base.nll < AS_WELL * gain:
-                bent = None
+            bent = straight_beyond(joint, base_hypothesis(joint), AS_WELL * (told.score(joint) + joint.base.nll))
         self.took("base model")
         if bent is None:
             return None

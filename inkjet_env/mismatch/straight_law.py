@@ -36,7 +36,7 @@ LEAST_SINE = 1e-5
 """Of the angle between what two laws can say, below which they say the same."""
 
 
-def straight_beyond(joint: JointFit, chosen: Hypothesis) -> JointFit | None:
+def straight_beyond(joint: JointFit, chosen: Hypothesis, least: float = 0.0) -> JointFit | None:
     """The base model with a law that goes straight beyond a smaller full scale, if it explains surely more.
 
     Parameters
@@ -44,15 +44,17 @@ def straight_beyond(joint: JointFit, chosen: Hypothesis) -> JointFit | None:
     joint : JointFit
     chosen : Hypothesis
         On the same recordings and noise; its effects are on where full scales are compared.
+    least : float
+        Of the log-likelihood, that it must gain.
 
     Returns
     -------
     JointFit or None
-        With the best full scale; None where what is left does not look like a law's bend, or no full scale gains more
-        than a parameter would by chance (Schwarz's criterion) and a share of the mismatch that equations may be wrong
-        by.
+        With the best full scale; None where what is left does not look like a law's bend, or no full scale gains so
+        much, more than a parameter would by chance (Schwarz's criterion), and more than the share of the mismatch that
+        equations may be wrong by.
     """
-    worth = max(0.5 * math.log(chosen.left.size), LEAST_SHARE * chosen.gain)
+    worth = max(0.5 * math.log(chosen.left.size), LEAST_SHARE * chosen.gain, least)
     if max(_bend(joint, chosen, part) for part in LOOKED_AT) <= worth:
         return None
     fits: dict[float, Fit] = {}
@@ -61,12 +63,12 @@ def straight_beyond(joint: JointFit, chosen: Hypothesis) -> JointFit | None:
         fits[part] = _fitted(joint, chosen, part)
         return fits[part].nll
 
-    least = chosen.fit.nll
+    lowest = chosen.fit.nll
     for part in FULL_SCALES:
         found = nll(float(part))
-        if found > least + REFUTED * chosen.left.size:
+        if found > lowest + REFUTED * chosen.left.size:
             break
-        least = min(least, found)
+        lowest = min(lowest, found)
     best, step = min(fits, key=lambda part: fits[part].nll), float(FULL_SCALES[0] - FULL_SCALES[1])
     limits = (best - step, min(best + step, 1.0))
     minimize_scalar(nll, bounds=limits, method="bounded", options={"xatol": TOLERANCE})

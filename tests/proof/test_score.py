@@ -153,7 +153,8 @@ def test_intervals_that_hold_the_truth_are_counted_open_ends_too(draws):
 
 def test_the_share_of_the_oracles_gain_is_of_all_heads_together(draws):
     draw = next(d for d in draws if d.family == "effect")
-    heads = [(-20.0, -24.0, -25.0), (-22.0, -21.0, -22.0), (-10.0, -10.2, -10.4)]
+    # of the first head the search on the plant itself found less than its augmented model did
+    heads = [(-20.0, -25.0, -20.1), (-22.0, -21.0, -22.0), (-10.0, -10.2, -10.4)]
     cases = [
         case_of(
             draw, perfect(draw), reoptimised={"base": b, "augmented": a, "oracle": o, "waveforms": {}, "foretold": {}}
@@ -161,13 +162,13 @@ def test_the_share_of_the_oracles_gain_is_of_all_heads_together(draws):
         for b, a, o in heads
     ]
     found = scored(cases)
-    assert found["worth"]["share"] == pytest.approx(3.2 / 5.4)
+    assert found["worth"]["share"] == pytest.approx(4.2 / 5.4)
     median = figure(found, "median share of the oracle's gain won back by a head")
     assert median["of"] == 2  # a head of which nothing can be won back has no share
-    assert median["value"] == pytest.approx((0.8 + 0.5) / 2)
+    assert median["value"] == pytest.approx((1.0 + 0.5) / 2)
     assert median["low"] < median["value"] < median["high"]
     alone = figure(scored(cases[:1]), "median share of the oracle's gain won back by a head")
-    assert (alone["value"], alone["low"], alone["high"]) == (pytest.approx(0.8), None, None)  # one tells of no spread
+    assert (alone["value"], alone["low"], alone["high"]) == (pytest.approx(1.0), None, None)  # one tells of no spread
 
 
 def test_peers_are_compared_by_their_median(draws):
