@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE
@@ -13,6 +16,8 @@ from inkjet_env.identification.outcome import outcome_of
 from inkjet_env.printhead import check_name
 from inkjet_env.recordings import Campaign
 
+CLOSER = 1.1
+"""Ratio of residuals from which on another initial state is the likelier one."""
 DEGREE_RULES = ("flattening", "strain_gauge", "held_out")
 
 
@@ -63,8 +68,8 @@ def identify(
     if full_scale_V is not None and not 1e-3 <= full_scale_V <= 1e6:
         raise ValueError(f"full_scale_V must be a voltage of 1e-3 to 1e6 V; got {full_scale_V!r}.")
 
-    def begun(swing_V: float | None) -> Fit:
-        return Fit(campaign, degree, degree_rule, valid_density, swing_V, held_out, progress or (lambda _: None))
+    def begun(swing_V: float | None, recorded: Campaign = campaign) -> Fit:
+        return Fit(recorded, degree, degree_rule, valid_density, swing_V, held_out, progress or (lambda _: None))
 
     with threadpool_limits(1):  # its matrices are small: threads would but wait for each other
         fit = begun(full_scale_V)
@@ -79,5 +84,34 @@ def identify(
                     f"full scale is {wider.full_scale_V:g} V."
                 )
                 fit = wider
+        if unknown := [m for m in fit.fast if m.initial_state == "free"]:
+            again = begun(fit.full_scale_V, _repeating(campaign))
+            again.solve(fit.solution.model)
+            fit.notes.append(_of_unknown_states(len(unknown), _left(fit) / _left(again)))
         fit.widen()
         return outcome_of(fit)
+
+
+def _repeating(campaign: Campaign) -> Campaign:
+    """The campaign, every recording of unknown initial state taken for one of a drive that had been repeating."""
+    recordings = tuple(
+        replace(r, initial_state="periodic") if r.initial_state == "free" else r for r in campaign.recordings
+    )
+    return replace(campaign, recordings=recordings)
+
+
+def _left(fit: Fit) -> float:
+    """Root mean square of what is left of the fast recordings, in units of their own swing; the geometric mean."""
+    shares = [fit.misfit[m.channel] * fit.noise[m.noise_key].rms / float(np.std(m.mean)) for m in fit.fast]
+    return math.exp(float(np.mean(np.log(shares))))
+
+
+def _of_unknown_states(count: int, ratio: float) -> str:
+    """What is known of recordings that do not say what had gone before them."""
+    begun = f"Of {count} fast recordings it is not known what had gone before: the hysteresis was begun as demagnetised"
+    if ratio < CLOSER:
+        return f"{begun}, which explains them no worse than a drive that had been repeating."
+    return (
+        f"{begun}. As answers to drives that had been repeating they are explained {ratio:.3g} times as closely: if "
+        "they are, say so (initial state periodic), or a0, a1 and b1 are off by more than their intervals."
+    )

@@ -245,3 +245,17 @@ def test_a_channel_that_was_only_recorded_at_rest_has_no_gain(published_campaign
     kept = [r for r in published_campaign.recordings if r.channel == "self_sensing" or np.ptp(r.drive_V) == 0]
     found = identify(Campaign("at-rest", tuple(replace(r, repeat_of=None) for r in kept)))
     assert list(found.gains) == ["self_sensing"]
+
+
+@pytest.mark.parametrize("truly", ["periodic", "demagnetised"])
+def test_what_had_gone_before_recordings_of_unknown_state_is_asked(truly):
+    """Drives of a kind whose answer tells whether they had been repeating: their hysteresis loop is closed or open."""
+    rng, recordings, time_s = np.random.default_rng(1), [], 2e-7 * np.arange(1200)
+    for i, (first, second) in enumerate(((80, -60), (-60, 0), (100, -100), (40, 0), (90, 90), (70, -20))):
+        drive_V = np.interp(np.arange(1200), [50, 60, 100, 115, 160, 175], [0, first, first, second, second, 0])
+        ringing = "steady" if truly == "periodic" else "rest"
+        clean = respond_sampled(PUBLISHED, time_s, drive_V, truly, ringing=ringing).sensor_V
+        sensor = clean + rng.normal(0, 0.002, 1200)
+        recordings.append(Recording(f"r{i}", time_s, drive_V, sensor, "V", "self_sensing", initial_state="free"))
+    (note,) = (n for n in identify(Campaign("free", tuple(recordings)), degree=8).notes if "had gone before" in n)
+    assert ("say so (initial state periodic)" in note) == (truly == "periodic"), note
