@@ -93,7 +93,7 @@ def simulate(
 
     inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --plot response.png
 
-    inkjet simulate --drive drive.csv --out response.csv
+    inkjet simulate --drive waveform.csv --out response.csv
     """
     from experiments.drive_csv import read_drive, write_columns
     from experiments.problems import chosen_head

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -50,6 +51,7 @@ def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     """
     import dask
     from distributed import Client, LocalCluster
+    from distributed.comm import get_address_host_port
 
     settings = {
         "distributed.scheduler.allowed-failures": 0,  # `run_each` begins again, and counts
@@ -60,6 +62,8 @@ def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     with dask.config.set(settings):
         if scheduler is not None:
             try:
+                # asked for first: a client that finds nobody goes on trying when it is thrown away
+                socket.create_connection(get_address_host_port(scheduler), CONNECT_S).close()
                 client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
             except (OSError, ValueError) as error:
                 raise ClusterError(

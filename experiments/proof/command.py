@@ -63,6 +63,8 @@ def prove(
         )
     if published and seed is not None:
         raise ValueError("--published has a seed of its own; leave out --seed.")
+    if published and quick:
+        raise ValueError("--published is run whole, and once a version; leave out --quick.")
     if seed is not None and seed < 0:
         raise ValueError(f"--seed must be at least 0; got {seed}.")
     if seed == PUBLISHED_SEED:

@@ -85,11 +85,39 @@ def identify(
                 )
                 fit = wider
         if unknown := [m for m in fit.fast if m.initial_state == "free"]:
+            begin = (
+                f"Of {len(unknown)} fast recordings it is not known what had gone before: the hysteresis was begun as "
+            )
             again = begun(fit.full_scale_V, _repeating(campaign))
-            again.solve(fit.solution.model)
-            fit.notes.append(_of_unknown_states(len(unknown), _left(fit) / _left(again)))
+            fit.notes.append(
+                begin + "demagnetised. " + (_doubt(fit, again) or "A repeated drive would explain no more.")
+            )
         fit.widen()
         return outcome_of(fit)
+
+
+def doubtful_states(campaign: Campaign, held_out: Sequence[str] | None = None) -> str | None:
+    """What to say of recordings of unknown initial state that look like the answers to a repeated drive.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    held_out : sequence of str, optional
+        Recordings that no fit sees.
+
+    Returns
+    -------
+    str or None
+        A sentence; None where there are none.
+    """
+    if not any(r.initial_state == "free" and r.channel != "strain_gauge" for r in campaign.recordings):
+        return None
+    with threadpool_limits(1):
+        fit, again = (
+            Fit(c, None, "flattening", False, None, held_out, lambda _: None) for c in (campaign, _repeating(campaign))
+        )
+        fit.solve()
+        return _doubt(fit, again)
 
 
 def _repeating(campaign: Campaign) -> Campaign:
@@ -106,12 +134,13 @@ def _left(fit: Fit) -> float:
     return math.exp(float(np.mean(np.log(shares))))
 
 
-def _of_unknown_states(count: int, ratio: float) -> str:
-    """What is known of recordings that do not say what had gone before them."""
-    begun = f"Of {count} fast recordings it is not known what had gone before: the hysteresis was begun as demagnetised"
+def _doubt(fit: Fit, again: Fit) -> str | None:
+    """What to say where a fit of repeated drives, not solved yet, explains more than one of unknown states."""
+    again.solve(fit.solution.model)
+    ratio = _left(fit) / _left(again)
     if ratio < CLOSER:
-        return f"{begun}, which explains them no worse than a drive that had been repeating."
+        return None
     return (
-        f"{begun}. As answers to drives that had been repeating they are explained {ratio:.3g} times as closely: if "
-        "they are, say so (initial state periodic), or a0, a1 and b1 are off by more than their intervals."
+        f"As answers to drives that had been repeating these recordings are explained {ratio:.3g} times as closely: if "
+        "they are, say so (initial state periodic), or what they tell is off by more than its intervals."
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from inkjet_env.identification.identify import doubtful_states
 from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
 from inkjet_env.mismatch.base_model import MOST_PARTS, base_model
 from inkjet_env.mismatch.bearing_out import against_the_base_model, borne_out
@@ -150,6 +151,7 @@ class _Work:
         self.notes: list[str] = []
         self.effects = tuple(effects)
         self.rivals: dict[str, tuple[str, ...]] = {}
+        self.doubt: str | None = None
 
     def took(self, stage: str) -> None:
         """Book the time since the last call."""
@@ -170,6 +172,7 @@ class _Work:
         self.notes.extend(joint.noise.notes)
         if not any(o.fitted < o.shot.samples for o in observed):
             self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
+        self.doubt = doubtful_states(self.campaign, held_out)
         self.took("base model")
         told = self.told(joint, by_accident, lawful)
         if (other := self.with_another_law(joint, told)) is not None:
@@ -337,7 +340,7 @@ class _Work:
         vague = max(map(len, groups), default=0) > MOST_ALIKE
         # the base model was checked on what was fitted alone: does it stand where it foretold badly?
         unseen = () if anything or math.isnan(closure) else against_the_base_model(joint)
-        if share > LEFT_OVER or refuted or vague or unseen:
+        if share > LEFT_OVER or refuted or vague or unseen or self.doubt:
             verdict = "unknown"
         elif not anything:
             verdict = "none"
@@ -374,7 +377,9 @@ class _Work:
         head = joint.base.head if verdict == "unknown" else chosen.fit.head  # of a model that is not named: no half
         gains, offsets = ({c: v for c, v in of.items() if c in units} for of in (head.gains, head.offsets))
         told = all(joint.noise.known(o) for o in joint.seen)
-        said = headline(verdict, named, groups, closure, share, closest(base, selection), location, told, unseen)
+        said = self.doubt or headline(
+            verdict, named, groups, closure, share, closest(base, selection), location, told, unseen
+        )
         groups = [] if verdict == "unknown" else groups
         return Diagnosis(
             self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),

@@ -333,3 +333,18 @@ def test_what_is_being_done_is_told(recorded, head, effects):
     assert "the base model" in told
     assert "what feedthrough would add (1 of 2)" in told
     assert told[-1] == "the next experiment"
+
+
+def test_no_physics_is_blamed_while_what_had_gone_before_is_in_doubt(recorded, effects):
+    campaign = recorded()
+    states = {"periodic": "free"}
+    doubtful = replace(
+        campaign,
+        recordings=tuple(
+            replace(r, initial_state=states.get(r.initial_state, r.initial_state)) if r.channel == "self_sensing" else r
+            for r in campaign.recordings
+        ),
+    )
+    found = diagnose(doubtful, effects=[effects["thermal_drift"]], workers=1)
+    assert (found.verdict, found.effects) == ("unknown", ())
+    assert "say so (initial state periodic)" in found.headline

@@ -28,6 +28,7 @@ def inkjet(capsys, tmp_path, monkeypatch):
         (["--reoptimise", "-1"], "--reoptimise must be at least 0; got -1"),
         (["--seed", PUBLISHED_SEED], f"seed {PUBLISHED_SEED} is the published one: give --published in its place"),
         (["--seed", "3", "--published"], "--published has a seed of its own; leave out --seed"),
+        (["--published", "--quick"], "--published is run whole, and once a version; leave out --quick"),
         (["--seed", "-3"], "--seed must be at least 0; got -3"),
         (["--scheduler", "tcp://127.0.0.1:9", "--workers", "2"], "--workers belongs to this machine"),
         (["--report", "page.pdf"], "--report must end in .html; got page.pdf"),

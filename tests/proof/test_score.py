@@ -10,7 +10,7 @@ from experiments.proof.document import document
 from experiments.proof.figures_of_merit import Figure, counted, estimated
 from experiments.proof.page import headline, page_html, sentences
 from experiments.proof.printed import print_score
-from experiments.proof.run import Outcome
+from experiments.proof.run import Outcome, as_judged
 from experiments.proof.score import score, told
 from inkjet_env.storage import json_text
 
@@ -273,3 +273,13 @@ def test_the_record_in_markdown_says_what_was_said_of_each(flawless, draws):
 
 def test_every_id_has_a_row_in_the_confusion_matrix(flawless):
     assert set(STAGES) | {"nothing", *OUTSIDE, *BASES} == set(scored(flawless)["confusion"])
+
+
+def test_a_judged_proof_is_counted_again_from_what_is_kept_of_it(finished):
+    folder, _, _ = finished
+    again = as_judged(folder)
+    assert [case["judged"] for case in again.cases] == [
+        json.loads((folder / "judged" / f"{case['name']}.json").read_text())["judged"] for case in again.cases
+    ]
+    assert again.answers == json.loads((folder / "answers.json").read_text())
+    assert [case["draw"]["number"] for case in again.cases] == list(range(len(again.cases)))
