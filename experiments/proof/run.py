@@ -7,7 +7,7 @@ import json
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -68,12 +68,15 @@ class Outcome:
         The two commitments.
     cases : list of dict
         In the order of their numbers: name, draw, truth, answer, run, judged.
+    judge : dict, optional
+        Code and versions that judged, where it was not this code now.
     """
 
     folder: Path
     manifest: Mapping[str, Any]
     answers: Mapping[str, Any]
     cases: list[dict[str, Any]]
+    judge: Mapping[str, Any] | None = None
 
 
 def conceal_case(draw: Mapping[str, Any], name: str, rig: str, code: str) -> tuple[bytes, str, Mapping[str, Any], int]:
@@ -141,12 +144,13 @@ def as_judged(folder: Path) -> Outcome:
     Raises
     ------
     ProofError
-        A judgement is missing; or answers or truth are not those that were committed to.
+        A judgement or its score.json is missing; or answers or truth are not those that were committed to.
     """
     manifest = read_json(folder / "manifest.json")
     committed, truth = commit_answers(folder, manifest), unseal(folder, manifest)
     judged = {name: read_json(folder / "judged" / f"{name}.json")["judged"] for name in truth}
-    return _outcome(folder, manifest, committed, truth, judged)
+    judge = read_json(folder / "score.json")["judge"]
+    return replace(_outcome(folder, manifest, committed, truth, judged), judge=judge)
 
 
 def _outcome(

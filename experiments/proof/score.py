@@ -51,7 +51,7 @@ def score(outcome: Outcome) -> dict[str, Any]:
     return {
         "format": SCORE_FORMAT,
         **{name: manifest[name] for name in ("version", "seed", "profile", "published", "code", "versions")},
-        "judge": {"code": code_digest(JUDGE_SOURCES), "versions": versions()},
+        "judge": outcome.judge or {"code": code_digest(JUDGE_SOURCES), "versions": versions()},
         "truth_sha256": manifest["truth_sha256"],
         "answers_sha256": outcome.answers["answers_sha256"],
         "cases": len(cases),

@@ -337,11 +337,10 @@ def test_what_is_being_done_is_told(recorded, head, effects):
 
 def test_no_physics_is_blamed_while_what_had_gone_before_is_in_doubt(recorded, effects):
     campaign = recorded()
-    states = {"periodic": "free"}
     doubtful = replace(
         campaign,
         recordings=tuple(
-            replace(r, initial_state=states.get(r.initial_state, r.initial_state)) if r.channel == "self_sensing" else r
+            replace(r, initial_state="free") if (r.channel, r.initial_state) == ("self_sensing", "periodic") else r
             for r in campaign.recordings
         ),
     )

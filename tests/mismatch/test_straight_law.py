@@ -69,4 +69,5 @@ def test_a_law_is_cut_off_where_it_is_told_and_stays_itself_up_to_there(part):
         np.array([law.full_scale_V * law.branch_law.Q(swing / law.full_scale_V) for swing in swings_V])
         for law in (PUBLISHED, cut)
     )
-    assert new == pytest.approx(old, rel=0.005, abs=0.15)
+    # within the old law it is the same polynomial; beyond, the nearest one to a law that no polynomial is
+    assert new == pytest.approx(old, rel=1e-9 if part < 1 else 0.005, abs=1e-9 if part < 1 else 0.15)

@@ -1,6 +1,7 @@
 import json
 import math
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -275,9 +276,13 @@ def test_every_id_has_a_row_in_the_confusion_matrix(flawless):
     assert set(STAGES) | {"nothing", *OUTSIDE, *BASES} == set(scored(flawless)["confusion"])
 
 
-def test_a_judged_proof_is_counted_again_from_what_is_kept_of_it(finished):
-    folder, _, _ = finished
+def test_a_judged_proof_is_counted_again_from_what_is_kept_of_it(finished, tmp_path):
+    folder = tmp_path / "kept"
+    shutil.copytree(finished[0], folder, ignore=shutil.ignore_patterns("campaigns"))
+    judge = {"code": "another", "versions": {}}
+    (folder / "score.json").write_text(json_text({"judge": judge}))
     again = as_judged(folder)
+    assert again.judge == judge
     assert [case["judged"] for case in again.cases] == [
         json.loads((folder / "judged" / f"{case['name']}.json").read_text())["judged"] for case in again.cases
     ]
