@@ -29,7 +29,7 @@ from inkjet_env.mismatch.kept import Kept
 from inkjet_env.mismatch.locate import locate
 from inkjet_env.mismatch.next_experiment import next_experiment
 from inkjet_env.mismatch.observed import Observed, finer, noise_seen, observe
-from inkjet_env.mismatch.select import Selection, leftover, select, supported
+from inkjet_env.mismatch.select import LEAST_IF_LARGE, Selection, leftover, select, supported
 from inkjet_env.mismatch.signatures import Signatures, signatures
 from inkjet_env.mismatch.straight_law import straight_beyond
 from inkjet_env.mismatch.verdict import (
@@ -217,10 +217,13 @@ class _Work:
     def with_another_law(self, joint: JointFit, told: _Told) -> JointFit | None:
         """The base model with a law that goes straight from some swing on, where that could be what was told instead.
 
-        Either what was told leaves a bend of the law, or the bend alone explains about as much.
+        Either what was told leaves a bend of the law, which then is a good part of what it leaves beyond noise, or the
+        bend alone explains about as much.
         """
-        bent = straight_beyond(told.joint, told.selection.chosen)
-        if bent is None and (told.selection.chosen.ids or told.standing):
+        chosen = told.selection.chosen
+        good_part = 0.5 * LEAST_IF_LARGE * chosen.excess if chosen.noise_known else 0.0
+        bent = straight_beyond(told.joint, chosen, good_part)
+        if bent is None and (chosen.ids or told.standing):
             bent = straight_beyond(joint, base_hypothesis(joint), AS_WELL * (told.score(joint) + joint.base.nll))
         self.took("base model")
         if bent is None:
