@@ -78,7 +78,7 @@ class Row:
     improvement : Estimate
         Probability that a run of it ends lower than one of the reference.
     signed_rank : SignedRank
-        Against the reference, on another problem; ``first`` is this one.
+        Against the reference, on another problem; ``first`` is this one. NaN where they share but one problem.
     """
 
     optimizer: str
@@ -196,7 +196,8 @@ class Comparison:
             if shared.any():
                 mine, theirs = values[:, shared], reference[:, shared]
                 improvement = stratified(probability_of_improvement, [mine, theirs], rng, RESAMPLES)
-                signed_rank = bayesian_signed_rank(np.median(mine, axis=0), np.median(theirs, axis=0), ALIKE, rng)
+                if shared.sum() > 1:  # one problem tells nothing of others
+                    signed_rank = bayesian_signed_rank(np.median(mine, axis=0), np.median(theirs, axis=0), ALIKE, rng)
         return Row(
             optimizer,
             int(usable.sum()),
@@ -217,8 +218,10 @@ class Comparison:
         everywhere = [row for row in found.rows if row.applies == len(found.problems)]
         best = (everywhere or found.rows)[0]
         of = "" if best is found.rows[0] else " of those that can be used on all problems"
+        level = [row.optimizer for row in everywhere if row is not best and row.rank == best.rank]
+        also = f" (level with {' and '.join(level)})" if level else ""
         said = [
-            f"After {budget:,} evaluations {best.optimizer}, the best by mean rank{of}, leaves a regret of "
+            f"After {budget:,} evaluations {best.optimizer}, the best by mean rank{of}{also}, leaves a regret of "
             f"{_ranged(best.quality)} of the problems' scales (interquartile mean of all runs){self._against(best)}."
         ]
         if swarm is not None and best is not swarm:
@@ -227,7 +230,7 @@ class Comparison:
                 f"The paper's particle swarm, with random factors ({REFERENCE}), is at place {place} of "
                 f"{len(found.rows)} (mean rank {swarm.rank:.1f}), with a regret of {_ranged(swarm.quality)}."
             )
-        if printed is not None and swarm is not None:
+        if printed is not None and swarm is not None and printed is not best:
             said.append(
                 f"As the paper prints it, without random factors (pso-printed), it leaves {_ranged(printed.quality)}"
                 f"{self._against(printed)}."
@@ -240,10 +243,12 @@ class Comparison:
         if not math.isfinite(row.improvement.value):
             return ""
         rank = row.signed_rank
+        ends = f"; a run of it ends lower than one of {REFERENCE} with probability {_ranged(row.improvement)}"
+        if not math.isfinite(rank.first):
+            return ends
         return (
-            f"; a run of it ends lower than one of {REFERENCE} with probability {_ranged(row.improvement)}, and on "
-            f"another problem like these it is better with posterior probability {rank.first:.2f}, alike with "
-            f"{rank.alike:.2f}, worse with {rank.second:.2f}"
+            f"{ends}, and on another problem like these it is better with posterior probability {rank.first:.2f}, "
+            f"alike with {rank.alike:.2f}, worse with {rank.second:.2f}"
         )
 
 

@@ -108,6 +108,7 @@ def _standings_json(found: Standings) -> dict[str, Any]:
     rows = [
         {
             "optimizer": row.optimizer,
+            "applies": row.applies,
             "rank": row.rank,
             "quality": as_json(row.quality),
             "solved": as_json(row.solved),

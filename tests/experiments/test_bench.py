@@ -86,6 +86,34 @@ def test_a_run_depends_on_nothing_but_its_names_budget_and_seed():
     assert file(small_settings(seed=1)) != alone
 
 
+def test_whatever_of_ours_a_run_uses_is_in_the_code_that_it_is_labelled_with():
+    script = """if True:
+        import sys
+        from pathlib import Path
+        import optimizers
+        from experiments.bench import SOURCES, BenchSettings, RunKey, applies, perform
+        from experiments.suite import families
+
+        for problems in families().values():
+            name = problems[0].name
+            for optimizer in ("pso-tuned", "lbfgsb-multistart"):
+                if applies(optimizer, name):
+                    assert perform(RunKey(optimizer, name, 0), BenchSettings((name,), (optimizer,), 1, 60))[1]
+        root = Path("experiments").resolve().parent
+        known = {file for pattern in SOURCES for file in root.glob(pattern)}
+        files = [Path(module.__file__) for name, module in sys.modules.items() if getattr(module, "__file__", None)]
+        ours = [file for file in files if root in file.parents and ".venv" not in file.parts]
+        print(*[str(file.relative_to(root)) for file in ours if file not in known], sep="\\n")
+    """
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    around = set(done.stdout.split())
+    assert "experiments/bench.py" in around
+    assert {name for name in around if not name.startswith("experiments/")} == set()
+    numbers = {"problems", "suite", "entrants"}
+    assert not {f"experiments/{name}.py" for name in numbers} & around
+
+
 def test_an_optimizer_of_shorter_runs_is_compared_as_far_as_they_go(monkeypatch, tmp_path):
     monkeypatch.setitem(LONGEST, "random", 60)
     settings = small_settings()

@@ -76,6 +76,16 @@ def test_three_sentences_say_what_one_may_conclude_each_with_its_interval(tmp_pa
     assert "lower than one of pso with probability 0.00 (0.00 to 0.00)" in printed
 
 
+def test_one_problem_tells_nothing_of_others_and_who_is_level_is_told(tmp_path):
+    level = {"nominal": [[1.0, 0.1, 0.1]] * 4}
+    curves = {"pso": {"nominal": [[1.0, 0.6, 0.6]] * 4}, "pso-printed": level, "cma-es": level}
+    said = Comparison(an_outcome(tmp_path, curves, ("nominal",))).sentences
+    assert len(said) == 2  # of the printed swarm it is told in the first
+    assert "pso-printed, the best by mean rank (level with cma-es), leaves" in said[0]
+    assert "lower than one of pso with probability 1.00" in said[0]
+    assert "another problem" not in " ".join(said)
+
+
 def test_a_family_is_looked_at_by_itself(compared):
     assert compared.families == ("cost", "head")
     assert compared.in_family("head") == ("stiff-head", "soft-head")
