@@ -40,8 +40,8 @@ LEFT_OUT = dict.fromkeys(
     ("nevergrad-NGOpt", "optuna-gp"),
     "Left out unless asked for (--optimizers all): it takes as long as all others together, or longer.",
 )
-LONGEST = {"optuna-gp": 150}
-"""Evaluations after which the runs of some end, whatever the budget: beyond them their own time is in hours."""
+LONGEST = {"optuna-gp": 150, "nevergrad-NGOpt": 2000}
+"""Evaluations after which the runs of some end, whatever the budget: beyond them a bench would take days."""
 REPEATS_A_JOB = 5
 """Runs that a worker does before it tells of them; a lost worker's are done again."""
 Ended = tuple[RunKey, RunResult | None, dict[str, float], str]

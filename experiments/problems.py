@@ -134,20 +134,23 @@ class Problem:
         return not (isinstance(self.printhead, AugmentedPrinthead) or self.reading_V)
 
     @functools.cached_property
-    def _heads(self) -> list[NDArray[np.float64]]:
-        """What a waveform is tried on, for the compiled simulator."""
+    def _heads(self) -> NDArray[np.float64]:
+        """What a waveform is tried on, a row a head, for the compiled simulator."""
         from inkjet_env.printhead import batch
 
         if isinstance(self.printhead, AugmentedPrinthead):
             raise ValueError("a printhead with effects has no gradients. Take an optimiser that needs none, as pso.")
         heads = self.spread.around(self.printhead) if self.spread else (self.printhead,)
-        return [batch.head_table(head) for head in heads]
+        return batch.head_table(heads)
 
-    @property
-    def _fired(self) -> dict[str, Any]:
-        """How waveforms are fired and looked at."""
+    def _fired(self, waveforms: NDArray[np.float64]) -> dict[str, Any]:
+        """Every waveform on every head, head by head, and how they are fired and looked at."""
+        count, heads = len(waveforms), self._heads
+        if len(heads) > 1:  # in one call: a search that asks for one waveform at a time waits for calls mostly
+            waveforms, heads = np.tile(waveforms, (len(heads), 1)), np.repeat(heads, count, axis=0)
         period_s = 1 / self.jetting_Hz if self.jetting_Hz else math.inf
-        return {"initial_state": self.initial_state, "window_s": self.window_s, "period_s": period_s}
+        fired = {"initial_state": self.initial_state, "window_s": self.window_s, "period_s": period_s}
+        return fired | {"waveforms": waveforms, "heads": heads, "cost": self.cost}
 
     def evaluate(self, points: ArrayLike) -> NDArray[np.float64]:
         """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7)."""
@@ -156,7 +159,7 @@ class Problem:
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
         if isinstance(self.printhead, AugmentedPrinthead):
             return self.printhead.costs(waveforms, self.cost, self.initial_state, self.window_s)
-        costs = np.array([batch.costs(waveforms, head, self.cost, **self._fired) for head in self._heads])
+        costs = batch.costs(**self._fired(waveforms)).reshape(-1, len(waveforms))
         judged: NDArray[np.float64] = costs.mean(axis=0) if self._by_mean else costs.max(axis=0)
         return judged
 
@@ -170,8 +173,8 @@ class Problem:
         if self.reading_V:
             raise ValueError("readings of peaks have no gradients. Take an optimiser that needs none, as pso.")
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
-        found = [batch.costs_and_gradients(waveforms, head, self.cost, **self._fired) for head in self._heads]
-        costs, gradients = (np.array(part) for part in zip(*found, strict=True))
+        costs, gradients = batch.costs_and_gradients(**self._fired(waveforms))
+        costs, gradients = costs.reshape(-1, len(waveforms)), gradients.reshape(-1, *waveforms.shape)
         if self._by_mean:
             return costs.mean(axis=0), gradients.mean(axis=0) * self.bounds.half_width
         worst, each = costs.argmax(axis=0), np.arange(len(waveforms))
