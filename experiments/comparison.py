@@ -70,7 +70,8 @@ class Row:
     applies : int
         On how many of the problems it can be used.
     quality : Estimate
-        Interquartile mean of the regret in the problems' scales; infinite where it cannot be used on all.
+        Interquartile mean of the regret in the problems' scales. Where it cannot be used its runs count as infinitely
+        bad, so it is infinite where those are more than a quarter.
     solved : Estimate
         Share of runs within a hundredth of the scale.
     rank : float

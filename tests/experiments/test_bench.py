@@ -90,6 +90,7 @@ def test_whatever_of_ours_a_run_uses_is_in_the_code_that_it_is_labelled_with():
     script = """if True:
         import sys
         from pathlib import Path
+        import experiments
         import optimizers
         from experiments.bench import SOURCES, BenchSettings, RunKey, applies, perform
         from experiments.suite import families
@@ -99,9 +100,9 @@ def test_whatever_of_ours_a_run_uses_is_in_the_code_that_it_is_labelled_with():
             for optimizer in ("pso-tuned", "lbfgsb-multistart"):
                 if applies(optimizer, name):
                     assert perform(RunKey(optimizer, name, 0), BenchSettings((name,), (optimizer,), 1, 60))[1]
-        root = Path("experiments").resolve().parent
+        root = Path(experiments.__file__).resolve().parents[1]
         known = {file for pattern in SOURCES for file in root.glob(pattern)}
-        files = [Path(module.__file__) for name, module in sys.modules.items() if getattr(module, "__file__", None)]
+        files = [Path(module.__file__) for module in sys.modules.values() if getattr(module, "__file__", None)]
         ours = [file for file in files if root in file.parents and ".venv" not in file.parts]
         print(*[str(file.relative_to(root)) for file in ours if file not in known], sep="\\n")
     """
