@@ -177,6 +177,88 @@ def lagged(signal, keep, old, new, start, result):
 
 
 @_jit
+def delayed(signal, whole, weights, periodic, result):
+    """Sums of four samples in turn, the first of them ``whole + 2`` before.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+    whole : int
+    weights : ndarray, shape (4,)
+    periodic : bool
+        The sample after the last is the first; else the signal is held at either end.
+    result : ndarray, shape (n,)
+        Filled.
+    """
+    n = signal.shape[0]
+    for i in range(n):
+        first = i - whole - 2
+        if periodic:
+            first %= n
+        total = 0.0
+        for k in range(4):
+            at = first + k
+            if periodic:
+                at -= n if at >= n else 0
+            else:
+                at = min(max(at, 0), n - 1)
+            total += weights[k] * signal[at]
+        result[i] = total
+
+
+@_jit
+def extrema(signal, flat, times, values):
+    """Local extrema of a signal, see `inkjet_env.plant.extrema`; returns their number.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+    flat : float
+        Of the largest magnitude: a lesser change from sample to sample is none.
+    times, values : ndarray, shape (≥ n,)
+        Filled; times in samples.
+    """
+    n = signal.shape[0]
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, abs(signal[i]))
+    count, before, rose = 0, -1, False
+    for i in range(n - 1):
+        rise = signal[i + 1] - signal[i]
+        if not abs(rise) > flat * largest:
+            continue
+        rises = rise > 0.0
+        if before >= 0 and rises != rose:
+            first, last = before + 1, i  # samples between which the signal is flat
+            at = (first + last) // 2
+            slope, bend, shift = 0.5 * (signal[at + 1] - signal[at - 1]), _bend(signal, at), 0.0
+            if first == last and bend != 0.0:
+                shift = -slope / bend
+            gentlest = min(abs(_bend(signal, at - 1)), abs(bend), abs(_bend(signal, at + 1))) / 8.0
+            times[count] = 0.5 * (first + last) + shift
+            values[count] = signal[at] + min(max(slope * shift / 2.0, -gentlest), gentlest)
+            count += 1
+        before, rose = i, rises
+    return count
+
+
+@_jit
+def _bend(signal, at):
+    """Second difference; at either end, that beside it."""
+    at = min(max(at, 1), signal.shape[0] - 2)
+    return (signal[at + 1] - signal[at]) - (signal[at] - signal[at - 1])
+
+
+@_jit
+def pushed(forces, x_V, speed_V):
+    """All forces that depend on the motion, in one state; ``forces`` as in `forced_motion`."""
+    total = 0.0
+    for k in range(forces.shape[0]):
+        total += _force(forces[k, 0], x_V, speed_V, forces[k, 1])  # type: ignore[call-arg]
+    return total
+
+
+@_jit
 def stepped(keep, gained, state, result):
     """States x with ``x ← keep x + gained``, the first of them in ``result``; ``state`` is left where it ends.
 

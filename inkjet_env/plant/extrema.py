@@ -24,18 +24,8 @@ def extrema(signal: Real, step_s: float) -> tuple[Real, Real]:
     >>> times_s.round(4), values.round(6)
     (array([1.5708, 4.7124]), array([ 1., -1.]))
     """
-    rises = np.diff(signal)
-    moving = np.flatnonzero(np.abs(rises) > FLAT * np.abs(signal).max(initial=0.0))
-    turns = np.flatnonzero(np.signbit(rises[moving[1:]]) != np.signbit(rises[moving[:-1]]))
-    first, last = moving[turns] + 1, moving[turns + 1]  # samples between which the signal is flat
-    at = (first + last) // 2
-    bend = np.zeros(signal.size)
-    bend[1:-1] = np.diff(rises)
-    bend[[0, -1]] = bend[[1, -2]]
-    slope = (signal[at + 1] - signal[at - 1]) / 2
-    sharp = (first == last) & (bend[at] != 0)
-    shift = np.zeros(at.size)
-    shift[sharp] = -slope[sharp] / bend[at[sharp]]
-    beyond = slope * shift / 2
-    gentlest = np.min(np.abs([bend[at - 1], bend[at], bend[at + 1]]), axis=0) / 8
-    return ((first + last) / 2 + shift) * step_s, signal[at] + np.clip(beyond, -gentlest, gentlest)
+    from inkjet_env.plant import compiled
+
+    times, values = np.empty(signal.size), np.empty(signal.size)
+    count = compiled.extrema(np.ascontiguousarray(signal, dtype=np.float64), FLAT, times, values)
+    return times[:count] * step_s, values[:count]

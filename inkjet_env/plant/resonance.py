@@ -250,7 +250,7 @@ class Resonance:
             addresses = [(f.law.address, v.ctypes.data) for f, v in zip(self.forces, values, strict=True)]
             forces = np.array(addresses, dtype=np.int64).reshape(-1, 2)
             before = rest + (state - rest) * np.exp(-lam * h)  # of a drive that had been constant
-            past = np.array([self._pushed_V(place, lam, values) for place in (rest, before, state)][1:])
+            past = np.array([self._pushed_V(place, lam, forces) for place in (rest, before, state)][1:])
 
             def run(start: complex) -> complex:
                 return complex(
@@ -279,10 +279,12 @@ class Resonance:
         deflection, speed = motion
         return speed / self.drive_a0, -(self.a0 * deflection + self.a1 * speed) / self.drive_a0
 
-    def _pushed_V(self, state: complex, pole_: complex, values: Sequence[Real]) -> float:
+    def _pushed_V(self, state: complex, pole_: complex, forces: NDArray[np.int64]) -> float:
         """All forces in a state of the resonator at the first sample, in hysteretic volts."""
+        from inkjet_env.plant import compiled
+
         x_V, speed_V = state.imag, (pole_ * state).imag / math.sqrt(self.a0)
-        pushed_V = sum(float(f.law(x_V, speed_V, own)) for f, own in zip(self.forces, values, strict=True))
+        pushed_V = float(compiled.pushed(forces, x_V, speed_V))
         if self.softening is not None:
             pushed_V += self.a0 / self.drive_a0 * float(self.softening[0]) * x_V
         return pushed_V
@@ -326,21 +328,21 @@ def delayed(signal: Real, samples: float, periodic: bool) -> Real:
     periodic : bool
         The sample after the last is the first.
     """
+    from inkjet_env.plant import compiled
+
     whole = math.floor(samples)
-    part = 1 - (samples - whole)
-    places = np.arange(signal.size + 3) - whole - 2
-    reached = signal[places % signal.size if periodic else np.clip(places, 0, signal.size - 1)]
-
-    def at(offset: int) -> Real:
-        return reached[offset : offset + signal.size]
-
-    t = part  # Lagrange's cubic through the two samples on either side
-    return (
-        -t * (t - 1) * (t - 2) / 6 * at(0)
-        + (t + 1) * (t - 1) * (t - 2) / 2 * at(1)
-        - (t + 1) * t * (t - 2) / 2 * at(2)
-        + (t + 1) * t * (t - 1) / 6 * at(3)
+    t = 1 - (samples - whole)
+    weights = np.array(  # Lagrange's cubic through the two samples on either side
+        [
+            -t * (t - 1) * (t - 2) / 6,
+            (t + 1) * (t - 1) * (t - 2) / 2,
+            -(t + 1) * t * (t - 2) / 2,
+            (t + 1) * t * (t - 1) / 6,
+        ]
     )
+    result = np.empty(signal.size)
+    compiled.delayed(np.ascontiguousarray(signal), whole, weights, periodic, result)
+    return result
 
 
 def too_slow(shots: Sequence[Shot]) -> str | None:

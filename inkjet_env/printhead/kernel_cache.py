@@ -1,4 +1,8 @@
-"""Compiled code on disk, kept only while it is what the sources say."""
+"""Compiled code on disk, kept only while it is what the sources say.
+
+Products and sums are fused as the compiler sees fit, which hangs on the processor and on which functions were compiled
+before: between machines, or after the code was deleted, last bits may differ.
+"""
 
 from __future__ import annotations
 

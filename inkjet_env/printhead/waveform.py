@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -106,7 +106,7 @@ class Waveform:
     t5: float
 
     def __post_init__(self) -> None:
-        as_waveform_array(astuple(self))
+        as_waveform_array(self._values())
 
     @classmethod
     def from_array(cls, values: ArrayLike) -> Waveform:
@@ -116,9 +116,12 @@ class Waveform:
             raise ValueError(f"values must be one waveform of shape (7,); got {len(rows)} rows.")
         return cls(*(float(v) for v in rows[0]))
 
+    def _values(self) -> tuple[float, ...]:
+        return self.U1, self.U2, self.t1, self.t2, self.t3, self.t4, self.t5
+
     def to_array(self) -> NDArray[np.float64]:
         """The seven parameters, shape (7,), in volts and seconds."""
-        return np.array(astuple(self))
+        return np.array(self._values())
 
     @property
     def duration_s(self) -> float:
