@@ -266,18 +266,18 @@ def bench(
     except KeyboardInterrupt:
         print(f"Interrupted; finished runs are kept in {results}. The same command goes on.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
-    from experiments.report import ranking_json, write_report
+    from experiments.report import write_report
     from experiments.statistics import summarise
     from inkjet_env.storage import write_json
 
     summary = summarise(outcome)
-    page, sentences = write_report(outcome, summary)
+    page, ranking = write_report(outcome, summary)
     if json is not None:
-        write_json(json, ranking_json(outcome, summary, sentences))
+        write_json(json, ranking)
     if str(json) != "-":
         from experiments.tables import print_ranking
 
-        print_ranking(summary, settings.problems, sentences, outcome.unavailable)
+        print_ranking(summary, settings.problems, ranking["sentences"], outcome.unavailable)
         print(f"Report: {page}")
 
 

@@ -209,16 +209,14 @@ class Comparison:
             signed_rank,
         )
 
-    @functools.cached_property
-    def sentences(self) -> tuple[str, ...]:
-        """What a reader may conclude after the whole budget: of the best, of the paper's swarm, of it as printed."""
-        budget = self.budgets[-1]
-        found = self.standings("all", budget)
+    def sentences(self, family: str, budget: int) -> tuple[str, ...]:
+        """What a reader may conclude, after a budget: of the best, of the paper's swarm, of it as printed."""
+        found = self.standings(family, budget)
         by_name = {row.optimizer: row for row in found.rows}
         swarm, printed = by_name.get(REFERENCE), by_name.get("pso-printed")
         everywhere = [row for row in found.rows if row.applies == len(found.problems)]
         best = (everywhere or found.rows)[0]
-        of = "" if best is found.rows[0] else " of those that can be used on all problems"
+        of = "" if best is found.rows[0] else " of those that can be used on all of these problems"
         level = [row.optimizer for row in everywhere if row is not best and row.rank == best.rank]
         also = f" (level with {' and '.join(level)})" if level else ""
         said = [

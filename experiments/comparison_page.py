@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.comparison import REFERENCE, SOLVED, Comparison, Standings, as_json, scale_V
+from experiments.comparison import REFERENCE, SOLVED, Comparison, as_json, scale_V
 from experiments.entrants import entrant
 from experiments.jetting import jetting
 from experiments.measures import performance_profile
@@ -69,8 +69,7 @@ def page_data(compared: Comparison) -> dict[str, Any]:
     spaced = np.round(np.geomspace(1, budget, GRID)).astype(int)
     evaluations = sorted({*spaced.tolist(), *compared.budgets})
     families = ("all", *compared.families) if len(compared.families) > 1 else ("all",)
-    found = {family: {str(b): compared.standings(family, b) for b in compared.budgets} for family in families}
-    order = [row.optimizer for row in found["all"][str(compared.budgets[-1])].rows]
+    order = [row.optimizer for row in compared.standings("all", budget).rows]
     order += [name for name in compared.optimizers if name not in order]
     return {
         "families": list(families),
@@ -82,7 +81,7 @@ def page_data(compared: Comparison) -> dict[str, Any]:
         "evaluations": evaluations,
         "levels": LEVELS.tolist(),
         "standings": {
-            family: {b: _standings_json(one) for b, one in by_budget.items()} for family, by_budget in found.items()
+            family: {str(b): standings_json(compared, family, b) for b in compared.budgets} for family in families
         },
         "ecdf": {
             family: {
@@ -94,8 +93,8 @@ def page_data(compared: Comparison) -> dict[str, Any]:
         "profile": {family: {str(b): _profiles(compared, family, b) for b in compared.budgets} for family in families},
         "curves": {name: _curves(compared, name, evaluations) for name in compared.problems},
         "physical": {name: _physical(compared, name, order, rng) for name in compared.problems},
-        "problems": [_problem_json(name) for name in compared.problems],
-        "entrants": [_entrant_json(name, budget_of(name)) for name in order],
+        "problems": [problem_json(name) for name in compared.problems],
+        "entrants": [entrant_json(name, budget_of(name)) for name in order],
         "seconds": {name: _seconds(compared, name) for name in order},
     }
 
@@ -104,7 +103,9 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _standings_json(found: Standings) -> dict[str, Any]:
+def standings_json(compared: Comparison, family: str, budget: int) -> dict[str, Any]:
+    """Who is how good on a family after a budget, and what may be concluded, as plain JSON values."""
+    found = compared.standings(family, budget)
     rows = [
         {
             "optimizer": row.optimizer,
@@ -121,6 +122,7 @@ def _standings_json(found: Standings) -> dict[str, Any]:
         "problems": len(found.problems),
         "friedman_p": _finite(found.friedman_p),
         "critical_difference": _finite(found.critical_difference),
+        "sentences": list(compared.sentences(family, budget)),
         "rows": rows,
     }
 
@@ -180,7 +182,8 @@ def _seconds(compared: Comparison, optimizer: str) -> float | None:
     return float(np.mean(known)) if known else None
 
 
-def _entrant_json(name: str, budget: int) -> dict[str, Any]:
+def entrant_json(name: str, budget: int) -> dict[str, Any]:
+    """Who takes part, and how, as plain JSON values."""
     who = entrant(name)
     return {
         "name": name,
@@ -191,7 +194,8 @@ def _entrant_json(name: str, budget: int) -> dict[str, Any]:
     }
 
 
-def _problem_json(name: str) -> dict[str, Any]:
+def problem_json(name: str) -> dict[str, Any]:
+    """A problem and its best known cost, as plain JSON values."""
     known = problem(name).best_known
     return {
         "name": name,

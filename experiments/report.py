@@ -31,35 +31,43 @@ CSV_COLUMNS = (
 )
 
 
-def write_report(outcome: BenchOutcome, summary: Summary) -> tuple[Path, tuple[str, ...]]:
+def write_report(outcome: BenchOutcome, summary: Summary) -> tuple[Path, dict[str, Any]]:
     """Write report.html, ranking.csv and ranking.json into the results folder.
 
     Returns
     -------
     page : Path
-    sentences : tuple of str
-        What a reader may conclude.
+    ranking : dict
+        What ranking.json holds; under "sentences", what a reader may conclude.
     """
     compared = Comparison(outcome)
-    sentences = (*compared.sentences, *summary.sentences)
+    ranking = ranking_json(compared, summary)
     write_atomically(outcome.folder / "ranking.csv", ranking_csv(summary))
-    write_atomically(outcome.folder / "ranking.json", json_text(ranking_json(outcome, summary, sentences)))
+    write_atomically(outcome.folder / "ranking.json", json_text(ranking))
     page = outcome.folder / "report.html"
     settings = outcome.settings
     shown = "nominal" if "nominal" in settings.problems else settings.problems[0]
     runs = [r for r in outcome.results if (r.key.optimizer, r.key.problem) == (summary.winner, shown)]
     run = median_run(runs or outcome.results)
     waveforms = pictures.svg_text(before_after_figure(run))
-    write_atomically(page, comparison_page.page(compared, sentences, run.key, waveforms))
-    return page, sentences
+    write_atomically(page, comparison_page.page(compared, ranking["sentences"], run.key, waveforms))
+    return page, ranking
 
 
-def ranking_json(outcome: BenchOutcome, summary: Summary, sentences: Sequence[str]) -> dict[str, Any]:
-    """The ranking as plain JSON values; numbers that do not exist are null."""
+def ranking_json(compared: Comparison, summary: Summary) -> dict[str, Any]:
+    """The ranking after the whole budget, and who is how good after each, as plain JSON values.
+
+    Numbers that do not exist are null.
+    """
+    outcome = compared.outcome
+    settings = outcome.settings
     return {
         "format": RANKING_FORMAT,
-        "settings": outcome.settings.to_json(),
-        "sentences": list(sentences),
+        "settings": settings.to_json(),
+        "sentences": [*compared.sentences("all", compared.budgets[-1]), *summary.sentences],
+        "problems": [comparison_page.problem_json(name) for name in compared.problems],
+        "entrants": [comparison_page.entrant_json(name, settings.budget_of(name)) for name in compared.optimizers],
+        "standings": {str(b): comparison_page.standings_json(compared, "all", b) for b in compared.budgets},
         "friedman_p": _number(summary.friedman_p),
         "critical_difference": _number(summary.critical_difference),
         "ranking": [

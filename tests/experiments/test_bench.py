@@ -250,9 +250,9 @@ def test_an_optimiser_that_needs_gradients_is_left_out_where_there_are_none(tmp_
     ]
     summary = summarise(outcome)
     assert summary.score("lbfgsb-multistart", "reading-200mV") is None
-    page, sentences = write_report(outcome, summary)
+    page, ranking = write_report(outcome, summary)
     assert "–" in page.read_text()
-    json.dumps(ranking_json(outcome, summary, sentences), allow_nan=False)
+    json.dumps(ranking, allow_nan=False)
     told, true = ([getattr(r, part)[-1] for r in outcome.results[-2:]] for part in ("told_V", "costs_V"))
     assert (np.array(told) != true).all()
 
@@ -260,7 +260,7 @@ def test_an_optimiser_that_needs_gradients_is_left_out_where_there_are_none(tmp_
 def test_tables_for_machines_agree_with_each_other(finished):
     summary = summarise(finished)
     lines = ranking_csv(summary).splitlines()
-    found = ranking_json(finished, summary, summary.sentences)
+    found = ranking_json(Comparison(finished), summary)
     assert found["format"] == "ranking/1"
     assert len(lines) == 1 + 2 * 1
     best = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))

@@ -67,8 +67,10 @@ def test_three_sentences_say_what_one_may_conclude_each_with_its_interval(tmp_pa
         for optimizer, end in ends.items()
     }
     del curves["lbfgsb-multistart"]["damping-0.02"]  # as if it could not be used there
-    best, swarm, printed = Comparison(an_outcome(tmp_path, curves, problems, 2)).sentences
-    assert best.startswith("After 2 evaluations cma-es, the best by mean rank of those that can be used on all")
+    best, swarm, printed = Comparison(an_outcome(tmp_path, curves, problems, 2)).sentences("all", 2)
+    assert best.startswith(
+        "After 2 evaluations cma-es, the best by mean rank of those that can be used on all of these"
+    )
     assert "probability 1.00 (1.00 to 1.00)" in best
     assert "with posterior probability 1.00, alike with 0.00, worse with 0.00" in best
     assert "(pso), is at place 3 of 4" in swarm
@@ -79,7 +81,7 @@ def test_three_sentences_say_what_one_may_conclude_each_with_its_interval(tmp_pa
 def test_one_problem_tells_nothing_of_others_and_who_is_level_is_told(tmp_path):
     level = {"nominal": [[1.0, 0.1, 0.1]] * 4}
     curves = {"pso": {"nominal": [[1.0, 0.6, 0.6]] * 4}, "pso-printed": level, "cma-es": level}
-    said = Comparison(an_outcome(tmp_path, curves, ("nominal",))).sentences
+    said = Comparison(an_outcome(tmp_path, curves, ("nominal",))).sentences("all", 3)
     assert len(said) == 2  # of the printed swarm it is told in the first
     assert "pso-printed, the best by mean rank (level with cma-es), leaves" in said[0]
     assert "lower than one of pso with probability 1.00" in said[0]
