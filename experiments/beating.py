@@ -10,13 +10,16 @@ import argparse
 import os
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 from experiments.progress import shown_progress
 from experiments.statistics import best_known_cost
 from experiments.suite import problem, suite
 from experiments.tables import print_table
+from inkjet_env.storage import write_json
 
+FORMAT = "beating/1"
 METHODS = ("bipop-cma-es", "scipy-differential-evolution", "lbfgsb-multistart")
 WITHOUT_GRADIENT = "pymoo-pso"
 """In place of a method that the problem has no gradient for."""
@@ -89,10 +92,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--problem", action="append", choices=list(suite()), help="all of the suite unless given")
     parser.add_argument("--minutes", type=float, default=60.0, help="for all of it (60)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes; one a core unless given")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write what was tried as JSON")
     chosen = parser.parse_args(arguments)
     if not chosen.minutes > 0 or chosen.workers < 1:
         parser.error("--minutes must be above 0 and --workers at least 1.")
     found = attempts(chosen.problem or list(suite()), 60 * chosen.minutes, chosen.workers)
+    if chosen.json is not None:
+        tried = [asdict(one) | {"known_V": best_known_cost(one.problem), "gain": one.gain} for one in found]
+        told = {"format": FORMAT, "minutes": chosen.minutes, "workers": chosen.workers, "attempts": tried}
+        write_json(chosen.json, told)
     print_table(
         ("problem", "best known, V", "method", "its best, V", "gain, %", "evaluations"),
         [

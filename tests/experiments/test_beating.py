@@ -1,14 +1,20 @@
+import json
+
 import pytest
 
 from experiments import beating
 from experiments.statistics import best_known_cost
 
 
-def test_a_record_that_is_too_high_is_beaten(monkeypatch, capsys):
+def test_a_record_that_is_too_high_is_beaten(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(beating, "BUDGET", 4000)
     monkeypatch.setattr(beating, "best_known_cost", lambda name: best_known_cost(name) + 1.0)
-    assert beating.main(["--problem", "nominal", "--minutes", "0.01", "--workers", "1"]) == 1
+    kept = tmp_path / "tried.json"
+    assert beating.main(["--problem", "nominal", "--minutes", "0.01", "--workers", "1", "--json", str(kept)]) == 1
     assert "nominal is beaten by lbfgsb-multistart" in capsys.readouterr().out
+    tried = json.loads(kept.read_text())["attempts"]
+    assert [one["method"] for one in tried] == list(beating.METHODS)
+    assert max(one["gain"] for one in tried) > beating.ALLOWED
 
 
 def test_the_record_stands_and_every_method_says_what_it_spent(capsys):
