@@ -30,6 +30,8 @@ from inkjet_env.storage import json_text, write_atomically
 
 Real = NDArray[np.float64]
 
+FORMAT = "amortised/1"
+TITLE = "Learning over heads"
 HIDDEN = (128, 128)
 BUDGETS = (50, 150, 2000)
 WARM_STEP = 0.05
@@ -321,7 +323,7 @@ def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int)
     least = np.min([one.curves_V.min(axis=1) for one in results], axis=0)
     moved = [TuningResult(o.name, o.at_once_V - least, o.curves_V - least[:, None], o.trained) for o in results]
     found = {
-        "format": "amortised/1",
+        "format": FORMAT,
         "heads": heads,
         "evaluations": evaluations,
         "seed": seed,
@@ -336,9 +338,8 @@ def _policy(learn: Callable[[int, int], Trained], evaluations: int, seed: int) -
     return learn(evaluations, seed)[0]
 
 
-def print_study(found: Mapping[str, Any]) -> None:
-    """The table for people."""
-    from experiments.tables import print_table
+def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Header and rows of a study, for people."""
 
     def volts(entry: Mapping[str, float] | None) -> str:
         return "–" if entry is None else f"{entry['value']:.3g} ({entry['low']:.3g} … {entry['high']:.3g})"
@@ -350,9 +351,20 @@ def print_study(found: Mapping[str, Any]) -> None:
         rows.append(
             (row["name"], f"{row['trained']:,}", *(volts(row.get(str(b))) for b in (0, *BUDGETS)), text),
         )
-    header = ("tuned by", "evaluations to learn", *(f"after {b:,}" for b in (0, *BUDGETS)), "pays from … heads")
-    print_table(header, rows)
-    print(f"Median regret in volts over {found['heads']} heads that nobody had seen, with its 95 % interval.")
+    return ("tuned by", "evaluations to learn", *(f"after {b:,}" for b in (0, *BUDGETS)), "pays from … heads"), rows
+
+
+def legend(found: Mapping[str, Any]) -> str:
+    """What the table's numbers are."""
+    return f"Median regret in volts over {found['heads']} heads that nobody had seen, with its 95 % interval."
+
+
+def print_study(found: Mapping[str, Any]) -> None:
+    """The table for people."""
+    from experiments.tables import print_table
+
+    print_table(*table(found))
+    print(legend(found))
 
 
 def run_command(

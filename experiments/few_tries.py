@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -27,6 +27,7 @@ from inkjet_env.storage import json_text, write_atomically
 Real = NDArray[np.float64]
 
 FORMAT = "few-tries/1"
+TITLE = "A few tries on an unknown head"
 SCRATCH = ("random", "sobol", "pso", "coordinate", "cma-es", "optuna-gp")
 SHOWN = (1, 3, TRIES)
 """After how many tries the tables tell."""
@@ -225,11 +226,9 @@ def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int,
     return found
 
 
-def print_study(found: Mapping[str, Any]) -> None:
-    """The table for people."""
-    from experiments.tables import print_table
-
-    counts: Sequence[str] = list(found["rows"][0]["after"])
+def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Header and rows of a study, for people; who is best after the last try comes first."""
+    counts = tuple(found["rows"][0]["after"])
     rows = [
         (
             row["name"], f"{row['learning']:,}",
@@ -237,11 +236,23 @@ def print_study(found: Mapping[str, Any]) -> None:
         )
         for row in sorted(found["rows"], key=lambda row: float(row["after"][counts[-1]]["value"]))
     ]  # fmt: skip
-    print_table(("tuned by", "evaluations to learn", *(f"after {count}" for count in counts)), rows)
-    print(
+    return ("tuned by", "evaluations to learn", *(f"after {count}" for count in counts)), rows
+
+
+def legend(found: Mapping[str, Any]) -> str:
+    """What the table's numbers are."""
+    return (
         f"Median regret in volts over {found['heads']} heads that nobody had seen, with its 95 % interval; firing "
         f"nothing has {found['nothing_V']:.2f}."
     )
+
+
+def print_study(found: Mapping[str, Any]) -> None:
+    """The table for people."""
+    from experiments.tables import print_table
+
+    print_table(*table(found))
+    print(legend(found))
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from experiments.proof.printed import figure_text, interval_text
 from experiments.proof.run import as_judged
 from experiments.proof.score import SCORE_FORMAT, score
 from experiments.proof.sealing import read_json
+from experiments.tables import markdown_table
 from inkjet_env.storage import write_json
 
 DPI = 110
@@ -28,18 +29,13 @@ WORDS = {
 }  # fmt: skip
 
 
-def _table(heading: Sequence[str], rows: Iterator[Sequence[str]] | Sequence[Sequence[str]]) -> str:
-    lines = [" | ".join(heading), " | ".join(["---"] * len(heading)), *(" | ".join(row) for row in rows)]
-    return "\n".join(f"| {line} |" for line in lines)
-
-
 def _ranged(figure: Mapping[str, Any]) -> str:
     return f"{figure_text(figure['value'], figure['kind'])} ({interval_text(figure)})"
 
 
 def figures_table(found: Mapping[str, Any]) -> str:
     """Every figure with its 90 % interval, beside what is asked."""
-    return _table(
+    return markdown_table(
         ("figure", "reached (90 % interval)", "cases", "asked", "met"),
         [
             (
@@ -54,7 +50,7 @@ def figures_table(found: Mapping[str, Any]) -> str:
 
 def curve_table(found: Mapping[str, Any]) -> str:
     """Detection against strength."""
-    return _table(
+    return markdown_table(
         ("strength", "mismatch over noise, median", "detected", "right name or set"),
         [
             (
@@ -80,7 +76,7 @@ def said_table(found: Mapping[str, Any]) -> str:
         rows.append(
             (hidden, str(sum(row.values())), str(right), "; ".join(f"{WORDS.get(k, k)} {n}" for k, n in others))
         )
-    return _table(("concealed", "heads", "right", "else"), rows)
+    return markdown_table(("concealed", "heads", "right", "else"), rows)
 
 
 def worth_table(found: Mapping[str, Any]) -> str:
@@ -100,14 +96,14 @@ def worth_table(found: Mapping[str, Any]) -> str:
     rows = [row(effect, mine) for effect, mine in sorted(by_effect.items())]
     if heads:
         rows.append(row("**all**", heads))
-    return _table(("concealed", "heads", "base, V", "augmented, V", "oracle, V", "won back"), rows)
+    return markdown_table(("concealed", "heads", "base, V", "augmented, V", "oracle, V", "won back"), rows)
 
 
 def misses_table(found: Mapping[str, Any]) -> str:
     """How often each wrong thing was said of what, over all families and strengths."""
     counted = Counter((miss["concealed"], miss["strength"], miss["verdict"], miss["said"]) for miss in found["misses"])
     named = {key: n for key, n in counted.items() if key[2] in ("named", "set")}
-    return _table(
+    return markdown_table(
         ("concealed", "strength", "verdict", "said", "times"),
         [(*key, str(n)) for key, n in sorted(named.items(), key=lambda item: (-item[1], item[0]))],
     )
@@ -116,7 +112,7 @@ def misses_table(found: Mapping[str, Any]) -> str:
 def peers_table(found: Mapping[str, Any]) -> str:
     """What else one could do, on the same heads."""
     peers = found["peers"]
-    return _table(
+    return markdown_table(
         ("method", "held-out RMS over noise, median", "what it said"),
         [
             (

@@ -1,0 +1,133 @@
+"""The tables of a comparison in Markdown, for its record in ``docs``.
+
+``python -m experiments.comparison_document FOLDER`` prints those of a bench's ranking.json and of what else lies in the
+folder: beating.json (the attack on the best known costs), amortised.json and few_tries.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from experiments import amortised, beating, few_tries
+from experiments.report import RANKING_FORMAT
+from experiments.tables import markdown_table
+
+Content = Mapping[str, Any]
+
+
+def _ranged(entry: Mapping[str, float | None], percent: bool = False) -> str:
+    def written(value: float | None) -> str:
+        if value is None:
+            return "–"
+        return f"{100 * value:.0f} %" if percent else f"{value:.2g}"
+
+    low, high = entry["low"], entry["high"]
+    return written(entry["value"]) + ("" if low is None or high is None else f" ({written(low)} to {written(high)})")
+
+
+def problems_table(ranking: Content, tried: Content | None) -> str:
+    """The suite: best known cost, scale, and how near the attack has come."""
+    most: dict[str, Content] = {}
+    for attempt in tried["attempts"] if tried else ():
+        if attempt["problem"] not in most or attempt["gain"] > most[attempt["problem"]]["gain"]:
+            most[attempt["problem"]] = attempt
+    header = ("problem", "family", "best known, V", "scale, V", "found by", "largest gain of the attack", "by")
+    rows = [
+        (
+            one["name"], one["family"], f"{one['best_V']:.6f}", f"{one['scale_V']:.2f}", one["found_by"],
+            *((f"{100 * best['gain']:+.4f} %", best["method"]) if (best := most.get(one["name"])) else ("–", "–")),
+        )
+        for one in ranking["problems"]
+    ]  # fmt: skip
+    return markdown_table(header, rows)
+
+
+def standings_table(found: Content) -> str:
+    """Who is how good after a budget."""
+    header = (
+        "optimiser",
+        "mean rank",
+        "regret",
+        "solved",
+        "lower than pso",
+        "on another problem: better, alike, worse",
+    )
+    rows = [
+        (
+            row["optimizer"] + ("" if row["applies"] == found["problems"] else f" (on {row['applies']})"),
+            f"{row['rank']:.2f}", _ranged(row["quality"]), _ranged(row["solved"], percent=True),
+            _ranged(row["improvement"], percent=True),
+            "–" if (s := row["signed_rank"]) is None
+            else ", ".join(f"{100 * s[name]:.0f} %" for name in ("first", "alike", "second")),
+        )
+        for row in found["rows"]
+    ]  # fmt: skip
+    return markdown_table(header, rows)
+
+
+def entrants_table(ranking: Content) -> str:
+    """Who took part, how far and with which settings."""
+    rows = [
+        (
+            one["name"], f"{one['budget']:,}", f"{one['tuning']:,}" if one["tuning"] else "–", one["settings"],
+            one["remark"],
+        )
+        for one in ranking["entrants"]
+    ]  # fmt: skip
+    return markdown_table(("optimiser", "evaluations a run", "tuning took", "settings", "to mind"), rows)
+
+
+def _study(module: Any) -> Callable[[Content], str]:
+    return lambda found: f"{markdown_table(*module.table(found))}\n\n{module.legend(found)}"
+
+
+def sections(folder: Path) -> Iterator[tuple[str, str]]:
+    """Headings and what stands under them, of what the folder holds.
+
+    Raises
+    ------
+    ValueError
+        A file is of another format.
+    """
+    ranking = _read(folder / "ranking.json", RANKING_FORMAT)
+    tried = _read(folder / "beating.json", beating.FORMAT)
+    if ranking is not None:
+        yield "Problems", problems_table(ranking, tried)
+        yield "Who took part", entrants_table(ranking)
+        for budget, found in ranking["standings"].items():
+            said = "\n".join(f"* {text}" for text in found["sentences"])
+            yield f"After {int(budget):,} evaluations", f"{said}\n\n{standings_table(found)}"
+    for name, module in (("amortised", amortised), ("few_tries", few_tries)):
+        if (kept := _read(folder / f"{name}.json", module.FORMAT)) is not None:
+            yield module.TITLE, _study(module)(kept)
+
+
+def _read(file: Path, expected: str) -> dict[str, Any] | None:
+    if not file.is_file():
+        return None
+    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    if content.get("format") != expected:
+        raise ValueError(f"{file} is not a {expected}; it is {content.get('format')!r}. Make it again.")
+    return content
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.comparison_document", description=__doc__)
+    parser.add_argument("folder", type=Path, metavar="FOLDER")
+    folder = parser.parse_args(arguments).folder
+    try:
+        found = list(sections(folder))
+    except ValueError as error:
+        parser.error(str(error))
+    if not found:
+        parser.error(f"{folder} holds none of ranking.json, beating.json, amortised.json and few_tries.json.")
+    print("\n\n".join(f"## {heading}\n\n{text}" for heading, text in found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+import json
+
+import pytest
+
+from experiments import amortised, beating, comparison_document, few_tries
+from experiments.bench import BenchSettings, run_bench
+from experiments.report import write_report
+from experiments.statistics import best_known_cost, summarise
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("document")
+    settings = BenchSettings(("nominal", "reading-50mV"), ("pso", "lbfgsb-multistart", "pso-tuned"), 2, 60)
+    outcome = run_bench(settings, folder, workers=1)
+    write_report(outcome, summarise(outcome))
+    return folder
+
+
+def cells(text):
+    """Rows of every table in a Markdown text."""
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
+
+
+def test_every_table_is_whole_and_its_numbers_are_those_of_the_files(folder, capsys):
+    attempts = [
+        {"problem": "nominal", "method": "one", "gain": -0.01},
+        {"problem": "nominal", "method": "other", "gain": 0.0002},
+    ]
+    (folder / "beating.json").write_text(json.dumps({"format": beating.FORMAT, "attempts": attempts}))
+    comparison_document.main([str(folder)])
+    told = capsys.readouterr().out
+    assert [line[3:] for line in told.splitlines() if line.startswith("## ")] == [
+        "Problems",
+        "Who took part",
+        "After 50 evaluations",
+        "After 60 evaluations",
+    ]
+    rows = cells(told)
+    nominal = next(row for row in rows if row[0] == "nominal")
+    assert float(nominal[2]) == pytest.approx(best_known_cost("nominal"), abs=1e-6)
+    assert nominal[-2:] == ["+0.0200 %", "other"]
+    assert next(row for row in rows if row[0] == "reading-50mV")[-2:] == ["–", "–"]
+    assert any(row[0] == "lbfgsb-multistart (on 1)" for row in rows)
+    assert next(row for row in rows if row[0] == "pso-tuned")[2] == "1,472,000"
+    assert all(
+        len({line.count("|") for line in block.splitlines()}) == 1 for block in told.split("\n\n") if block[0] == "|"
+    )
+    ranking = json.loads((folder / "ranking.json").read_text())
+    assert all(f"* {text}" in told for text in ranking["standings"]["60"]["sentences"])
+
+
+def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
+    interval = {"value": 1.5, "low": 1.0, "high": 2.0}
+    learnt = {"format": amortised.FORMAT, "heads": 3, "rows": [{"name": "cma-es", "trained": 0, "50": interval}]}
+    tried = {"format": few_tries.FORMAT, "heads": 3, "nothing_V": 17.0}
+    tried["rows"] = [
+        {"name": name, "learning": 0, "after": {"10": interval | {"value": v}}} for name, v in (("b", 2.0), ("a", 1.0))
+    ]
+    (tmp_path / "amortised.json").write_text(json.dumps(learnt))
+    (tmp_path / "few_tries.json").write_text(json.dumps(tried))
+    comparison_document.main([str(tmp_path)])
+    rows = cells(capsys.readouterr().out)
+    assert ["cma-es", "0", "–", "1.5 (1 … 2)", "–", "–", ""] in rows
+    assert [row[0] for row in rows][-2:] == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"), [(None, "holds none of"), ('{"format": "other/1"}', "is not a ranking/1")]
+)
+def test_a_folder_without_or_with_another_thing_is_refused(content, said, tmp_path, capsys):
+    if content is not None:
+        (tmp_path / "ranking.json").write_text(content)
+    with pytest.raises(SystemExit):
+        comparison_document.main([str(tmp_path)])
+    assert said in capsys.readouterr().err
