@@ -40,7 +40,7 @@ LEFT_OUT = dict.fromkeys(
     ("nevergrad-NGOpt", "optuna-gp"),
     "Left out unless asked for (--optimizers all): it takes as long as all others together, or longer.",
 )
-LONGEST = {"optuna-gp": 150, "nevergrad-NGOpt": 2000}
+LONGEST = {"optuna-gp": 150, "nevergrad-NGOpt": 2000, "sb3-ppo-tuned": 2000, "sb3-sac-tuned": 2000}
 """Evaluations after which the runs of some end, whatever the budget: beyond them a bench would take days."""
 REPEATS_A_JOB = 5
 """Runs that a worker does before it tells of them; a lost worker's are done again."""
@@ -100,7 +100,7 @@ class BenchSettings:
 
     def budget_of(self, optimizer: str) -> int:
         """Evaluations of a run of that optimiser."""
-        return min(self.budget, LONGEST.get(entrant(optimizer).optimizer, self.budget))
+        return min(self.budget, LONGEST.get(optimizer, self.budget))
 
     def to_json(self) -> dict[str, Any]:
         """Everything that decides the results, as plain JSON values."""
