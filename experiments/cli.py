@@ -277,7 +277,7 @@ def bench(
     if str(json) != "-":
         from experiments.tables import print_ranking
 
-        print_ranking(summary, settings.problems, ranking["sentences"], outcome.unavailable)
+        print_ranking(ranking)
         print(f"Report: {page}")
 
 

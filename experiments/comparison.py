@@ -219,9 +219,10 @@ class Comparison:
         of = "" if best is found.rows[0] else " of those that can be used on all of these problems"
         level = [row.optimizer for row in everywhere if row is not best and row.rank == best.rank]
         also = f" (level with {' and '.join(level)})" if level else ""
+        where = "" if family == "all" else f" on the problems of the family {family}"
         said = [
-            f"After {budget:,} evaluations {best.optimizer}, the best by mean rank{of}{also}, leaves a regret of "
-            f"{_ranged(best.quality)} of the problems' scales (interquartile mean of all runs){self._against(best)}."
+            f"After {budget:,} evaluations{where} {best.optimizer}, the best by mean rank{of}{also}, leaves a regret "
+            f"of {_ranged(best.quality)} of the problems' scales (interquartile mean of all runs){self._against(best)}."
         ]
         if swarm is not None and best is not swarm:
             place = found.rows.index(swarm) + 1

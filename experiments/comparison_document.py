@@ -14,19 +14,9 @@ from typing import Any
 
 from experiments import amortised, beating, few_tries
 from experiments.report import RANKING_FORMAT
-from experiments.tables import markdown_table
+from experiments.tables import markdown_table, standings_table
 
 Content = Mapping[str, Any]
-
-
-def _ranged(entry: Mapping[str, float | None], percent: bool = False) -> str:
-    def written(value: float | None) -> str:
-        if value is None:
-            return "–"
-        return f"{100 * value:.0f} %" if percent else f"{value:.2g}"
-
-    low, high = entry["low"], entry["high"]
-    return written(entry["value"]) + ("" if low is None or high is None else f" ({written(low)} to {written(high)})")
 
 
 def problems_table(ranking: Content, tried: Content | None) -> str:
@@ -42,29 +32,6 @@ def problems_table(ranking: Content, tried: Content | None) -> str:
             *((f"{100 * best['gain']:+.4f} %", best["method"]) if (best := most.get(one["name"])) else ("–", "–")),
         )
         for one in ranking["problems"]
-    ]  # fmt: skip
-    return markdown_table(header, rows)
-
-
-def standings_table(found: Content) -> str:
-    """Who is how good after a budget."""
-    header = (
-        "optimiser",
-        "mean rank",
-        "regret",
-        "solved",
-        "lower than pso",
-        "on another problem: better, alike, worse",
-    )
-    rows = [
-        (
-            row["optimizer"] + ("" if row["applies"] == found["problems"] else f" (on {row['applies']})"),
-            f"{row['rank']:.2f}", _ranged(row["quality"]), _ranged(row["solved"], percent=True),
-            _ranged(row["improvement"], percent=True),
-            "–" if (s := row["signed_rank"]) is None
-            else ", ".join(f"{100 * s[name]:.0f} %" for name in ("first", "alike", "second")),
-        )
-        for row in found["rows"]
     ]  # fmt: skip
     return markdown_table(header, rows)
 
@@ -100,7 +67,7 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
         yield "Who took part", entrants_table(ranking)
         for budget, found in ranking["standings"].items():
             said = "\n".join(f"* {text}" for text in found["sentences"])
-            yield f"After {int(budget):,} evaluations", f"{said}\n\n{standings_table(found)}"
+            yield f"After {int(budget):,} evaluations", f"{said}\n\n{markdown_table(*standings_table(found))}"
     for name, module in (("amortised", amortised), ("few_tries", few_tries)):
         if (kept := _read(folder / f"{name}.json", module.FORMAT)) is not None:
             yield module.TITLE, _study(module)(kept)

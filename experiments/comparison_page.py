@@ -32,7 +32,7 @@ def page(compared: Comparison, sentences: Sequence[str], run: RunKey, waveforms:
     ----------
     compared : Comparison
     sentences : sequence of str
-        What a reader may conclude.
+        What a reader may conclude of the whole; of what is looked at the page says it by itself.
     run : RunKey
         Whose waveforms are shown.
     waveforms : str

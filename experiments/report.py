@@ -50,7 +50,7 @@ def write_report(outcome: BenchOutcome, summary: Summary) -> tuple[Path, dict[st
     runs = [r for r in outcome.results if (r.key.optimizer, r.key.problem) == (summary.winner, shown)]
     run = median_run(runs or outcome.results)
     waveforms = pictures.svg_text(before_after_figure(run))
-    write_atomically(page, comparison_page.page(compared, ranking["sentences"], run.key, waveforms))
+    write_atomically(page, comparison_page.page(compared, summary.sentences, run.key, waveforms))
     return page, ranking
 
 

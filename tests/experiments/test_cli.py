@@ -307,6 +307,18 @@ def test_bench_prints_ranking_sentences_and_report(inkjet, tmp_path):
     assert json.loads((tmp_path / "r.json").read_text()) == json.loads((tmp_path / "r" / "ranking.json").read_text())
 
 
+def test_a_ranking_over_many_problems_fits_a_terminal(inkjet):
+    status, out, _ = inkjet(
+        *("bench", "--problems", "all", "--optimizers", "pso,random,lbfgsb-multistart", "--repeats", 1),
+        *("--budget", 5, "--workers", 1, "--results", "r"),
+    )
+    assert status == 0
+    table = out[: out.index("Regret in the problems' scales")]
+    assert "lbfgsb-multistart (on 21)" in table
+    assert max(map(len, table.splitlines())) <= 160
+    assert "…" not in table
+
+
 @pytest.mark.parametrize("command", ["simulate", "optimize", "bench"])
 def test_every_command_explains_itself_with_an_example(inkjet, command):
     status, out, _ = inkjet(command, "--help")

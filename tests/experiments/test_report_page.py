@@ -91,6 +91,7 @@ def test_budgets_change_the_standings(tab):
     for budget in ("50", "200"):
         tab.choose("budget", budget)
         texts[budget] = tab.value("document.getElementById('standings').textContent")
+        assert tab.value("document.querySelector('#said li').textContent").startswith(f"After {budget} evaluations")
     assert texts["50"] != texts["200"]
 
 
