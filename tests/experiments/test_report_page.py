@@ -124,3 +124,14 @@ def test_nothing_is_wider_than_the_page(tab, tmp_path):
     assert tab.value("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
     tab.picture(tmp_path / "page.png")
     assert (tmp_path / "page.png").stat().st_size > 50_000
+
+
+def test_a_sheet_of_paper_holds_every_table(tab):
+    """A4 less its margins is 703 pixels wide."""
+    tab.ask("Emulation.setEmulatedMedia", media="print")
+    tab.ask("Emulation.setDeviceMetricsOverride", width=703, height=1000, deviceScaleFactor=1, mobile=False)
+    widths = tab.value("[...document.querySelectorAll('table')].map((t) => t.getBoundingClientRect().right)")
+    tab.ask("Emulation.clearDeviceMetricsOverride")
+    tab.ask("Emulation.setEmulatedMedia", media="")
+    assert len(widths) >= 5
+    assert max(widths) <= 703
