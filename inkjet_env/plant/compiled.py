@@ -177,14 +177,21 @@ def lagged(signal, keep, old, new, start, result):
 
 
 @_jit
-def delayed(signal, whole, weights, periodic, result):
-    """Sums of four samples in turn, the first of them ``whole + 2`` before.
+def returned(signal, whole, weights, ends, lag, lap, periodic, result):
+    """A signal some samples later, sums of four samples in turn, and then as often as there are ends `lagged`.
 
     Parameters
     ----------
     signal : ndarray, shape (n,)
     whole : int
+        The first of the four is ``whole + 2`` before.
     weights : ndarray, shape (4,)
+        Of the four.
+    ends : int
+    lag : tuple of float
+        Weights of the lag.
+    lap : float
+        What a lap takes away of a change of the lagged value.
     periodic : bool
         The sample after the last is the first; else the signal is held at either end.
     result : ndarray, shape (n,)
@@ -204,6 +211,18 @@ def delayed(signal, whole, weights, periodic, result):
                 at = min(max(at, 0), n - 1)
             total += weights[k] * signal[at]
         result[i] = total
+    keep, old, new = lag
+    for _ in range(ends):
+        value = result[0]
+        if periodic:
+            value = 0.0
+            for i in range(1, n + 1):
+                value = keep * value + old * result[i - 1] + new * result[i if i < n else 0]
+            value /= lap
+        before, result[0] = result[0], value
+        for i in range(1, n):
+            value = keep * value + old * before + new * result[i]
+            before, result[i] = result[i], value
 
 
 @_jit

@@ -28,16 +28,30 @@ def lagged(signal: Real, time_constant_s: float, step_s: float, periodic: bool) 
 
     if time_constant_s <= 0:
         return signal
-    z = step_s / time_constant_s
-    keep = math.exp(-z)
-    # ∫ e^{-(1-s) z} z {1 - s, s} ds over the step
-    new = 1 + math.expm1(-z) / z if z > 1e-4 else z / 2 - z * z / 6
-    old = -math.expm1(-z) - new
+    keep, old, new = lag_weights(time_constant_s, step_s)
     values = np.append(signal, signal[0]) if periodic else np.ascontiguousarray(signal)
     result = np.empty(values.size)
     start = float(values[0])
     if periodic:
         end = compiled.lagged(values, keep, old, new, 0.0, result)
-        start = end / -math.expm1(-z * signal.size)
+        start = end / lap_loss(time_constant_s, signal.size * step_s)
     compiled.lagged(values, keep, old, new, start, result)
     return result[: signal.size]
+
+
+def lag_weights(time_constant_s: float, step_s: float) -> tuple[float, float, float]:
+    """Weights of the lagged value, the signal's and its next, with which the next lagged value is made.
+
+    Without a lag it is the signal's next.
+    """
+    if time_constant_s <= 0:
+        return 0.0, 0.0, 1.0
+    z = step_s / time_constant_s
+    # ∫ e^{-(1-s) z} z {1 - s, s} ds over the step
+    new = 1 + math.expm1(-z) / z if z > 1e-4 else z / 2 - z * z / 6
+    return math.exp(-z), -math.expm1(-z) - new, new
+
+
+def lap_loss(time_constant_s: float, lap_s: float) -> float:
+    """What a lap takes away of a change of the lagged value."""
+    return -math.expm1(-lap_s / time_constant_s) if time_constant_s > 0 else 1.0

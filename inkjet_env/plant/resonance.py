@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.plant.lag import lagged
+from inkjet_env.plant.lag import lag_weights, lap_loss
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.resonator import pole
@@ -74,26 +74,23 @@ class Echo:
     def of(self, signal: Real, step_s: float, periodic: bool) -> Real:
         """What returns of a signal: ``α (z1 + r2/r1 z2 + 2 r2 z1 z2) / (1 - r1 r2 z1 z2)`` of lossy delays z."""
 
-        def returned(wave: Real, delay_s: float, ends: int) -> Real:
-            wave = delayed(wave, delay_s / step_s, periodic)
-            for _ in range(ends):
-                wave = lagged(wave, self.loss_s, step_s, periodic)
-            return wave
+        def heard(wave: Real, delay_s: float, ends: int) -> Real:
+            return returned(wave, delay_s / step_s, periodic, ends, self.loss_s / step_s)
 
-        first = returned(signal, self.delay_s, 1)
+        first = heard(signal, self.delay_s, 1)
         r1, r2 = self.reflection, self.second_reflection
         if r2 == 0:
             return self.strength * first
         if r1 == 0:
             raise FloatingPointError("a wave that comes back from an end that reflects nothing.")
         lap_s = self.delay_s + self.second_delay_s
-        around = returned(signal, lap_s, 2)
-        total = wave = first + r2 / r1 * returned(signal, self.second_delay_s, 1) + 2 * r2 * around
+        around = heard(signal, lap_s, 2)
+        total = wave = first + r2 / r1 * heard(signal, self.second_delay_s, 1) + 2 * r2 * around
         laps = math.ceil(math.log(FAINT) / math.log(max(abs(r1 * r2), FAINT)))
         if not periodic:
             laps = min(laps, int(signal.size * step_s / lap_s))
         for _ in range(laps):
-            wave = r1 * r2 * returned(wave, lap_s, 2)
+            wave = r1 * r2 * heard(wave, lap_s, 2)
             total = total + wave
         return self.strength * total
 
@@ -317,8 +314,10 @@ def compiled_force(law: Callable[..., float]) -> Any:
         return cfunc(signature, error_model="numpy")(law)
 
 
-def delayed(signal: Real, samples: float, periodic: bool) -> Real:
-    """A signal some samples later, cubic between them; before the first sample it was what it is there.
+def returned(signal: Real, samples: float, periodic: bool, ends: int = 0, loss_samples: float = 0.0) -> Real:
+    """A signal some samples later, cubic between them, behind a first-order lag for each end that it was at.
+
+    Before the first sample it was what it is there.
 
     Parameters
     ----------
@@ -327,6 +326,9 @@ def delayed(signal: Real, samples: float, periodic: bool) -> Real:
         May be negative, and any fraction.
     periodic : bool
         The sample after the last is the first.
+    ends : int
+    loss_samples : float
+        Time constant of the lag.
     """
     from inkjet_env.plant import compiled
 
@@ -340,8 +342,11 @@ def delayed(signal: Real, samples: float, periodic: bool) -> Real:
             (t + 1) * t * (t - 1) / 6,
         ]
     )
+    if loss_samples <= 0:
+        ends = 0
+    lag, lap = lag_weights(loss_samples, 1.0), lap_loss(loss_samples, signal.size)
     result = np.empty(signal.size)
-    compiled.delayed(np.ascontiguousarray(signal), whole, weights, periodic, result)
+    compiled.returned(np.ascontiguousarray(signal), whole, weights, ends, lag, lap, periodic, result)
     return result
 
 
