@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.best_known import polished, valley_polished
+from experiments.best_known import plain, polished, settled, valley_polished
 from experiments.problems import Problem
 from experiments.suite import BENCHED, families, family_of, problem, suite
 from inkjet_env.plant.augmented import AugmentedPrinthead
@@ -40,6 +40,31 @@ def test_no_small_step_improves_the_recorded_waveform(name, size):
     costs = solved.evaluate(np.clip(best + moves, -1, 1))
     within_V = 1e-4 if solved.spread else 1e-6  # a mean over heads breaks wherever one of them does
     assert costs.min() >= solved.best_known.cost - within_V
+
+
+class Cliff:
+    """Falls towards a break that no axis is square to, and is high beyond it."""
+
+    across = np.array([0.3, -0.2, 0.5, 0.1, -0.4, 0.6, 0.2])
+
+    def evaluate(self, points):
+        beyond = np.atleast_2d(points) @ self.across - 0.1
+        return np.where(beyond < 0, -1.0 + np.abs(beyond), 5.0)
+
+
+def test_what_lies_on_a_break_costs_what_lies_beyond_it():
+    on_it = 0.1 * Cliff.across / (Cliff.across @ Cliff.across)
+    evaluate, anything = settled(Cliff()), np.full(2, np.inf)
+    points = np.array([on_it - 1e-10 * Cliff.across, on_it - 1e-8 * Cliff.across])
+    assert Cliff().evaluate(points) == pytest.approx([-1.0, -1.0], abs=1e-7)
+    assert evaluate(points, anything) == pytest.approx([5.0, -1.0], abs=1e-7)
+    assert evaluate(points, np.full(2, -2.0)) == pytest.approx([-1.0, -1.0], abs=1e-7)  # too high to be looked at
+    found = points
+    for step in (1e-2, 1e-4, 1e-6, 1e-8):
+        found, costs = polished(evaluate, found, 2000, np.random.default_rng(1), step)
+    assert costs.min() == pytest.approx(-1.0, abs=1e-7)
+    around = found[costs.argmin()] + 1e-9 * np.random.default_rng(2).uniform(-1, 1, (1000, 7))
+    assert Cliff().evaluate(around).max() < -0.999
 
 
 def test_default_problem_reaches_the_optimum_that_is_known():
@@ -94,6 +119,6 @@ def test_polish_finds_the_minimum_of_a_bowl_at_the_wall():
             return ((np.atleast_2d(points) - np.array([2, 0.5, 0, 0, -0.25, 0, -2])) ** 2).sum(axis=1)
 
     bottom = [1, 0.5, 0, 0, -0.25, 0, -1]
-    points, costs = polished(Bowl(), np.zeros((3, 7)), 2000, np.random.default_rng(0))
+    points, costs = polished(plain(Bowl()), np.zeros((3, 7)), 2000, np.random.default_rng(0))
     np.testing.assert_allclose(points[np.argmin(costs)], bottom, atol=1e-4)
     np.testing.assert_allclose(valley_polished(Bowl(), np.full(7, 0.1), 1), bottom, atol=1e-4)
