@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from inkjet_env.plant.effects import catalogue
+from inkjet_env.plant.extrema import extrema
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
 from inkjet_env.printhead import Printhead
 
 
 def warm_up() -> None:
-    """Simulate a short pulse with every effect of the catalogue."""
+    """Simulate a short pulse with every effect of the catalogue, and look for its peaks."""
     printhead = Printhead.published()
     drive_V = np.interp(np.arange(64), [0, 10, 20, 30, 40, 63], [0.0, 0.0, 50.0, 50.0, 0.0, 0.0])
     shots = [
@@ -29,6 +30,7 @@ def warm_up() -> None:
         for values in effect.starts(printhead, shots)[:1]:
             for shot in shots:
                 Plant(printhead, effects=((effect, values),)).signal(shot)
+    extrema(drive_V, 1.0)
 
 
 if __name__ == "__main__":
