@@ -26,7 +26,7 @@ WITHOUT_GRADIENT = "pymoo-pso"
 """In place of a method that the problem has no gradient for."""
 BUDGET = 20_000
 """Evaluations of one run; runs follow one another, with other seeds, until the time is up."""
-ENDS, ROUNDS, STEP = 4, 100, 1e-8
+ENDS, ROUNDS, STEP = 4, 100, 1e-10
 """The best of a run are moved away from the break that they lie on: rounds of steps that are at first so large."""
 ALLOWED = 1e-3
 """Of the best known cost: what may be gained on it without its being called beaten."""

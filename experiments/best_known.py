@@ -29,10 +29,11 @@ from experiments.suite import problem, suite
 from inkjet_env.storage import write_json
 from optimizers.loop import minimise
 
-ROUNDING = 1e-9
+ROUNDING = 1e-11
 MOST_PASSES, GAINED_V = 5, 1e-7
-STEPS = (0.05, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-"""They die out along a break; one begins again, with smaller ones each time."""
+STEPS = (2e-11, 1e-10, 1e-9, 0.05, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+"""First away from the breaks that a point lies on. Steps die out along a break; one begins again, with smaller ones."""
+LEAST_STEP = 1e-11
 BLOCK = 16
 SCREENED_PER_START = 64
 DESCENT_EVALUATIONS = 1500
@@ -119,7 +120,7 @@ def polished(
         trial_costs = evaluate(trials, costs)
         better = trial_costs < costs
         points[better], costs[better] = trials[better], trial_costs[better]
-        steps = np.clip(steps * np.where(better, 1.5, 1.5**-0.25), 1e-10, 0.5)
+        steps = np.clip(steps * np.where(better, 1.5, 1.5**-0.25), LEAST_STEP, 0.5)
     return points, costs
 
 
