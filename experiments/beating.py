@@ -1,4 +1,4 @@
-"""Trying to beat the best known waveforms, by other methods than those that found them.
+"""Trying to beat the best known waveforms, by three methods and with other seeds than those that found them.
 
 ``python -m experiments.beating --minutes 60`` divides the time among all problems and three methods; exit status 1
 where one of them finds a waveform that costs less by more than a thousandth. It must cost less wherever rounding takes

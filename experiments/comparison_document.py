@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -48,10 +48,6 @@ def entrants_table(ranking: Content) -> str:
     return markdown_table(("optimiser", "evaluations a run", "tuning took", "settings", "to mind"), rows)
 
 
-def _study(module: Any) -> Callable[[Content], str]:
-    return lambda found: f"{markdown_table(*module.table(found))}\n\n{module.legend(found)}"
-
-
 def sections(folder: Path) -> Iterator[tuple[str, str]]:
     """Headings and what stands under them, of what the folder holds.
 
@@ -70,7 +66,7 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
             yield f"After {int(budget):,} evaluations", f"{said}\n\n{markdown_table(*standings_table(found))}"
     for name, module in (("amortised", amortised), ("few_tries", few_tries)):
         if (kept := _read(folder / f"{name}.json", module.FORMAT)) is not None:
-            yield module.TITLE, _study(module)(kept)
+            yield module.TITLE, f"{markdown_table(*module.table(kept))}\n\n{module.legend(kept)}"
 
 
 def _read(file: Path, expected: str) -> dict[str, Any] | None:

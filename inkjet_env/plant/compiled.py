@@ -112,6 +112,15 @@ def _force(typing_context, law, x_V, speed_V, values):
 
 
 @_jit
+def pushed(forces, x_V, speed_V):
+    """All forces that depend on the motion, in one state; ``forces`` as in `forced_motion`."""
+    total = 0.0
+    for k in range(forces.shape[0]):
+        total += _force(forces[k, 0], x_V, speed_V, forces[k, 1])  # type: ignore[call-arg]
+    return total
+
+
+@_jit
 def forced_motion(
     forcing_V, pole, gain, omega0, step_s, pairs, start, forces, softening, stiffness, past, deflection, speed
 ):
@@ -151,9 +160,7 @@ def forced_motion(
             state -= whole * now + ramp * (now - earlier)
             at += 2
             x, p = state.imag, (pole * state).imag * inverse
-            after = 0.0
-            for k in range(forces.shape[0]):
-                after += _force(forces[k, 0], x, p, forces[k, 1])  # type: ignore[call-arg]
+            after = pushed(forces, x, p)
             if soft:
                 after += stiffness * softening[at] * x
             state -= bend * (after - 2.0 * now + earlier)
@@ -266,15 +273,6 @@ def _bend(signal, at):
     """Second difference; at either end, that beside it."""
     at = min(max(at, 1), signal.shape[0] - 2)
     return (signal[at + 1] - signal[at]) - (signal[at] - signal[at - 1])
-
-
-@_jit
-def pushed(forces, x_V, speed_V):
-    """All forces that depend on the motion, in one state; ``forces`` as in `forced_motion`."""
-    total = 0.0
-    for k in range(forces.shape[0]):
-        total += _force(forces[k, 0], x_V, speed_V, forces[k, 1])  # type: ignore[call-arg]
-    return total
 
 
 @_jit
