@@ -216,16 +216,7 @@ def search(
         finalists = np.vstack([finalists, problem.bounds.to_unit(known)])
     before = math.inf
     for _ in range(MOST_PASSES):
-        for step in (
-            0.05,
-            1e-2,
-            1e-3,
-            1e-4,
-            1e-5,
-            1e-6,
-            1e-7,
-            1e-8,
-        ):  # steps die out along a break; begin again, smaller
+        for step in STEPS:
             finalists, costs = polished(settled(problem), finalists, effort.last_rounds, rng, step)
         if before - costs.min() < GAINED_V:
             break
