@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import functools
-import itertools
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -20,210 +19,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from experiments.drawn_heads import TEST_SEED, Heads, Real, descended, drawn
+from experiments.learners import LEARNERS, Trained
 from experiments.measures import Estimate, first_hits, stratified
-from experiments.policies import Policy, PolicyFileError, kept_policy, policy_of_layers, policy_of_sb3
+from experiments.policies import Policy, PolicyFileError, kept_policy
 from experiments.progress import shown_progress
-from inkjet_env.envs.task import WaveformTask, make_task
 from inkjet_env.storage import json_text, write_atomically
-
-Real = NDArray[np.float64]
 
 FORMAT = "amortised/1"
 TITLE = "Learning over heads"
-HIDDEN = (128, 128)
 BUDGETS = (50, 150, 2000)
 WARM_STEP = 0.05
 """First step of a warm start, in half widths of the box: a policy is near, or it is worth nothing."""
 SCRATCH = ("cma-es", "lbfgsb-multistart", "pso", "coordinate")
-TEST_SEED, TRAIN_SEED = 10**12, 10_000
-"""Training draws from its own on, one number a step: it must never come to the other."""
-LABELLING_STARTS = 4
-"""Descents that a waveform to imitate is the best of."""
-POINTS_A_START = 100
-"""Uniform points for each descent, which begins from one of the best of all."""
-
-
-@functools.cache
-def the_task() -> WaveformTask:
-    """Heads as the environment draws them with ``context="random"``."""
-    return make_task(context="random")
-
-
-def drawn(count: int, seed: int) -> NDArray[np.float32]:
-    """Observations of heads, shape (count, 4): those that environments seeded from ``seed`` on would draw first."""
-    return the_task().contexts([np.random.default_rng([seed, k]) for k in range(count)])
-
-
-@dataclass(frozen=True, eq=False)
-class Heads:
-    """Heads side by side: row k of points belongs to head k.
-
-    Parameters
-    ----------
-    observations : ndarray, shape (n, 4)
-    """
-
-    observations: NDArray[np.float32]
-
-    @functools.cached_property
-    def rows(self) -> Real:
-        """For the compiled simulator."""
-        return the_task().heads(self.observations)
-
-    def evaluate(self, points: Real) -> Real:
-        """Costs in volts, shape (n,), of points (n, 7) in ``[-1, 1]``."""
-        from inkjet_env.printhead import batch
-
-        return batch.costs(the_task().bounds.from_unit(points), self.rows)
-
-    def evaluate_with_gradient(self, points: Real) -> tuple[Real, Real]:
-        """The same, with gradients by the points, shape (n, 7)."""
-        from inkjet_env.printhead import batch
-
-        bounds = the_task().bounds
-        costs, gradients = batch.costs_and_gradients(bounds.from_unit(points), self.rows)
-        return costs, gradients * bounds.half_width
-
-    def one(self, k: int) -> OneHead:
-        """Head k as a problem of its own."""
-        return OneHead(self.observations[k : k + 1])
-
-
-class OneHead(Heads):
-    """One head, any number of points."""
-
-
-def descended(head: OneHead, starts: int, seed: int) -> tuple[Real, float, int]:
-    """Best end of L-BFGS-B from the best of many uniform points on one head: point, cost in volts, evaluations.
-
-    From any point it mostly ends at firing nothing, which costs nothing and has no slope.
-    """
-    from scipy.optimize import minimize
-
-    def value_and_slope(point: Real) -> tuple[float, Real]:
-        costs, gradients = head.evaluate_with_gradient(point[None, :])
-        return float(costs[0]), gradients[0]
-
-    points = np.random.default_rng(seed).uniform(-1.0, 1.0, (POINTS_A_START * starts, 7))
-    best, cost, spent = np.zeros(7), math.inf, len(points)
-    for start in points[np.argsort(head.evaluate(points))[:starts]]:
-        end = minimize(value_and_slope, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 7)
-        spent += int(end.nfev)
-        if end.fun < cost:
-            best, cost = np.clip(end.x, -1.0, 1.0), float(end.fun)
-    return best, cost, spent
-
-
-Trained = tuple[Policy, int]
-"""A policy, and the evaluations that it cost."""
-
-
-def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Trained:
-    """A network trained on the simulator's exact gradient: the mean cost over heads that are drawn anew each step."""
-    import torch
-
-    torch.manual_seed(seed)
-    torch.set_num_threads(1)
-    network, layers = _network()
-    steps = max(1, evaluations // heads)
-    optimiser = torch.optim.Adam(network.parameters(), lr=3e-3)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
-    with shown_progress("gradient", steps) as progress:
-        for step in range(steps):
-            some = Heads(drawn(heads, TRAIN_SEED + seed * 100_000 + step))
-            actions = torch.tanh(network(torch.as_tensor(some.observations)))
-            costs, gradients = some.evaluate_with_gradient(actions.detach().double().numpy())
-            optimiser.zero_grad()
-            # the chain rule by hand: the simulator's gradient, then the network's
-            actions.backward(torch.as_tensor(gradients / heads, dtype=actions.dtype))
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 10.0)
-            optimiser.step()
-            schedule.step()
-            progress(step + 1, f"mean cost {costs.mean():.2f} V")
-    made = {"by": "gradient", "evaluations": steps * heads, "seed": seed}
-    return policy_of_layers(layers, "tanh", made), steps * heads
-
-
-def by_imitation(evaluations: int, seed: int) -> Trained:
-    """A plain regression on the best waveforms that descents found for heads, as many as the evaluations allow."""
-    import torch
-
-    observations, points, spent, k = [], [], 0, 0
-    with shown_progress("imitation", evaluations) as progress:
-        while spent < evaluations:
-            one = drawn(1, TRAIN_SEED + seed * 100_000 + k)
-            point, cost, used = descended(OneHead(one), LABELLING_STARTS, seed + k)
-            observations.append(one[0])
-            points.append(point)
-            spent, k = spent + used, k + 1
-            progress(min(spent, evaluations), f"{k} heads, {cost:.2f} V")
-    torch.manual_seed(seed)
-    torch.set_num_threads(1)
-    network, layers = _network()
-    x = torch.as_tensor(np.array(observations), dtype=torch.float32)
-    y = torch.as_tensor(np.array(points), dtype=torch.float32)
-    optimiser = torch.optim.Adam(network.parameters(), lr=1e-3, weight_decay=1e-4)
-    for _ in range(3000):
-        optimiser.zero_grad()
-        torch.mean((network(x) - y) ** 2).backward()
-        optimiser.step()
-    made = {"by": "imitation", "evaluations": spent, "heads": k, "seed": seed}
-    return policy_of_layers(layers, "clip", made), spent
-
-
-def by_agent(algorithm: str, evaluations: int, seed: int) -> Trained:
-    """PPO or SAC of Stable-Baselines3 on the environment with drawn heads."""
-    import stable_baselines3
-    import torch
-    from torch import nn
-
-    from inkjet_env.envs.sb3 import BipolarWaveformVecEnv
-
-    torch.set_num_threads(1)
-    ppo = algorithm == "PPO"
-    envs = BipolarWaveformVecEnv(512 if ppo else 16, context="random")
-    envs.seed(seed)
-    network = {"net_arch": list(HIDDEN), "activation_fn": nn.Tanh}
-    options: dict[str, Any] = (
-        {"n_steps": 1, "batch_size": 512, "learning_rate": 1e-3, "policy_kwargs": network | {"log_std_init": -0.7}}
-        if ppo
-        else {"train_freq": 1, "gradient_steps": 4, "batch_size": 256, "gamma": 0.0, "policy_kwargs": network}
-    )
-    model = getattr(stable_baselines3, algorithm)("MlpPolicy", envs, seed=seed, device="cpu", **options)
-    with shown_progress(f"sb3-{algorithm.lower()}", evaluations) as progress:
-        model.learn(evaluations, callback=telling(progress, evaluations))
-    spent = int(model.num_timesteps)
-    return policy_of_sb3(model, {"by": f"sb3-{algorithm.lower()}", "evaluations": spent, "seed": seed}), spent
-
-
-def telling(progress: Callable[[int, str], None], total: int) -> Callable[[Any, Any], bool]:
-    """A callback of Stable-Baselines3 that shows how far training is; it may run over by a part of a rollout."""
-
-    def tell(scope: Any, _: Any) -> bool:
-        progress(min(scope["self"].num_timesteps, total), "")
-        return True
-
-    return tell
-
-
-def _network() -> tuple[Any, list[Any]]:
-    """Linear layers with tanh between them, and the linear ones alone."""
-    from torch import nn
-
-    sizes = (4, *HIDDEN, 7)
-    layers = [nn.Linear(a, b) for a, b in itertools.pairwise(sizes)]
-    between = [part for layer in layers[:-1] for part in (layer, nn.Tanh())]
-    return nn.Sequential(*between, layers[-1]), layers
-
-
-LEARNERS: dict[str, Callable[[int, int], Trained]] = {
-    "gradient": by_gradient,
-    "imitation": by_imitation,
-    "sb3-ppo": functools.partial(by_agent, "PPO"),
-    "sb3-sac": functools.partial(by_agent, "SAC"),
-}
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,14 +17,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.amortised import HIDDEN, TEST_SEED, TRAIN_SEED, Heads, descended, drawn, run_command, telling
+from experiments.amortised import run_command
+from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, Heads, Real, descended, drawn
+from experiments.learners import HIDDEN, telling
 from experiments.measures import stratified
 from experiments.policies import Policy, kept_policy, policy_of_sb3
 from experiments.progress import shown_progress
 from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
 from inkjet_env.storage import json_text, write_atomically
-
-Real = NDArray[np.float64]
 
 FORMAT = "few-tries/1"
 TITLE = "A few tries on an unknown head"

@@ -1,0 +1,90 @@
+"""Heads as the environment draws them, side by side: what learning over heads is trained and tested on."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.envs.task import WaveformTask, make_task
+
+Real = NDArray[np.float64]
+
+TEST_SEED, TRAIN_SEED = 10**12, 10_000
+"""Training draws from its own on, one number a step: it must never come to the other."""
+POINTS_A_START = 100
+"""Uniform points for each descent, which begins from one of the best of all."""
+
+
+@functools.cache
+def the_task() -> WaveformTask:
+    """Heads as the environment draws them with ``context="random"``."""
+    return make_task(context="random")
+
+
+def drawn(count: int, seed: int) -> NDArray[np.float32]:
+    """Observations of heads, shape (count, 4): those that environments seeded from ``seed`` on would draw first."""
+    return the_task().contexts([np.random.default_rng([seed, k]) for k in range(count)])
+
+
+@dataclass(frozen=True, eq=False)
+class Heads:
+    """Heads side by side: row k of points belongs to head k.
+
+    Parameters
+    ----------
+    observations : ndarray, shape (n, 4)
+    """
+
+    observations: NDArray[np.float32]
+
+    @functools.cached_property
+    def rows(self) -> Real:
+        """For the compiled simulator."""
+        return the_task().heads(self.observations)
+
+    def evaluate(self, points: Real) -> Real:
+        """Costs in volts, shape (n,), of points (n, 7) in ``[-1, 1]``."""
+        from inkjet_env.printhead import batch
+
+        return batch.costs(the_task().bounds.from_unit(points), self.rows)
+
+    def evaluate_with_gradient(self, points: Real) -> tuple[Real, Real]:
+        """The same, with gradients by the points, shape (n, 7)."""
+        from inkjet_env.printhead import batch
+
+        bounds = the_task().bounds
+        costs, gradients = batch.costs_and_gradients(bounds.from_unit(points), self.rows)
+        return costs, gradients * bounds.half_width
+
+    def one(self, k: int) -> OneHead:
+        """Head k as a problem of its own."""
+        return OneHead(self.observations[k : k + 1])
+
+
+class OneHead(Heads):
+    """One head, any number of points."""
+
+
+def descended(head: OneHead, starts: int, seed: int) -> tuple[Real, float, int]:
+    """Best end of L-BFGS-B from the best of many uniform points on one head: point, cost in volts, evaluations.
+
+    From any point it mostly ends at firing nothing, which costs nothing and has no slope.
+    """
+    from scipy.optimize import minimize
+
+    def value_and_slope(point: Real) -> tuple[float, Real]:
+        costs, gradients = head.evaluate_with_gradient(point[None, :])
+        return float(costs[0]), gradients[0]
+
+    points = np.random.default_rng(seed).uniform(-1.0, 1.0, (POINTS_A_START * starts, 7))
+    best, cost, spent = np.zeros(7), math.inf, len(points)
+    for start in points[np.argsort(head.evaluate(points))[:starts]]:
+        end = minimize(value_and_slope, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 7)
+        spent += int(end.nfev)
+        if end.fun < cost:
+            best, cost = np.clip(end.x, -1.0, 1.0), float(end.fun)
+    return best, cost, spent

@@ -1,0 +1,130 @@
+"""Four ways of learning a waveform for any head: by the exact gradient, by imitation, by PPO and by SAC.
+
+One ledger for all: every evaluation of a waveform in training counts; one with its gradient counts as one.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from experiments.drawn_heads import TRAIN_SEED, Heads, OneHead, descended, drawn
+from experiments.policies import Policy, policy_of_layers, policy_of_sb3
+from experiments.progress import shown_progress
+
+HIDDEN = (128, 128)
+LABELLING_STARTS = 4
+"""Descents that a waveform to imitate is the best of."""
+
+Trained = tuple[Policy, int]
+"""A policy, and the evaluations that it cost."""
+
+
+def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Trained:
+    """A network trained on the simulator's exact gradient: the mean cost over heads that are drawn anew each step."""
+    import torch
+
+    torch.manual_seed(seed)
+    torch.set_num_threads(1)
+    network, layers = _network()
+    steps = max(1, evaluations // heads)
+    optimiser = torch.optim.Adam(network.parameters(), lr=3e-3)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    with shown_progress("gradient", steps) as progress:
+        for step in range(steps):
+            some = Heads(drawn(heads, TRAIN_SEED + seed * 100_000 + step))
+            actions = torch.tanh(network(torch.as_tensor(some.observations)))
+            costs, gradients = some.evaluate_with_gradient(actions.detach().double().numpy())
+            optimiser.zero_grad()
+            # the chain rule by hand: the simulator's gradient, then the network's
+            actions.backward(torch.as_tensor(gradients / heads, dtype=actions.dtype))
+            torch.nn.utils.clip_grad_norm_(network.parameters(), 10.0)
+            optimiser.step()
+            schedule.step()
+            progress(step + 1, f"mean cost {costs.mean():.2f} V")
+    made = {"by": "gradient", "evaluations": steps * heads, "seed": seed}
+    return policy_of_layers(layers, "tanh", made), steps * heads
+
+
+def by_imitation(evaluations: int, seed: int) -> Trained:
+    """A plain regression on the best waveforms that descents found for heads, as many as the evaluations allow."""
+    import torch
+
+    observations, points, spent, k = [], [], 0, 0
+    with shown_progress("imitation", evaluations) as progress:
+        while spent < evaluations:
+            one = drawn(1, TRAIN_SEED + seed * 100_000 + k)
+            point, cost, used = descended(OneHead(one), LABELLING_STARTS, seed + k)
+            observations.append(one[0])
+            points.append(point)
+            spent, k = spent + used, k + 1
+            progress(min(spent, evaluations), f"{k} heads, {cost:.2f} V")
+    torch.manual_seed(seed)
+    torch.set_num_threads(1)
+    network, layers = _network()
+    x = torch.as_tensor(np.array(observations), dtype=torch.float32)
+    y = torch.as_tensor(np.array(points), dtype=torch.float32)
+    optimiser = torch.optim.Adam(network.parameters(), lr=1e-3, weight_decay=1e-4)
+    for _ in range(3000):
+        optimiser.zero_grad()
+        torch.mean((network(x) - y) ** 2).backward()
+        optimiser.step()
+    made = {"by": "imitation", "evaluations": spent, "heads": k, "seed": seed}
+    return policy_of_layers(layers, "clip", made), spent
+
+
+def by_agent(algorithm: str, evaluations: int, seed: int) -> Trained:
+    """PPO or SAC of Stable-Baselines3 on the environment with drawn heads."""
+    import stable_baselines3
+    import torch
+    from torch import nn
+
+    from inkjet_env.envs.sb3 import BipolarWaveformVecEnv
+
+    torch.set_num_threads(1)
+    ppo = algorithm == "PPO"
+    envs = BipolarWaveformVecEnv(512 if ppo else 16, context="random")
+    envs.seed(seed)
+    network = {"net_arch": list(HIDDEN), "activation_fn": nn.Tanh}
+    options: dict[str, Any] = (
+        {"n_steps": 1, "batch_size": 512, "learning_rate": 1e-3, "policy_kwargs": network | {"log_std_init": -0.7}}
+        if ppo
+        else {"train_freq": 1, "gradient_steps": 4, "batch_size": 256, "gamma": 0.0, "policy_kwargs": network}
+    )
+    model = getattr(stable_baselines3, algorithm)("MlpPolicy", envs, seed=seed, device="cpu", **options)
+    with shown_progress(f"sb3-{algorithm.lower()}", evaluations) as progress:
+        model.learn(evaluations, callback=telling(progress, evaluations))
+    spent = int(model.num_timesteps)
+    return policy_of_sb3(model, {"by": f"sb3-{algorithm.lower()}", "evaluations": spent, "seed": seed}), spent
+
+
+def telling(progress: Callable[[int, str], None], total: int) -> Callable[[Any, Any], bool]:
+    """A callback of Stable-Baselines3 that shows how far training is; it may run over by a part of a rollout."""
+
+    def tell(scope: Any, _: Any) -> bool:
+        progress(min(scope["self"].num_timesteps, total), "")
+        return True
+
+    return tell
+
+
+def _network() -> tuple[Any, list[Any]]:
+    """Linear layers with tanh between them, and the linear ones alone."""
+    from torch import nn
+
+    sizes = (4, *HIDDEN, 7)
+    layers = [nn.Linear(a, b) for a, b in itertools.pairwise(sizes)]
+    between = [part for layer in layers[:-1] for part in (layer, nn.Tanh())]
+    return nn.Sequential(*between, layers[-1]), layers
+
+
+LEARNERS: dict[str, Callable[[int, int], Trained]] = {
+    "gradient": by_gradient,
+    "imitation": by_imitation,
+    "sb3-ppo": functools.partial(by_agent, "PPO"),
+    "sb3-sac": functools.partial(by_agent, "SAC"),
+}

@@ -1,0 +1,45 @@
+"""Heads to learn on and ways of learning: the ledger, the chain rule, and that something is learnt."""
+
+import numpy as np
+import pytest
+
+from experiments import learners
+from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, Heads, OneHead, descended, drawn, the_task
+from inkjet_env.printhead import Waveform
+
+
+def test_heads_side_by_side_cost_what_each_costs_alone():
+    heads = Heads(drawn(6, 1))
+    points = np.random.default_rng(0).uniform(-1, 1, (6, 7))
+    costs, gradients = heads.evaluate_with_gradient(points)
+    for k in range(6):
+        head = the_task().head(heads.observations[k])
+        waveform = Waveform.from_array(the_task().bounds.from_unit(points[k]))
+        assert costs[k] == pytest.approx(head.respond(waveform).cost(), abs=1e-8)
+        alone = heads.one(k).evaluate_with_gradient(points[k : k + 1])
+        assert (alone[0][0], *alone[1][0]) == pytest.approx((costs[k], *gradients[k]), abs=1e-9)
+
+
+def test_heads_to_train_on_and_to_test_on_are_different():
+    train, test = drawn(200, TRAIN_SEED), drawn(100, TEST_SEED)
+    assert len({tuple(row) for row in (*train, *test)}) == 300
+    assert (drawn(3, 7) == drawn(5, 7)[:3]).all()
+
+
+def test_a_policy_that_is_trained_on_gradients_does_better_than_an_untrained_one():
+    heads = Heads(drawn(60, TEST_SEED))
+    costs = {}
+    for evaluations in (256, 256 * 60):
+        policy, spent = learners.by_gradient(evaluations, seed=1)
+        assert spent == evaluations == policy.made["evaluations"]
+        costs[evaluations] = heads.evaluate(policy.act(heads.observations)).mean()
+    assert costs[256 * 60] < costs[256] - 3
+
+
+def test_imitation_spends_no_more_than_it_says_and_repeats_what_it_saw():
+    policy, spent = learners.by_imitation(3000, seed=2)
+    assert policy.made == {"by": "imitation", "evaluations": spent, "heads": policy.made["heads"], "seed": 2}
+    assert 3000 <= spent < 3000 + 8 * 400
+    first = drawn(1, TRAIN_SEED + 200_000)
+    point, _, _ = descended(OneHead(first), learners.LABELLING_STARTS, 2)
+    assert np.abs(policy.act(first)[0] - point).max() < 0.3
