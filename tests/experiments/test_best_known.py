@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,15 @@ def test_no_small_step_improves_the_recorded_waveform(name, size):
     costs = solved.evaluate(np.clip(best + moves, -1, 1))
     within_V = 1e-4 if solved.spread else 1e-6  # a mean over heads breaks wherever one of them does
     assert costs.min() >= solved.best_known.cost - within_V
+
+
+@pytest.mark.parametrize("name", suite())
+def test_the_recorded_waveform_costs_the_same_wherever_rounding_takes_it(name):
+    """It does not lie on a break; the search looked at the corners of a box, this looks within and on its faces."""
+    known, solved = problem(name).best_known, replace(problem(name), reading_V=0.0)
+    rng, best = np.random.default_rng(3), solved.bounds.to_unit(known.waveform)
+    moves = 1e-11 * np.clip(rng.uniform(-1.5, 1.5, (64, 7)), -1, 1)
+    assert solved.evaluate(np.clip(best + moves, -1, 1)).max() <= known.cost + 1e-6
 
 
 class Cliff:
