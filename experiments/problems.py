@@ -34,11 +34,15 @@ class BestKnown:
         ``U1 U2`` in volts, ``t1 … t5`` in seconds.
     found_by : str
         How the search was made, in words.
+    runs, runs_near : int
+        Whole runs of an optimiser that were part of it, and how many of them came near: how certain it is.
     """
 
     cost: float
     waveform: tuple[float, ...]
     found_by: str
+    runs: int
+    runs_near: int
 
 
 @dataclass(frozen=True)
@@ -226,7 +230,9 @@ class Problem:
         entry = _best_known_entries().get(self.name)
         if entry is None or entry["problem"] != self.settings():
             return None
-        return BestKnown(entry["cost_V"], tuple(entry["waveform"]), entry["found_by"])
+        return BestKnown(
+            entry["cost_V"], tuple(entry["waveform"]), entry["found_by"], entry["runs"], entry["runs_near"]
+        )
 
     @classmethod
     def from_settings(cls, name: str, settings: dict[str, Any]) -> Problem:
