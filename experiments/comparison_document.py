@@ -13,26 +13,25 @@ from pathlib import Path
 from typing import Any
 
 from experiments import amortised, beating, few_tries
+from experiments.comparison import scale_V
 from experiments.report import RANKING_FORMAT
+from experiments.suite import family_of, suite
 from experiments.tables import markdown_table, standings_table
 
 Content = Mapping[str, Any]
 
 
-def problems_table(ranking: Content, tried: Content | None) -> str:
-    """The suite: best known cost, scale, and how near the attack has come."""
-    most: dict[str, Content] = {}
-    for attempt in tried["attempts"] if tried else ():
-        if attempt["problem"] not in most or attempt["gain"] > most[attempt["problem"]]["gain"]:
-            most[attempt["problem"]] = attempt
-    header = ("problem", "family", "best known, V", "scale, V", "found by", "largest gain of the attack", "by")
-    rows = [
-        (
-            one["name"], one["family"], f"{one['best_V']:.6f}", f"{one['scale_V']:.2f}", one["found_by"],
-            *((f"{100 * best['gain']:+.4f} %", best["method"]) if (best := most.get(one["name"])) else ("–", "–")),
-        )
-        for one in ranking["problems"]
-    ]  # fmt: skip
+def problems_table(tried: Content) -> str:
+    """The suite: best known cost, scale, how certain that is, and how near each method of the attack has come."""
+    columns = list(dict.fromkeys(attempt["method"] for attempt in tried["attempts"]))
+    gains = {(attempt["problem"], attempt["method"]): 100 * attempt["gain"] for attempt in tried["attempts"]}
+    rows = []
+    for one in suite().values():
+        known = one.best_known
+        found = ("–", "–") if known is None else (f"{known.cost:.6f}", f"{known.runs_near} of {known.runs}")
+        by_method = [f"{gains[one.name, by]:+.4f}" if (one.name, by) in gains else "–" for by in columns]
+        rows.append((one.name, family_of(one.name), found[0], f"{scale_V(one.name):.2f}", found[1], *by_method))
+    header = ("problem", "family", "best known, V", "scale, V", "runs near it", *(f"{by}, %" for by in columns))
     return markdown_table(header, rows)
 
 
@@ -58,8 +57,9 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
     """
     ranking = _read(folder / "ranking.json", RANKING_FORMAT)
     tried = _read(folder / "beating.json", beating.FORMAT)
+    if tried is not None:
+        yield "Problems", problems_table(tried)
     if ranking is not None:
-        yield "Problems", problems_table(ranking, tried)
         yield "Who took part", entrants_table(ranking)
         for budget, found in ranking["standings"].items():
             said = "\n".join(f"* {text}" for text in found["sentences"])

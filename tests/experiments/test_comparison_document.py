@@ -7,6 +7,7 @@ from experiments.bench import BenchSettings, run_bench
 from experiments.entrants import entrant
 from experiments.report import write_report
 from experiments.statistics import best_known_cost, summarise
+from experiments.suite import families, problem
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +41,10 @@ def test_every_table_is_whole_and_its_numbers_are_those_of_the_files(folder, cap
     rows = cells(told)
     nominal = next(row for row in rows if row[0] == "nominal")
     assert float(nominal[2]) == pytest.approx(best_known_cost("nominal"), abs=1e-6)
-    assert nominal[-2:] == ["+0.0200 %", "other"]
+    assert nominal[-2:] == ["-1.0000", "+0.0200"]
     assert next(row for row in rows if row[0] == "reading-50mV")[-2:] == ["–", "–"]
+    assert nominal[4] == f"{(known := problem('nominal').best_known).runs_near} of {known.runs}"
+    assert {row[0] for row in rows if row[1] == "train"} == {one.name for one in families()["train"]}
     assert any(row[0] == "lbfgsb-multistart (on 1)" for row in rows)
     assert next(row for row in rows if row[0] == "pso-tuned")[2] == f"{entrant('pso-tuned').tuning_evaluations:,}"
     assert all(
