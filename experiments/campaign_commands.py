@@ -59,6 +59,7 @@ def record(
     from inkjet_env.storage import write_json
 
     check_outputs((printhead,), json=json)
+    _check_target(folder, plan)
     head = chosen_printhead(printhead)
     battery = default_battery(head.frequency_Hz)
     if displacement:
@@ -177,6 +178,23 @@ def evaluate(
 def files_of(folder: Path) -> tuple[Path, ...]:
     """What a campaign's folder holds: no result may replace it."""
     return tuple(path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else ()
+
+
+def _check_target(folder: Path, plan: bool) -> None:
+    """Nothing measured may be lost: the rig replaces only what it recorded itself, and drives go where nothing is."""
+    from inkjet_env.recordings import CampaignError
+    from inkjet_env.recordings.data_package import DESCRIPTOR
+    from inkjet_env.rig.record import SIMULATED
+
+    if not (folder / DESCRIPTOR).exists():
+        return
+    if plan:
+        raise CampaignError(f"{folder}: holds a campaign, among which drives would be lost. Give another folder.")
+    if SIMULATED not in (folder / DESCRIPTOR).read_text(encoding="utf-8", errors="replace"):
+        raise CampaignError(
+            f"{folder}: holds a campaign that the virtual rig did not record, and that would be lost; nothing was "
+            "written. Give another folder."
+        )
 
 
 def reading_options(channel: str | None, columns: str | None, initial_state: str | None) -> dict[str, Any]:

@@ -18,6 +18,9 @@ from inkjet_env.rig.strain_gauge import StrainGauge
 CONDITION = {"temperature_C": 25.0, "back_pressure_kPa": 1.3}
 """The paper keeps the back pressure at 0.9 … 1.7 kPa."""
 
+SIMULATED = "Simulated by the virtual rig, not measured."
+"""Begins the description of every campaign that the rig records."""
+
 LOWEST_SNR_dB = -40.0
 
 NOISE_ROOM = 6.0
@@ -98,7 +101,7 @@ def record_campaign(
         "displacement": vibrometer,
     }
     recordings: list[Recording] = []
-    description = "Simulated by the virtual rig, not measured."
+    description = SIMULATED
     for channel in DEFAULT_INSTRUMENTS:
         mine = [line for line in lines if line.channel == channel]
         if not mine:

@@ -71,6 +71,21 @@ def test_the_same_seed_records_the_same_campaign(inkjet, tmp_path):
     assert contents[0] == contents[1] != contents[2]
 
 
+def test_what_was_measured_is_not_replaced_by_what_is_simulated(inkjet, tmp_path):
+    inkjet("record", "campaign", "--seed", "1")
+    status, _, err = inkjet("record", "campaign", "--plan")
+    assert status == 2
+    assert "holds a campaign" in err
+    assert inkjet("record", "campaign", "--seed", "2")[0] == 0  # its own
+    measured = replace(read_campaign(tmp_path / "campaign"), description="Head 7, on Monday.")
+    write_campaign(tmp_path / "campaign", measured)
+    before = {path: path.read_bytes() for path in (tmp_path / "campaign").iterdir()}
+    status, _, err = inkjet("record", "campaign", "--seed", "2")
+    assert status == 2
+    assert "campaign: holds a campaign that the virtual rig did not record" in err
+    assert {path: path.read_bytes() for path in (tmp_path / "campaign").iterdir()} == before
+
+
 def test_a_plan_holds_drives_for_a_generator_and_says_what_each_is_for(inkjet, tmp_path):
     assert inkjet("record", "drives", "--plan", "--json", "plan.json")[0] == 0
     rows = (tmp_path / "drives" / "plan.csv").read_text().splitlines()
