@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from experiments.amortised import run_command
 from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, Heads, Real, descended, drawn
-from experiments.learners import HIDDEN, telling
+from experiments.learners import HIDDEN, let_learn
 from experiments.measures import stratified
 from experiments.policies import Policy, kept_policy, policy_of_sb3
 from experiments.progress import shown_progress
@@ -164,9 +164,8 @@ def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
         learning_rate=5e-4, gamma=1.0, seed=seed, device="cpu",
         policy_kwargs={"net_arch": list(HIDDEN), "activation_fn": torch.nn.Tanh, "log_std_init": -0.7},
     )  # fmt: skip
-    with shown_progress("sb3-ppo", evaluations) as progress:
-        model.learn(evaluations, callback=telling(progress, evaluations))
-    made = {"by": "sb3-ppo", "evaluations": int(model.num_timesteps), "tries": tries, "seed": seed}
+    spent = let_learn(model, "sb3-ppo", evaluations)
+    made = {"by": "sb3-ppo", "evaluations": spent, "tries": tries, "seed": seed}
     return policy_of_sb3(model, made, names)
 
 

@@ -96,20 +96,24 @@ def by_agent(algorithm: str, evaluations: int, seed: int) -> Trained:
         else {"train_freq": 1, "gradient_steps": 4, "batch_size": 256, "gamma": 0.0, "policy_kwargs": network}
     )
     model = getattr(stable_baselines3, algorithm)("MlpPolicy", envs, seed=seed, device="cpu", **options)
-    with shown_progress(f"sb3-{algorithm.lower()}", evaluations) as progress:
-        model.learn(evaluations, callback=telling(progress, evaluations))
-    spent = int(model.num_timesteps)
-    return policy_of_sb3(model, {"by": f"sb3-{algorithm.lower()}", "evaluations": spent, "seed": seed}), spent
+    name = f"sb3-{algorithm.lower()}"
+    spent = let_learn(model, name, evaluations)
+    return policy_of_sb3(model, {"by": name, "evaluations": spent, "seed": seed}), spent
 
 
-def telling(progress: Callable[[int, str], None], total: int) -> Callable[[Any, Any], bool]:
-    """A callback of Stable-Baselines3 that shows how far training is; it may run over by a part of a rollout."""
+def let_learn(model: Any, name: str, evaluations: int) -> int:
+    """Train an agent of Stable-Baselines3 and show how far it is; evaluations spent, perhaps some more than asked."""
+    from stable_baselines3.common.logger import Logger
 
-    def tell(scope: Any, _: Any) -> bool:
-        progress(min(scope["self"].num_timesteps, total), "")
-        return True
+    model.set_logger(Logger(None, []))  # its own would leave a folder behind for every training
+    with shown_progress(name, evaluations) as progress:
 
-    return tell
+        def tell(*_: Any) -> bool:
+            progress(min(model.num_timesteps, evaluations), "")
+            return True
+
+        model.learn(evaluations, callback=tell)
+    return int(model.num_timesteps)
 
 
 def _network() -> tuple[Any, list[Any]]:

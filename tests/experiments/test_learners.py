@@ -1,5 +1,7 @@
 """Heads to learn on and ways of learning: the ledger, the chain rule, and that something is learnt."""
 
+import tempfile
+
 import numpy as np
 import pytest
 
@@ -43,3 +45,13 @@ def test_imitation_spends_no_more_than_it_says_and_repeats_what_it_saw():
     first = drawn(1, TRAIN_SEED + 200_000)
     point, _, _ = descended(OneHead(first), learners.LABELLING_STARTS, 2)
     assert np.abs(policy.act(first)[0] - point).max() < 0.3
+
+
+@pytest.mark.parametrize("name", ["sb3-ppo", "sb3-sac"])
+def test_an_agent_is_charged_for_every_evaluation_and_leaves_nothing_behind(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    policy, spent = learners.LEARNERS[name](1000, seed=3)
+    assert policy.made == {"by": name, "evaluations": spent, "seed": 3}
+    assert 1000 <= spent < 1000 + 512
+    assert policy.act(drawn(5, TEST_SEED)).shape == (5, 7)
+    assert not list(tmp_path.iterdir())
