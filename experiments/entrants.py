@@ -19,8 +19,12 @@ REMARKS = {
     "for the next head.",
     "nevergrad-NGOpt": "Chooses its method for the whole budget, which is a handicap at the smaller ones.",
     "lbfgsb-": "Uses exact gradients; each counts, with its value, as one evaluation.",
-    "pso-printed": "As the paper prints it: without random factors.",
+    "pso": "A swarm with the usual coefficients and 40 particles; the paper prints neither.",
+    "pso-printed": "Without random factors, as the paper prints its equations.",
     "coordinate": "As practitioners do it: one parameter at a time.",
+    "scipy-differential-evolution": "SciPy's tolerance and final descent are off: it goes on until its population is "
+    "one point.",
+    "scipy-direct": "Draws no random numbers: its runs are all the same, and its intervals know only the problems.",
 }
 """What a reader has to mind of those whose names begin so."""
 
@@ -52,12 +56,15 @@ class Entrant:
     @property
     def remark(self) -> str:
         """What a reader has to mind; empty where that is nothing."""
-        return " ".join(text for prefix, text in REMARKS.items() if self.optimizer.startswith(prefix))
+        remarks = [text for prefix, text in REMARKS.items() if self.optimizer.startswith(prefix)]
+        if self.name.endswith(TUNED):
+            remarks.append(f"Tuned for {tuned_settings()[self.optimizer]['budget']:,} evaluations.")
+        return " ".join(remarks)
 
     @property
     def tuning_evaluations(self) -> int:
         """What its settings took to be found; nothing for defaults."""
-        return int(tuned_settings()[self.optimizer]["evaluations"]) if self.options else 0
+        return int(tuned_settings()[self.optimizer]["evaluations"]) if self.name.endswith(TUNED) else 0
 
 
 @functools.cache

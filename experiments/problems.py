@@ -207,7 +207,7 @@ class Problem:
             self.printhead, self.cost, noise=self.reading_V, initial_state=self.initial_state, window_s=self.window_s
         )
         numbers = range(first, first + len(waveforms))
-        return task.measure(waveforms, task.heads([]), [np.random.default_rng([seed, k]) for k in numbers])[0]
+        return task.measure(waveforms, task.heads([]), [np.random.default_rng([seed, k, 1]) for k in numbers])[0]
 
     def told(self, seed: int, first: int = 0) -> Any:
         """What an optimiser is given in a run of that seed: this problem, or a rig that reads with errors.

@@ -9,6 +9,8 @@ from optimizers.inverted import InvertedOptimizer
 
 FINEST = 1e-3
 """Half width of a scan, in parts of the box's, below which nobody reads a generator's display."""
+DIGITS = 9
+"""Points that agree so far are one; scans that share a value compute it differently."""
 
 
 class Coordinate(InvertedOptimizer):
@@ -17,7 +19,7 @@ class Coordinate(InvertedOptimizer):
     The usual way to tune a jetting waveform: pulse widths and voltages one after another, a scan over the whole range
     first, then finer ones about what was found; as a method of optimisation, Kolda, Lewis & Torczon, SIAM Rev. 45
     (2003) 385, section 1.2. A round scans all parameters in an order drawn anew; a round without improvement halves the
-    width of the scans. Scans that have become finer than a thousandth of the box end the search, and the next begins at
+    width of the scans. Nobody measures twice: values that were tried in the search already cost nothing. Scans that have become finer than a thousandth of the box end the search, and the next begins at
     another random point; the first begins at the centre.
 
     Parameters
@@ -35,20 +37,29 @@ class Coordinate(InvertedOptimizer):
 
     def search(self) -> None:
         """From one starting point until the scans are too fine."""
+        known: dict[tuple[float, ...], float] = {}
         here = self.rng.uniform(-1.0, 1.0, self.dimension) if self._begun else np.zeros(self.dimension)
         self._begun = True
-        cost = float(self.evaluate(here[None, :])[0])
+        cost = self._costs(here[None, :], known)[0]
         width = 1.0
         while width >= FINEST:
             before = cost
             for k in self.rng.permutation(self.dimension):
                 points = self._scan(here, int(k), width)
-                costs = self.evaluate(points)
+                costs = self._costs(points, known)
                 best = int(np.argmin(costs))
                 if costs[best] < cost:
-                    here, cost = points[best], float(costs[best])
+                    here, cost = points[best], costs[best]
             if cost >= before:
                 width /= 2
+
+    def _costs(self, points: Real, known: dict[tuple[float, ...], float]) -> list[float]:
+        """Costs of points (n, d): known ones as they were read, the others measured."""
+        keys = [tuple(point) for point in np.round(points, DIGITS).tolist()]
+        new = [k for k, key in enumerate(keys) if key not in known]
+        if new:
+            known.update(zip((keys[k] for k in new), self.evaluate(points[new]).tolist(), strict=True))
+        return [known[key] for key in keys]
 
     def _scan(self, here: Real, k: int, width: float) -> Real:
         """Points that differ in one coordinate, over a stretch about where it is, which the box may shift."""

@@ -15,12 +15,14 @@ class ParticleSwarm(Optimizer):
 
     ::
 
-        v ← c1 v + c2 r2 (pbest − x) + c3 r3 (gbest − x),   x ← clip(x + v, −1, 1)
+        v ← c1 v + c2 r2 (pbest − x) + c3 r3 (gbest − x),   x ← x + v
 
     r2, r3 uniform on [0, 1], drawn anew for every particle, coordinate and generation; all particles move before any
     best is renewed. Positions start uniform in the box, velocities at half the way to another uniform point.
     Kennedy & Eberhart, Proc. ICNN 1995; the constriction coefficients c1 = 0.7298, c2 = c3 = 1.49618 are those of
-    Clerc & Kennedy, IEEE Trans. Evol. Comput. 6 (2002) 58. A particle that would leave the box stops at its wall.
+    Clerc & Kennedy, IEEE Trans. Evol. Comput. 6 (2002) 58. A particle that
+    would leave the box stops at its wall: that coordinate is set to the bound and its velocity to nothing, as in the
+    Standard PSO of 2007 (Clerc, HAL hal-00764996, 2012).
 
     Parameters
     ----------
@@ -71,7 +73,9 @@ class ParticleSwarm(Optimizer):
         c1, c2, c3 = self._coefficients
         r2, r3 = self._factors()
         self._v = c1 * self._v + c2 * r2 * (self._best_x - self._x) + c3 * r3 * (swarm_best - self._x)
-        self._x = np.clip(self._x + self._v, -1.0, 1.0)
+        moved = self._x + self._v
+        self._x = np.clip(moved, -1.0, 1.0)
+        self._v[moved != self._x] = 0.0
 
     def _factors(self) -> Any:
         return self.rng.random((2, *self._x.shape))
@@ -82,9 +86,9 @@ class PrintedParticleSwarm(ParticleSwarm):
 
     ::
 
-        v ← c1 v + c2 (pbest − x) + c3 (gbest − x),   x ← clip(x + v, −1, 1)
+        v ← c1 v + c2 (pbest − x) + c3 (gbest − x),   x ← x + v
 
-    Only the first positions and velocities are drawn, as in `ParticleSwarm`; every move after that is determined.
+    Walls are as in `ParticleSwarm`. Only the first positions and velocities are drawn, as in `ParticleSwarm`; every move after that is determined.
     The paper prints neither c1, c2, c3 nor the population. Here c1 = 0.7298 and c2 = c3 = 0.74809: the usual
     coefficients with the random factors at their mean of one half, so that the two swarms differ in nothing but the
     randomness. (With c2 = c3 = 1.49618 and no factors, a particle would overshoot a settled best threefold.)

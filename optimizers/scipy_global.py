@@ -24,9 +24,10 @@ class DifferentialEvolution(_ScipyOptimizer):
     """Differential evolution, by `scipy.optimize.differential_evolution`, a generation at a time.
 
     Storn & Price, J. Global Optim. 11 (1997) 341. SciPy's defaults (best1bin, 15 individuals a dimension, Latin
-    hypercube start), except that a whole generation is evaluated side by side (``updating="deferred"``) and that no
-    gradient descent by differences follows (``polish=False``). It stops where SciPy's tolerance says so and begins
-    anew.
+    hypercube start), except that a whole generation is evaluated side by side (``updating="deferred"``), and that it
+    goes on until the population is one point, then begins anew. SciPy would stop where costs differ by 1 % of their
+    mean (``tol=0.01``) and leave the rest to a descent by differences (``polish=True``). Both are off: the tolerance
+    without the descent would leave every search a per cent short.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ class DifferentialEvolution(_ScipyOptimizer):
         self._mutation, self._recombination = mutation, recombination
 
     def search(self) -> None:
-        """Run until SciPy finds that the population has converged."""
+        """Run until all of the population have one cost."""
         optimize.differential_evolution(
             lambda columns: self.evaluate(columns.T),
             self._box(),
@@ -64,6 +65,7 @@ class DifferentialEvolution(_ScipyOptimizer):
             recombination=self._recombination,
             maxiter=ENDLESS,
             rng=self.rng,
+            tol=0.0,
             polish=False,
             vectorized=True,
             updating="deferred",

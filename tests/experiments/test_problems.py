@@ -66,6 +66,23 @@ def test_a_reading_hangs_on_the_run_and_the_number_of_the_evaluation_alone():
     assert (noisy.evaluate(POINTS) == Problem("nominal").evaluate(POINTS)).all()
 
 
+def test_readings_and_an_optimizer_of_the_same_seed_draw_different_numbers():
+    seen = []
+
+    class Seen:
+        def measure(self, waveforms, heads, generators):
+            seen.extend(generator.random() for generator in generators)
+            return (np.zeros(len(waveforms)),)
+
+        def heads(self, drawn):
+            return drawn
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("inkjet_env.envs.task.make_task", lambda *given, **named: Seen())
+        Problem("noisy", reading_V=0.2).read(POINTS[:3], seed=5)
+    assert not set(seen) & set(np.random.default_rng(5).random(100))
+
+
 def test_readings_scatter_about_the_cost_as_the_errors_of_the_peaks_do():
     """Peaks far above the noise: the effective one weighs 5, the next 5, the others 1 each."""
     noisy = Problem("noisy", cost=PeakCost(-5, 5, "first"), reading_V=1e-3, window_s=60e-6)

@@ -27,7 +27,10 @@ def swarm(seed, budget, particles, pull, draws):
         r = rng.random((2, particles, 7)) if draws else np.ones((2, particles, 7))
         for i in range(particles):
             v[i] = 0.7298 * v[i] + pull * r[0, i] * (own[i] - x[i]) + pull * r[1, i] * (leader - x[i])
-            x[i] = np.minimum(1, np.maximum(-1, x[i] + v[i]))
+            for k in range(7):
+                x[i, k] += v[i, k]
+                if abs(x[i, k]) > 1:
+                    x[i, k], v[i, k] = np.sign(x[i, k]), 0.0
     return np.array(visited[:budget])
 
 

@@ -48,6 +48,25 @@ def test_differential_evolution_begins_anew_where_it_has_converged():
     assert spread[converged:].max() > 0.4
 
 
+def test_differential_evolution_goes_on_below_a_per_cent_of_the_cost():
+    class Sunken(Sphere):
+        def evaluate(self, points):
+            return super().evaluate(points) - 10.0
+
+    run = minimise(Sunken(), optimizers.make("scipy-differential-evolution", dimension=2, budget=3000, seed=1), 3000)
+    assert run.best_cost + 10.0 < 1e-9
+
+
+def test_a_practitioner_measures_no_waveform_twice_in_a_search():
+    class Aside(Sphere):
+        def evaluate(self, points):
+            return super().evaluate(points - 0.337)
+
+    run = minimise(Aside(), optimizers.make("coordinate", budget=600, seed=3), 600)
+    assert len(np.unique(run.points.round(6), axis=0)) == 600
+    assert run.best_cost < 1e-3
+
+
 def test_direct_goes_on_where_its_rectangles_cannot_be_divided_further():
     optimizer = optimizers.make("scipy-direct", dimension=2, budget=18000, locally_biased=False)
     assert minimise(Sphere(), optimizer, 18000).evaluations == 18000
