@@ -2,7 +2,7 @@
 
 Regrets of different problems are compared after division by the problem's own scale: what the best of 50 random
 waveforms is worse than the best known, on the average. Runs are resampled within each problem for what is said of these
-problems; what is said of problems in general takes the problems as the sample.
+problems; what is said of problems in general takes the problems as the sample. Intervals are of one figure at a time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import optimizers
 from experiments.bench import BenchOutcome
+from experiments.entrants import entrant
 from experiments.measures import (
     Estimate,
     SignedRank,
@@ -29,7 +31,7 @@ from experiments.measures import (
 )
 from experiments.problems import Problem
 from experiments.runs import RunResult
-from experiments.statistics import best_known_cost, friedman_and_nemenyi, mean_ranks
+from experiments.statistics import ENOUGH_PROBLEMS, RESOLUTION_V, best_known_cost, friedman_and_nemenyi, mean_ranks
 from experiments.suite import family_of, problem
 
 Real = NDArray[np.float64]
@@ -43,6 +45,8 @@ ALIKE = 0.01
 """Difference of median regrets, in the problem's scale, that does not matter."""
 REFERENCE = "pso"
 """The paper's optimiser, against which the others are held."""
+GRADIENT_COUNTS = {3: "which is its computing time here", 8: "which is what differences would take"}
+"""Evaluations that one with its gradient may also be counted as, and why."""
 RANDOM_POINTS, RANDOM_DRAWS = 50, 200
 RESAMPLES = 1000
 
@@ -79,7 +83,7 @@ class Row:
     improvement : Estimate
         Probability that a run of it ends lower than one of the reference.
     signed_rank : SignedRank
-        Against the reference, on another problem; ``first`` is this one. NaN where they share but one problem.
+        Against the reference, over such problems; ``first`` is this one. NaN where they share fewer than five.
     """
 
     optimizer: str
@@ -95,7 +99,7 @@ class Row:
 class Standings:
     """All optimisers on a family of problems, after a budget, the best mean rank first.
 
-    ``friedman_p`` and ``critical_difference`` are NaN with fewer than three optimisers or two problems.
+    ``friedman_p`` and ``critical_difference`` are NaN with fewer than three optimisers or five problems.
     """
 
     family: str
@@ -135,13 +139,17 @@ class Comparison:
         if not runs or runs[0].budget < budget:
             return np.full(self.outcome.settings.repeats, math.inf)
         kept = np.array([float(run.kept_V(budget)) for run in runs])
-        regrets: Real = (kept - best_known_cost(name)) / scale_V(name)
+        regrets_V = RESOLUTION_V * np.round((kept - best_known_cost(name)) / RESOLUTION_V)  # nearer than that is a tie
+        regrets: Real = regrets_V / scale_V(name)
         return regrets
 
     def hits(self, optimizer: str, name: str, targets: Sequence[float] = TARGETS) -> Real:
-        """Evaluations until each target is met, in the problem's scale, shape (runs, targets); infinite where never."""
+        """Evaluations until each target is met, in the problem's scale, shape (runs, targets); infinite where never.
+
+        Where peaks are read with errors a waveform meets a target also if another one, read better, is kept later.
+        """
         runs = self.runs.get((optimizer, name), [])
-        found = np.full((max(len(runs), 1), len(targets)), math.inf)
+        found = np.full((len(runs) or self.outcome.settings.repeats, len(targets)), math.inf)
         for row, run in zip(found, runs, strict=False):
             regret = (run.costs_V - best_known_cost(name)) / scale_V(name)
             for k, target in enumerate(targets):
@@ -197,7 +205,7 @@ class Comparison:
             if shared.any():
                 mine, theirs = values[:, shared], reference[:, shared]
                 improvement = stratified(probability_of_improvement, [mine, theirs], rng, RESAMPLES)
-                if shared.sum() > 1:  # one problem tells nothing of others
+                if shared.sum() >= ENOUGH_PROBLEMS:
                     signed_rank = bayesian_signed_rank(np.median(mine, axis=0), np.median(theirs, axis=0), ALIKE, rng)
         return Row(
             optimizer,
@@ -217,25 +225,56 @@ class Comparison:
         everywhere = [row for row in found.rows if row.applies == len(found.problems)]
         best = (everywhere or found.rows)[0]
         of = "" if best is found.rows[0] else " of those that can be used on all of these problems"
-        level = [row.optimizer for row in everywhere if row is not best and row.rank == best.rank]
+        level = [row.optimizer for row in found.rows if row is not best and row.rank == best.rank]
         also = f" (level with {' and '.join(level)})" if level else ""
         where = "" if family == "all" else f" on the problems of the family {family}"
         said = [
             f"After {budget:,} evaluations{where} {best.optimizer}, the best by mean rank{of}{also}, leaves a regret "
             f"of {_ranged(best.quality)} of the problems' scales (interquartile mean of all runs){self._against(best)}."
+            f"{_level_elsewhere(found, best)}{self._with_dearer_gradients(found)}"
         ]
         if swarm is not None and best is not swarm:
             place = found.rows.index(swarm) + 1
             said.append(
-                f"The paper's particle swarm, with random factors ({REFERENCE}), is at place {place} of "
-                f"{len(found.rows)} (mean rank {swarm.rank:.1f}), with a regret of {_ranged(swarm.quality)}."
+                f"The paper's method, a particle swarm, with random factors and the usual coefficients ({REFERENCE}), "
+                f"is at place {place} of {len(found.rows)} (mean rank {swarm.rank:.1f}), with a regret of "
+                f"{_ranged(swarm.quality)}."
             )
         if printed is not None and swarm is not None and printed is not best:
             said.append(
-                f"As the paper prints it, without random factors (pso-printed), it leaves {_ranged(printed.quality)}"
-                f"{self._against(printed)}."
+                f"Without random factors, as the paper prints its equations (pso-printed), it leaves "
+                f"{_ranged(printed.quality)}{self._against(printed)}."
             )
         return tuple(said)
+
+    def _with_dearer_gradients(self, found: Standings) -> str:
+        """Where those who are given gradients would stand if these cost more, in words; nothing if nobody is."""
+        if found.budget < max(GRADIENT_COUNTS):
+            return ""
+        said = ""
+        for row in found.rows:
+            if optimizers.uses_gradient(entrant(row.optimizer).optimizer):
+                ranks = [
+                    f"{self._rank_at(found, row.optimizer, found.budget // count):.1f} if it counted as {count}, {why}"
+                    for count, why in GRADIENT_COUNTS.items()
+                ]
+                said += (
+                    f" {row.optimizer} is given exact gradients, each counted as one evaluation with its value; its "
+                    f"mean rank of {row.rank:.1f} would be {', and '.join(ranks)}."
+                )
+        return said
+
+    def _rank_at(self, found: Standings, optimizer: str, budget: int) -> float:
+        """Mean rank of an optimiser among the others if its runs had ended after fewer evaluations."""
+        names = [row.optimizer for row in found.rows]
+        medians = [
+            [
+                np.median(self.regrets(name, on, budget if name == optimizer else found.budget)) * scale_V(on)
+                for on in found.problems
+            ]
+            for name in names
+        ]
+        return float(mean_ranks(medians)[names.index(optimizer)])
 
     @staticmethod
     def _against(row: Row) -> str:
@@ -243,17 +282,35 @@ class Comparison:
         if not math.isfinite(row.improvement.value):
             return ""
         rank = row.signed_rank
-        ends = f"; a run of it ends lower than one of {REFERENCE} with probability {_ranged(row.improvement)}"
+        ends = (
+            f"; a run of it ends lower than one of {REFERENCE} with probability {_ranged(row.improvement, decimals=2)}"
+        )
         if not math.isfinite(rank.first):
             return ends
         return (
-            f"{ends}, and on another problem like these it is better with posterior probability {rank.first:.2f}, "
-            f"alike with {rank.alike:.2f}, worse with {rank.second:.2f}"
+            f"{ends}, and over problems like these it is better with posterior probability {rank.first:.2f}, alike "
+            f"with {rank.alike:.2f}, worse with {rank.second:.2f}"
         )
 
 
-def _ranged(estimate: Estimate) -> str:
-    return f"{estimate.value:.2f} ({estimate.low:.2f} to {estimate.high:.2f})"
+def _level_elsewhere(found: Standings, best: Row) -> str:
+    """How many are level with the best if the problems are a sample, in words; nothing of too few problems."""
+    if not math.isfinite(found.critical_difference):
+        return ""
+    level = sum(row is not best and abs(row.rank - best.rank) < found.critical_difference for row in found.rows)
+    return (
+        f" As a sample of problems these cannot tell its mean rank of {best.rank:.1f} from those of {level} of the "
+        f"other {len(found.rows) - 1} (Nemenyi's critical difference: {found.critical_difference:.1f})."
+    )
+
+
+def _ranged(estimate: Estimate, decimals: int | None = None) -> str:
+    """A number and its interval: two digits that count, or so many decimals."""
+    written = [
+        f"{value:.2g}" if decimals is None else f"{value:.{decimals}f}"
+        for value in (estimate.value, estimate.low, estimate.high)
+    ]
+    return f"{written[0]} ({written[1]} to {written[2]})"
 
 
 def as_json(estimate: Estimate) -> dict[str, Any]:

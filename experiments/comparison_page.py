@@ -12,7 +12,7 @@ from experiments.comparison import REFERENCE, SOLVED, Comparison, as_json, scale
 from experiments.entrants import entrant
 from experiments.jetting import jetting
 from experiments.measures import performance_profile
-from experiments.runs import RunKey, read_seconds
+from experiments.runs import RunKey, RunResult, read_seconds
 from experiments.statistics import best_known_cost, regret_quartiles
 from experiments.suite import family_of, problem
 from experiments.versions import versions
@@ -148,27 +148,38 @@ def _curves(compared: Comparison, name: str, evaluations: list[int]) -> dict[str
     return curves
 
 
-def _physical(compared: Comparison, name: str, order: list[str], rng: np.random.Generator) -> list[dict[str, Any]]:
-    solved, rows = problem(name), []
+def _physical(
+    compared: Comparison, name: str, order: list[str], rng: np.random.Generator
+) -> dict[str, list[dict[str, Any]]]:
+    """By budget, of each whose runs are so long: the run of median result, and how soon the problem is solved."""
+    rows: dict[str, list[dict[str, Any]]] = {str(budget): [] for budget in compared.budgets}
     for optimizer in order:
         runs = compared.runs.get((optimizer, name))
         if not runs:
             continue
-        run = sorted(runs, key=lambda one: float(one.costs_V[-1]))[(len(runs) - 1) // 2]
-        figures = jetting(solved.respond(run.best_point()), solved.cost)
-        rows.append(
-            {
-                "optimizer": optimizer,
-                "cost_V": float(run.costs_V[-1]),
-                "effective_V": _finite(figures.effective_V),
-                "residual_mV": _finite(1e3 * figures.residual_V),
-                "residual": _finite(figures.residual),
-                "settling_us": _finite(1e6 * figures.settling_s),
-                "highest_kHz": _finite(1e-3 * figures.highest_Hz),
-                "expected": as_json(compared.expected_time(optimizer, name, SOLVED, rng)),
-            }
-        )
+        times = {
+            "expected": as_json(compared.expected_time(optimizer, name, SOLVED, rng)),
+            "spent": sum(run.budget for run in runs),
+        }
+        for budget in compared.budgets:
+            if runs[0].budget >= budget:
+                rows[str(budget)].append({"optimizer": optimizer, **_median_figures(runs, name, budget), **times})
     return rows
+
+
+def _median_figures(runs: Sequence[RunResult], name: str, budget: int) -> dict[str, Any]:
+    """Cost and figures of the press of the run of median result after a budget, as plain JSON values."""
+    run = sorted(runs, key=lambda one: float(one.kept_V(budget)))[(len(runs) - 1) // 2]
+    solved = problem(name)
+    figures = jetting(solved.respond(run.best_point(budget)), solved.cost)
+    return {
+        "cost_V": float(run.kept_V(budget)),
+        "effective_V": _finite(figures.effective_V),
+        "residual_mV": _finite(1e3 * figures.residual_V),
+        "residual": _finite(figures.residual),
+        "settling_us": _finite(1e6 * figures.settling_s),
+        "highest_kHz": _finite(1e-3 * figures.highest_Hz),
+    }
 
 
 def _seconds(compared: Comparison, optimizer: str) -> float | None:

@@ -205,7 +205,11 @@ def _resampled(values: Real, rng: np.random.Generator, count: int) -> Real:
 
 @dataclass(frozen=True)
 class SignedRank:
-    """Posterior probabilities that, on another instance, the first is better, both are alike, the second is better."""
+    """Posterior probabilities that the first is better over all such instances, both are alike, the second is better.
+
+    Better in the sense of Wilcoxon's test: of the mean of two instances' differences. It is no chance of being better
+    on the next instance.
+    """
 
     first: float
     alike: float
@@ -218,7 +222,8 @@ def bayesian_signed_rank(
     """Bayesian signed-rank test over instances.
 
     Benavoli, Corani, Demšar & Zaffalon, J. Mach. Learn. Res. 18 (2017) 77, section 4.2: a Dirichlet process over the
-    differences, with a pseudo-observation of none; per draw the largest of the three probabilities wins.
+    differences, with a pseudo-observation of none; in each draw the largest of three shares of pairs of instances wins
+    (the mean of the two differences is better, within ``alike``, or worse).
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ def standings_table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tup
         )
         for row in found["rows"]
     ]
-    return ("optimiser", "mean rank", "regret", "solved", "lower than pso", "elsewhere: better, alike, worse"), rows
+    return ("optimiser", "mean rank", "regret", "solved", "lower than pso", "over problems: better, alike, worse"), rows
 
 
 def print_identification(name: str, found: Identification) -> None:

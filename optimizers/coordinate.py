@@ -19,8 +19,9 @@ class Coordinate(InvertedOptimizer):
     The usual way to tune a jetting waveform: pulse widths and voltages one after another, a scan over the whole range
     first, then finer ones about what was found; as a method of optimisation, Kolda, Lewis & Torczon, SIAM Rev. 45
     (2003) 385, section 1.2. A round scans all parameters in an order drawn anew; a round without improvement halves the
-    width of the scans. Nobody measures twice: values that were tried in the search already cost nothing. Scans that have become finer than a thousandth of the box end the search, and the next begins at
-    another random point; the first begins at the centre.
+    width of the scans. Nobody measures twice: waveforms that the search has tried already cost nothing. Scans that have
+    become finer than a thousandth of the box end the search, and the next begins at another random point; the first
+    begins at the centre.
 
     Parameters
     ----------

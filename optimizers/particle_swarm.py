@@ -88,10 +88,10 @@ class PrintedParticleSwarm(ParticleSwarm):
 
         v ← c1 v + c2 (pbest − x) + c3 (gbest − x),   x ← x + v
 
-    Walls are as in `ParticleSwarm`. Only the first positions and velocities are drawn, as in `ParticleSwarm`; every move after that is determined.
-    The paper prints neither c1, c2, c3 nor the population. Here c1 = 0.7298 and c2 = c3 = 0.74809: the usual
-    coefficients with the random factors at their mean of one half, so that the two swarms differ in nothing but the
-    randomness. (With c2 = c3 = 1.49618 and no factors, a particle would overshoot a settled best threefold.)
+    Start and walls are those of `ParticleSwarm`; only the first positions and velocities are drawn, every move after
+    that is determined. The paper prints neither c1, c2, c3 nor the population. Here c1 = 0.7298 and c2 = c3 = 0.74809:
+    the usual coefficients with the random factors at their mean of one half, so that the two swarms differ in nothing
+    but the randomness. (With c2 = c3 = 1.49618 and no factors, a particle would overshoot a settled best threefold.)
     """
 
     name = "pso-printed"

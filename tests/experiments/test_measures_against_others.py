@@ -4,6 +4,7 @@ import math
 import urllib.request
 import warnings
 
+import baycomp
 import numpy as np
 import pytest
 import scikit_posthocs
@@ -115,6 +116,18 @@ def test_stratified_intervals_are_those_that_rliable_draws():
     width = high - low
     assert found.low == pytest.approx(low, abs=0.05 * width)
     assert found.high == pytest.approx(high, abs=0.05 * width)
+
+
+@pytest.mark.parametrize(("better_by", "alike"), [(0.0, 0.05), (0.1, 0.05), (0.1, 0.3), (-0.05, 0.1)])
+def test_the_bayesian_signed_rank_agrees_with_baycomp(better_by, alike):
+    """By the test's authors; theirs is of scores of which more is better, and names the right-hand one last."""
+    rng = np.random.default_rng(9)
+    second = rng.random(22)
+    first = second - better_by + 0.3 * rng.standard_normal(22)
+    found = measures.bayesian_signed_rank(first, second, alike, rng, draws=40_000)
+    theirs = baycomp.SignedRankTest.probs(first, second, rope=alike, nsamples=40_000, random_state=2)
+    assert (found.second, found.alike, found.first) == pytest.approx(theirs, abs=0.01)
+    assert 0.02 < max(theirs) <= 1.0
 
 
 def test_friedman_and_the_critical_difference_agree_with_scikit_posthocs():
