@@ -6,28 +6,36 @@ import numpy as np
 import optuna
 from threadpoolctl import threadpool_limits
 
-from optimizers.base import Optimizer, Real
+from optimizers.base import Optimizer, Real, checked_count
 
 
 class OptunaGp(Optimizer):
     """Bayesian optimisation with a Gaussian process, by Optuna's `GPSampler` at its defaults, one point at a time.
 
-    Akiba et al., KDD (2019) 2623; Jones, Schonlau & Welch, J. Global Optim. 13 (1998) 455. Ten uniform points, then
+    Akiba et al., KDD (2019) 2623; Jones, Schonlau & Welch, J. Global Optim. 13 (1998) 455. Uniform points first, then
     whatever maximises the logarithm of the expected improvement (Ament et al., arXiv:2310.20708) under a Matérn
     kernel of 5/2 with a length for each parameter and a noise that is fitted too. Its own time grows with the cube
     of the evaluations: seconds for 100, hours for thousands. It is made for objectives that take minutes each.
+
+    Parameters
+    ----------
+    startup : int
+        Uniform points, Optuna's ``n_startup_trials``; 10 by default, as there.
     """
 
     name = "optuna-gp"
 
-    def __init__(self, dimension: int, budget: int, seed: int) -> None:
+    def __init__(self, dimension: int, budget: int, seed: int, *, startup: int = 10) -> None:
         super().__init__(dimension, budget, seed)
         names = [f"x{k}" for k in range(self.dimension)]
         self._box: dict[str, optuna.distributions.BaseDistribution] = {
             name: optuna.distributions.FloatDistribution(-1.0, 1.0) for name in names
         }
         storage = optuna.storages.InMemoryStorage()
-        sampler = optuna.samplers.GPSampler(seed=int(np.random.SeedSequence(self.seed).generate_state(1)[0]))
+        sampler = optuna.samplers.GPSampler(
+            seed=int(np.random.SeedSequence(self.seed).generate_state(1)[0]),
+            n_startup_trials=checked_count("startup", startup),
+        )
         level = optuna.logging.get_verbosity()
         optuna.logging.set_verbosity(optuna.logging.WARNING)  # it would tell of every study that is made
         self._study = optuna.create_study(storage=storage, sampler=sampler)

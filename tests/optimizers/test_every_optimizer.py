@@ -201,3 +201,19 @@ def test_a_run_leaves_no_files_behind(name, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     run(name, 36)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif("optuna-gp" not in NAMES, reason="optuna is not installed")
+@pytest.mark.parametrize("startup", [3, 10])
+def test_bayesian_optimisation_listens_once_its_start_is_over(startup):
+    class Mirrored(Bowl):
+        def evaluate(self, points):
+            return super().evaluate(-points)
+
+    ways = []
+    for objective in (Bowl(), Mirrored()):
+        optimizer = optimizers.make("optuna-gp", budget=startup + 1, seed=1, startup=startup)
+        ways.append(minimise(objective, optimizer, startup + 1).points)
+    same = (ways[0] == ways[1]).all(axis=1)
+    assert same[:startup].all()
+    assert not same[startup]
