@@ -1,8 +1,9 @@
 """Learning once over many heads, against optimising every head from scratch.
 
 With one head an agent is only a search distribution. Over heads it is *amortised*: it is trained on some, and a head
-that it never saw gets its waveform at once, or a warm start. Four ways of learning are compared on one ledger, in which
-every evaluation of a waveform counts, those of training too; an evaluation with its gradient counts as one.
+that it never saw gets its waveform at once, or a warm start. Four ways of learning, and tables of waveforms that learn
+nothing, are compared on one ledger, in which every evaluation of a waveform counts, those of training too; one with its
+gradient counts as one.
 
 ``python -m experiments.amortised`` trains, tests and tells; what a folder holds is not done again.
 """
@@ -20,19 +21,23 @@ from typing import Any
 
 import numpy as np
 
+from experiments.comparison import as_json
 from experiments.drawn_heads import TEST_SEED, Heads, Real, descended, drawn
-from experiments.learners import LEARNERS, Trained
-from experiments.measures import Estimate, first_hits, stratified
+from experiments.learners import LEARNERS, Table, Trained, one_waveform, table_of
+from experiments.measures import first_hits, stratified
 from experiments.policies import Policy, PolicyFileError, kept_policy
 from experiments.progress import shown_progress
 from inkjet_env.storage import json_text, write_atomically
 
-FORMAT = "amortised/1"
+FORMAT = "amortised/2"
 TITLE = "Learning over heads"
 BUDGETS = (50, 150, 2000)
 WARM_STEP = 0.05
 """First step of a warm start, in half widths of the box: a policy is near, or it is worth nothing."""
 SCRATCH = ("cma-es", "lbfgsb-multistart", "pso", "coordinate")
+SMALLER = 10
+"""The smaller table costs so many times less than a training."""
+RESAMPLES = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +61,9 @@ class TuningResult:
     trained: int
 
 
-def tuned(name: str, policy: Policy | None, optimizer: str, heads: Heads, best_V: Real, seed: int) -> TuningResult:
+def tuned(
+    name: str, policy: Policy | Table | None, optimizer: str, heads: Heads, best_V: Real, seed: int
+) -> TuningResult:
     """Tune every head: by an optimiser from scratch, or by one from where a policy begins, which may be CMA-ES only."""
     import optimizers
     from optimizers.loop import minimise
@@ -79,13 +86,20 @@ def tuned(name: str, policy: Policy | None, optimizer: str, heads: Heads, best_V
     return TuningResult(name, at_once, curves, 0 if policy is None else int(policy.made["evaluations"]))
 
 
-def break_even(policy: TuningResult, scratch: TuningResult, evaluations: int) -> float:
+def break_even(policy: TuningResult, scratch: TuningResult, evaluations: int, heads: Any = slice(None)) -> float:
     """Heads from which on learning has cost less than optimising each from scratch, to be as good as it is.
 
     As good: the policy's median regret after so many evaluations a head. Infinite where scratch is there sooner.
+
+    Parameters
+    ----------
+    policy, scratch : TuningResult
+    evaluations : int
+    heads : slice or ndarray of int
+        Which of the heads count; all unless given.
     """
-    target = float(np.median(policy.curves_V[:, evaluations - 1]))
-    curve = np.median(scratch.curves_V, axis=0)
+    target = float(np.median(policy.curves_V[heads, evaluations - 1]))
+    curve = np.median(scratch.curves_V[heads], axis=0)
     needed = float(first_hits(curve[None, :], [target])[0, 0])
     saved = needed - evaluations
     return policy.trained / saved if saved > 0 else math.inf
@@ -101,17 +115,22 @@ def told(results: Sequence[TuningResult], rng: np.random.Generator) -> list[dict
         for label, values in columns.items():
             if np.isfinite(values).all():
                 found = stratified(lambda x: np.median(x, axis=(-2, -1)), [values[:, None]], rng)
-                row[label] = _json(found)
+                row[label] = as_json(found)
         if one.trained:
-            even = break_even(one, scratch, BUDGETS[0])
-            row["break_even_heads"] = None if math.isinf(even) else even
+            evens = functools.partial(_break_evens, one, scratch)
+            heads = np.arange(len(one.curves_V))[:, None]
+            row["break_even_heads"] = as_json(stratified(evens, [heads], rng, RESAMPLES))
             row["against"] = scratch.name
         rows.append(row)
     return rows
 
 
-def _json(found: Estimate) -> dict[str, float]:
-    return {"value": found.value, "low": found.low, "high": found.high}
+def _break_evens(policy: TuningResult, scratch: TuningResult, heads: Real) -> Real:
+    """Break-even numbers of samples of the heads, which are numbers (..., heads, 1); shape (...)."""
+    flat = heads[..., 0].reshape(-1, heads.shape[-2]).astype(int)
+    found = np.array([break_even(policy, scratch, BUDGETS[0], some) for some in flat])
+    evens: Real = found.reshape(heads.shape[:-2])
+    return evens
 
 
 def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int) -> dict[str, Any]:
@@ -127,7 +146,10 @@ def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int)
     results = []
     for optimizer in SCRATCH:
         results.append(tuned(optimizer, None, optimizer, tests, best, seed))
-    for name, policy in trained.items():
+    tables = [one_waveform(seed), *(table_of(count, seed) for count in (max(1, evaluations // SMALLER), evaluations))]
+    begun: dict[str, Policy | Table] = {f"table of {_heads(table.made['heads'])}": table for table in tables}
+    begun.update(trained)
+    for name, policy in begun.items():
         results.append(tuned(name, policy, "cma-es", tests, best, seed))
     least = np.min([one.curves_V.min(axis=1) for one in results], axis=0)
     moved = [TuningResult(o.name, o.at_once_V - least, o.curves_V - least[:, None], o.trained) for o in results]
@@ -155,17 +177,31 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
 
     rows = []
     for row in found["rows"]:
-        even = row.get("break_even_heads")
-        text = "" if not row["trained"] else "never" if even is None else f"{math.ceil(even):,}"
+        pays = "" if not row["trained"] else _heads_from(row["break_even_heads"])
         rows.append(
-            (row["name"], f"{row['trained']:,}", *(volts(row.get(str(b))) for b in (0, *BUDGETS)), text),
+            (row["name"], f"{row['trained']:,}", *(volts(row.get(str(b))) for b in (0, *BUDGETS)), pays),
         )
     return ("tuned by", "evaluations to learn", *(f"after {b:,}" for b in (0, *BUDGETS)), "pays from … heads"), rows
 
 
+def _heads(count: int) -> str:
+    return "1 head" if count == 1 else f"{count} heads"
+
+
+def _heads_from(even: Mapping[str, float | None]) -> str:
+    """A break-even number with its interval; whole heads."""
+    whole = {name: None if value is None else f"{math.ceil(value):,}" for name, value in even.items()}
+    if whole["value"] is None:
+        return "never" if whole["low"] is None else f"never ({whole['low']} … ∞)"
+    return f"{whole['value']} ({whole['low']} … {whole['high'] or '∞'})"
+
+
 def legend(found: Mapping[str, Any]) -> str:
     """What the table's numbers are."""
-    return f"Median regret in volts over {found['heads']} heads that nobody had seen, with its 95 % interval."
+    return (
+        f"Medians over {found['heads']} heads that nobody had seen, of the regret in volts, with 95 % intervals over "
+        f"heads; one training each."
+    )
 
 
 def print_study(found: Mapping[str, Any]) -> None:

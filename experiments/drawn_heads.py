@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from inkjet_env.envs.task import WaveformTask, make_task
 
@@ -28,6 +28,27 @@ def the_task() -> WaveformTask:
 def drawn(count: int, seed: int) -> NDArray[np.float32]:
     """Observations of heads, shape (count, 4): those that environments seeded from ``seed`` on would draw first."""
     return the_task().contexts([np.random.default_rng([seed, k]) for k in range(count)])
+
+
+def stretched(points: Real, made_for: ArrayLike, observations: ArrayLike) -> Real:
+    """Points (n, 7) for other heads than they were made for: their durations stretched as the resonance's period is.
+
+    A head that differs in its period alone answers with the same peaks: its damping ratio counts periods, and hysteresis
+    knows no time.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 7)
+        In ``[-1, 1]``; so is what is returned, cut to the box.
+    made_for, observations : array_like, shape (n, 4)
+        The heads that they were made for, and those that they are wanted for.
+    """
+    task = the_task()
+    waveforms = task.bounds.from_unit(points)
+    periods = task.head_values(made_for)[:, :1] / task.head_values(observations)[:, :1]
+    waveforms[:, 2:] *= periods
+    cut: Real = np.clip(task.bounds.to_unit(waveforms), -1.0, 1.0)
+    return cut
 
 
 @dataclass(frozen=True, eq=False)

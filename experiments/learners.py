@@ -1,4 +1,4 @@
-"""Four ways of learning a waveform for any head: by the exact gradient, by imitation, by PPO and by SAC.
+"""Ways to a waveform for any head: by the exact gradient, imitation, PPO and SAC; and tables, which learn nothing.
 
 One ledger for all: every evaluation of a waveform in training counts; one with its gradient counts as one.
 """
@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from experiments.drawn_heads import TRAIN_SEED, Heads, OneHead, descended, drawn
+from experiments.drawn_heads import TRAIN_SEED, Heads, OneHead, Real, descended, drawn, stretched
 from experiments.policies import Policy, policy_of_layers, policy_of_sb3
 from experiments.progress import shown_progress
 
@@ -20,8 +22,67 @@ HIDDEN = (128, 128)
 LABELLING_STARTS = 4
 """Descents that a waveform to imitate is the best of."""
 
+STARTS_FOR_ONE = 20
+"""The same of the waveform that is stretched for all heads."""
+
 Trained = tuple[Policy, int]
 """A policy, and the evaluations that it cost."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Waveforms that descents found for heads; another head gets that of the nearest, stretched to its resonance.
+
+    Nearest: in what the environment shows of a head, where every range is two wide.
+
+    Parameters
+    ----------
+    observations : ndarray, shape (heads, 4)
+    points : ndarray, shape (heads, 7)
+    made : dict
+        How it was made; ``evaluations`` that it cost.
+    """
+
+    observations: Real
+    points: Real
+    made: Mapping[str, Any]
+
+    def act(self, observations: ArrayLike) -> Real:
+        """Actions in ``[-1, 1]``, shape (n, 7), for observations, shape (n, 4)."""
+        shown = np.atleast_2d(np.asarray(observations, dtype=np.float64))
+        nearest = np.sum((shown[:, None] - self.observations[None]) ** 2, axis=2).argmin(axis=1)
+        return stretched(self.points[nearest], self.observations[nearest], shown)
+
+
+def table_of(evaluations: int, seed: int) -> Table:
+    """A table of as many heads as the evaluations allow."""
+    observations, points, spent = _labelled("table", evaluations, seed)
+    return Table(observations, points, {"by": "table", "evaluations": spent, "heads": len(points), "seed": seed})
+
+
+def one_waveform(seed: int) -> Table:
+    """A table of one head, the middle one."""
+    middle = np.zeros((1, 4), dtype=np.float32)
+    point, _, spent = descended(OneHead(middle), STARTS_FOR_ONE, seed)
+    made = {"by": "table", "evaluations": spent, "heads": 1, "seed": seed}
+    return Table(middle.astype(np.float64), point[None, :], made)
+
+
+def _labelled(name: str, evaluations: int, seed: int) -> tuple[Real, Real, int]:
+    """Heads (n, 4) and their best waveforms (n, 7), until so many evaluations are spent, and what was spent."""
+    observations: list[Real] = []
+    points: list[Real] = []
+    spent = 0
+    with shown_progress(name, evaluations) as progress:
+        while spent < evaluations:
+            k = len(points)
+            one = drawn(1, TRAIN_SEED + seed * 100_000 + k)
+            point, cost, used = descended(OneHead(one), LABELLING_STARTS, seed + k)
+            observations.append(one[0].astype(np.float64))
+            points.append(point)
+            spent += used
+            progress(min(spent, evaluations), f"{k + 1} heads, {cost:.2f} V")
+    return np.array(observations), np.array(points), spent
 
 
 def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Trained:
@@ -54,26 +115,18 @@ def by_imitation(evaluations: int, seed: int) -> Trained:
     """A plain regression on the best waveforms that descents found for heads, as many as the evaluations allow."""
     import torch
 
-    observations, points, spent, k = [], [], 0, 0
-    with shown_progress("imitation", evaluations) as progress:
-        while spent < evaluations:
-            one = drawn(1, TRAIN_SEED + seed * 100_000 + k)
-            point, cost, used = descended(OneHead(one), LABELLING_STARTS, seed + k)
-            observations.append(one[0])
-            points.append(point)
-            spent, k = spent + used, k + 1
-            progress(min(spent, evaluations), f"{k} heads, {cost:.2f} V")
+    observations, points, spent = _labelled("imitation", evaluations, seed)
     torch.manual_seed(seed)
     torch.set_num_threads(1)
     network, layers = _network()
-    x = torch.as_tensor(np.array(observations), dtype=torch.float32)
-    y = torch.as_tensor(np.array(points), dtype=torch.float32)
+    x = torch.as_tensor(observations, dtype=torch.float32)
+    y = torch.as_tensor(points, dtype=torch.float32)
     optimiser = torch.optim.Adam(network.parameters(), lr=1e-3, weight_decay=1e-4)
     for _ in range(3000):
         optimiser.zero_grad()
         torch.mean((network(x) - y) ** 2).backward()
         optimiser.step()
-    made = {"by": "imitation", "evaluations": spent, "heads": k, "seed": seed}
+    made = {"by": "imitation", "evaluations": spent, "heads": len(points), "seed": seed}
     return policy_of_layers(layers, "clip", made), spent
 
 

@@ -28,6 +28,18 @@ def test_what_scratch_reaches_sooner_never_pays():
     assert break_even(policy, scratch, 50) == math.inf
 
 
+def test_break_even_has_an_interval_over_heads():
+    rng = np.random.default_rng(0)
+    falls = np.linspace(10, 0, 2000)[None, :] + rng.normal(0, 1, (40, 1))
+    scratch = TuningResult("cma-es", np.full(40, math.nan), falls, 0)
+    policy = TuningResult("policy", np.full(40, 5.0), np.full((40, 2000), 5.0), 95_000)
+    by_name = {row["name"]: row for row in amortised.told([scratch, policy], rng)}
+    even = by_name["policy"]["break_even_heads"]
+    assert even["low"] < even["value"] < even["high"]
+    assert even["value"] == pytest.approx(break_even(policy, scratch, 50))
+    assert "break_even_heads" not in by_name["cma-es"]
+
+
 def test_a_study_keeps_its_policies_and_tells_the_same_again(tmp_path, monkeypatch):
     monkeypatch.setattr(amortised, "BUDGETS", (5, 20))
     monkeypatch.setattr(amortised, "LEARNERS", {"imitation": by_imitation})
@@ -37,6 +49,8 @@ def test_a_study_keeps_its_policies_and_tells_the_same_again(tmp_path, monkeypat
     monkeypatch.setattr(amortised, "LEARNERS", {"imitation": lambda *_: pytest.fail("trained again")})
     assert amortised.study(tmp_path, 1000, 3, 3, 0) == first == json.loads((tmp_path / "amortised.json").read_text())
     by_name = {row["name"]: row for row in first["rows"]}
+    assert sum(name.startswith("table of ") for name in by_name) >= 2
+    assert by_name["table of 1 head"]["trained"] > 0
     assert "0" not in by_name["random"]
     assert by_name["imitation"]["5"]["value"] <= by_name["imitation"]["0"]["value"]
     assert min(row["20"]["low"] for row in first["rows"]) >= 0

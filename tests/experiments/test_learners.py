@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments import learners
-from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, Heads, OneHead, descended, drawn, the_task
+from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, Heads, OneHead, descended, drawn, stretched, the_task
 from inkjet_env.printhead import Waveform
 
 
@@ -20,6 +20,34 @@ def test_heads_side_by_side_cost_what_each_costs_alone():
         assert costs[k] == pytest.approx(head.respond(waveform).cost(), abs=1e-8)
         alone = heads.one(k).evaluate_with_gradient(points[k : k + 1])
         assert (alone[0][0], *alone[1][0]) == pytest.approx((costs[k], *gradients[k]), abs=1e-9)
+
+
+def test_a_waveform_stretched_to_the_period_gets_the_same_peaks():
+    """Damping is measured in periods, and hysteresis knows no time: only the resonance has one."""
+    heads = np.array([[0.0, -1.0, 0.0, 0.5], [0.4, -1.0, 0.0, 0.5]])
+    waveform = Waveform(60, -60, 2e-6, 6e-6, 3e-6, 8e-6, 4e-6)
+    point = the_task().bounds.to_unit(waveform.to_array())[None, :]
+    there = the_task().bounds.from_unit(stretched(point, heads[:1], heads[1:]))[0]
+    frequencies = the_task().head_values(heads)[:, 0]
+    np.testing.assert_allclose(there[2:], waveform.to_array()[2:] * frequencies[0] / frequencies[1], rtol=1e-9)
+    fired = (waveform, Waveform.from_array(there))
+    peaks = [the_task().head(head).respond(one).peaks_V for head, one in zip(heads, fired, strict=True)]
+    np.testing.assert_allclose(peaks[0][:8], peaks[1][:8], rtol=1e-6)
+
+
+def test_stretching_stays_in_the_box():
+    slow, fast = np.array([[-1.0, 0, 0, 0]]), np.array([[1.0, 0, 0, 0]])
+    assert stretched(np.ones((1, 7)), fast, slow).max() == 1.0
+    assert stretched(-np.ones((1, 7)), slow, fast).min() >= -1.0
+
+
+def test_a_table_gives_the_nearest_heads_waveform_and_costs_what_its_descents_did():
+    table = learners.table_of(3000, seed=2)
+    assert 3000 <= table.made["evaluations"] < 3000 + 8 * 400
+    assert len(table.points) == table.made["heads"] > 1
+    np.testing.assert_allclose(table.act(table.observations), table.points, atol=1e-9)
+    assert (np.abs(table.act(table.observations + 0.01) - table.points) < 0.05).all()
+    assert learners.one_waveform(0).made["heads"] == 1
 
 
 def test_heads_to_train_on_and_to_test_on_are_different():
