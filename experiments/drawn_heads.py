@@ -33,8 +33,8 @@ def drawn(count: int, seed: int) -> NDArray[np.float32]:
 def stretched(points: Real, made_for: ArrayLike, observations: ArrayLike) -> Real:
     """Points (n, 7) for other heads than they were made for: their durations stretched as the resonance's period is.
 
-    A head that differs in its period alone answers with the same peaks: its damping ratio counts periods, and hysteresis
-    knows no time.
+    A head of another period alone answers with the same peaks, all higher or lower by that ratio: damping ratios count
+    periods, hysteresis knows no time, and b1 is per second.
 
     Parameters
     ----------
