@@ -1,114 +1,46 @@
 """A few tries on a head that nobody knows: what to expect of whom on ``inkjet_env/TuneWaveform-v0``.
 
 ``python -m experiments.few_tries`` has optimisers spend the tries from scratch, fires one waveform for all heads, goes
-on from it by CMA-ES, and trains an agent that sees the peaks; all on the same heads, which nobody saw before. What
-learning took is counted in evaluations. A folder keeps what was learnt.
+on from it by CMA-ES, fires a list of waveforms, as it is or stretched to the period that rings after the first, and
+trains an agent that sees the peaks; all on the same heads, which nobody saw before. What learning took is counted in
+evaluations. A folder keeps what was learnt.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.amortised import run_command
 from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, Heads, Real, descended, drawn
-from experiments.learners import HIDDEN, let_learn
+from experiments.learners import HIDDEN, labelled, let_learn
 from experiments.measures import stratified
 from experiments.policies import Policy, kept_policy, policy_of_sb3
 from experiments.progress import shown_progress
+from experiments.tuners import Agent, Listed, OneForAll, Optimisers, Tuner, best_list
 from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
 from inkjet_env.storage import json_text, write_atomically
 
-FORMAT = "few-tries/1"
+FORMAT = "few-tries/2"
 TITLE = "A few tries on an unknown head"
-SCRATCH = ("random", "sobol", "pso", "coordinate", "cma-es", "optuna-gp")
+SCRATCH: dict[str, tuple[str, dict[str, Any]]] = {
+    **{name: (name, {}) for name in ("random", "sobol", "pso", "coordinate", "cma-es", "optuna-gp")},
+    "pso of 3": ("pso", {"particles": 3}),
+    "cma-es of 4": ("cma-es", {"population": 4}),
+    "optuna-gp from 3": ("optuna-gp", {"startup": 3}),
+}
+"""Optimisers that know nothing, at their defaults, which listen to no reading before the tenth try or so, and smaller."""
+LISTED = 100_000
+"""Evaluations that the heads cost whose best waveforms the lists are chosen from."""
 SHOWN = (1, 3, TRIES)
 """After how many tries the tables tell."""
 NEAR = 0.15
 """First step of CMA-ES around the waveform for all, in half widths of the box: heads differ by that much."""
-
-
-class Tuner(Protocol):
-    """Whoever tunes N heads side by side."""
-
-    def fire(self, observations: NDArray[np.float32]) -> Real:
-        """Actions for the next try, shape (n, 7)."""
-
-    def told(self, readings: Real) -> None:
-        """Costs as they were read, shape (n,)."""
-
-
-class Optimisers:
-    """An optimiser a head, which is told readings and nothing else.
-
-    Parameters
-    ----------
-    name : str
-    count : int
-        Number of heads.
-    tries : int
-    seed : int
-    **options
-        Of the optimiser.
-    """
-
-    def __init__(self, name: str, count: int, tries: int, seed: int, **options: Any) -> None:
-        import optimizers
-
-        self.each = [optimizers.make(name, budget=tries, seed=seed + k, **options) for k in range(count)]
-        self.asked: list[Real] = [np.empty((0, 7))] * count
-        self.waiting: list[deque[Real]] = [deque() for _ in range(count)]
-        self.read: list[list[float]] = [[] for _ in range(count)]
-
-    def fire(self, observations: NDArray[np.float32]) -> Real:
-        """The next of what each has asked for."""
-        for k, optimizer in enumerate(self.each):
-            if not self.waiting[k]:
-                self.asked[k], self.read[k] = optimizer.ask(), []
-                self.waiting[k].extend(self.asked[k])
-        return np.array([waiting.popleft() for waiting in self.waiting])
-
-    def told(self, readings: Real) -> None:
-        """Each is told once all that it asked for has been read."""
-        for k, optimizer in enumerate(self.each):
-            self.read[k].append(float(readings[k]))
-            if not self.waiting[k]:
-                optimizer.tell(self.asked[k], np.array(self.read[k]))
-
-
-class Agent:
-    """A policy that sees what the environment shows."""
-
-    def __init__(self, policy: Policy) -> None:
-        self.policy = policy
-
-    def fire(self, observations: NDArray[np.float32]) -> Real:
-        """What it does where it sees that."""
-        return self.policy.act(observations)
-
-    def told(self, readings: Real) -> None:
-        """It will see them."""
-
-
-class OneForAll:
-    """The same waveform whatever the head, again and again."""
-
-    def __init__(self, point: Real) -> None:
-        self.point = point
-
-    def fire(self, observations: NDArray[np.float32]) -> Real:
-        """That waveform."""
-        return np.tile(self.point, (len(observations), 1))
-
-    def told(self, readings: Real) -> None:
-        """It does not listen."""
 
 
 def kept_costs_V(tuner: Tuner, heads: int, tries: int, seed: int) -> Real:
@@ -169,6 +101,18 @@ def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
     return policy_of_sb3(model, made, names)
 
 
+def _lists(
+    tries: int, shown: tuple[str, ...], seed: int, evaluations: int = LISTED
+) -> list[tuple[str, int, Callable[[], Tuner]]]:
+    """A list of waveforms as it is, and one that is stretched to the period that rings after its first."""
+    heads, points, spent = labelled("lists", evaluations, seed)
+    found: list[tuple[str, int, Callable[[], Tuner]]] = []
+    for name, names in (("list", None), ("list, stretched", shown)):
+        chosen, more = best_list(heads, points, tries, stretch=names is not None)
+        found.append((name, spent + more, functools.partial(Listed, chosen, names)))
+    return found
+
+
 def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int, tries: int = TRIES) -> dict[str, Any]:
     """Learn, tune every head by everybody, and write ``few_tries.json``.
 
@@ -196,9 +140,13 @@ def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int,
 
     near = {"start": point.tolist(), "first_step": NEAR}
     tuners: list[tuple[str, int, Callable[[], Tuner]]] = [
-        *((name, 0, functools.partial(Optimisers, name, heads, tries, seed)) for name in SCRATCH),
+        *(
+            (name, 0, functools.partial(Optimisers, of, heads, tries, seed, **more))
+            for name, (of, more) in SCRATCH.items()
+        ),
         ("one for all", spent, functools.partial(OneForAll, point)),
         ("cma-es from one for all", spent, functools.partial(Optimisers, "cma-es", heads, tries, seed, **near)),
+        *_lists(tries, shown, seed),
         ("sb3-ppo", int(policy.made["evaluations"]), functools.partial(Agent, policy)),
     ]
     rng = np.random.default_rng(seed)

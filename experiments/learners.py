@@ -56,7 +56,7 @@ class Table:
 
 def table_of(evaluations: int, seed: int) -> Table:
     """A table of as many heads as the evaluations allow."""
-    observations, points, spent = _labelled("table", evaluations, seed)
+    observations, points, spent = labelled("table", evaluations, seed)
     return Table(observations, points, {"by": "table", "evaluations": spent, "heads": len(points), "seed": seed})
 
 
@@ -68,7 +68,7 @@ def one_waveform(seed: int) -> Table:
     return Table(middle.astype(np.float64), point[None, :], made)
 
 
-def _labelled(name: str, evaluations: int, seed: int) -> tuple[Real, Real, int]:
+def labelled(name: str, evaluations: int, seed: int) -> tuple[Real, Real, int]:
     """Heads (n, 4) and their best waveforms (n, 7), until so many evaluations are spent, and what was spent."""
     observations: list[Real] = []
     points: list[Real] = []
@@ -115,7 +115,7 @@ def by_imitation(evaluations: int, seed: int) -> Trained:
     """A plain regression on the best waveforms that descents found for heads, as many as the evaluations allow."""
     import torch
 
-    observations, points, spent = _labelled("imitation", evaluations, seed)
+    observations, points, spent = labelled("imitation", evaluations, seed)
     torch.manual_seed(seed)
     torch.set_num_threads(1)
     network, layers = _network()

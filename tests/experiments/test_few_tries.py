@@ -6,20 +6,23 @@ import numpy as np
 import pytest
 
 from experiments import few_tries
-from experiments.few_tries import Agent, OneForAll, Optimisers, heads_on_the_bench, kept_costs_V
+from experiments.drawn_heads import Heads, drawn, stretched
+from experiments.few_tries import heads_on_the_bench, kept_costs_V
 from experiments.policies import Policy
+from experiments.tuners import MIDDLE, Agent, Listed, OneForAll, Optimisers, best_list
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 
 SEED = 5
 
 
-@pytest.mark.parametrize("name", few_tries.SCRATCH)
-def test_tuning_repeats_itself_and_an_optimiser_beside_others_asks_what_it_would_alone(name):
-    kept = kept_costs_V(Optimisers(name, 3, 7, SEED), 3, 7, SEED)
+@pytest.mark.parametrize("entry", few_tries.SCRATCH.values(), ids=list(few_tries.SCRATCH))
+def test_tuning_repeats_itself_and_an_optimiser_beside_others_asks_what_it_would_alone(entry):
+    name, options = entry
+    kept = kept_costs_V(Optimisers(name, 3, 7, SEED, **options), 3, 7, SEED)
     assert kept.shape == (3, 7)
-    assert (kept == kept_costs_V(Optimisers(name, 3, 7, SEED), 3, 7, SEED)).all()
-    alone = Optimisers(name, 1, 7, SEED + 2)
-    first = Optimisers(name, 3, 7, SEED).fire(np.zeros((3, 32), dtype=np.float32))[2]
+    assert (kept == kept_costs_V(Optimisers(name, 3, 7, SEED, **options), 3, 7, SEED)).all()
+    alone = Optimisers(name, 1, 7, SEED + 2, **options)
+    first = Optimisers(name, 3, 7, SEED, **options).fire(np.zeros((3, 32), dtype=np.float32))[2]
     assert (alone.fire(np.zeros((1, 32), dtype=np.float32))[0] == first).all()
 
 
@@ -49,6 +52,37 @@ def test_one_waveform_for_all_is_better_on_new_heads_than_any_guess():
     assert heads.evaluate(np.tile(point, (40, 1))).mean() < min(means)
 
 
+def test_a_list_begins_with_what_is_best_alone_and_goes_on_with_what_helps_most():
+    labelled = drawn(12, 3).astype(float)
+    points = np.random.default_rng(1).uniform(-1, 1, (12, 7))
+    points[:, 0], points[:, 1] = 0.9, -0.9
+    chosen, spent = best_list(labelled, points, 3, stretch=False)
+    assert spent == 12 * 12
+    costs = np.array([Heads(labelled.astype(np.float32)).evaluate(np.tile(point, (12, 1))) for point in points])
+    numbers = [int(np.flatnonzero((points == point).all(axis=1))[0]) for point in chosen]
+    left = np.minimum(costs, 0.0)
+    assert numbers[0] == left.mean(axis=1).argmin()
+    assert numbers[1] == np.minimum(left, left[numbers[0]]).mean(axis=1).argmin()
+
+
+def test_a_list_is_stretched_to_the_resonance_that_rings():
+    names = TuneWaveformVectorEnv(1).tuning.observation_names()
+    points = np.tile([0.8, -0.8, -0.9, -0.2, -0.5, -0.3, -0.6], (2, 1))
+    envs = TuneWaveformVectorEnv(5)
+    observations, _ = envs.reset(seed=SEED)
+    tuner = Listed(points, names)
+    first = tuner.fire(observations)
+    assert (first == points[:1]).all()
+    observations, *_ = envs.step(first.astype(np.float32))
+    second = tuner.fire(observations)
+    truly = np.zeros((5, 4))
+    truly[:, 0] = envs.tuning.contexts[:, 0]
+    np.testing.assert_allclose(second, stretched(points[[1] * 5], MIDDLE, truly), atol=0.01)
+    plain = Listed(points)
+    plain.fire(observations)
+    assert (plain.fire(observations) == points[1]).all()
+
+
 def test_an_agent_is_kept_with_what_its_observations_are(tmp_path):
     policy = few_tries.trained_agent(2000, 4, seed=0)
     assert policy.made["evaluations"] == 2 * 64 * 16  # whole rollouts
@@ -63,7 +97,8 @@ def test_an_agent_is_kept_with_what_its_observations_are(tmp_path):
 
 
 def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(few_tries, "SCRATCH", ("random", "cma-es"))
+    monkeypatch.setattr(few_tries, "SCRATCH", {name: few_tries.SCRATCH[name] for name in ("random", "cma-es of 4")})
+    monkeypatch.setattr(few_tries, "LISTED", 3000)
     arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "8", "--labelling", "4"]
     few_tries.main(arguments)
     text = (tmp_path / "few_tries.json").read_bytes()
@@ -73,7 +108,11 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     found = json.loads(text)
     learning = {row["name"]: row["learning"] for row in found["rows"]}
     assert (
-        learning["random"] == learning["cma-es"] == 0 < learning["one for all"] == learning["cma-es from one for all"]
+        learning["random"]
+        == learning["cma-es of 4"]
+        == 0
+        < learning["one for all"]
+        == learning["cma-es from one for all"]
     )
     assert learning["sb3-ppo"] == 2560
     for row in found["rows"]:
