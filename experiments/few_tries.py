@@ -34,7 +34,7 @@ SCRATCH: dict[str, tuple[str, dict[str, Any]]] = {
     "cma-es of 4": ("cma-es", {"population": 4}),
     "optuna-gp from 3": ("optuna-gp", {"startup": 3}),
 }
-"""Optimisers that know nothing, at their defaults, which listen to no reading before the tenth try or so, and smaller."""
+"""Optimisers that know nothing: at their defaults, which use no reading before some ten tries, and smaller ones."""
 LISTED = 100_000
 """Evaluations that the heads cost whose best waveforms the lists are chosen from."""
 SHOWN = (1, 3, TRIES)
@@ -101,11 +101,9 @@ def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
     return policy_of_sb3(model, made, names)
 
 
-def _lists(
-    tries: int, shown: tuple[str, ...], seed: int, evaluations: int = LISTED
-) -> list[tuple[str, int, Callable[[], Tuner]]]:
+def _lists(tries: int, shown: tuple[str, ...], seed: int) -> list[tuple[str, int, Callable[[], Tuner]]]:
     """A list of waveforms as it is, and one that is stretched to the period that rings after its first."""
-    heads, points, spent = labelled("lists", evaluations, seed)
+    heads, points, spent = labelled("lists", LISTED, seed)
     found: list[tuple[str, int, Callable[[], Tuner]]] = []
     for name, names in (("list", None), ("list, stretched", shown)):
         chosen, more = best_list(heads, points, tries, stretch=names is not None)

@@ -122,7 +122,7 @@ class Listed:
         """It does not listen to costs."""
 
     def _read(self, times_s: Real) -> Real:
-        """Heads in the middle but for the resonance, shape (n, 4), from the times of the first peaks, shape (n, peaks)."""
+        """Heads in the middle but for their resonances, shape (n, 4), from times of peaks, shape (n, peaks)."""
         over_s = float(the_task().bounds.from_unit(self.points[:1])[0, 2:].sum())
         low_Hz, high_Hz = CONTEXT_LOWER[0], CONTEXT_UPPER[0]
         heads = np.tile(MIDDLE, (len(times_s), 1))
