@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import optimizers
+from experiments.comparison import best_of_random_V
 from experiments.problems import BEST_KNOWN_FILE, Problem
 from experiments.suite import problem, suite
 from inkjet_env.storage import write_json
@@ -41,7 +42,7 @@ RUN_EVALUATIONS = 20_000
 FIRST_RUN = 10_000
 """Seed of the first whole run: `experiments.beating` begins at 0, and must not repeat them."""
 NEAR = 1e-3
-"""Of the best cost: how near to it a run counts as having come to the same."""
+"""Of the problem's scale (what the best of 50 random waveforms is worse): how near a run has come to the same."""
 
 
 Evaluate = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
@@ -227,11 +228,11 @@ def search(
     cost_V = float(problem.evaluate(winning)[0])
     response = problem.respond(winning)
     descent = "L-BFGS-B on the exact gradient" if problem.has_gradient else "CMA-ES"
-    near = int(np.sum(run_costs <= cost_V + NEAR * abs(cost_V)))
+    near = int(np.sum(run_costs <= cost_V + NEAR * (best_of_random_V(problem) - cost_V)))
     found_by = (
         f"{descent} from {starts} starts (half the best of "
         f"{SCREENED_PER_START * starts} or more Sobol points, half any of them; it reached {by_descent:.6f} V) and "
-        f"{runs} runs of BIPOP-CMA-ES ({near} of them within {100 * NEAR:g} %), the best ends polished"
+        f"{runs} runs of BIPOP-CMA-ES ({near} of them within {NEAR:g} of the scale), the best ends polished"
     )
     if known is not None:
         found_by += ", with what had been known before"

@@ -22,16 +22,18 @@ Content = Mapping[str, Any]
 
 
 def problems_table(tried: Content) -> str:
-    """The suite: best known cost, scale, how certain that is, and how near each method of the attack has come."""
+    """The suite: best known cost, scale, how certain that is, and how far above it each method of the attack ended."""
     columns = list(dict.fromkeys(attempt["method"] for attempt in tried["attempts"]))
-    gains = {(attempt["problem"], attempt["method"]): 100 * attempt["gain"] for attempt in tried["attempts"]}
+    above_V = {
+        (attempt["problem"], attempt["method"]): attempt["cost_V"] - attempt["known_V"] for attempt in tried["attempts"]
+    }
     rows = []
     for one in suite().values():
         known = one.best_known
         found = ("–", "–") if known is None else (f"{known.cost:.6f}", f"{known.runs_near} of {known.runs}")
-        by_method = [f"{gains[one.name, by]:+.4f}" if (one.name, by) in gains else "–" for by in columns]
+        by_method = [f"{above_V[one.name, by]:+.4f}" if (one.name, by) in above_V else "–" for by in columns]
         rows.append((one.name, family_of(one.name), found[0], f"{scale_V(one.name):.2f}", found[1], *by_method))
-    header = ("problem", "family", "best known, V", "scale, V", "runs near it", *(f"{by}, %" for by in columns))
+    header = ("problem", "family", "best known, V", "scale, V", "runs near it", *(f"{by}, V" for by in columns))
     return markdown_table(header, rows)
 
 

@@ -26,8 +26,8 @@ def cells(text):
 
 def test_every_table_is_whole_and_its_numbers_are_those_of_the_files(folder, capsys):
     attempts = [
-        {"problem": "nominal", "method": "one", "gain": -0.01},
-        {"problem": "nominal", "method": "other", "gain": 0.0002},
+        {"problem": "nominal", "method": "one", "cost_V": -21.5, "known_V": -22.0},
+        {"problem": "nominal", "method": "other", "cost_V": -22.0001, "known_V": -22.0},
     ]
     (folder / "beating.json").write_text(json.dumps({"format": beating.FORMAT, "attempts": attempts}))
     comparison_document.main([str(folder)])
@@ -41,7 +41,7 @@ def test_every_table_is_whole_and_its_numbers_are_those_of_the_files(folder, cap
     rows = cells(told)
     nominal = next(row for row in rows if row[0] == "nominal")
     assert float(nominal[2]) == pytest.approx(best_known_cost("nominal"), abs=1e-6)
-    assert nominal[-2:] == ["-1.0000", "+0.0200"]
+    assert nominal[-2:] == ["+0.5000", "-0.0001"]
     assert next(row for row in rows if row[0] == "reading-50mV")[-2:] == ["–", "–"]
     assert nominal[4] == f"{(known := problem('nominal').best_known).runs_near} of {known.runs}"
     assert {row[0] for row in rows if row[1] == "train"} == {one.name for one in families()["train"]}
