@@ -1,7 +1,7 @@
 """A few tries on a head that nobody knows: what to expect of whom on ``inkjet_env/TuneWaveform-v0``.
 
 ``python -m experiments.few_tries`` has optimisers spend the tries from scratch, fires one waveform for all heads, goes
-on from it by CMA-ES, fires a list of waveforms, as it is or stretched to the period that rings after the first, and
+on from it by CMA-ES, fires a list of waveforms, as it is or stretched to the period that rings after a pulse, and
 trains an agent that sees the peaks; all on the same heads, which nobody saw before. What learning took is counted in
 evaluations. A folder keeps what was learnt.
 """
@@ -102,7 +102,7 @@ def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
 
 
 def _lists(tries: int, shown: tuple[str, ...], seed: int) -> list[tuple[str, int, Callable[[], Tuner]]]:
-    """A list of waveforms as it is, and one that is stretched to the period that rings after its first."""
+    """A list of waveforms as it is, and one that is stretched to the period that rings after a pulse."""
     heads, points, spent = labelled("lists", LISTED, seed)
     found: list[tuple[str, int, Callable[[], Tuner]]] = []
     for name, names in (("list", None), ("list, stretched", shown)):

@@ -15,6 +15,8 @@ from inkjet_env.envs.tuning import TIME_SCALE_S
 
 MIDDLE = np.zeros((1, 4))
 """The middle of the heads, as the environment shows it: what waveforms of a list are made for."""
+PULSE = np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0])
+"""The shortest pulse of the box, after which a head rings freely."""
 
 
 class Tuner(Protocol):
@@ -94,15 +96,14 @@ class OneForAll:
 
 
 class Listed:
-    """The waveforms of a list, one after the other, stretched to the period of the ringing where that is read.
+    """The waveforms of a list, one after the other; or a pulse first, and they are stretched to the period that rings.
 
     Parameters
     ----------
     points : ndarray, shape (tries, 7)
-        In ``[-1, 1]``.
+        In ``[-1, 1]``; of those that are stretched, for the middle of the heads.
     names : tuple of str, or None
-        What each number of an observation is, where the period is read after the first try; the waveforms are for the
-        middle of the heads, and the others are stretched. None where nothing is read.
+        What each number of an observation is, where the period is read; None where nothing is.
     """
 
     def __init__(self, points: Real, names: tuple[str, ...] | None = None) -> None:
@@ -112,18 +113,21 @@ class Listed:
 
     def fire(self, observations: NDArray[np.float32]) -> Real:
         """The next of the list."""
-        if self.times and self.done == 1:
+        number, self.done = self.done, self.done + 1
+        if not self.times:
+            return np.tile(self.points[number], (len(observations), 1))
+        if self.heads is None and number:
             self.heads = self._read(TIME_SCALE_S * np.asarray(observations, dtype=np.float64)[:, self.times])
-        point = np.tile(self.points[self.done], (len(observations), 1))
-        self.done += 1
-        return point if self.heads is None else stretched(point, MIDDLE, self.heads)
+        if self.heads is None:
+            return np.tile(PULSE, (len(observations), 1))
+        return stretched(np.tile(self.points[number - 1], (len(observations), 1)), MIDDLE, self.heads)
 
     def told(self, readings: Real) -> None:
         """It does not listen to costs."""
 
     def _read(self, times_s: Real) -> Real:
         """Heads in the middle but for their resonances, shape (n, 4), from times of peaks, shape (n, peaks)."""
-        over_s = float(the_task().bounds.from_unit(self.points[:1])[0, 2:].sum())
+        over_s = float(the_task().bounds.from_unit(PULSE[None, :])[0, 2:].sum())
         low_Hz, high_Hz = CONTEXT_LOWER[0], CONTEXT_UPPER[0]
         heads = np.tile(MIDDLE, (len(times_s), 1))
         for head, times in zip(heads, times_s, strict=True):

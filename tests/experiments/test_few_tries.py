@@ -9,7 +9,7 @@ from experiments import few_tries
 from experiments.drawn_heads import Heads, drawn, stretched
 from experiments.few_tries import heads_on_the_bench, kept_costs_V
 from experiments.policies import Policy
-from experiments.tuners import MIDDLE, Agent, Listed, OneForAll, Optimisers, best_list
+from experiments.tuners import MIDDLE, PULSE, Agent, Listed, OneForAll, Optimisers, best_list
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 
 SEED = 5
@@ -67,17 +67,18 @@ def test_a_list_begins_with_what_is_best_alone_and_goes_on_with_what_helps_most(
 
 def test_a_list_is_stretched_to_the_resonance_that_rings():
     names = TuneWaveformVectorEnv(1).tuning.observation_names()
-    points = np.tile([0.8, -0.8, -0.9, -0.2, -0.5, -0.3, -0.6], (2, 1))
+    points = np.array([[0.8, -0.8, -0.9, -0.2, -0.5, -0.3, -0.6], [0.7, -0.8, -0.9, -0.3, -0.5, -0.3, -0.6]])
     envs = TuneWaveformVectorEnv(5)
     observations, _ = envs.reset(seed=SEED)
     tuner = Listed(points, names)
     first = tuner.fire(observations)
-    assert (first == points[:1]).all()
+    assert (first == PULSE).all()
     observations, *_ = envs.step(first.astype(np.float32))
-    second = tuner.fire(observations)
+    second, third = tuner.fire(observations), tuner.fire(np.zeros_like(observations))  # it has read what it needs
     truly = np.zeros((5, 4))
     truly[:, 0] = envs.tuning.contexts[:, 0]
-    np.testing.assert_allclose(second, stretched(points[[1] * 5], MIDDLE, truly), atol=0.01)
+    np.testing.assert_allclose(second, stretched(points[[0] * 5], MIDDLE, truly), atol=0.01)
+    np.testing.assert_allclose(third, stretched(points[[1] * 5], MIDDLE, truly), atol=0.01)
     plain = Listed(points)
     plain.fire(observations)
     assert (plain.fire(observations) == points[1]).all()
