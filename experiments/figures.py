@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FOLDER = Path(__file__).parent.parent / "docs" / "figures"
-SHOWN_SEED = 5
+SHOWN_SEED = 2
 """A seed under which the swarm reaches the best optimum known; `experiments.figure7` lists how the others end."""
 COMPARED = ("lbfgsb-multistart", "cma-es", "pso", "pso-printed", "scipy-differential-evolution", "random")
 SEEDS, BUDGET, FLOOR_V = 15, 2000, 1e-4
