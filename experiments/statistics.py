@@ -253,14 +253,13 @@ def summarise(outcome: BenchOutcome) -> Summary:
     stacked = {optimizer: np.array([by.get(name, never) for name in problems]) for optimizer, by in regrets.items()}
     order = standings(stacked, rng)
     p, difference = friedman_and_nemenyi(np.array([np.median(values, axis=1) for values in stacked.values()]))
-    return Summary(tuple(scores), order, p, difference, conclusions(outcome, order, p, difference))
+    return Summary(tuple(scores), order, p, difference, conclusions(outcome, order, p))
 
 
 def conclusions(
     outcome: BenchOutcome,
     order: Sequence[Standing],
     friedman_p: float,
-    critical_difference: float,
 ) -> tuple[str, ...]:
     """What the ranking allows one to say, in sentences made from the numbers."""
     settings, winner = outcome.settings, order[0]
@@ -281,14 +280,11 @@ def conclusions(
     if shorter:
         told = (f"{name} ({settings.budget_of(name):,} evaluations)" for name in shorter)
         said.append(f"Compared up to the end of their shorter runs only, and not in this ranking: {', '.join(told)}.")
-    if math.isfinite(critical_difference):
-        alike = [s.optimizer for s in order[1:] if s.mean_rank - winner.mean_rank < critical_difference]
+    if math.isfinite(friedman_p):
         said.append(
             f"Taken as a sample of problems, these {len(settings.problems)} say that the optimisers "
-            f"{'differ' if friedman_p < 0.05 else 'do not differ significantly'} (Friedman, p = {friedman_p:.2g}); "
-            f"mean ranks less than {critical_difference:.1f} apart (Nemenyi) cannot be told apart, which leaves "
-            f"{len(alike)} of the other {len(order) - 1} level with {winner.optimizer}. Problems that are variants of "
-            f"one another are a smaller sample than they count."
+            f"{'differ' if friedman_p < 0.05 else 'do not differ significantly'} (Friedman, p = {friedman_p:.2g}). "
+            "Problems that are variants of one another are a smaller sample than they count."
         )
     return tuple(said)
 
