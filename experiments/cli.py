@@ -6,6 +6,7 @@ Whatever costs time to import is imported by the command that needs it.
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from optimizers.loop import Run
 
 INTERRUPTED = 130
+SAMPLE_RATE_HZ = 100e6
 OPTIMIZERS_TOLD = "pso, pso-printed, cma-es, lbfgsb-multistart, random …; a wrong name lists them all"
 
 app = typer.Typer(
@@ -162,7 +164,7 @@ def optimize(
     out: Annotated[
         Path, typer.Option(help="best waveform as CSV: time_s, drive_V, uniformly sampled, first and last 0 V")
     ] = Path("optimum.csv"),
-    sample_rate: Annotated[float, typer.Option(help="of that CSV, in Hz")] = 100e6,
+    sample_rate: Annotated[float, typer.Option(help="of that CSV, in Hz")] = SAMPLE_RATE_HZ,
     plot: PlotFile = None,
     json: JsonFile = None,
     resume: Annotated[
@@ -316,9 +318,15 @@ def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: P
         print(f"after {run.evaluations} evaluations. Waveform (U1 U2 t1 t2 t3 t4 t5): {values}")
         print(f"{out}: {time_s.size} samples at {sample_rate:g} Hz")
     if not run.complete:
+        again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]
+        if sample_rate != SAMPLE_RATE_HZ:
+            again += ["--sample-rate", f"{sample_rate:.12g}"]
+        for option, file in (("--plot", plot), ("--json", json)):
+            if file is not None:
+                again += [option, file]
         print(
             f"Interrupted after {run.evaluations} of {plan.budget} evaluations; the best so far is kept. "
-            f"To go on: inkjet optimize --resume {record} --out {out}",
+            f"To go on: {shlex.join(map(str, again))}",
             file=sys.stderr,
         )
         raise typer.Exit(INTERRUPTED)

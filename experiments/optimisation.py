@@ -118,6 +118,8 @@ def read_record(path: Path) -> tuple[Optimisation, tuple]:
         The file is missing or is not such a record; the message names it.
     """
     try:
+        if path.is_file() and not zipfile.is_zipfile(path):
+            raise ValueError("it is no .npz archive")
         with np.load(path, allow_pickle=False) as archive:
             label = json.loads(str(archive["label"]))
             recorded = tuple(archive[name] for name in ("points", "costs", "gradients") if name in archive)

@@ -1,5 +1,6 @@
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -220,7 +221,8 @@ def test_bad_optimize_is_one_sentence_and_status_2(inkjet, tmp_path, arguments, 
 
 def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, tmp_path, monkeypatch):
     arguments = ["optimize", "--optimizer", "cma-es", "--budget", "300", "--seed", "5"]
-    assert inkjet(*arguments, "--out", "whole.csv", "--json", "whole.json")[0] == 0
+    files = ["--sample-rate", "2.5e7", "--plot"]
+    assert inkjet(*arguments, *files, "whole.png", "--out", "whole.csv", "--json", "whole.json")[0] == 0
 
     from experiments.problems import Problem
 
@@ -233,21 +235,21 @@ def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, 
         return evaluate(self, points)
 
     monkeypatch.setattr(Problem, "evaluate", interrupted)
-    status, _out, err = inkjet(*arguments, "--out", "part.csv", "--json", "part.json")
+    status, _out, err = inkjet(*arguments, *files, "my part.png", "--out", "my part.csv", "--json", "my part.json")
     assert status == cli.INTERRUPTED
     assert "the best so far is kept" in err
-    assert "--resume part.csv.evaluations.npz" in err
-    part = json.loads((tmp_path / "part.json").read_text())
+    part = json.loads((tmp_path / "my part.json").read_text())
     assert 0 < part["evaluations"] == sum(batches[:-1]) < 300
     assert part["complete"] is False
-    assert (tmp_path / "part.csv").exists()
+    assert (tmp_path / "my part.csv").exists()
 
     batches.extend([0] * 9)  # no more interruptions
-    assert (
-        inkjet("optimize", "--resume", "part.csv.evaluations.npz", "--out", "rest.csv", "--json", "rest.json")[0] == 0
-    )
-    assert (tmp_path / "rest.json").read_bytes() == (tmp_path / "whole.json").read_bytes()
-    assert (tmp_path / "rest.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    (tmp_path / "my part.png").unlink()
+    command, *told = shlex.split(err.partition("To go on: ")[2])
+    assert command == "inkjet"
+    assert inkjet(*told)[0] == 0
+    for ending in ("json", "csv", "png"):
+        assert (tmp_path / f"my part.{ending}").read_bytes() == (tmp_path / f"whole.{ending}").read_bytes()
 
 
 def test_a_damaged_record_is_named(inkjet, tmp_path):

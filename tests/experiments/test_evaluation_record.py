@@ -73,3 +73,9 @@ def test_a_pickle_is_never_loaded(tmp_path):
     np.savez(tmp_path / "r.npz", label=np.array({"a": 1}, dtype=object))
     with pytest.raises(ValueError, match="pickled objects, which are never loaded"):
         read_record(tmp_path / "r.npz")
+
+
+def test_another_kind_of_file_is_not_called_a_pickle(tmp_path):
+    (tmp_path / "w.csv").write_text("time_s,drive_V\n0,0\n")
+    with pytest.raises(ValueError, match=r"w\.csv: .*it is no \.npz archive.* Give the \.npz that"):
+        read_record(tmp_path / "w.csv")
