@@ -225,8 +225,7 @@ class Comparison:
         everywhere = [row for row in found.rows if row.applies == len(found.problems)]
         best = (everywhere or found.rows)[0]
         of = "" if best is found.rows[0] else " of those that can be used on all of these problems"
-        level = [row.optimizer for row in found.rows if row is not best and row.rank == best.rank]
-        also = f" (level with {' and '.join(level)})" if level else ""
+        also = f" ({level})" if (level := _level_with(best, found)) else ""
         where = "" if family == "all" else f" on the problems of the family {family}"
         said = [
             f"After {budget:,} evaluations{where} {best.optimizer}, the best by mean rank{of}{also}, leaves a regret "
@@ -234,10 +233,11 @@ class Comparison:
             f"{_level_elsewhere(found, best)}{self._with_dearer_gradients(found)}"
         ]
         if swarm is not None and best is not swarm:
-            place = found.rows.index(swarm) + 1
+            place = 1 + sum(row.rank < swarm.rank for row in found.rows)
+            also = f"{level}; " if (level := _level_with(swarm, found)) else ""
             said.append(
                 f"The paper's method, a particle swarm, with random factors and the usual coefficients ({REFERENCE}), "
-                f"is at place {place} of {len(found.rows)} (mean rank {swarm.rank:.1f}), with a regret of "
+                f"is at place {place} of {len(found.rows)} ({also}mean rank {swarm.rank:.1f}), with a regret of "
                 f"{_ranged(swarm.quality)}."
             )
         if printed is not None and swarm is not None and printed is not best:
@@ -291,6 +291,12 @@ class Comparison:
             f"{ends}, and over problems like these it is better with posterior probability {rank.first:.2f}, alike "
             f"with {rank.alike:.2f}, worse with {rank.second:.2f}"
         )
+
+
+def _level_with(row: Row, found: Standings) -> str:
+    """Who has the same mean rank, in words; empty where nobody has."""
+    level = [other.optimizer for other in found.rows if other is not row and other.rank == row.rank]
+    return f"level with {' and '.join(level)}" if level else ""
 
 
 def _level_elsewhere(found: Standings, best: Row) -> str:

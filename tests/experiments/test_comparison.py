@@ -101,6 +101,13 @@ def test_who_is_level_with_the_best_is_told_even_if_he_cannot_be_used_everywhere
     assert "cma-es, the best by mean rank (level with lbfgsb-multistart), leaves" in said[0]
 
 
+def test_who_is_level_with_the_swarm_is_told_with_its_place(tmp_path):
+    level = {"nominal": [[1.0, 0.6]] * 4}
+    curves = {"random": level, "cma-es": {"nominal": [[1.0, 0.1]] * 4}, "pso": level}
+    said = Comparison(an_outcome(tmp_path, curves, ("nominal",), 2)).sentences("all", 2)
+    assert "(pso), is at place 2 of 3 (level with random; mean rank 2.5), with" in said[1]
+
+
 def test_dearer_gradients_shorten_the_runs_of_those_who_use_them(tmp_path):
     falling = [[1.0 - 0.1 * k for k in range(9)]] * 4
     curves = {
