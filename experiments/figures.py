@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,9 +13,7 @@ import numpy as np
 from experiments import pictures
 from experiments.figure7 import GENERATIONS, reproduce
 from experiments.identification_study import published_loop
-from experiments.statistics import best_known_cost
-from experiments.suite import problem
-from inkjet_env.printhead import Printhead
+from experiments.report import RANKING_FORMAT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,8 +21,12 @@ if TYPE_CHECKING:
 FOLDER = Path(__file__).parent.parent / "docs" / "figures"
 SHOWN_SEED = 2
 """A seed under which the swarm reaches the best optimum known; `experiments.figure7` lists how the others end."""
-COMPARED = ("lbfgsb-multistart", "cma-es", "pso", "pso-printed", "scipy-differential-evolution", "random")
-SEEDS, BUDGET, FLOOR_V = 15, 2000, 1e-4
+RANKING = Path(__file__).parent.parent / "docs" / "comparison" / "ranking.json"
+COMPARED = (
+    *("scipy-differential-evolution", "scipy-differential-evolution-tuned", "lbfgsb-multistart", "bipop-cma-es"),
+    *("pso", "pso-printed", "coordinate", "sb3-ppo", "optuna-gp", "nevergrad-NGOpt", "random"),
+)
+"""Those of the comparison that are drawn: one or two of each kind, where they took part."""
 
 
 def before_after() -> Figure:
@@ -34,36 +36,18 @@ def before_after() -> Figure:
     return pictures.draw_before_after(run.response(1), run.response(GENERATIONS), run.problem.cost, titles)
 
 
-def convergence() -> Figure:
-    """Median regret of some optimisers on the default problem, with quartile bands."""
-    from optimizers import make
-    from optimizers.loop import minimise
-
-    nominal = problem("nominal")
-    evaluations = np.unique(np.round(np.geomspace(1, BUDGET, 160)).astype(int))
-    curves = {}
-    for name in COMPARED:
-        runs = [minimise(nominal, make(name, budget=BUDGET, seed=seed), BUDGET) for seed in range(SEEDS)]
-        best = np.array([np.minimum.accumulate(run.costs)[evaluations - 1] for run in runs])
-        curves[name] = np.percentile(best - best_known_cost("nominal"), [25, 50, 75], axis=0)
-    ordered = dict(sorted(curves.items(), key=lambda item: item[1][1, -1]))
-    return pictures.draw_convergence(evaluations, {"nominal": ordered}, FLOOR_V, "lowest median first")
-
-
-def hysteresis_loop() -> Figure:
-    """Hysteretic drive against drive: virgin curve, the ±90 V loop, and minor loops within it."""
-    law = Printhead.published().branch_law
-    turns = [0.0, 90.0, -90.0, 90.0, 0.0, 60.0, -40.0, 30.0, -90.0]
-    parts = [np.linspace(a, b, 200) for a, b in pairwise(turns)]
-    drive_V = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
-    hysteretic_V = law.hysteretic_V(drive_V, "demagnetised")
-    figure, axes = pictures.new_figure(5.4, 4.4)
-    axes.plot(drive_V[:200], hysteretic_V[:200], color=pictures.GREY, lw=1.4, label="virgin curve")
-    axes.plot(drive_V[199:598], hysteretic_V[199:598], color=pictures.AFTER, lw=1.8, label="loop of ±90 V", zorder=3)
-    axes.plot(drive_V[597:], hysteretic_V[597:], color=pictures.BEFORE, lw=1.2, label="minor loops")
-    axes.set(xlabel="drive (V)", ylabel="hysteretic drive (V)")
-    axes.legend(frameon=False, loc="upper left")
-    return figure
+def comparison() -> Figure:
+    """Regret against budget of some optimisers, with intervals: what docs/comparison/ranking.json holds."""
+    ranking = json.loads(RANKING.read_text(encoding="utf-8"))
+    if ranking["format"] != RANKING_FORMAT:
+        raise ValueError(f"{RANKING} is not a {RANKING_FORMAT}; it is {ranking['format']!r}. Make it again.")
+    found: dict[str, list[tuple[float, ...]]] = {name: [] for name in COMPARED}
+    for budget, standings in ranking["standings"].items():
+        for row in standings["rows"]:
+            quality = row["quality"]
+            if row["optimizer"] in found and quality["value"] is not None:
+                found[row["optimizer"]].append((int(budget), quality["low"], quality["value"], quality["high"]))
+    return pictures.draw_regrets({name: np.array(rows).T for name, rows in found.items() if rows})
 
 
 def published_hysteresis() -> Figure:
@@ -94,8 +78,7 @@ def published_hysteresis() -> Figure:
 
 FIGURES: dict[str, Callable[[], Figure]] = {
     "before-after": before_after,
-    "convergence": convergence,
-    "hysteresis-loop": hysteresis_loop,
+    "comparison": comparison,
     "identified-hysteresis": published_hysteresis,
 }
 

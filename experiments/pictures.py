@@ -34,6 +34,8 @@ STYLE: Any = {
 # Okabe and Ito's colours, which colour-blind readers can tell apart; repeated with another dash.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 DASHES = ("-", "--", ":")
+LABEL_HEIGHT = 0.045
+"""Of a picture: what the name of a curve takes."""
 
 
 def new_figure(width: float, height: float, **subplots: Any) -> tuple[Figure, Any]:
@@ -150,40 +152,47 @@ def _sensed(axes: Axes, response: Response | SampledResponse, cost: PeakCost, co
         )
 
 
-def draw_convergence(
-    evaluations: NDArray[np.integer],
-    curves: Mapping[str, Mapping[str, NDArray[np.float64]]],
-    floor_V: float,
-    order: str,
-) -> Figure:
-    """Median regret and quartile band against evaluations, a panel a problem, both axes logarithmic.
+def draw_regrets(curves: Mapping[str, NDArray[np.float64]]) -> Figure:
+    """Regret against budget, both axes logarithmic, every curve named at its end.
 
     Parameters
     ----------
-    evaluations : ndarray of int, shape (n,)
     curves : mapping
-        Problem → optimiser, the best first → quartiles of the regret in volts, shape (3, n).
-    floor_V : float
-        Lesser regrets are drawn at this one.
-    order : str
-        Title of the legend: what the optimisers are ordered by.
+        Optimiser → budgets, lower end of the interval, regret in the problems' scales, upper end; shape (4, n).
     """
-    columns = min(2, len(curves))
-    rows = -(-len(curves) // columns)
-    figure, axes = new_figure(2.2 + 4.3 * columns, 0.4 + 3.0 * rows, nrows=rows, ncols=columns, squeeze=False)
-    handles = {}
-    for panel, (name, by_optimizer) in zip(axes.flat, curves.items(), strict=False):
-        for number, (optimizer, quartiles) in enumerate(by_optimizer.items()):
-            colour = COLOURS[number % len(COLOURS)]
-            dash = DASHES[number // len(COLOURS) % len(DASHES)]
-            low, median, high = np.maximum(quartiles, floor_V)
-            panel.fill_between(evaluations, low, high, color=colour, alpha=0.10, lw=0)
-            (handles[optimizer],) = panel.plot(evaluations, median, dash, color=colour, lw=1.4)
-        panel.set(xscale="log", yscale="log", xlim=(max(evaluations[0], evaluations[-1] // 200), evaluations[-1]))
-        panel.set_title(name, fontsize=10)
-        panel.set_xlabel("evaluations")
-        panel.set_ylabel("regret (V)")
-    for panel in axes.flat[len(curves) :]:
-        panel.set_axis_off()
-    figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False, title=order)
+    figure, axes = new_figure(7.2, 4.6)
+    for number, (budgets, low, regret, high) in enumerate(curves.values()):
+        colour, dash = COLOURS[number % len(COLOURS)], DASHES[number // len(COLOURS) % len(DASHES)]
+        aside = budgets * 1.02 ** (number - len(curves) / 2)  # so that no interval hides another
+        axes.vlines(aside, low, high, color=colour, lw=1.2)
+        axes.plot(aside, regret, dash, marker="o", ms=3.5, color=colour, lw=1.4)
+    every = np.unique(np.concatenate([curve[0] for curve in curves.values()]))
+    axes.set(xscale="log", yscale="log", xlabel="evaluations", ylabel="regret (of the problem's scale)")
+    axes.set_xticks(every, [f"{int(budget):,}" for budget in every])
+    axes.minorticks_off()
+    lowest, highest = (np.log(end) for end in axes.get_ylim())
+    ends = sorted(curves, key=lambda name: curves[name][2, -1])
+    heights = spread([(np.log(curves[name][2, -1]) - lowest) / (highest - lowest) for name in ends], LABEL_HEIGHT)
+    for name, height in zip(ends, heights, strict=True):
+        colour = COLOURS[list(curves).index(name) % len(COLOURS)]
+        last = (curves[name][0, -1], curves[name][2, -1])
+        axes.annotate(
+            name, last, (1.03, height), textcoords="axes fraction", va="center", color=colour,
+            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.5, "shrinkA": 0, "shrinkB": 4},
+        )  # fmt: skip
     return figure
+
+
+def spread(heights: Sequence[float], apart: float) -> NDArray[np.float64]:
+    """Heights in ascending order, moved as little as needed to be ``apart`` from one another.
+
+    Examples
+    --------
+    >>> spread([0.0, 0.0, 1.0], 0.5).tolist()
+    [-0.25, 0.25, 1.0]
+    """
+    from scipy.optimize import isotonic_regression
+
+    steps = apart * np.arange(len(heights))
+    moved: NDArray[np.float64] = isotonic_regression(np.asarray(heights) - steps).x + steps
+    return moved
