@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -161,8 +162,9 @@ def draw_regrets(curves: Mapping[str, NDArray[np.float64]]) -> Figure:
         Optimiser → budgets, lower end of the interval, regret in the problems' scales, upper end; shape (4, n).
     """
     figure, axes = new_figure(7.2, 4.6)
-    for number, (budgets, low, regret, high) in enumerate(curves.values()):
-        colour, dash = COLOURS[number % len(COLOURS)], DASHES[number // len(COLOURS) % len(DASHES)]
+    colours = dict(zip(curves, itertools.cycle(COLOURS), strict=False))
+    for number, (name, (budgets, low, regret, high)) in enumerate(curves.items()):
+        colour, dash = colours[name], DASHES[number // len(COLOURS) % len(DASHES)]
         aside = budgets * 1.02 ** (number - len(curves) / 2)  # so that no interval hides another
         axes.vlines(aside, low, high, color=colour, lw=1.2)
         axes.plot(aside, regret, dash, marker="o", ms=3.5, color=colour, lw=1.4)
@@ -174,11 +176,10 @@ def draw_regrets(curves: Mapping[str, NDArray[np.float64]]) -> Figure:
     ends = sorted(curves, key=lambda name: curves[name][2, -1])
     heights = spread([(np.log(curves[name][2, -1]) - lowest) / (highest - lowest) for name in ends], LABEL_HEIGHT)
     for name, height in zip(ends, heights, strict=True):
-        colour = COLOURS[list(curves).index(name) % len(COLOURS)]
         last = (curves[name][0, -1], curves[name][2, -1])
         axes.annotate(
-            name, last, (1.03, height), textcoords="axes fraction", va="center", color=colour,
-            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.5, "shrinkA": 0, "shrinkB": 4},
+            name, last, (1.03, height), textcoords="axes fraction", va="center", color=colours[name],
+            arrowprops={"arrowstyle": "-", "color": colours[name], "lw": 0.5, "shrinkA": 0, "shrinkB": 4},
         )  # fmt: skip
     return figure
 
