@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pytest
 
@@ -67,6 +68,16 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
     rows = cells(capsys.readouterr().out)
     assert ["cma-es", "0", "–", "1.5 (1 … 2)", "–", "–", ""] in rows
     assert [row[0] for row in rows][-2:] == ["a", "b"]
+
+
+def test_the_record_in_docs_says_what_its_files_say():
+    docs = Path(__file__).parents[2] / "docs"
+    lines = (docs / "comparison.md").read_text(encoding="utf-8").splitlines()
+    told = dict(comparison_document.sections(docs / "comparison"))
+    assert {"Problems", "Who took part", "After 20,000 evaluations", amortised.TITLE, few_tries.TITLE} <= told.keys()
+    for heading, text in told.items():
+        missing = [line for line in text.splitlines() if line not in lines]
+        assert not missing, f"docs/comparison.md, {heading}: print its tables anew"
 
 
 @pytest.mark.parametrize(
