@@ -9,6 +9,7 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def check_outputs(inputs: Sequence[Path | None] = (), **files: Path | None) -> N
     for name, path in given.items():
         if os.path.realpath(path) in read:
             raise ValueError(f"--{name} {path} would replace what is read. Give another name.")
-        if (path.exists() and not path.is_file()) or not os.access(path.parent, os.W_OK):
+        if (path.exists() and not path.is_file()) or not _takes_files(Path(os.path.realpath(path)).parent):
             raise ValueError(
                 f"--{name} {path}: {path.parent} must be a folder that can be written to, and {path} a file."
             )
@@ -120,6 +121,15 @@ def check_outputs(inputs: Sequence[Path | None] = (), **files: Path | None) -> N
         from experiments.pictures import check_picture_name
 
         check_picture_name(given["plot"])
+
+
+def _takes_files(folder: Path) -> bool:
+    """Whether a file can be made there: rights alone do not tell, of a read-only medium or to one who may do all."""
+    try:
+        with TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
 
 
 def named_values(option: str, text: str) -> dict[str, str]:

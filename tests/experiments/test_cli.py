@@ -119,6 +119,7 @@ BAD_WAVEFORM = [
     (["--waveform", *OPTIMUM, "--printhead", "none.json"], "none.json: cannot be read"),
     (["--waveform", *OPTIMUM, "--plot", "a.gif"], "must end in .png, .svg or .pdf; got '.gif'"),
     (["--waveform", *OPTIMUM, "--json", "nowhere/a.json"], "nowhere must be a folder that can be written to"),
+    (["--waveform", *OPTIMUM, "--out", "/proc/a.csv"], "/proc must be a folder that can be written to"),
     (["--waveform", *OPTIMUM, "--wave"], "No such option: --wave"),
     (["--drive", "none.csv"], "none.csv: cannot be read: No such file"),
     (["--waveform", *OPTIMUM, "--window", "350"], "at most 0.01 s, or infinite; got 350.*350 µs is 350e-6"),
