@@ -79,8 +79,8 @@ def open_folder(folder: Path, settings: Settings) -> None:
     file, asked = folder / SETTINGS, settings.to_json()
     if file.exists():
         stored = read_json(file)
-        if (folder / ANSWERS).exists():
-            asked["versions"], asked["code"]["finder"] = stored["versions"], stored["code"]["finder"]
+        if (folder / ANSWERS).exists() and isinstance(code := stored.get("code"), dict):
+            asked["versions"], asked["code"]["finder"] = stored.get("versions"), code.get("finder")
         if difference := first_difference(stored, asked):
             raise ProofError(
                 f"{folder} holds a proof of other settings: {difference}. "

@@ -146,6 +146,17 @@ def test_a_folder_of_another_corpus_is_refused(proof, change, told):
         open_folder(proof, replace(SETTINGS, **change))
 
 
+@pytest.mark.parametrize("damaged", [{}, {"code": {}}, {"code": 1}])
+@pytest.mark.parametrize("finished_too", [False, True])
+def test_a_folder_whose_settings_are_damaged_is_refused(proof, damaged, finished_too):
+    if not finished_too:
+        (proof / "answers.json").unlink()
+    changed(proof / "proof.json", lambda content: [content.pop(name) for name in ("code", "versions")])
+    changed(proof / "proof.json", lambda content: content.update(damaged))
+    with pytest.raises(ProofError, match="holds a proof of other settings"):
+        open_folder(proof, SETTINGS)
+
+
 def test_versions_are_not_mixed(proof, monkeypatch):
     monkeypatch.setattr(sealing, "VERSION", 2)
     with pytest.raises(ProofError, match="version is 1 there and 2 here"):
