@@ -155,6 +155,7 @@ def spectrum_figure(traces: Sequence[Trace]) -> Figure:
         axes.plot(frequency / scale, after, color=AUGMENTED, lw=1.1, label=LABELS["augmented"])
     axes.set(xscale="log", yscale="log")
     _plain_log_ticks(axes.xaxis, *(frequency[[0, -1]] / scale))
+    _log_ticks_in_powers(axes.yaxis, *axes.get_ylim())
     axes.set_xlabel(f"frequency ({unit})")
     axes.set_ylabel(f"left of {CHANNEL_WORDS[traces[0].channel]}\n({unit_text(traces[0].unit)}/√Hz)")
     _above(figure, *axes.get_legend_handles_labels())
@@ -214,4 +215,15 @@ def _plain_log_ticks(axis: Any, low: float, high: float) -> None:
     else:
         axis.set_major_locator(LogLocator(subs=(1, 3) if decades < 3 else (1,), numticks=8))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _log_ticks_in_powers(axis: Any, low: float, high: float) -> None:
+    """Numbers with powers of ten on a logarithmic axis, several on a short range too."""
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+
+    decades = math.log10(high / low)
+    subs = (1, 1.5, 2, 3, 5, 7) if decades < 0.8 else (1, 2, 5) if decades < 2 else (1,)
+    axis.set_major_locator(LogLocator(subs=subs, numticks=8))
+    axis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=(math.inf, math.inf)))
     axis.set_minor_formatter(NullFormatter())
