@@ -1,0 +1,45 @@
+"""The runs that docs/comparison/runs keeps belong to the comparison that docs/comparison/ranking.json tells of."""
+
+import json
+import tarfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.runs import RunKey, label_of, read_run
+from experiments.statistics import best_known_cost
+
+DOCS = Path(__file__).parents[2] / "docs" / "comparison"
+RANKING = json.loads((DOCS / "ranking.json").read_text(encoding="utf-8"))
+ARCHIVES = sorted((DOCS / "runs").glob("*.tar.xz"))
+
+
+def unpack(archive, folder):
+    """Its files, and only they: Python 3.11.3 and before cannot be told to refuse links and devices."""
+    (folder / "runs").mkdir()
+    (folder / "timings").mkdir()
+    with tarfile.open(archive) as kept:
+        for member in kept:
+            if member.isfile():
+                (folder / member.name).write_bytes(kept.extractfile(member).read())
+
+
+@pytest.mark.parametrize("archive", ARCHIVES, ids=lambda path: path.name.removesuffix(".tar.xz"))
+def test_an_archive_is_one_optimiser_whole_and_of_the_same_comparison(archive, tmp_path):
+    unpack(archive, tmp_path)
+    settings = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))
+    ranked = RANKING["settings"]
+    same = ("format", "budget", "repeats", "seed", "problems", "code", "versions")
+    assert {name: settings[name] for name in same} == {name: ranked[name] for name in same}
+
+    optimizer = archive.name.removesuffix(".tar.xz")
+    keys = [RunKey(optimizer, name, k) for name in ranked["problems"] for k in range(ranked["repeats"])]
+    for folder, ending in (("runs", "parquet"), ("timings", "json")):
+        assert {path.name for path in (tmp_path / folder).iterdir()} == {f"{key.file_stem}.{ending}" for key in keys}
+
+    runs = [read_run(tmp_path, key, label_of(key, settings)) for key in keys if key.problem == "nominal"]
+    regrets_V = [run.costs_V[-1] - best_known_cost("nominal") for run in runs]
+    for row in RANKING["ranking"]:
+        if row["optimizer"] == optimizer:
+            assert np.median(regrets_V) == pytest.approx(row["problems"]["nominal"]["median_regret_V"], abs=1e-6)
