@@ -140,5 +140,5 @@ def before_after_figure(run: RunResult) -> Any:
     solved = problem(run.key.problem)
     first, final = solved.respond(run.best_point(GENERATION)), solved.respond(run.best_point())
     last = run.budget
-    titles = (f"best of the first {min(GENERATION, last)} evaluations", f"best of all {last} evaluations")
+    titles = (f"best of the first {min(GENERATION, last)} evaluations", f"best of all {last:,} evaluations")
     return pictures.draw_before_after(first, final, solved.cost, titles)
