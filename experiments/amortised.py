@@ -3,17 +3,16 @@
 With one head an agent is only a search distribution. Over heads it is *amortised*: it is trained on some, and a head
 that it never saw gets its waveform at once, or a warm start. Four ways of learning, and tables of waveforms that learn
 nothing, are compared on one ledger, in which every evaluation of a waveform counts, those of training too; one with its
-gradient counts as one.
+gradient counts as one. Everything that learns is learnt several times.
 
 ``python -m experiments.amortised`` trains, tests and tells; what a folder holds is not done again.
 """
 
 from __future__ import annotations
 
-import argparse
+import bisect
 import functools
 import math
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,21 +22,28 @@ import numpy as np
 
 from experiments.comparison import as_json
 from experiments.drawn_heads import TEST_SEED, Heads, Real, descended, drawn
-from experiments.learners import LEARNERS, Table, Trained, one_waveform, table_of
-from experiments.measures import first_hits, stratified
-from experiments.policies import Policy, PolicyFileError, kept_policy
-from experiments.progress import shown_progress
+from experiments.learners import LEARNERS, Begun, Table, one_waveform, table_of, tuned_costs_V
+from experiments.measures import Places, crossed
+from experiments.trainings import (
+    RESAMPLES,
+    Arrays,
+    each,
+    kept_arrays,
+    kept_policy,
+    median_of,
+    over,
+    run_command,
+    seeds,
+    spread_of,
+)
 from inkjet_env.storage import json_text, write_atomically
 
-FORMAT = "amortised/2"
+FORMAT = "amortised/3"
 TITLE = "Learning over heads"
 BUDGETS = (50, 150, 2000)
-WARM_STEP = 0.05
-"""First step of a warm start, in half widths of the box: a policy is near, or it is worth nothing."""
 SCRATCH = ("cma-es", "lbfgsb-multistart", "pso", "coordinate")
 SMALLER = 10
 """The smaller table costs so many times less than a training."""
-RESAMPLES = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,46 +53,27 @@ class TuningResult:
     Parameters
     ----------
     name : str
-    at_once_V : ndarray, shape (heads,)
+    at_once_V : ndarray, shape (trainings, heads)
         Regret of the policy's own waveform; NaN where there is no policy.
-    curves_V : ndarray, shape (heads, evaluations)
+    curves_V : ndarray, shape (trainings, heads, evaluations)
         Regret of the best waveform after each further evaluation.
-    trained : int
-        Evaluations that training cost.
+    trained : float
+        Evaluations that a training cost, in the mean.
     """
 
     name: str
     at_once_V: Real
     curves_V: Real
-    trained: int
+    trained: float
 
 
-def tuned(
-    name: str, policy: Policy | Table | None, optimizer: str, heads: Heads, best_V: Real, seed: int
-) -> TuningResult:
-    """Tune every head: by an optimiser from scratch, or by one from where a policy begins, which may be CMA-ES only."""
-    import optimizers
-    from optimizers.loop import minimise
-
-    budget = max(BUDGETS)
-    count = len(heads.observations)
-    begin = None if policy is None else policy.act(heads.observations)
-    at_once = np.full(count, math.nan) if begin is None else heads.evaluate(begin) - best_V
-    curves = np.empty((count, budget))
-    with shown_progress(f"test {name}", count) as progress:
-        for k in range(count):
-            options: dict[str, Any] = {}
-            if begin is not None:
-                options = {"start": begin[k].tolist(), "first_step": WARM_STEP}
-            run = minimise(heads.one(k), optimizers.make(optimizer, budget=budget, seed=seed + k, **options), budget)
-            curves[k] = np.minimum.accumulate(run.costs) - best_V[k]
-            if begin is not None:  # the policy's own waveform is the first evaluation
-                curves[k] = np.minimum(np.concatenate([[at_once[k]], curves[k][:-1]]), at_once[k])
-            progress(k + 1, "")
-    return TuningResult(name, at_once, curves, 0 if policy is None else int(policy.made["evaluations"]))
-
-
-def break_even(policy: TuningResult, scratch: TuningResult, evaluations: int, heads: Any = slice(None)) -> float:
+def break_even(
+    policy: TuningResult,
+    scratch: TuningResult,
+    evaluations: int,
+    trainings: Places | slice = slice(None),
+    heads: Places | slice = slice(None),
+) -> float:
     """Heads from which on learning has cost less than optimising each from scratch, to be as good as it is.
 
     As good: the policy's median regret after so many evaluations a head. Infinite where scratch is there sooner.
@@ -95,78 +82,115 @@ def break_even(policy: TuningResult, scratch: TuningResult, evaluations: int, he
     ----------
     policy, scratch : TuningResult
     evaluations : int
-    heads : slice or ndarray of int
-        Which of the heads count; all unless given.
+    trainings, heads : slice or ndarray of int
+        Which of the trainings and of the heads count; all unless given.
     """
-    target = float(np.median(policy.curves_V[heads, evaluations - 1]))
-    curve = np.median(scratch.curves_V[heads], axis=0)
-    needed = float(first_hits(curve[None, :], [target])[0, 0])
-    saved = needed - evaluations
+    target = float(np.median(policy.curves_V[trainings, :, evaluations - 1][:, heads]))
+    longest = scratch.curves_V.shape[-1]
+    # curves fall, and so do their medians
+    there = bisect.bisect_left(
+        range(longest), -target, key=lambda k: -float(np.median(scratch.curves_V[:, :, k][:, heads]))
+    )
+    saved = math.inf if there == longest else there + 1 - evaluations
     return policy.trained / saved if saved > 0 else math.inf
 
 
 def told(results: Sequence[TuningResult], rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Median regrets with 95 % intervals over heads, at once and after each budget, and break-even numbers."""
-    scratch = min((one for one in results if not one.trained), key=lambda one: float(np.median(one.curves_V[:, -1])))
+    """Medians of regret over trainings and heads with their intervals, at once and after each budget; break-evens."""
+    scratch = min((one for one in results if not one.trained), key=lambda one: float(np.median(one.curves_V[..., -1])))
     rows = []
     for one in results:
-        row: dict[str, Any] = {"name": one.name, "trained": one.trained}
-        columns = {"0": one.at_once_V} | {str(b): one.curves_V[:, b - 1] for b in BUDGETS}
+        row: dict[str, Any] = {"name": one.name, "trained": round(one.trained), "trainings": len(one.at_once_V)}
+        columns = {"0": one.at_once_V} | {str(b): one.curves_V[..., b - 1] for b in BUDGETS}
         for label, values in columns.items():
             if np.isfinite(values).all():
-                found = stratified(lambda x: np.median(x, axis=(-2, -1)), [values[:, None]], rng)
-                row[label] = as_json(found)
+                row[label] = median_of(values, rng)
         if one.trained:
-            evens = functools.partial(_break_evens, one, scratch)
-            heads = np.arange(len(one.curves_V))[:, None]
-            row["break_even_heads"] = as_json(stratified(evens, [heads], rng, RESAMPLES))
+            evens = functools.partial(break_even, one, scratch, BUDGETS[0])
+            row["break_even_heads"] = as_json(crossed(evens, one.at_once_V.shape, rng, RESAMPLES))
             row["against"] = scratch.name
         rows.append(row)
     return rows
 
 
-def _break_evens(policy: TuningResult, scratch: TuningResult, heads: Real) -> Real:
-    """Break-even numbers of samples of the heads, which are numbers (..., heads, 1); shape (...)."""
-    flat = heads[..., 0].reshape(-1, heads.shape[-2]).astype(int)
-    found = np.array([break_even(policy, scratch, BUDGETS[0], some) for some in flat])
-    evens: Real = found.reshape(heads.shape[:-2])
-    return evens
+def tables(evaluations: int) -> dict[str, Callable[[int], Table]]:
+    """Tables by name, each from a seed."""
+    spent = {f"table for {count:,}": count for count in (max(1, evaluations // SMALLER), evaluations)}
+    made = {name: functools.partial(table_of, count) for name, count in spent.items()}
+    return {"table of one head": one_waveform, **made}
 
 
-def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int) -> dict[str, Any]:
-    """Train every learner, test all ways, write ``amortised.json``; policies are kept and not trained again."""
-    folder.mkdir(parents=True, exist_ok=True)
+def tested(folder: Path, way: str, training: int, evaluations: int, seed: int, heads: int) -> Arrays:
+    """Costs on the test heads of one training, or of an optimiser from scratch, as `tuned_costs_V` has them.
+
+    What the folder keeps is neither learnt nor tested again.
+    """
+    file = f"{way.replace(' ', '-').replace(',', '')}-{training}"
+    asked = {"way": way, "evaluations": evaluations, "seed": seed}
+
+    def make() -> Arrays:
+        tests, further = Heads(drawn(heads, TEST_SEED)), max(BUDGETS)
+        if way in SCRATCH:
+            return tuned_costs_V(None, way, tests, further, seed)
+        if way in LEARNERS:
+            learn = functools.partial(LEARNERS[way], evaluations, seed)
+            begun: Begun = kept_policy(folder / f"{file}.npz", asked, learn)
+        else:
+            begun = tables(evaluations)[way](seed)
+        return tuned_costs_V(begun, "cma-es", tests, further, seed)
+
+    return kept_arrays(folder / f"{file}-tested.npz", {**asked, "heads": heads, "further": max(BUDGETS)}, make)
+
+
+def study(
+    folder: Path, evaluations: int, heads: int, labelling: int, seed: int, trainings: int = 1, workers: int = 1
+) -> dict[str, Any]:
+    """Train everything that learns, test all ways, write ``amortised.json``.
+
+    Parameters
+    ----------
+    folder : Path
+        Keeps what was learnt and tested.
+    evaluations : int
+        Of a training.
+    heads : int
+        To test on.
+    labelling : int
+        Descents for the best cost known of a head.
+    seed, trainings, workers : int
+    """
     tests = Heads(drawn(heads, TEST_SEED))
-    best = np.array([descended(tests.one(k), labelling, seed + k)[1] for k in range(heads)])
-    asked = {"evaluations": evaluations, "seed": seed}
-    trained = {
-        name: kept_policy(folder / f"{name}.npz", asked, functools.partial(_policy, learn, evaluations, seed))
-        for name, learn in LEARNERS.items()
+    best_V = np.array([descended(tests.one(k), labelling, seed + k)[1] for k in range(heads)])
+    learnt = {way: seeds(seed, trainings) for way in (*tables(evaluations), *LEARNERS)}
+    names = {name: [seed] for name in SCRATCH} | learnt
+    jobs = {
+        f"{way}, training {k}" if way not in SCRATCH else way: (folder, way, k, evaluations, one, heads)
+        for way, its_seeds in reversed(names.items())  # what takes longest comes first
+        for k, one in enumerate(its_seeds, 1)
     }
-    results = []
-    for optimizer in SCRATCH:
-        results.append(tuned(optimizer, None, optimizer, tests, best, seed))
-    tables = [one_waveform(seed), *(table_of(count, seed) for count in (max(1, evaluations // SMALLER), evaluations))]
-    begun: dict[str, Policy | Table] = {f"table of {_heads(table.made['heads'])}": table for table in tables}
-    begun.update(trained)
-    for name, policy in begun.items():
-        results.append(tuned(name, policy, "cma-es", tests, best, seed))
-    least = np.min([one.curves_V.min(axis=1) for one in results], axis=0)
-    moved = [TuningResult(o.name, o.at_once_V - least, o.curves_V - least[:, None], o.trained) for o in results]
-    found = {
+    found = each("amortised", tested, jobs, workers)
+    by_way = {way: [found[job] for job, told_of in jobs.items() if told_of[1] == way] for way in names}
+    least_V = np.min([one["after_V"].min(axis=1) for some in by_way.values() for one in some] + [best_V], axis=0)
+    results = [
+        TuningResult(
+            way,
+            np.array([one["at_once_V"] for one in some]) - least_V,
+            np.array([one["after_V"] for one in some]) - least_V[:, None],
+            float(np.mean([one["learning"] for one in some])),
+        )
+        for way, some in by_way.items()
+    ]
+    content = {
         "format": FORMAT,
         "heads": heads,
         "evaluations": evaluations,
         "seed": seed,
-        "best_improved": int(np.sum(least < -1e-6)),
-        "rows": told(moved, np.random.default_rng(seed)),
+        "trainings": trainings,
+        "best_improved": int(np.sum(least_V < best_V - 1e-6)),
+        "rows": told(results, np.random.default_rng(seed)),
     }
-    write_atomically(folder / "amortised.json", json_text(found))
-    return found
-
-
-def _policy(learn: Callable[[int, int], Trained], evaluations: int, seed: int) -> Policy:
-    return learn(evaluations, seed)[0]
+    write_atomically(folder / "amortised.json", json_text(content))
+    return content
 
 
 def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -177,15 +201,13 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
 
     rows = []
     for row in found["rows"]:
+        spread = spread_of(row["0"]["each"], ".3g") if "0" in row else ""
         pays = "" if not row["trained"] else _heads_from(row["break_even_heads"])
         rows.append(
-            (row["name"], f"{row['trained']:,}", *(volts(row.get(str(b))) for b in (0, *BUDGETS)), pays),
+            (row["name"], f"{row['trained']:,}", *(volts(row.get(str(b))) for b in (0, *BUDGETS)), spread, pays),
         )
-    return ("tuned by", "evaluations to learn", *(f"after {b:,}" for b in (0, *BUDGETS)), "pays from … heads"), rows
-
-
-def _heads(count: int) -> str:
-    return "1 head" if count == 1 else f"{count} heads"
+    after = (f"after {b:,}" for b in (0, *BUDGETS))
+    return ("tuned by", "evaluations to learn", *after, "single trainings, after 0", "pays from … heads"), rows
 
 
 def _heads_from(even: Mapping[str, float | None]) -> str:
@@ -198,10 +220,7 @@ def _heads_from(even: Mapping[str, float | None]) -> str:
 
 def legend(found: Mapping[str, Any]) -> str:
     """What the table's numbers are."""
-    return (
-        f"Medians over {found['heads']} heads that nobody had seen, of the regret in volts, with 95 % intervals over "
-        f"heads; one training each."
-    )
+    return f"Median regret in volts {over(found['heads'], found['trainings'])}."
 
 
 def print_study(found: Mapping[str, Any]) -> None:
@@ -210,35 +229,6 @@ def print_study(found: Mapping[str, Any]) -> None:
 
     print_table(*table(found))
     print(legend(found))
-
-
-def run_command(
-    module: str,
-    description: str | None,
-    evaluations: int,
-    heads: int,
-    run: Callable[[Path, int, int, int, int], Mapping[str, Any]],
-    show: Callable[[Mapping[str, Any]], None],
-    arguments: list[str] | None,
-) -> None:
-    """A study from the command line: ``run(folder, evaluations, heads, labelling, seed)``, then ``show`` of it."""
-    parser = argparse.ArgumentParser(prog=f"python -m experiments.{module}", description=description)
-    parser.add_argument("--folder", type=Path, default=Path("results") / module.replace("_", "-"))
-    parser.add_argument("--evaluations", type=int, default=evaluations, help="of a training")
-    parser.add_argument("--heads", type=int, default=heads, help="to test on")
-    parser.add_argument("--labelling", type=int, default=60, help="descents for the best cost known of a test head")
-    parser.add_argument("--seed", type=int, default=0)
-    chosen = parser.parse_args(arguments)
-    for name, least in (("evaluations", 1), ("heads", 1), ("labelling", 1), ("seed", 0)):
-        if getattr(chosen, name) < least:
-            parser.error(f"--{name} must be at least {least}; got {getattr(chosen, name)}.")
-    try:
-        show(run(chosen.folder, chosen.evaluations, chosen.heads, chosen.labelling, chosen.seed))
-    except PolicyFileError as error:
-        parser.exit(2, f"{parser.prog}: {error}\n")
-    except KeyboardInterrupt:
-        print(f"Interrupted; policies that are trained are kept in {chosen.folder}.", file=sys.stderr)
-        sys.exit(130)
 
 
 def main(arguments: list[str] | None = None) -> None:

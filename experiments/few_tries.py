@@ -3,57 +3,41 @@
 ``python -m experiments.few_tries`` has optimisers spend the tries from scratch, fires one waveform for all heads, goes
 on from it by CMA-ES, fires a list of waveforms, as it is or stretched to the period that rings after a pulse, and
 trains an agent that sees the peaks; all on the same heads, which nobody saw before. What learning took is counted in
-evaluations. A folder keeps what was learnt.
+evaluations; everything that learns is learnt several times. A folder keeps what was learnt and tried.
 """
 
 from __future__ import annotations
 
 import functools
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments.amortised import run_command
-from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, Heads, Real, descended, drawn
-from experiments.learners import HIDDEN, labelled, let_learn
-from experiments.measures import stratified
-from experiments.policies import Policy, kept_policy, policy_of_sb3
-from experiments.progress import shown_progress
-from experiments.tuners import Agent, Listed, OneForAll, Optimisers, Tuner, best_list
+from experiments.drawn_heads import TEST_SEED, Heads, descended
+from experiments.trainings import (
+    Arrays,
+    each,
+    kept_arrays,
+    kept_policy,
+    median_of,
+    over,
+    run_command,
+    seeds,
+    spread_of,
+)
+from experiments.tuners import SCRATCH, Agent, Tuner, for_all, kept_costs_V, lists, scratch, trained_agent
 from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
 from inkjet_env.storage import json_text, write_atomically
 
-FORMAT = "few-tries/2"
+FORMAT = "few-tries/3"
 TITLE = "A few tries on an unknown head"
-SCRATCH: dict[str, tuple[str, dict[str, Any]]] = {
-    **{name: (name, {}) for name in ("random", "sobol", "pso", "coordinate", "cma-es", "optuna-gp")},
-    "pso of 3": ("pso", {"particles": 3}),
-    "cma-es of 4": ("cma-es", {"population": 4}),
-    "optuna-gp from 3": ("optuna-gp", {"startup": 3}),
-}
-"""Optimisers that know nothing: at their defaults, which use no reading before some ten tries, and smaller ones."""
-LISTED = 100_000
-"""Evaluations that the heads cost whose best waveforms the lists are chosen from."""
+AGENT, FOR_ALL, LISTS = "sb3-ppo", "one for all", "lists"
+LEARNT = (AGENT, FOR_ALL, LISTS)
+"""What is learnt or collected from a seed; two ways of tuning come of each of the last two."""
 SHOWN = (1, 3, TRIES)
 """After how many tries the tables tell."""
-NEAR = 0.15
-"""First step of CMA-ES around the waveform for all, in half widths of the box: heads differ by that much."""
-
-
-def kept_costs_V(tuner: Tuner, heads: int, tries: int, seed: int) -> Real:
-    """True cost of the waveform kept after each try, shape (heads, tries); the same heads for the same seed."""
-    envs = TuneWaveformVectorEnv(heads, tries=tries)
-    observations, _ = envs.reset(seed=seed)
-    kept = np.empty((heads, tries))
-    for k in range(tries):
-        actions = np.asarray(tuner.fire(observations), dtype=np.float32)
-        observations, _, _, _, infos = envs.step(actions)
-        kept[:, k] = infos["kept_cost"]
-        tuner.told(infos["reading"])
-    return kept
 
 
 def heads_on_the_bench(heads: int, seed: int) -> Heads:
@@ -63,112 +47,94 @@ def heads_on_the_bench(heads: int, seed: int) -> Heads:
     return Heads(envs.tuning.contexts.copy())
 
 
-def one_for_all(seed: int, heads: int = 64, waveforms: int = 3000) -> tuple[Real, int]:
-    """The waveform of least mean cost over many heads, by CMA-ES, and the evaluations that it took."""
-    import optimizers
+def tested(
+    folder: Path, way: str, training: int, evaluations: int, seed: int, heads: int, tries: int, test_seed: int
+) -> Arrays:
+    """True costs of what is kept after each try, shape (heads, tries), by name of the tuner; learnt from ``seed``.
 
-    many = Heads(drawn(heads, TRAIN_SEED + seed))
-    search = optimizers.make("bipop-cma-es", budget=waveforms, seed=seed)
-    best, least = np.zeros(7), math.inf
-    while search.remaining:
-        points = search.ask()
-        means = np.array([many.evaluate(np.tile(point, (heads, 1))).mean() for point in points])
-        search.tell(points, means)
-        if means.min() < least:
-            best, least = points[means.argmin()], float(means.min())
-    return best, heads * waveforms
+    ``learning`` is the evaluations that it took. What the folder keeps is neither learnt nor tried again.
+    """
+    file = f"{way.replace(' ', '-')}-{training}"
+    asked = {"evaluations": evaluations, "tries": tries, "seed": seed}
 
+    def make() -> Arrays:
+        if way == AGENT:
+            names = TuneWaveformVectorEnv(1, tries=tries).tuning.observation_names()
+            train = functools.partial(trained_agent, evaluations, tries, seed)
+            policy = kept_policy(folder / f"{file}.npz", asked, train, names)
+            tuners: dict[str, Tuner] = {AGENT: Agent(policy)}
+            spent = int(policy.made["evaluations"])
+        elif way == FOR_ALL:
+            tuners, spent = for_all(heads, tries, seed)
+        elif way == LISTS:
+            tuners, spent = lists(tries, seed)
+        else:
+            tuners, spent = scratch(way, heads, tries, seed), 0
+        kept = {name: kept_costs_V(tuner, heads, tries, test_seed) for name, tuner in tuners.items()}
+        return {**kept, "learning": np.array(spent)}
 
-def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
-    """Stable-Baselines3's PPO on the environment, which sees peaks and is never told the head."""
-    import torch
-    from stable_baselines3 import PPO
-    from stable_baselines3.common.vec_env import VecNormalize
-
-    from inkjet_env.envs.sb3 import TuneWaveformVecEnv
-
-    torch.set_num_threads(1)
-    envs = TuneWaveformVecEnv(64, tries=tries)
-    names = envs.vector_env.tuning.observation_names()
-    envs.seed(seed)
-    model = PPO(
-        "MlpPolicy", VecNormalize(envs, norm_obs=False, gamma=1.0), n_steps=4 * tries, batch_size=256,
-        learning_rate=5e-4, gamma=1.0, seed=seed, device="cpu",
-        policy_kwargs={"net_arch": list(HIDDEN), "activation_fn": torch.nn.Tanh, "log_std_init": -0.7},
-    )  # fmt: skip
-    spent = let_learn(model, "sb3-ppo", evaluations)
-    made = {"by": "sb3-ppo", "evaluations": spent, "tries": tries, "seed": seed}
-    return policy_of_sb3(model, made, names)
+    return kept_arrays(folder / f"{file}-tested.npz", {**asked, "way": way, "heads": heads, "on": test_seed}, make)
 
 
-def _lists(tries: int, shown: tuple[str, ...], seed: int) -> list[tuple[str, int, Callable[[], Tuner]]]:
-    """A list of waveforms as it is, and one that is stretched to the period that rings after a pulse."""
-    heads, points, spent = labelled("lists", LISTED, seed)
-    found: list[tuple[str, int, Callable[[], Tuner]]] = []
-    for name, names in (("list", None), ("list, stretched", shown)):
-        chosen, more = best_list(heads, points, tries, stretch=names is not None)
-        found.append((name, spent + more, functools.partial(Listed, chosen, names)))
-    return found
-
-
-def study(folder: Path, evaluations: int, heads: int, labelling: int, seed: int, tries: int = TRIES) -> dict[str, Any]:
+def study(
+    folder: Path,
+    evaluations: int,
+    heads: int,
+    labelling: int,
+    seed: int,
+    trainings: int = 1,
+    workers: int = 1,
+    tries: int = TRIES,
+) -> dict[str, Any]:
     """Learn, tune every head by everybody, and write ``few_tries.json``.
 
     Parameters
     ----------
     folder : Path
+        Keeps what was learnt and tried.
     evaluations : int
-        Of the agent's training.
+        Of an agent's training.
     heads : int
         To be tuned.
     labelling : int
         Descents for the best cost known of a head.
-    seed, tries : int
+    seed, trainings, workers, tries : int
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    asked = {"evaluations": evaluations, "tries": tries, "seed": seed}
-    shown = TuneWaveformVectorEnv(1, tries=tries).tuning.observation_names()
-    policy = kept_policy(
-        folder / "sb3-ppo.npz", asked, functools.partial(trained_agent, evaluations, tries, seed), shown
-    )
-    point, spent = one_for_all(seed)
     test_seed = TEST_SEED + seed
-    tested = heads_on_the_bench(heads, test_seed)
-    best_V = np.array([descended(tested.one(k), labelling, seed + k)[1] for k in range(heads)])
-
-    near = {"start": point.tolist(), "first_step": NEAR}
-    tuners: list[tuple[str, int, Callable[[], Tuner]]] = [
-        *(
-            (name, 0, functools.partial(Optimisers, of, heads, tries, seed, **more))
-            for name, (of, more) in SCRATCH.items()
-        ),
-        ("one for all", spent, functools.partial(OneForAll, point)),
-        ("cma-es from one for all", spent, functools.partial(Optimisers, "cma-es", heads, tries, seed, **near)),
-        *_lists(tries, shown, seed),
-        ("sb3-ppo", int(policy.made["evaluations"]), functools.partial(Agent, policy)),
-    ]
+    on_bench = heads_on_the_bench(heads, test_seed)
+    best_V = np.array([descended(on_bench.one(k), labelling, seed + k)[1] for k in range(heads)])
+    jobs = {
+        f"{way}, training {k}": (folder, way, k, evaluations, one, heads, tries, test_seed)
+        for way in LEARNT
+        for k, one in enumerate(seeds(seed, trainings), 1)
+    } | {name: (folder, name, 1, evaluations, seed, heads, tries, test_seed) for name in SCRATCH}
+    found = each("few tries", tested, jobs, workers)
+    kept_V = [kept for one in found.values() for name, kept in one.items() if name != "learning"]
+    least_V = np.min([best_V, *(kept.min(axis=1) for kept in kept_V)], axis=0)
     rng = np.random.default_rng(seed)
     rows = []
-    with shown_progress("few tries", len(tuners)) as progress:
-        for done, (name, learning, make) in enumerate(tuners):
-            regrets = kept_costs_V(make(), heads, tries, test_seed) - best_V[:, None]
-            after = {}
-            for count in sorted({min(count, tries) for count in SHOWN}):
-                median = stratified(lambda x: np.median(x, axis=(-2, -1)), [regrets[:, count - 1, None]], rng)
-                after[str(count)] = vars(median)
-            rows.append({"name": name, "learning": learning, "after": after})
-            progress(done + 1, name)
-    found = {
+    for way in (*SCRATCH, *LEARNT):
+        some = [found[job] for job, arguments in jobs.items() if arguments[1] == way]
+        for name in (name for name in some[0] if name != "learning"):
+            regrets_V = np.array([one[name] for one in some]) - least_V[:, None]
+            after = {
+                str(count): median_of(regrets_V[..., count - 1], rng)
+                for count in sorted({min(count, tries) for count in SHOWN})
+            }
+            learning = round(float(np.mean([one["learning"] for one in some])))
+            rows.append({"name": name, "learning": learning, "trainings": len(some), "after": after})
+    content = {
         "format": FORMAT,
         "heads": heads,
         "tries": tries,
         "evaluations": evaluations,
         "seed": seed,
-        "nothing_V": float(np.median(-best_V)),
+        "trainings": trainings,
+        "nothing_V": float(np.median(-least_V)),
         "rows": rows,
     }
-    write_atomically(folder / "few_tries.json", json_text(found))
-    return found
+    write_atomically(folder / "few_tries.json", json_text(content))
+    return content
 
 
 def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -178,17 +144,19 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
         (
             row["name"], f"{row['learning']:,}",
             *(f"{e['value']:.2f} ({e['low']:.2f} … {e['high']:.2f})" for e in row["after"].values()),
+            spread_of(row["after"][counts[-1]]["each"]),
         )
         for row in sorted(found["rows"], key=lambda row: float(row["after"][counts[-1]]["value"]))
     ]  # fmt: skip
-    return ("tuned by", "evaluations to learn", *(f"after {count}" for count in counts)), rows
+    after = (f"after {count}" for count in counts)
+    return ("tuned by", "evaluations to learn", *after, f"single trainings, after {counts[-1]}"), rows
 
 
 def legend(found: Mapping[str, Any]) -> str:
     """What the table's numbers are."""
     return (
-        f"Median regret in volts over {found['heads']} heads that nobody had seen, with its 95 % interval; firing "
-        f"nothing has {found['nothing_V']:.2f}."
+        f"Median regret in volts {over(found['heads'], found['trainings'])}; firing nothing has "
+        f"{found['nothing_V']:.2f}."
     )
 
 

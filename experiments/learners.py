@@ -1,22 +1,23 @@
 """Ways to a waveform for any head: by the exact gradient, imitation, PPO and SAC; and tables, which learn nothing.
 
-One ledger for all: every evaluation of a waveform in training counts; one with its gradient counts as one.
+One ledger for all: every evaluation of a waveform in training counts; one with its gradient counts as one. What was
+spent stands in ``made["evaluations"]`` of what comes out.
 """
 
 from __future__ import annotations
 
 import functools
 import itertools
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from experiments.drawn_heads import TRAIN_SEED, Heads, OneHead, Real, descended, drawn, stretched
 from experiments.policies import Policy, policy_of_layers, policy_of_sb3
-from experiments.progress import shown_progress
 
 HIDDEN = (128, 128)
 LABELLING_STARTS = 4
@@ -24,9 +25,8 @@ LABELLING_STARTS = 4
 
 STARTS_FOR_ONE = 20
 """The same of the waveform that is stretched for all heads."""
-
-Trained = tuple[Policy, int]
-"""A policy, and the evaluations that it cost."""
+WARM_STEP = 0.05
+"""First step of a warm start, in half widths of the box: a policy is near, or it is worth nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +54,13 @@ class Table:
         return stretched(self.points[nearest], self.observations[nearest], shown)
 
 
+Begun = Policy | Table
+"""What gives any head a waveform to begin with."""
+
+
 def table_of(evaluations: int, seed: int) -> Table:
     """A table of as many heads as the evaluations allow."""
-    observations, points, spent = labelled("table", evaluations, seed)
+    observations, points, spent = labelled(evaluations, seed)
     return Table(observations, points, {"by": "table", "evaluations": spent, "heads": len(points), "seed": seed})
 
 
@@ -68,24 +72,22 @@ def one_waveform(seed: int) -> Table:
     return Table(middle.astype(np.float64), point[None, :], made)
 
 
-def labelled(name: str, evaluations: int, seed: int) -> tuple[Real, Real, int]:
+def labelled(evaluations: int, seed: int) -> tuple[Real, Real, int]:
     """Heads (n, 4) and their best waveforms (n, 7), until so many evaluations are spent, and what was spent."""
     observations: list[Real] = []
     points: list[Real] = []
     spent = 0
-    with shown_progress(name, evaluations) as progress:
-        while spent < evaluations:
-            k = len(points)
-            one = drawn(1, TRAIN_SEED + seed * 100_000 + k)
-            point, cost, used = descended(OneHead(one), LABELLING_STARTS, seed + k)
-            observations.append(one[0].astype(np.float64))
-            points.append(point)
-            spent += used
-            progress(min(spent, evaluations), f"{k + 1} heads, {cost:.2f} V")
+    while spent < evaluations:
+        k = len(points)
+        one = drawn(1, TRAIN_SEED + seed * 100_000 + k)
+        point, _, used = descended(OneHead(one), LABELLING_STARTS, seed + k)
+        observations.append(one[0].astype(np.float64))
+        points.append(point)
+        spent += used
     return np.array(observations), np.array(points), spent
 
 
-def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Trained:
+def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Policy:
     """A network trained on the simulator's exact gradient: the mean cost over heads that are drawn anew each step."""
     import torch
 
@@ -95,27 +97,24 @@ def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Trained:
     steps = max(1, evaluations // heads)
     optimiser = torch.optim.Adam(network.parameters(), lr=3e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
-    with shown_progress("gradient", steps) as progress:
-        for step in range(steps):
-            some = Heads(drawn(heads, TRAIN_SEED + seed * 100_000 + step))
-            actions = torch.tanh(network(torch.as_tensor(some.observations)))
-            costs, gradients = some.evaluate_with_gradient(actions.detach().double().numpy())
-            optimiser.zero_grad()
-            # the chain rule by hand: the simulator's gradient, then the network's
-            actions.backward(torch.as_tensor(gradients / heads, dtype=actions.dtype))
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 10.0)
-            optimiser.step()
-            schedule.step()
-            progress(step + 1, f"mean cost {costs.mean():.2f} V")
-    made = {"by": "gradient", "evaluations": steps * heads, "seed": seed}
-    return policy_of_layers(layers, "tanh", made), steps * heads
+    for step in range(steps):
+        some = Heads(drawn(heads, TRAIN_SEED + seed * 100_000 + step))
+        actions = torch.tanh(network(torch.as_tensor(some.observations)))
+        _, gradients = some.evaluate_with_gradient(actions.detach().double().numpy())
+        optimiser.zero_grad()
+        # the chain rule by hand: the simulator's gradient, then the network's
+        actions.backward(torch.as_tensor(gradients / heads, dtype=actions.dtype))
+        torch.nn.utils.clip_grad_norm_(network.parameters(), 10.0)
+        optimiser.step()
+        schedule.step()
+    return policy_of_layers(layers, "tanh", {"by": "gradient", "evaluations": steps * heads, "seed": seed})
 
 
-def by_imitation(evaluations: int, seed: int) -> Trained:
+def by_imitation(evaluations: int, seed: int) -> Policy:
     """A plain regression on the best waveforms that descents found for heads, as many as the evaluations allow."""
     import torch
 
-    observations, points, spent = labelled("imitation", evaluations, seed)
+    observations, points, spent = labelled(evaluations, seed)
     torch.manual_seed(seed)
     torch.set_num_threads(1)
     network, layers = _network()
@@ -127,10 +126,10 @@ def by_imitation(evaluations: int, seed: int) -> Trained:
         torch.mean((network(x) - y) ** 2).backward()
         optimiser.step()
     made = {"by": "imitation", "evaluations": spent, "heads": len(points), "seed": seed}
-    return policy_of_layers(layers, "clip", made), spent
+    return policy_of_layers(layers, "clip", made)
 
 
-def by_agent(algorithm: str, evaluations: int, seed: int) -> Trained:
+def by_agent(algorithm: str, evaluations: int, seed: int) -> Policy:
     """PPO or SAC of Stable-Baselines3 on the environment with drawn heads."""
     import stable_baselines3
     import torch
@@ -150,23 +149,45 @@ def by_agent(algorithm: str, evaluations: int, seed: int) -> Trained:
     )
     model = getattr(stable_baselines3, algorithm)("MlpPolicy", envs, seed=seed, device="cpu", **options)
     name = f"sb3-{algorithm.lower()}"
-    spent = let_learn(model, name, evaluations)
-    return policy_of_sb3(model, {"by": name, "evaluations": spent, "seed": seed}), spent
+    return policy_of_sb3(model, {"by": name, "evaluations": let_learn(model, evaluations), "seed": seed})
 
 
-def let_learn(model: Any, name: str, evaluations: int) -> int:
-    """Train an agent of Stable-Baselines3 and show how far it is; evaluations spent, perhaps some more than asked."""
+def let_learn(model: Any, evaluations: int) -> int:
+    """Train an agent of Stable-Baselines3; evaluations spent, perhaps some more than asked."""
     from stable_baselines3.common.logger import Logger
 
     model.set_logger(Logger(None, []))  # its own would leave a folder behind for every training
-    with shown_progress(name, evaluations) as progress:
-
-        def tell(*_: Any) -> bool:
-            progress(min(model.num_timesteps, evaluations), "")
-            return True
-
-        model.learn(evaluations, callback=tell)
+    model.learn(evaluations)
     return int(model.num_timesteps)
+
+
+def tuned_costs_V(
+    begun: Begun | None, optimizer: str, heads: Heads, further: int, seed: int
+) -> dict[str, NDArray[Any]]:
+    """Tune every head: by an optimiser from scratch, or from where a policy or a table begins (CMA-ES, then).
+
+    Returns
+    -------
+    dict
+        ``at_once_V``, shape (heads,): costs of the waveforms to begin with, NaN from scratch; ``after_V``, shape
+        (heads, further): costs of the best waveform after each further evaluation; ``learning``, shape (): evaluations
+        that learning took.
+    """
+    import optimizers
+    from optimizers.loop import minimise
+
+    count = len(heads.observations)
+    begin = None if begun is None else begun.act(heads.observations)
+    at_once_V = np.full(count, math.nan) if begin is None else heads.evaluate(begin)
+    after_V = np.empty((count, further))
+    for k in range(count):
+        options = {} if begin is None else {"start": begin[k].tolist(), "first_step": WARM_STEP}
+        run = minimise(heads.one(k), optimizers.make(optimizer, budget=further, seed=seed + k, **options), further)
+        after_V[k] = np.minimum.accumulate(run.costs)
+        if begin is not None:  # the policy's own waveform is the first evaluation
+            after_V[k] = np.minimum(np.concatenate([[at_once_V[k]], after_V[k][:-1]]), at_once_V[k])
+    spent = 0 if begun is None else int(begun.made["evaluations"])
+    return {"at_once_V": at_once_V, "after_V": after_V, "learning": np.array(spent)}
 
 
 def _network() -> tuple[Any, list[Any]]:
@@ -179,7 +200,7 @@ def _network() -> tuple[Any, list[Any]]:
     return nn.Sequential(*between, layers[-1]), layers
 
 
-LEARNERS: dict[str, Callable[[int, int], Trained]] = {
+LEARNERS: dict[str, Callable[[int, int], Policy]] = {
     "gradient": by_gradient,
     "imitation": by_imitation,
     "sb3-ppo": functools.partial(by_agent, "PPO"),

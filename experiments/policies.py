@@ -6,8 +6,8 @@ import itertools
 import json
 import os
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ MOST_LAYERS, MOST_UNITS = 16, 4096
 
 
 class PolicyFileError(ValueError):
-    """A file holds no policy, or another than was asked for; the message names it."""
+    """A file holds no policy, or one of other observations; the message names it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,37 +125,6 @@ class Policy:
                 f"{path}: is not a policy ({str(reason).rstrip('.') or type(error).__name__}). "
                 "Give one that was saved here."
             ) from None
-
-
-def kept_policy(
-    path: Path, asked: Mapping[str, Any], train: Callable[[], Policy], observation: Sequence[str] = CONTEXT_NAMES
-) -> Policy:
-    """The policy that a file keeps, or else one that is trained now and kept there.
-
-    Parameters
-    ----------
-    path : Path
-    asked : mapping
-        What it is trained with, as plain JSON values.
-    train : callable
-        Returns a policy.
-    observation : sequence of str
-
-    Raises
-    ------
-    PolicyFileError
-        What is kept is no policy, or was trained with something else.
-    """
-    if not path.exists():
-        policy = train()
-        replace(policy, made={**policy.made, "asked": dict(asked)}).save(path)
-    policy = Policy.load(path, observation)
-    if (trained := policy.made.get("asked")) != dict(asked):
-        raise PolicyFileError(
-            f"{path} was trained as {trained}, not as {dict(asked)}. Give another folder, or delete that file to have "
-            "it trained again."
-        )
-    return policy
 
 
 def policy_of_layers(

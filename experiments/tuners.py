@@ -1,20 +1,34 @@
-"""Who tunes heads in a few tries: an optimiser, an agent, one waveform for all, a list of waveforms."""
+"""Who tunes heads in a few tries, and how each is made: an optimiser, an agent, one waveform for all, a list."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.drawn_heads import Heads, Real, stretched, the_task
-from experiments.policies import Policy
+from experiments.drawn_heads import TRAIN_SEED, Heads, Real, drawn, stretched, the_task
+from experiments.learners import HIDDEN, labelled, let_learn
+from experiments.policies import Policy, policy_of_sb3
 from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_UPPER
+from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.envs.tuning import TIME_SCALE_S
 
 MIDDLE = np.zeros((1, 4))
 """The middle of the heads, as the environment shows it: what waveforms of a list are made for."""
+SCRATCH: dict[str, tuple[str, dict[str, Any]]] = {
+    **{name: (name, {}) for name in ("random", "sobol", "pso", "coordinate", "cma-es", "optuna-gp")},
+    "pso of 3": ("pso", {"particles": 3}),
+    "cma-es of 4": ("cma-es", {"population": 4}),
+    "optuna-gp from 3": ("optuna-gp", {"startup": 3}),
+}
+"""Optimisers that know nothing: at their defaults, which use no reading before some ten tries, and smaller ones."""
+LISTED = 100_000
+"""Evaluations that the heads cost whose best waveforms the lists are chosen from."""
+NEAR = 0.15
+"""First step of CMA-ES around the waveform for all, in half widths of the box: heads differ by that much."""
 PULSE = np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0])
 """The shortest pulse of the box, after which a head rings freely."""
 
@@ -163,3 +177,76 @@ def best_list(labelled: Real, points: Real, count: int, stretch: bool) -> tuple[
         chosen.append(int(np.minimum(costs, least).mean(axis=1).argmin()))
         least = np.minimum(least, costs[chosen[-1]])
     return candidates[chosen], costs.size
+
+
+def one_for_all(seed: int, heads: int = 64, waveforms: int = 3000) -> tuple[Real, int]:
+    """The waveform of least mean cost over many heads, by CMA-ES, and the evaluations that it took."""
+    import optimizers
+
+    many = Heads(drawn(heads, TRAIN_SEED + seed))
+    search = optimizers.make("bipop-cma-es", budget=waveforms, seed=seed)
+    best, least = np.zeros(7), math.inf
+    while search.remaining:
+        points = search.ask()
+        means = np.array([many.evaluate(np.tile(point, (heads, 1))).mean() for point in points])
+        search.tell(points, means)
+        if means.min() < least:
+            best, least = points[means.argmin()], float(means.min())
+    return best, heads * waveforms
+
+
+def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
+    """Stable-Baselines3's PPO on the environment, which sees peaks and is never told the head."""
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from inkjet_env.envs.sb3 import TuneWaveformVecEnv
+
+    torch.set_num_threads(1)
+    envs = TuneWaveformVecEnv(64, tries=tries)
+    names = envs.vector_env.tuning.observation_names()
+    envs.seed(seed)
+    model = PPO(
+        "MlpPolicy", VecNormalize(envs, norm_obs=False, gamma=1.0), n_steps=4 * tries, batch_size=256,
+        learning_rate=5e-4, gamma=1.0, seed=seed, device="cpu",
+        policy_kwargs={"net_arch": list(HIDDEN), "activation_fn": torch.nn.Tanh, "log_std_init": -0.7},
+    )  # fmt: skip
+    spent = let_learn(model, evaluations)
+    made = {"by": "sb3-ppo", "evaluations": spent, "tries": tries, "seed": seed}
+    return policy_of_sb3(model, made, names)
+
+
+def kept_costs_V(tuner: Tuner, heads: int, tries: int, seed: int) -> Real:
+    """True cost of the waveform kept after each try, shape (heads, tries); the same heads for the same seed."""
+    envs = TuneWaveformVectorEnv(heads, tries=tries)
+    observations, _ = envs.reset(seed=seed)
+    kept = np.empty((heads, tries))
+    for k in range(tries):
+        actions = np.asarray(tuner.fire(observations), dtype=np.float32)
+        observations, _, _, _, infos = envs.step(actions)
+        kept[:, k] = infos["kept_cost"]
+        tuner.told(infos["reading"])
+    return kept
+
+
+def scratch(name: str, heads: int, tries: int, seed: int) -> dict[str, Tuner]:
+    """One of `SCRATCH` for so many heads."""
+    of, options = SCRATCH[name]
+    return {name: Optimisers(of, heads, tries, seed, **options)}
+
+
+def for_all(heads: int, tries: int, seed: int) -> tuple[dict[str, Tuner], int]:
+    """The waveform for all and CMA-ES from there, and the evaluations that it took to find."""
+    point, spent = one_for_all(seed)
+    near = Optimisers("cma-es", heads, tries, seed, start=point.tolist(), first_step=NEAR)
+    return {"one for all": OneForAll(point), "cma-es from one for all": near}, spent
+
+
+def lists(tries: int, seed: int) -> tuple[dict[str, Tuner], int]:
+    """A list as it is, and one that is stretched to the period that rings after a pulse; and what either took."""
+    observations, points, spent = labelled(LISTED, seed)
+    plain, more = best_list(observations, points, tries, stretch=False)
+    stretching, _ = best_list(observations, points, tries, stretch=True)
+    names = TuneWaveformVectorEnv(1, tries=tries).tuning.observation_names()
+    return {"list": Listed(plain), "list, stretched": Listed(stretching, names)}, spent + more

@@ -1,4 +1,4 @@
-"""Learning over heads: what it saves, and that a study keeps its policies."""
+"""Learning over heads: what it saves, and that a study keeps what was learnt and tested."""
 
 import json
 import math
@@ -12,14 +12,14 @@ from experiments.learners import by_imitation
 
 
 def a_test(name, medians, trained=0):
-    """Eleven heads that all have the same curve."""
-    return TuningResult(name, np.full(11, math.nan), np.tile(np.asarray(medians, float), (11, 1)), trained)
+    """Eleven heads that all have the same curve, one training."""
+    return TuningResult(name, np.full((1, 11), math.nan), np.tile(np.asarray(medians, float), (1, 11, 1)), trained)
 
 
 def test_break_even_is_training_over_what_a_head_saves():
     scratch = a_test("cma-es", np.linspace(10, 0, 2000))
     policy = a_test("policy", np.full(2000, 5.0), trained=95_000)
-    at_5 = int(np.argmax(scratch.curves_V[0] <= 5.0)) + 1
+    at_5 = int(np.argmax(scratch.curves_V[0, 0] <= 5.0)) + 1
     assert break_even(policy, scratch, 50) == pytest.approx(95_000 / (at_5 - 50))
 
 
@@ -28,43 +28,85 @@ def test_what_scratch_reaches_sooner_never_pays():
     assert break_even(policy, scratch, 50) == math.inf
 
 
-def test_break_even_has_an_interval_over_heads():
+def test_what_scratch_never_reaches_pays_at_once():
+    scratch, policy = a_test("cma-es", np.ones(2000)), a_test("policy", np.zeros(2000), trained=95_000)
+    assert break_even(policy, scratch, 50) == 0
+
+
+def test_break_even_has_an_interval_over_trainings_and_heads():
     rng = np.random.default_rng(0)
-    falls = np.linspace(10, 0, 2000)[None, :] + rng.normal(0, 1, (40, 1))
-    scratch = TuningResult("cma-es", np.full(40, math.nan), falls, 0)
-    policy = TuningResult("policy", np.full(40, 5.0), np.full((40, 2000), 5.0), 95_000)
-    by_name = {row["name"]: row for row in amortised.told([scratch, policy], rng)}
-    even = by_name["policy"]["break_even_heads"]
-    assert even["low"] < even["value"] < even["high"]
-    assert even["value"] == pytest.approx(break_even(policy, scratch, 50))
-    assert "break_even_heads" not in by_name["cma-es"]
+    falls = np.linspace(10, 0, 2000) + rng.normal(0, 1, (1, 40, 1))
+    scratch = TuningResult("cma-es", np.full((1, 40), math.nan), falls, 0)
+
+    def row(trainings_V):
+        """Of a policy that leaves as many volts as its training says, on every head."""
+        left_V = np.tile(np.asarray(trainings_V)[:, None, None], (1, 40, 2000))
+        policy = TuningResult("policy", left_V[..., 0], left_V, 95_000)
+        by_name = {one["name"]: one for one in amortised.told([scratch, policy], np.random.default_rng(1))}
+        assert "break_even_heads" not in by_name["cma-es"]
+        even = by_name["policy"]["break_even_heads"]
+        assert even["value"] == pytest.approx(break_even(policy, scratch, 50))
+        assert even["low"] < even["value"] < even["high"]
+        return by_name["policy"]
+
+    alike, apart = row([5.0] * 5), row([3.0, 4.0, 5.0, 6.0, 7.0])
+    assert alike["0"]["low"] == alike["0"]["high"] == 5.0
+    assert (apart["0"]["low"], apart["0"]["high"], apart["0"]["each"]) == (3.0, 7.0, [3.0, 4.0, 5.0, 6.0, 7.0])
+    widths = [one["break_even_heads"]["high"] - one["break_even_heads"]["low"] for one in (alike, apart)]
+    assert widths[1] > 2 * widths[0]
 
 
-def test_a_study_keeps_its_policies_and_tells_the_same_again(tmp_path, monkeypatch):
+@pytest.fixture
+def small(monkeypatch):
+    """A study of one learner and one optimiser."""
     monkeypatch.setattr(amortised, "BUDGETS", (5, 20))
     monkeypatch.setattr(amortised, "LEARNERS", {"imitation": by_imitation})
     monkeypatch.setattr(amortised, "SCRATCH", ("random",))
+
+
+def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, monkeypatch, capsys):
     # a head takes about 1,000 evaluations to label, how many exactly is up to rounding: 3,000 are two heads or more
-    first = amortised.study(tmp_path, evaluations=3000, heads=3, labelling=3, seed=0)
-    assert {file.name for file in tmp_path.iterdir()} == {"imitation.npz", "amortised.json"}
-    monkeypatch.setattr(amortised, "LEARNERS", {"imitation": lambda *_: pytest.fail("trained again")})
-    assert amortised.study(tmp_path, 3000, 3, 3, 0) == first == json.loads((tmp_path / "amortised.json").read_text())
+    settings = {"evaluations": 3000, "heads": 3, "labelling": 3, "seed": 0, "trainings": 2}
+    first = amortised.study(tmp_path, **settings)
+    tested = {f"{name}-{k}-tested.npz" for name in ("imitation", "table-of-one-head") for k in (1, 2)}
+    files = {file.name for file in tmp_path.iterdir()}
+    assert files > tested | {"imitation-1.npz", "imitation-2.npz", "random-1-tested.npz", "amortised.json"}
+    monkeypatch.setitem(amortised.LEARNERS, "imitation", lambda *_: pytest.fail("trained again"))
+    monkeypatch.setattr(amortised, "tuned_costs_V", lambda *_: pytest.fail("tested again"))
+    assert amortised.study(tmp_path, **settings) == first == json.loads((tmp_path / "amortised.json").read_text())
     by_name = {row["name"]: row for row in first["rows"]}
-    assert sum(name.startswith("table of ") for name in by_name) >= 2
-    assert by_name["table of 1 head"]["trained"] > 0
+    assert {"table of one head", "table for 300", "table for 3,000"} < by_name.keys()
+    assert by_name["table of one head"]["trained"] > 0
     assert "0" not in by_name["random"]
     assert by_name["imitation"]["5"]["value"] <= by_name["imitation"]["0"]["value"]
+    assert len(set(by_name["imitation"]["0"]["each"])) == 2
     assert min(row["20"]["low"] for row in first["rows"]) >= 0
     amortised.print_study(first)
+    assert "over 2 trainings of whatever learns" in " ".join(capsys.readouterr().out.split())
 
 
-def test_a_policy_of_other_settings_is_refused(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(amortised, "BUDGETS", (5,))
-    monkeypatch.setattr(amortised, "LEARNERS", {"imitation": by_imitation})
-    monkeypatch.setattr(amortised, "SCRATCH", ("random",))
-    amortised.study(tmp_path, evaluations=300, heads=2, labelling=1, seed=0)
-    with pytest.raises(SystemExit) as ended:
-        amortised.main(["--folder", str(tmp_path), "--evaluations", "400", "--heads", "2", "--labelling", "1"])
-    assert ended.value.code == 2
-    said = capsys.readouterr().err
-    assert "imitation.npz was trained as {'evaluations': 300, 'seed': 0}, not as {'evaluations': 400" in said
+def test_a_policy_is_tested_on_other_heads_without_being_trained_again(small, tmp_path, monkeypatch):
+    amortised.tested(tmp_path, "imitation", 1, 300, seed=0, heads=2)
+    (tmp_path / "imitation-1-tested.npz").unlink()
+    monkeypatch.setitem(amortised.LEARNERS, "imitation", lambda *_: pytest.fail("trained again"))
+    assert amortised.tested(tmp_path, "imitation", 1, 300, seed=0, heads=3)["after_V"].shape == (3, 20)
+
+
+def test_regret_is_against_the_best_known_where_nobody_reaches_it(small, tmp_path):
+    content = amortised.study(tmp_path, evaluations=300, heads=3, labelling=60, seed=0)
+    random = next(row for row in content["rows"] if row["name"] == "random")
+    assert random["20"]["value"] > 5  # V; twenty random waveforms are far from the best
+
+
+def test_what_was_made_with_other_settings_is_refused(small, tmp_path, capsys):
+    arguments = ["--folder", str(tmp_path), "--labelling", "1", "--trainings", "1", "--workers", "1"]
+    amortised.main([*arguments, "--evaluations", "300", "--heads", "2"])
+    for other, said in (
+        (["--evaluations", "400", "--heads", "2"], "evaluations is 300 there and 400 here"),
+        (["--evaluations", "300", "--heads", "3"], "heads is 2 there and 3 here"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            amortised.main([*arguments, *other])
+        assert ended.value.code == 2
+        error = capsys.readouterr().err
+        assert f"-tested.npz was made otherwise: {said}" in error

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import mannwhitneyu
+from scipy.stats import mannwhitneyu, t
 
 from experiments import measures
 
@@ -64,6 +64,33 @@ def test_intervals_cover_about_as_often_as_they_say():
         found = measures.stratified(lambda x: x.mean(axis=(-2, -1)), [rng.standard_normal((15, 3))], rng, 400)
         covered += found.low <= 0 <= found.high
     assert 0.86 <= covered / 120 <= 1.0
+
+
+def test_an_interval_over_rows_is_students_however_many_columns_repeat_it():
+    """Rows that are alike in every column are a sample of their own number, not of all cells."""
+    values = np.tile(RNG(9).standard_normal(8)[:, None], (1, 50))
+    found = measures.crossed(lambda rows, columns: values[np.ix_(rows, columns)].mean(), values.shape, RNG(10), 20_000)
+    half = t.ppf(0.975, 7) * values[:, 0].std(ddof=1) / math.sqrt(8)
+    assert found.value == pytest.approx(values.mean())
+    assert found.high - found.low == pytest.approx(2 * half, rel=0.1)
+
+
+def test_one_row_has_an_interval_over_columns():
+    values = RNG(11).standard_normal((1, 60))
+    found = measures.crossed(lambda rows, columns: values[np.ix_(rows, columns)].mean(), values.shape, RNG(12), 4000)
+    half = t.ppf(0.975, 59) * values.std(ddof=1) / math.sqrt(60)
+    assert found.high - found.low == pytest.approx(2 * half, rel=0.1)
+
+
+@pytest.mark.parametrize("spread", [0.3, 1.0])
+def test_intervals_over_ten_trainings_and_forty_heads_cover_another_of_each(spread):
+    rng, covered = RNG(13), 0
+    for _ in range(100):
+        noise = 0.5 * rng.standard_normal((10, 40))
+        values = np.exp(spread * rng.standard_normal((10, 1)) + rng.standard_normal(40) + noise)
+        found = measures.crossed(lambda r, c, v=values: float(np.median(v[np.ix_(r, c)])), values.shape, rng, 600)
+        covered += found.low <= 1.0 <= found.high
+    assert covered >= 90
 
 
 def test_an_interval_whose_resamples_may_fail_has_no_upper_end():

@@ -1,0 +1,204 @@
+"""What learns is learnt several times, side by side on this machine, because one training says little of the next.
+
+A folder keeps what was learnt and what it came to; what is there is not done again, and what was made with other
+settings or by other code is refused.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import json
+import os
+import sys
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.bench import SOURCES
+from experiments.cluster import run_each, workers_of
+from experiments.comparison import as_json
+from experiments.measures import Places, crossed
+from experiments.policies import Policy, PolicyFileError
+from experiments.progress import shown_progress
+from experiments.versions import code_digest, first_difference, versions
+from inkjet_env.envs.task import CONTEXT_NAMES
+from inkjet_env.storage import archive_bytes, remove_unfinished, write_atomically
+
+Arrays = dict[str, NDArray[Any]]
+
+TRAININGS = 10
+SEED_STEP = 1000
+"""From one training's seed to the next's: heads that are learnt from are fewer, so no two share random numbers."""
+RESAMPLES = 4000
+LEAST = {"evaluations": 1, "heads": 2, "labelling": 1, "seed": 0, "trainings": 1, "workers": 1}
+"""What may be asked for at the least."""
+OWN_SOURCES = tuple(f"experiments/{name}.py" for name in ("drawn_heads", "learners", "policies", "tuners"))
+
+
+class KeptFileError(ValueError):
+    """A file that a study left is damaged, or was made otherwise than is asked now; the message names it."""
+
+
+def seeds(seed: int, trainings: int) -> list[int]:
+    """A seed for every training."""
+    return [seed + SEED_STEP * k for k in range(trainings)]
+
+
+@functools.cache
+def circumstances() -> dict[str, Any]:
+    """What numbers hang on beside their settings, as plain JSON values."""
+    return {"code": code_digest((*SOURCES, *OWN_SOURCES)), "versions": versions()}
+
+
+def kept_policy(
+    path: Path, asked: Mapping[str, Any], train: Callable[[], Policy], observation: Sequence[str] = CONTEXT_NAMES
+) -> Policy:
+    """The policy that a file keeps, or else one that is trained now and kept there.
+
+    Parameters
+    ----------
+    path : Path
+    asked : mapping
+        What it is trained with, as plain JSON values.
+    train : callable
+    observation : sequence of str
+
+    Raises
+    ------
+    KeptFileError, PolicyFileError
+        What is kept was trained otherwise, or is no policy.
+    """
+    wanted = {**asked, **circumstances()}
+    if not path.exists():
+        policy = train()
+        replace(policy, made={**policy.made, "asked": wanted}).save(path)
+    policy = Policy.load(path, observation)
+    _check_asked(path, policy.made.get("asked"), wanted)
+    return policy
+
+
+def kept_arrays(path: Path, asked: Mapping[str, Any], make: Callable[[], Arrays]) -> Arrays:
+    """The arrays that a file keeps, or else those that are made now and kept there.
+
+    Parameters
+    ----------
+    path : Path
+    asked : mapping
+        What they are made with, as plain JSON values.
+    make : callable
+
+    Raises
+    ------
+    KeptFileError
+        What is kept was made otherwise, or is damaged.
+    """
+    wanted = {**asked, **circumstances()}
+    if not path.exists():
+        made = make()
+        write_atomically(path, archive_bytes({**made, "asked": np.array(json.dumps(wanted))}))
+        return made
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            found = {name: archive[name] for name in archive.files}
+        stored = json.loads(str(found.pop("asked")))
+    except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile) as error:
+        raise KeptFileError(
+            f"{path}: is damaged ({str(error).rstrip('.') or type(error).__name__}). Delete it to have it made again."
+        ) from None
+    _check_asked(path, stored, wanted)
+    return found
+
+
+def _check_asked(path: Path, stored: Any, wanted: Mapping[str, Any]) -> None:
+    if difference := first_difference(stored, dict(wanted)):
+        raise KeptFileError(
+            f"{path} was made otherwise: {difference}. Give another folder, or delete that file to have it made again."
+        )
+
+
+def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any, ...]], workers: int) -> dict[str, Any]:
+    """What a function of a module returns for every job, by name; on so many processes, or here where it is one."""
+    found: dict[str, Any] = {}
+    with shown_progress(label, len(jobs)) as progress:
+
+        def keep(name: str, result: Any) -> None:
+            found[name] = result
+            progress(len(found), name)
+
+        if workers == 1:
+            for name, arguments in jobs.items():
+                keep(name, function(*arguments))
+        else:
+            with workers_of(None, workers) as client:
+                run_each(client, function, {name: functools.partial(tuple, job) for name, job in jobs.items()}, keep)
+    return found
+
+
+def median_of(regrets_V: NDArray[np.float64], rng: np.random.Generator) -> dict[str, Any]:
+    """The median of regrets, shape (trainings, heads), with its interval, and that of each training by itself."""
+
+    def median(trainings: Places, heads: Places) -> float:
+        return float(np.median(regrets_V[trainings[:, None], heads]))
+
+    found = crossed(median, (len(regrets_V), regrets_V.shape[1]), rng, RESAMPLES)
+    return as_json(found) | {"each": np.median(regrets_V, axis=1).tolist()}
+
+
+def spread_of(each_V: Sequence[float], digits: str = ".2f") -> str:
+    """The least and the greatest of several trainings, in words; nothing of one."""
+    return f"{min(each_V):{digits}} … {max(each_V):{digits}}" if len(each_V) > 1 else ""
+
+
+def over(heads: int, trainings: int) -> str:
+    """What medians and intervals of a table are over, in words."""
+    some = f"over {heads} heads that nobody had seen"
+    if trainings == 1:
+        return f"{some}, with its 95 % interval over heads alone: there is one training of each, and another may differ"
+    return f"{some} and over {trainings} trainings of whatever learns, with its 95 % interval over both"
+
+
+def run_command(
+    module: str,
+    description: str | None,
+    evaluations: int,
+    heads: int,
+    run: Callable[..., Mapping[str, Any]],
+    show: Callable[[Mapping[str, Any]], None],
+    arguments: list[str] | None,
+) -> None:
+    """A study from the command line: ``run`` is given the options by name, ``show`` what it returns."""
+    parser = argparse.ArgumentParser(prog=f"python -m experiments.{module}", description=description)
+    parser.add_argument("--folder", type=Path, default=Path("results") / module.replace("_", "-"))
+    parser.add_argument("--evaluations", type=int, default=evaluations, help="of a training")
+    parser.add_argument("--heads", type=int, default=heads, help="to test on")
+    parser.add_argument("--labelling", type=int, default=60, help="descents for the best cost known of a test head")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--trainings", type=int, default=TRAININGS, help="of everything that learns, with other seeds")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes; one a core unless given")
+    chosen = vars(parser.parse_args(arguments))
+    for name, least in (
+        ("evaluations", 1),
+        ("heads", 2),
+        ("labelling", 1),
+        ("seed", 0),
+        ("trainings", 1),
+        ("workers", 1),
+    ):
+        if chosen[name] < least:
+            parser.error(f"--{name} must be at least {least}; got {chosen[name]}.")
+    folder = chosen["folder"]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        remove_unfinished(folder)
+        show(run(**chosen))
+    except (PolicyFileError, KeptFileError, OSError) as error:
+        parser.exit(2, f"{parser.prog}: {error}\n")
+    except KeyboardInterrupt:
+        print(f"Interrupted; what is learnt and tested is kept in {folder}.", file=sys.stderr)
+        sys.exit(130)
