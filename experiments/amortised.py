@@ -76,7 +76,8 @@ def break_even(
 ) -> float:
     """Heads from which on learning has cost less than optimising each from scratch, to be as good as it is.
 
-    As good: the policy's median regret after so many evaluations a head. Infinite where scratch is there sooner.
+    As good: the policy's median regret after so many evaluations a head. Infinite where scratch is there sooner. Where
+    it never comes there, its whole budget counts, and fewer heads may be enough.
 
     Parameters
     ----------
@@ -86,13 +87,13 @@ def break_even(
         Which of the trainings and of the heads count; all unless given.
     """
     target = float(np.median(policy.curves_V[trainings, :, evaluations - 1][:, heads]))
-    longest = scratch.curves_V.shape[-1]
-    # curves fall, and so do their medians
-    there = bisect.bisect_left(
-        range(longest), -target, key=lambda k: -float(np.median(scratch.curves_V[:, :, k][:, heads]))
-    )
-    saved = math.inf if there == longest else there + 1 - evaluations
-    return policy.trained / saved if saved > 0 else math.inf
+
+    def risen(place: int) -> float:
+        """Curves fall, and so do their medians."""
+        return -float(np.median(scratch.curves_V[:, :, place][:, heads]))
+
+    needed = 1 + bisect.bisect_left(range(scratch.curves_V.shape[-1]), -target, key=risen)
+    return policy.trained / (needed - evaluations) if needed > evaluations else math.inf
 
 
 def told(results: Sequence[TuningResult], rng: np.random.Generator) -> list[dict[str, Any]]:

@@ -131,6 +131,7 @@ def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any,
             found[name] = result
             progress(len(found), name)
 
+        progress(0)  # the first takes minutes
         if workers == 1:
             for name, arguments in jobs.items():
                 keep(name, function(*arguments))
@@ -182,14 +183,7 @@ def run_command(
     parser.add_argument("--trainings", type=int, default=TRAININGS, help="of everything that learns, with other seeds")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes; one a core unless given")
     chosen = vars(parser.parse_args(arguments))
-    for name, least in (
-        ("evaluations", 1),
-        ("heads", 2),
-        ("labelling", 1),
-        ("seed", 0),
-        ("trainings", 1),
-        ("workers", 1),
-    ):
+    for name, least in LEAST.items():
         if chosen[name] < least:
             parser.error(f"--{name} must be at least {least}; got {chosen[name]}.")
     folder = chosen["folder"]
