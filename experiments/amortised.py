@@ -21,12 +21,13 @@ from typing import Any
 import numpy as np
 
 from experiments.comparison import as_json
-from experiments.drawn_heads import TEST_SEED, Heads, Real, descended, drawn
+from experiments.drawn_heads import TEST_SEED, Heads, Real, drawn
 from experiments.learners import LEARNERS, Begun, Table, one_waveform, table_of, tuned_costs_V
 from experiments.measures import Places, crossed
 from experiments.trainings import (
     RESAMPLES,
     Arrays,
+    best_costs_V,
     each,
     kept_arrays,
     kept_policy,
@@ -160,8 +161,7 @@ def study(
         Descents for the best cost known of a head.
     seed, trainings, workers : int
     """
-    tests = Heads(drawn(heads, TEST_SEED))
-    best_V = np.array([descended(tests.one(k), labelling, seed + k)[1] for k in range(heads)])
+    best_V = best_costs_V(Heads(drawn(heads, TEST_SEED)), labelling, seed)
     learnt = {way: seeds(seed, trainings) for way in (*tables(evaluations), *LEARNERS)}
     names = {name: [seed] for name in SCRATCH} | learnt
     jobs = {

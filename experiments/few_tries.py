@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.drawn_heads import TEST_SEED, Heads, descended
+from experiments.drawn_heads import TEST_SEED, Heads
 from experiments.trainings import (
     Arrays,
+    best_costs_V,
     each,
     kept_arrays,
     kept_policy,
@@ -101,8 +102,7 @@ def study(
     seed, trainings, workers, tries : int
     """
     test_seed = TEST_SEED + seed
-    on_bench = heads_on_the_bench(heads, test_seed)
-    best_V = np.array([descended(on_bench.one(k), labelling, seed + k)[1] for k in range(heads)])
+    best_V = best_costs_V(heads_on_the_bench(heads, test_seed), labelling, seed)
     jobs = {
         f"{way}, training {k}": (folder, way, k, evaluations, one, heads, tries, test_seed)
         for way in LEARNT

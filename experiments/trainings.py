@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from experiments.bench import SOURCES
 from experiments.cluster import run_each, workers_of
 from experiments.comparison import as_json
+from experiments.drawn_heads import Heads, Real, descended
 from experiments.measures import Places, crossed
 from experiments.policies import Policy, PolicyFileError
 from experiments.progress import shown_progress
@@ -122,6 +123,17 @@ def _check_asked(path: Path, stored: Any, wanted: Mapping[str, Any]) -> None:
         )
 
 
+def best_costs_V(heads: Heads, starts: int, seed: int) -> Real:
+    """The best that so many descents find on each head, shape (heads,)."""
+    count = len(heads.observations)
+    best_V = np.empty(count)
+    with shown_progress("best known", count) as progress:
+        for k in range(count):
+            best_V[k] = descended(heads.one(k), starts, seed + k)[1]
+            progress(k + 1)
+    return best_V
+
+
 def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any, ...]], workers: int) -> dict[str, Any]:
     """What a function of a module returns for every job, by name; on so many processes, or here where it is one."""
     found: dict[str, Any] = {}
@@ -141,7 +153,7 @@ def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any,
     return found
 
 
-def median_of(regrets_V: NDArray[np.float64], rng: np.random.Generator) -> dict[str, Any]:
+def median_of(regrets_V: Real, rng: np.random.Generator) -> dict[str, Any]:
     """The median of regrets, shape (trainings, heads), with its interval, and that of each training by itself."""
 
     def median(trainings: Places, heads: Places) -> float:
