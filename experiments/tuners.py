@@ -152,14 +152,14 @@ class Listed:
         return heads
 
 
-def best_list(labelled: Real, points: Real, count: int, stretch: bool) -> tuple[Real, int]:
+def best_list(observations: Real, points: Real, count: int, stretch: bool) -> tuple[Real, int]:
     """The list of waveforms, shape (count, 7), that leaves heads the least mean cost; and the evaluations it took.
 
     The next is always that which betters the list most, beginning with what is best alone.
 
     Parameters
     ----------
-    labelled : ndarray, shape (n, 4)
+    observations : ndarray, shape (n, 4)
         Heads.
     points : ndarray, shape (n, 7)
         The best waveform of each.
@@ -167,12 +167,12 @@ def best_list(labelled: Real, points: Real, count: int, stretch: bool) -> tuple[
     stretch : bool
         Whether waveforms will be stretched to the heads' resonances.
     """
-    candidates = stretched(points, labelled, MIDDLE) if stretch else points
-    heads = Heads(labelled.astype(np.float32))
-    tried = [np.tile(candidate, (len(labelled), 1)) for candidate in candidates]
-    costs = np.array([heads.evaluate(stretched(one, MIDDLE, labelled) if stretch else one) for one in tried])
+    candidates = stretched(points, observations, MIDDLE) if stretch else points
+    heads = Heads(observations.astype(np.float32))
+    tried = [np.tile(candidate, (len(observations), 1)) for candidate in candidates]
+    costs = np.array([heads.evaluate(stretched(one, MIDDLE, observations) if stretch else one) for one in tried])
     chosen: list[int] = []
-    least = np.zeros(len(labelled))  # firing nothing
+    least = np.zeros(len(observations))  # firing nothing
     for _ in range(count):
         chosen.append(int(np.minimum(costs, least).mean(axis=1).argmin()))
         least = np.minimum(least, costs[chosen[-1]])
