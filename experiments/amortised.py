@@ -27,6 +27,7 @@ from experiments.measures import Places, crossed
 from experiments.trainings import (
     RESAMPLES,
     Arrays,
+    behind,
     best_costs_V,
     each,
     kept_arrays,
@@ -43,6 +44,10 @@ FORMAT = "amortised/3"
 TITLE = "Learning over heads"
 BUDGETS = (50, 150, 2000)
 SCRATCH = ("cma-es", "lbfgsb-multistart", "pso", "coordinate")
+WARM = "cma-es"
+"""Goes on from what a policy or a table gives."""
+REFERENCE = "table of one head"
+"""The least that an engineer would do."""
 SMALLER = 10
 """The smaller table costs so many times less than a training."""
 
@@ -58,59 +63,82 @@ class TuningResult:
         Regret of the policy's own waveform; NaN where there is no policy.
     curves_V : ndarray, shape (trainings, heads, evaluations)
         Regret of the best waveform after each further evaluation.
-    trained : float
-        Evaluations that a training cost, in the mean.
+    trained : ndarray, shape (trainings,)
+        Evaluations that each training cost; none where nothing is learnt.
     """
 
     name: str
     at_once_V: Real
     curves_V: Real
-    trained: float
+    trained: Real
+
+
+def soonest(scratch: Sequence[TuningResult], target_V: float, heads: Places) -> tuple[float, str]:
+    """Evaluations after which the median over heads of one from scratch is at a regret, and the name of who is first.
+
+    Infinite, with the name of who is lowest in the end, where none comes there.
+    """
+    found = []
+    for one in scratch:
+
+        def risen(place: int, curves_V: Real = one.curves_V) -> float:
+            """Curves fall, and so do their medians."""
+            return -float(np.median(curves_V[0, heads, place]))
+
+        longest = one.curves_V.shape[-1]
+        place = bisect.bisect_left(range(longest), -target_V, key=risen)
+        found.append((place + 1.0 if place < longest else math.inf, -risen(longest - 1), one.name))
+    first = min(found)
+    return first[0], first[2]
 
 
 def break_even(
     policy: TuningResult,
-    scratch: TuningResult,
+    scratch: Sequence[TuningResult],
     evaluations: int,
-    trainings: Places | slice = slice(None),
-    heads: Places | slice = slice(None),
+    trainings: Places | None = None,
+    heads: Places | None = None,
 ) -> float:
     """Heads from which on learning has cost less than optimising each from scratch, to be as good as it is.
 
-    As good: the policy's median regret after so many evaluations a head. Infinite where scratch is there sooner. Where
-    it never comes there, its whole budget counts, and fewer heads may be enough.
+    As good: the policy's median regret after so many evaluations a head. Infinite where scratch is not later there,
+    nothing where it never comes there.
 
     Parameters
     ----------
-    policy, scratch : TuningResult
+    policy : TuningResult
+    scratch : sequence of TuningResult
+        Of which the soonest counts.
     evaluations : int
-    trainings, heads : slice or ndarray of int
-        Which of the trainings and of the heads count; all unless given.
+    trainings, heads : ndarray of int, optional
+        Which of them count; all unless given.
     """
-    target = float(np.median(policy.curves_V[trainings, :, evaluations - 1][:, heads]))
-
-    def risen(place: int) -> float:
-        """Curves fall, and so do their medians."""
-        return -float(np.median(scratch.curves_V[:, :, place][:, heads]))
-
-    needed = 1 + bisect.bisect_left(range(scratch.curves_V.shape[-1]), -target, key=risen)
-    return policy.trained / (needed - evaluations) if needed > evaluations else math.inf
+    trainings = np.arange(len(policy.trained)) if trainings is None else trainings
+    heads = np.arange(policy.at_once_V.shape[1]) if heads is None else heads
+    target_V = float(np.median(policy.curves_V[trainings[:, None], heads, evaluations - 1]))
+    saved = soonest(scratch, target_V, heads)[0] - evaluations
+    return float(np.mean(policy.trained[trainings])) / saved if saved > 0 else math.inf
 
 
 def told(results: Sequence[TuningResult], rng: np.random.Generator) -> list[dict[str, Any]]:
     """Medians of regret over trainings and heads with their intervals, at once and after each budget; break-evens."""
-    scratch = min((one for one in results if not one.trained), key=lambda one: float(np.median(one.curves_V[..., -1])))
+    scratch = [one for one in results if not one.trained.any()]
+    seen = {one.name: {"0": one.at_once_V} | {str(b): one.curves_V[..., b - 1] for b in BUDGETS} for one in results}
+    every_head = np.arange(results[0].at_once_V.shape[1])
     rows = []
     for one in results:
-        row: dict[str, Any] = {"name": one.name, "trained": round(one.trained), "trainings": len(one.at_once_V)}
-        columns = {"0": one.at_once_V} | {str(b): one.curves_V[..., b - 1] for b in BUDGETS}
-        for label, values in columns.items():
-            if np.isfinite(values).all():
-                row[label] = median_of(values, rng)
-        if one.trained:
+        row: dict[str, Any] = {"name": one.name, "trained": round(one.trained.mean()), "trainings": len(one.trained)}
+        row["behind"] = {}
+        for label, regrets_V in seen[one.name].items():
+            if np.isfinite(regrets_V).all():
+                row[label] = median_of(regrets_V, rng)
+                if one.name != REFERENCE and REFERENCE in seen:
+                    row["behind"][label] = behind(regrets_V, seen[REFERENCE][label], rng)
+        if row["trained"]:
             evens = functools.partial(break_even, one, scratch, BUDGETS[0])
             row["break_even_heads"] = as_json(crossed(evens, one.at_once_V.shape, rng, RESAMPLES))
-            row["against"] = scratch.name
+            row["against"] = soonest(scratch, row[str(BUDGETS[0])]["value"], every_head)[1]
+            row["at_most_heads"] = one.trained.mean() / (one.curves_V.shape[-1] + 1 - BUDGETS[0])
         rows.append(row)
     return rows
 
@@ -123,15 +151,15 @@ def tables(evaluations: int) -> dict[str, Callable[[int], Table]]:
 
 
 def tested(folder: Path, way: str, training: int, evaluations: int, seed: int, heads: int) -> Arrays:
-    """Costs on the test heads of one training, or of an optimiser from scratch, as `tuned_costs_V` has them.
+    """Learn from a seed, or optimise from scratch, and tune the test heads: what `tuned_costs_V` returns.
 
-    What the folder keeps is neither learnt nor tested again.
+    The folder keeps it, and the policy; what it keeps is neither learnt nor tested again.
     """
     file = f"{way.replace(' ', '-').replace(',', '')}-{training}"
     asked = {"way": way, "evaluations": evaluations, "seed": seed}
+    tests, further = Heads(drawn(heads, TEST_SEED)), max(BUDGETS)
 
     def make() -> Arrays:
-        tests, further = Heads(drawn(heads, TEST_SEED)), max(BUDGETS)
         if way in SCRATCH:
             return tuned_costs_V(None, way, tests, further, seed)
         if way in LEARNERS:
@@ -139,9 +167,10 @@ def tested(folder: Path, way: str, training: int, evaluations: int, seed: int, h
             begun: Begun = kept_policy(folder / f"{file}.npz", asked, learn)
         else:
             begun = tables(evaluations)[way](seed)
-        return tuned_costs_V(begun, "cma-es", tests, further, seed)
+        return tuned_costs_V(begun, WARM, tests, further, seed)
 
-    return kept_arrays(folder / f"{file}-tested.npz", {**asked, "heads": heads, "further": max(BUDGETS)}, make)
+    on = {"heads": heads, "first": tests.observations[0].tolist(), "further": further, "warm": WARM}
+    return kept_arrays(folder / f"{file}-tested.npz", {**asked, **on}, make)
 
 
 def study(
@@ -161,7 +190,7 @@ def study(
         Descents for the best cost known of a head.
     seed, trainings, workers : int
     """
-    best_V = best_costs_V(Heads(drawn(heads, TEST_SEED)), labelling, seed)
+    best_V = best_costs_V(folder, Heads(drawn(heads, TEST_SEED)), labelling, seed)
     learnt = {way: seeds(seed, trainings) for way in (*tables(evaluations), *LEARNERS)}
     names = {name: [seed] for name in SCRATCH} | learnt
     jobs = {
@@ -170,14 +199,14 @@ def study(
         for k, one in enumerate(its_seeds, 1)
     }
     found = each("amortised", tested, jobs, workers)
-    by_way = {way: [found[job] for job, told_of in jobs.items() if told_of[1] == way] for way in names}
+    by_way = {way: [found[job] for job, arguments in jobs.items() if arguments[1] == way] for way in names}
     least_V = np.min([one["after_V"].min(axis=1) for some in by_way.values() for one in some] + [best_V], axis=0)
     results = [
         TuningResult(
             way,
             np.array([one["at_once_V"] for one in some]) - least_V,
             np.array([one["after_V"] for one in some]) - least_V[:, None],
-            float(np.mean([one["learning"] for one in some])),
+            np.array([float(one["learning"]) for one in some]),
         )
         for way, some in by_way.items()
     ]
@@ -185,6 +214,7 @@ def study(
         "format": FORMAT,
         "heads": heads,
         "evaluations": evaluations,
+        "labelling": labelling,
         "seed": seed,
         "trainings": trainings,
         "best_improved": int(np.sum(least_V < best_V - 1e-6)),
@@ -203,20 +233,37 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
     rows = []
     for row in found["rows"]:
         spread = spread_of(row["0"]["each"], ".3g") if "0" in row else ""
-        pays = "" if not row["trained"] else _heads_from(row["break_even_heads"])
-        rows.append(
-            (row["name"], f"{row['trained']:,}", *(volts(row.get(str(b))) for b in (0, *BUDGETS)), spread, pays),
-        )
+        later = volts(row["behind"].get(str(BUDGETS[0])))
+        pays = heads_from(row["break_even_heads"], row["at_most_heads"]) if row["trained"] else ""
+        medians = (volts(row.get(str(b))) for b in (0, *BUDGETS))
+        rows.append((row["name"], f"{row['trained']:,}", *medians, spread, later, pays))
     after = (f"after {b:,}" for b in (0, *BUDGETS))
-    return ("tuned by", "evaluations to learn", *after, "single trainings, after 0", "pays from … heads"), rows
+    ends = ("single trainings, after 0", f"behind {REFERENCE}, after {BUDGETS[0]}", "pays from … heads")
+    return ("tuned by", "evaluations to learn", *after, *ends), rows
 
 
-def _heads_from(even: Mapping[str, float | None]) -> str:
-    """A break-even number with its interval; whole heads."""
-    whole = {name: None if value is None else f"{math.ceil(value):,}" for name, value in even.items()}
-    if whole["value"] is None:
-        return "never" if whole["low"] is None else f"never ({whole['low']} … ∞)"
-    return f"{whole['value']} ({whole['low']} … {whole['high'] or '∞'})"
+def heads_from(even: Mapping[str, float | None], at_most: float) -> str:
+    """A break-even number with its interval, in whole heads, as `told` has it.
+
+    Examples
+    --------
+    >>> heads_from({"value": 101.2, "low": 0.0, "high": None}, 4.2)
+    '102 (≤ 5 … ∞)'
+    >>> heads_from({"value": None, "low": 7.0, "high": None}, 4.2)
+    'never (7 … ∞)'
+    >>> heads_from({"value": None, "low": None, "high": None}, 4.2)
+    'never'
+    """
+
+    def whole(number: float | None) -> str:
+        if number is None:
+            return "∞"
+        return f"{math.ceil(number):,}" if number else f"≤ {math.ceil(at_most):,}"
+
+    value, low, high = (even[name] for name in ("value", "low", "high"))
+    if low is None:
+        return "never"
+    return f"{'never' if value is None else whole(value)} ({whole(low)} … {whole(high)})"
 
 
 def legend(found: Mapping[str, Any]) -> str:

@@ -14,7 +14,7 @@ from inkjet_env.envs.task import WaveformTask, make_task
 Real = NDArray[np.float64]
 
 TEST_SEED, TRAIN_SEED = 10**12, 10_000
-"""Training draws from its own on, one number a step: it must never come to the other."""
+"""What is learnt from is drawn from seeds far below what is tested on."""
 POINTS_A_START = 100
 """Uniform points for each descent, which begins from one of the best of all."""
 
@@ -26,7 +26,7 @@ def the_task() -> WaveformTask:
 
 
 def drawn(count: int, seed: int) -> NDArray[np.float32]:
-    """Observations of heads, shape (count, 4): those that environments seeded from ``seed`` on would draw first."""
+    """Observations of heads, shape (count, 4), drawn as environments draw them, each from its number and the seed."""
     return the_task().contexts([np.random.default_rng([seed, k]) for k in range(count)])
 
 

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.drawn_heads import TEST_SEED, Heads
+from experiments.drawn_heads import TEST_SEED, Heads, Real
 from experiments.trainings import (
     Arrays,
+    behind,
     best_costs_V,
     each,
     kept_arrays,
@@ -35,8 +36,11 @@ from inkjet_env.storage import json_text, write_atomically
 FORMAT = "few-tries/3"
 TITLE = "A few tries on an unknown head"
 AGENT, FOR_ALL, LISTS = "sb3-ppo", "one for all", "lists"
+REFERENCE = "list, stretched"
+"""What the least effort comes to: all are compared with it."""
 LEARNT = (AGENT, FOR_ALL, LISTS)
 """What is learnt or collected from a seed; two ways of tuning come of each of the last two."""
+LEARNING = "evaluations to learn"
 SHOWN = (1, 3, TRIES)
 """After how many tries the tables tell."""
 
@@ -51,9 +55,10 @@ def heads_on_the_bench(heads: int, seed: int) -> Heads:
 def tested(
     folder: Path, way: str, training: int, evaluations: int, seed: int, heads: int, tries: int, test_seed: int
 ) -> Arrays:
-    """True costs of what is kept after each try, shape (heads, tries), by name of the tuner; learnt from ``seed``.
+    """Learn from a seed and tune: true costs of what is kept after each try, shape (heads, tries), by tuner.
 
-    ``learning`` is the evaluations that it took. What the folder keeps is neither learnt nor tried again.
+    `LEARNING` is the evaluations that it took. The folder keeps all that, and the policy; what it keeps is neither
+    learnt nor tried again.
     """
     file = f"{way.replace(' ', '-')}-{training}"
     asked = {"evaluations": evaluations, "tries": tries, "seed": seed}
@@ -72,7 +77,7 @@ def tested(
         else:
             tuners, spent = scratch(way, heads, tries, seed), 0
         kept = {name: kept_costs_V(tuner, heads, tries, test_seed) for name, tuner in tuners.items()}
-        return {**kept, "learning": np.array(spent)}
+        return {**kept, LEARNING: np.array(spent)}
 
     return kept_arrays(folder / f"{file}-tested.npz", {**asked, "way": way, "heads": heads, "on": test_seed}, make)
 
@@ -102,32 +107,38 @@ def study(
     seed, trainings, workers, tries : int
     """
     test_seed = TEST_SEED + seed
-    best_V = best_costs_V(heads_on_the_bench(heads, test_seed), labelling, seed)
+    best_V = best_costs_V(folder, heads_on_the_bench(heads, test_seed), labelling, seed)
     jobs = {
         f"{way}, training {k}": (folder, way, k, evaluations, one, heads, tries, test_seed)
         for way in LEARNT
         for k, one in enumerate(seeds(seed, trainings), 1)
     } | {name: (folder, name, 1, evaluations, seed, heads, tries, test_seed) for name in SCRATCH}
     found = each("few tries", tested, jobs, workers)
-    kept_V = [kept for one in found.values() for name, kept in one.items() if name != "learning"]
-    least_V = np.min([best_V, *(kept.min(axis=1) for kept in kept_V)], axis=0)
-    rng = np.random.default_rng(seed)
-    rows = []
+    kept_V: dict[str, Real] = {}
+    learning: dict[str, int] = {}
     for way in (*SCRATCH, *LEARNT):
         some = [found[job] for job, arguments in jobs.items() if arguments[1] == way]
-        for name in (name for name in some[0] if name != "learning"):
-            regrets_V = np.array([one[name] for one in some]) - least_V[:, None]
-            after = {
-                str(count): median_of(regrets_V[..., count - 1], rng)
-                for count in sorted({min(count, tries) for count in SHOWN})
-            }
-            learning = round(float(np.mean([one["learning"] for one in some])))
-            rows.append({"name": name, "learning": learning, "trainings": len(some), "after": after})
+        spent = [float(one.pop(LEARNING)) for one in some]
+        for name in some[0]:
+            kept_V[name] = np.array([one[name] for one in some])
+            learning[name] = round(float(np.mean(spent)))
+    least_V = np.min([best_V, *(kept.min(axis=(0, 2)) for kept in kept_V.values())], axis=0)
+    regrets_V = {name: kept - least_V[:, None] for name, kept in kept_V.items()}
+    rng = np.random.default_rng(seed)
+    rows = []
+    for name, regret_V in regrets_V.items():
+        counts = sorted({min(count, tries) for count in SHOWN})
+        row: dict[str, Any] = {"name": name, "learning": learning[name], "trainings": len(regret_V)}
+        row["after"] = {str(count): median_of(regret_V[..., count - 1], rng) for count in counts}
+        if name != REFERENCE:
+            row["behind"] = behind(regret_V[..., -1], regrets_V[REFERENCE][..., -1], rng)
+        rows.append(row)
     content = {
         "format": FORMAT,
         "heads": heads,
         "tries": tries,
         "evaluations": evaluations,
+        "labelling": labelling,
         "seed": seed,
         "trainings": trainings,
         "nothing_V": float(np.median(-least_V)),
@@ -145,11 +156,13 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
             row["name"], f"{row['learning']:,}",
             *(f"{e['value']:.2f} ({e['low']:.2f} … {e['high']:.2f})" for e in row["after"].values()),
             spread_of(row["after"][counts[-1]]["each"]),
+            f"{b['value']:.2f} ({b['low']:.2f} … {b['high']:.2f})" if (b := row.get("behind")) else "",
         )
         for row in sorted(found["rows"], key=lambda row: float(row["after"][counts[-1]]["value"]))
     ]  # fmt: skip
     after = (f"after {count}" for count in counts)
-    return ("tuned by", "evaluations to learn", *after, f"single trainings, after {counts[-1]}"), rows
+    ends = (f"single trainings, after {counts[-1]}", f"behind {REFERENCE}, after {counts[-1]}")
+    return ("tuned by", LEARNING, *after, *ends), rows
 
 
 def legend(found: Mapping[str, Any]) -> str:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Real = NDArray[np.float64]
 Places = NDArray[np.int64]
+"""Numbers of rows or columns that were drawn."""
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
@@ -194,24 +195,22 @@ def stratified(
 
 
 def crossed(
-    statistic: Callable[[Places, Places], float],
-    shape: tuple[int, int],
-    rng: np.random.Generator,
-    resamples: int = RESAMPLES,
+    statistic: Callable[..., float], shape: tuple[int, ...], rng: np.random.Generator, resamples: int = RESAMPLES
 ) -> Estimate:
     """A statistic of a table in which every row met every column, with an interval for other rows and other columns.
 
     Rows and columns are drawn with replacement, each by itself (Owen, The pigeonhole bootstrap, Ann. Appl. Stat. 1
     (2007) 386). Few of them would cover too seldom, so percentiles lie as far out as Student's distribution and the
-    n - 1 of a variance ask for (Hesterberg's expanded percentiles, Am. Stat. 69 (2015) 371), with n the fewer of the
-    two. Where there is one row, it is given, and the interval is over columns alone.
+    n - 1 of a variance ask for (Hesterberg's expanded percentiles, Am. Stat. 69 (2015) 371), with n the fewest; where
+    the many decide, that is more than 95 %. No interval is wider than what there is: where five rows or fewer decide,
+    it covers too seldom all the same. A single row is given, and the interval is over columns alone.
 
     Parameters
     ----------
     statistic : callable
-        Of numbers of rows and numbers of columns, int arrays, each of which may come several times.
+        Of as many int arrays as there are axes: numbers of rows, of columns, each of which may come several times.
     shape : tuple of int
-        Rows, at least 1, and columns, at least 2.
+        How many of each; of one axis at least 2.
     rng : Generator
     resamples : int
     """

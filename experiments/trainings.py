@@ -7,6 +7,7 @@ settings or by other code is refused.
 from __future__ import annotations
 
 import argparse
+import errno
 import functools
 import json
 import os
@@ -20,8 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.bench import SOURCES
-from experiments.cluster import run_each, workers_of
+from experiments.cluster import ClusterError, run_each, workers_of
 from experiments.comparison import as_json
 from experiments.drawn_heads import Heads, Real, descended
 from experiments.measures import Places, crossed
@@ -35,11 +35,18 @@ Arrays = dict[str, NDArray[Any]]
 
 TRAININGS = 10
 SEED_STEP = 1000
-"""From one training's seed to the next's: heads that are learnt from are fewer, so no two share random numbers."""
-RESAMPLES = 4000
+"""From one training's seed to the next's: more than there are heads that a training learns from side by side."""
+FEW = 6
+"""So many trainings at the least for an interval that covers another one."""
+RESAMPLES = 2000
 LEAST = {"evaluations": 1, "heads": 2, "labelling": 1, "seed": 0, "trainings": 1, "workers": 1}
 """What may be asked for at the least."""
-OWN_SOURCES = tuple(f"experiments/{name}.py" for name in ("drawn_heads", "learners", "policies", "tuners"))
+SOURCES = (
+    *("inkjet_env/*.py", "inkjet_env/printhead/**/*.py", "inkjet_env/plant/**/*.py", "inkjet_env/envs/**/*.py"),
+    "optimizers/**/*.py",
+    *(f"experiments/{name}.py" for name in ("drawn_heads", "learners", "policies", "tuners")),
+)
+"""What decides the numbers of a study."""
 
 
 class KeptFileError(ValueError):
@@ -54,7 +61,7 @@ def seeds(seed: int, trainings: int) -> list[int]:
 @functools.cache
 def circumstances() -> dict[str, Any]:
     """What numbers hang on beside their settings, as plain JSON values."""
-    return {"code": code_digest((*SOURCES, *OWN_SOURCES)), "versions": versions()}
+    return {"code": code_digest(SOURCES), "versions": versions()}
 
 
 def kept_policy(
@@ -108,7 +115,9 @@ def kept_arrays(path: Path, asked: Mapping[str, Any], make: Callable[[], Arrays]
         with np.load(path, allow_pickle=False) as archive:
             found = {name: archive[name] for name in archive.files}
         stored = json.loads(str(found.pop("asked")))
-    except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile) as error:
+    except (ValueError, KeyError, TypeError, EOFError, OSError, NotImplementedError, zipfile.BadZipFile) as error:
+        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
+            raise  # it could not be read, and may be whole
         raise KeptFileError(
             f"{path}: is damaged ({str(error).rstrip('.') or type(error).__name__}). Delete it to have it made again."
         ) from None
@@ -123,15 +132,20 @@ def _check_asked(path: Path, stored: Any, wanted: Mapping[str, Any]) -> None:
         )
 
 
-def best_costs_V(heads: Heads, starts: int, seed: int) -> Real:
-    """The best that so many descents find on each head, shape (heads,)."""
+def best_costs_V(folder: Path, heads: Heads, starts: int, seed: int) -> Real:
+    """The best that so many descents find on each head, shape (heads,); the folder keeps them."""
     count = len(heads.observations)
-    best_V = np.empty(count)
-    with shown_progress("best known", count) as progress:
-        for k in range(count):
-            best_V[k] = descended(heads.one(k), starts, seed + k)[1]
-            progress(k + 1)
-    return best_V
+
+    def make() -> Arrays:
+        best_V = np.empty(count)
+        with shown_progress("best known", count) as progress:
+            for k in range(count):
+                best_V[k] = descended(heads.one(k), starts, seed + k)[1]
+                progress(k + 1)
+        return {"best_V": best_V}
+
+    asked = {"labelling": starts, "seed": seed, "heads": count, "first": heads.observations[0].tolist()}
+    return kept_arrays(folder / "best-known.npz", asked, make)["best_V"]
 
 
 def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any, ...]], workers: int) -> dict[str, Any]:
@@ -156,11 +170,28 @@ def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any,
 def median_of(regrets_V: Real, rng: np.random.Generator) -> dict[str, Any]:
     """The median of regrets, shape (trainings, heads), with its interval, and that of each training by itself."""
 
-    def median(trainings: Places, heads: Places) -> float:
-        return float(np.median(regrets_V[trainings[:, None], heads]))
-
-    found = crossed(median, (len(regrets_V), regrets_V.shape[1]), rng, RESAMPLES)
+    found = crossed(functools.partial(_median, regrets_V), regrets_V.shape, rng, RESAMPLES)
     return as_json(found) | {"each": np.median(regrets_V, axis=1).tolist()}
+
+
+def behind(regrets_V: Real, reference_V: Real, rng: np.random.Generator) -> dict[str, Any]:
+    """By how much one median is higher than another on the same heads, with the interval of that difference.
+
+    Parameters
+    ----------
+    regrets_V, reference_V : ndarray, shape (trainings, heads)
+        The numbers of trainings may differ.
+    rng : Generator
+    """
+
+    def difference(mine: Places, theirs: Places, heads: Places) -> float:
+        return _median(regrets_V, mine, heads) - _median(reference_V, theirs, heads)
+
+    return as_json(crossed(difference, (len(regrets_V), *reference_V.shape), rng, RESAMPLES))
+
+
+def _median(values: Real, trainings: Places, heads: Places) -> float:
+    return float(np.median(values[trainings[:, None], heads]))
 
 
 def spread_of(each_V: Sequence[float], digits: str = ".2f") -> str:
@@ -173,7 +204,10 @@ def over(heads: int, trainings: int) -> str:
     some = f"over {heads} heads that nobody had seen"
     if trainings == 1:
         return f"{some}, with its 95 % interval over heads alone: there is one training of each, and another may differ"
-    return f"{some} and over {trainings} trainings of whatever learns, with its 95 % interval over both"
+    both = f"{some} and over {trainings} trainings of whatever learns"
+    if trainings < FEW:
+        return f"{both}, with an interval over both that is too narrow for 95 %: that takes {FEW} trainings"
+    return f"{both}, with its 95 % interval over both"
 
 
 def run_command(
@@ -203,7 +237,7 @@ def run_command(
         folder.mkdir(parents=True, exist_ok=True)
         remove_unfinished(folder)
         show(run(**chosen))
-    except (PolicyFileError, KeptFileError, OSError) as error:
+    except (PolicyFileError, KeptFileError, ClusterError, OSError) as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
     except KeyboardInterrupt:
         print(f"Interrupted; what is learnt and tested is kept in {folder}.", file=sys.stderr)

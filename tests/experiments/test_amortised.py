@@ -9,43 +9,64 @@ import pytest
 from experiments import amortised
 from experiments.amortised import TuningResult, break_even
 from experiments.learners import by_imitation
+from experiments.trainings import KeptFileError, each
 
 
 def a_test(name, medians, trained=0):
     """Eleven heads that all have the same curve, one training."""
-    return TuningResult(name, np.full((1, 11), math.nan), np.tile(np.asarray(medians, float), (1, 11, 1)), trained)
+    curves_V = np.tile(np.asarray(medians, float), (1, 11, 1))
+    return TuningResult(name, np.full((1, 11), math.nan), curves_V, np.array([float(trained)]))
 
 
 def test_break_even_is_training_over_what_a_head_saves():
     scratch = a_test("cma-es", np.linspace(10, 0, 2000))
     policy = a_test("policy", np.full(2000, 5.0), trained=95_000)
     at_5 = int(np.argmax(scratch.curves_V[0, 0] <= 5.0)) + 1
-    assert break_even(policy, scratch, 50) == pytest.approx(95_000 / (at_5 - 50))
+    assert break_even(policy, [scratch], 50) == pytest.approx(95_000 / (at_5 - 50))
+
+
+def test_learning_is_held_against_whoever_is_there_first_even_if_others_end_lower():
+    soon, late = a_test("soon", np.r_[np.full(199, 9.0), np.full(1801, 4.0)]), a_test("late", np.linspace(10, 0, 2000))
+    policy = a_test("policy", np.full(2000, 5.0), trained=95_000)
+    assert break_even(policy, [late, soon], 50) == pytest.approx(95_000 / (200 - 50))
+    by_name = {row["name"]: row for row in amortised.told([late, soon, policy], np.random.default_rng(0))}
+    assert by_name["policy"]["against"] == "soon"
 
 
 def test_what_scratch_reaches_sooner_never_pays():
     scratch, policy = a_test("cma-es", np.zeros(2000)), a_test("policy", np.ones(2000), trained=1)
-    assert break_even(policy, scratch, 50) == math.inf
+    assert break_even(policy, [scratch], 50) == math.inf
 
 
-def test_what_scratch_never_reaches_saves_its_whole_budget_and_no_more():
+def test_what_scratch_never_reaches_pays_from_so_many_heads_at_the_most():
     scratch, policy = a_test("cma-es", np.ones(2000)), a_test("policy", np.zeros(2000), trained=95_000)
-    assert break_even(policy, scratch, 50) == pytest.approx(95_000 / (2001 - 50))
+    assert break_even(policy, [scratch], 50) == 0
+    row = amortised.told([scratch, policy], np.random.default_rng(0))[1]
+    assert row["at_most_heads"] == pytest.approx(95_000 / (2001 - 50))
+    assert amortised.heads_from(row["break_even_heads"], row["at_most_heads"]) == "≤ 49 (≤ 49 … ≤ 49)"
+
+
+def test_a_resample_of_trainings_is_charged_for_those_that_it_holds():
+    scratch = a_test("cma-es", np.linspace(10, 0, 2000))
+    curves_V = np.full((2, 11, 2000), 5.0)
+    policy = TuningResult("policy", curves_V[..., 0], curves_V, np.array([1000.0, 3000.0]))
+    first, both = (break_even(policy, [scratch], 50, np.array(some)) for some in ([0, 0], [0, 1]))
+    assert both == pytest.approx(2 * first)
 
 
 def test_break_even_has_an_interval_over_trainings_and_heads():
     rng = np.random.default_rng(0)
     falls = np.linspace(10, 0, 2000) + rng.normal(0, 1, (1, 40, 1))
-    scratch = TuningResult("cma-es", np.full((1, 40), math.nan), falls, 0)
+    scratch = TuningResult("cma-es", np.full((1, 40), math.nan), falls, np.zeros(1))
 
     def row(trainings_V):
         """Of a policy that leaves as many volts as its training says, on every head."""
         left_V = np.tile(np.asarray(trainings_V)[:, None, None], (1, 40, 2000))
-        policy = TuningResult("policy", left_V[..., 0], left_V, 95_000)
+        policy = TuningResult("policy", left_V[..., 0], left_V, np.full(5, 95_000.0))
         by_name = {one["name"]: one for one in amortised.told([scratch, policy], np.random.default_rng(1))}
         assert "break_even_heads" not in by_name["cma-es"]
         even = by_name["policy"]["break_even_heads"]
-        assert even["value"] == pytest.approx(break_even(policy, scratch, 50))
+        assert even["value"] == pytest.approx(break_even(policy, [scratch], 50))
         assert even["low"] < even["value"] < even["high"]
         return by_name["policy"]
 
@@ -78,11 +99,17 @@ def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, mo
     assert {"table of one head", "table for 300", "table for 3,000"} < by_name.keys()
     assert by_name["table of one head"]["trained"] > 0
     assert "0" not in by_name["random"]
+    assert not by_name["table of one head"]["behind"]
+    behind = by_name["random"]["behind"]["20"]
+    difference = by_name["random"]["20"]["value"] - by_name["table of one head"]["20"]["value"]
+    assert behind["value"] == pytest.approx(difference)
+    assert behind["low"] <= behind["value"] <= behind["high"]
     assert by_name["imitation"]["5"]["value"] <= by_name["imitation"]["0"]["value"]
     assert len(set(by_name["imitation"]["0"]["each"])) == 2
     assert min(row["20"]["low"] for row in first["rows"]) >= 0
     amortised.print_study(first)
-    assert "over 2 trainings of whatever learns" in " ".join(capsys.readouterr().out.split())
+    out = " ".join(capsys.readouterr().out.split())
+    assert "over 2 trainings of whatever learns, with an interval over both that is too narrow" in out
 
 
 def test_a_policy_is_tested_on_other_heads_without_being_trained_again(small, tmp_path, monkeypatch):
@@ -104,9 +131,28 @@ def test_what_was_made_with_other_settings_is_refused(small, tmp_path, capsys):
     for other, said in (
         (["--evaluations", "400", "--heads", "2"], "evaluations is 300 there and 400 here"),
         (["--evaluations", "300", "--heads", "3"], "heads is 2 there and 3 here"),
+        (["--evaluations", "300", "--heads", "2", "--labelling", "2"], "labelling is 1 there and 2 here"),
     ):
         with pytest.raises(SystemExit) as ended:
             amortised.main([*arguments, *other])
         assert ended.value.code == 2
-        error = capsys.readouterr().err
-        assert f"-tested.npz was made otherwise: {said}" in error
+        assert f".npz was made otherwise: {said}" in capsys.readouterr().err
+
+
+def test_a_study_on_two_processes_is_that_on_one(tmp_path):
+    """Whole, and with the learners as they are: what a process of another name is given must reach it."""
+    arguments = {"evaluations": 600, "seed": 3, "heads": 2}
+    ways = ("table of one head", "imitation", "lbfgsb-multistart")
+    found = []
+    for workers in (1, 2):
+        folder = tmp_path / str(workers)
+        folder.mkdir()
+        jobs = {way: (folder, way, 1, *arguments.values()) for way in ways}
+        found.append(each("study", amortised.tested, jobs, workers))
+    for way in ways:
+        assert found[0][way].keys() == found[1][way].keys()
+        for name, values in found[0][way].items():
+            np.testing.assert_array_equal(values, found[1][way][name])
+    (tmp_path / "2" / "imitation-1-tested.npz").write_bytes(b"nothing of the kind")
+    with pytest.raises(KeptFileError, match=r"imitation-1-tested\.npz: is damaged"):
+        each("study", amortised.tested, jobs, 2)

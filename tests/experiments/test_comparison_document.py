@@ -58,7 +58,7 @@ def test_every_table_is_whole_and_its_numbers_are_those_of_the_files(folder, cap
 def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
     interval = {"value": 1.5, "low": 1.0, "high": 2.0}
     learnt = {"format": amortised.FORMAT, "heads": 3, "trainings": 1}
-    learnt["rows"] = [{"name": "cma-es", "trained": 0, "50": interval}]
+    learnt["rows"] = [{"name": "cma-es", "trained": 0, "50": interval, "behind": {"50": interval}}]
     tried = {"format": few_tries.FORMAT, "heads": 3, "trainings": 2, "nothing_V": 17.0}
     tried["rows"] = [
         {"name": name, "learning": 0, "after": {"10": interval | {"value": v, "each": each}}}
@@ -69,10 +69,10 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
     comparison_document.main([str(tmp_path)])
     out = capsys.readouterr().out
     rows = cells(out)
-    assert ["cma-es", "0", "–", "1.5 (1 … 2)", "–", "–", "", ""] in rows
-    assert [(row[0], row[-1]) for row in rows][-2:] == [("a", "0.50 … 1.50"), ("b", "")]
+    assert ["cma-es", "0", "–", "1.5 (1 … 2)", "–", "–", "", "1.5 (1 … 2)", ""] in rows
+    assert [(row[0], row[-2]) for row in rows][-2:] == [("a", "0.50 … 1.50"), ("b", "")]
     assert "over heads alone: there is one training of each" in out
-    assert "over 2 trainings of whatever learns" in out
+    assert "over 2 trainings of whatever learns, with an interval over both that is too narrow" in out
 
 
 def test_the_record_in_docs_says_what_its_files_say():

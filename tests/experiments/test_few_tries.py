@@ -119,6 +119,7 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
         medians = [row["after"][count]["value"] for count in ("1", "3", "10")]
         assert 0 <= min(medians) <= max(medians) < found["nothing_V"] + 0.5  # as far as errors of reading mislead
         assert len(row["after"]["10"]["each"]) == row["trainings"] == (1 if row["name"] in few_tries.SCRATCH else 2)
+        assert ("behind" in row) == (row["name"] != "list, stretched")
         assert row["after"]["10"]["low"] <= medians[2] <= row["after"]["10"]["high"]
     assert "nobody had seen" in capsys.readouterr().out
     (tmp_path / "sb3-ppo-1-tested.npz").unlink()

@@ -1,12 +1,17 @@
 """Trainings are told apart, kept, refused where they were made otherwise, and the same side by side."""
 
+import errno
 import json
 
 import numpy as np
 import pytest
 
-from experiments import trainings
+from experiments import few_tries, trainings
+from experiments.cluster import ClusterError
+from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, drawn
 from experiments.trainings import KeptFileError, each, kept_arrays, kept_policy, over, seeds
+from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
+from inkjet_env.envs.vector import BipolarWaveformVectorEnv
 from tests.experiments.test_policies import a_policy
 
 
@@ -14,10 +19,22 @@ def never(*_):
     pytest.fail("made again")
 
 
-def test_trainings_share_no_seed_of_a_head():
-    first, second = seeds(3, 2)
-    assert first == 3
-    assert second - first == trainings.SEED_STEP
+def test_trainings_learn_from_different_heads_and_none_is_tested_on():
+    """Ten trainings of each kind, by the generators that they draw with; heads side by side have seeds in a row."""
+    learnt = []
+    for seed in seeds(0, trainings.TRAININGS):
+        learnt.append(np.concatenate([drawn(1, TRAIN_SEED + seed * 100_000 + k) for k in range(190)]))  # labelled
+        learnt.append(drawn(256, TRAIN_SEED + seed * 100_000 + 190))  # by the gradient, beyond the first steps
+        learnt.append(BipolarWaveformVectorEnv(512, context="random").reset(seed=seed)[0])
+        bench = TuneWaveformVectorEnv(64)
+        bench.reset(seed=seed)
+        learnt.append(bench.tuning.contexts)
+    tested = [drawn(100, TEST_SEED), few_tries.heads_on_the_bench(200, TEST_SEED).observations]
+    heads = [tuple(row) for some in learnt for row in np.asarray(some, dtype=np.float32)]
+    of_tests = {tuple(row) for some in tested for row in some}
+    assert not of_tests & set(heads)
+    # both environments draw a head first, so the bench has the first 64 of the other's, which another agent learns from
+    assert len(set(heads)) >= len(heads) - 64 * trainings.TRAININGS
 
 
 def test_arrays_are_kept_and_made_once(tmp_path):
@@ -33,6 +50,10 @@ def test_what_other_code_or_settings_made_is_refused(tmp_path, monkeypatch):
     kept_arrays(path, {"seed": 1}, lambda: {"regret": np.zeros(2)})
     with pytest.raises(KeptFileError, match=r"one\.npz was made otherwise: seed is 1 there and 2 here\. Give another"):
         kept_arrays(path, {"seed": 2}, never)
+    other = tmp_path / "array.npz"
+    np.save(other.open("wb"), np.zeros(3))
+    with pytest.raises(KeptFileError, match=r"array\.npz: is damaged"):
+        kept_arrays(other, {}, never)
     monkeypatch.setattr(trainings, "circumstances", lambda: {"code": "other"})
     with pytest.raises(KeptFileError, match=r"code is .* there and other here"):
         kept_arrays(path, {"seed": 1}, never)
@@ -55,6 +76,18 @@ def test_a_damaged_file_is_named_and_not_replaced(tmp_path, damage):
     assert path.read_bytes() == left
 
 
+def test_a_file_that_cannot_be_read_now_is_not_called_damaged(tmp_path, monkeypatch):
+    path = tmp_path / "one.npz"
+    kept_arrays(path, {}, lambda: {"regret": np.zeros(2)})
+
+    def full(*_, **__):
+        raise OSError(errno.EMFILE, "Too many open files", str(path))
+
+    monkeypatch.setattr(np, "load", full)
+    with pytest.raises(OSError, match="Too many open files"):
+        kept_arrays(path, {}, never)
+
+
 def test_a_policy_is_kept_with_what_it_was_trained_with(tmp_path):
     path = tmp_path / "policy.npz"
     policy = a_policy()
@@ -72,7 +105,28 @@ def test_jobs_side_by_side_return_what_they_return_one_after_another():
 
 def test_a_table_says_whether_another_training_is_in_its_intervals():
     assert "over heads alone" in over(5, 1)
-    assert "over 10 trainings" in over(5, 10)
+    assert "too narrow" in over(5, trainings.FEW - 1)
+    assert over(5, trainings.FEW).endswith("over 6 trainings of whatever learns, with its 95 % interval over both")
+
+
+def test_a_difference_on_the_same_heads_is_told_finer_than_two_medians():
+    rng = np.random.default_rng(0)
+    heads_V = 3 * rng.standard_normal(80)
+    mine, theirs = heads_V + 1 + 0.1 * rng.standard_normal((8, 80)), heads_V + 0.1 * rng.standard_normal((3, 80))
+    apart = trainings.behind(mine, theirs, rng)
+    single = trainings.median_of(mine, rng)
+    assert apart["low"] < 1 < apart["high"]
+    assert apart["high"] - apart["low"] < 0.3 * (single["high"] - single["low"])
+
+
+def test_a_cluster_that_cannot_do_the_work_is_told_in_a_sentence(tmp_path, capsys):
+    def run(**_):
+        raise ClusterError("one was begun 5 times and never ended.")
+
+    with pytest.raises(SystemExit) as ended:
+        trainings.run_command("study", "", 1, 2, run, never, ["--folder", str(tmp_path)])
+    assert ended.value.code == 2
+    assert "study: one was begun 5 times" in capsys.readouterr().err
 
 
 def test_circumstances_are_plain_json():
