@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from inkjet_env.printhead import PeakCost
 
@@ -25,8 +27,8 @@ class Jetting:
     residual_V : float
         The largest peak after it, in volts.
     settling_s : float
-        When the last peak of 5 % of the effective one or more is over, from the waveform's start, in seconds; infinite
-        where the window ends before.
+        From when on the response stays below 5 % of the effective peak, counted from the waveform's start, in seconds;
+        infinite where the window ends before.
     highest_Hz : float
         Drops a second at which the next waveform starts when this one has settled and ended; 0 where it never does.
     """
@@ -57,10 +59,20 @@ def jetting(response: Any, cost: PeakCost) -> Jetting:
     if e is None or peaks_V[e] == 0:
         return Jetting(*[math.nan] * 4)
     later = peaks_V[e + 1 :]
-    large = np.flatnonzero(peaks_V >= SETTLED * peaks_V[e])
-    settling_s = float(response.peak_times_s[large[-1]])
-    # the last peak of the window is still large: nobody saw it settle
-    if large[-1] == peaks_V.size - 1 and peaks_V.size > 1:
-        settling_s = math.inf
+    settling_s = _settling_s(response, peaks_V, SETTLED * peaks_V[e])
     period_s = max(settling_s, float(response.knot_times_s[-1]))
     return Jetting(float(peaks_V[e]), float(later.max(initial=0.0)), settling_s, 1 / period_s)
+
+
+def _settling_s(response: Any, peaks_V: NDArray[np.float64], level_V: float) -> float:
+    """When a response falls below a level for good; between one peak and the next it only falls or only rises."""
+    last = int(np.flatnonzero(peaks_V >= level_V)[-1])
+    if last == peaks_V.size - 1:
+        return math.inf  # the last peak of the window is still large: nobody saw it settle
+    sign = math.copysign(1.0, response.peaks_V[last])
+
+    def above_V(time_s: float) -> float:
+        return sign * float(response.sensor_V(time_s)) - level_V
+
+    begin_s, end_s = (float(time_s) for time_s in response.peak_times_s[last : last + 2])
+    return begin_s if above_V(begin_s) <= 0 else float(brentq(above_V, begin_s, end_s, xtol=1e-12))

@@ -5,31 +5,38 @@ import numpy as np
 import pytest
 
 from experiments.jetting import jetting
+from experiments.suite import problem
 from inkjet_env.printhead import PeakCost, Printhead, Waveform
 
 HEAD = Printhead.published()
 
 
 def a_response(peaks_V, times_s, end_s=20e-6):
+    """Straight lines from peak to peak."""
     return SimpleNamespace(
-        peaks_V=np.array(peaks_V), peak_times_s=np.array(times_s), knot_times_s=np.array([0.0, end_s])
+        peaks_V=np.array(peaks_V),
+        peak_times_s=np.array(times_s),
+        knot_times_s=np.array([0.0, end_s]),
+        sensor_V=lambda time_s: np.interp(time_s, times_s, peaks_V),
     )
 
 
 def test_figures_are_those_worked_out_by_hand():
     found = jetting(a_response([1.0, -6.0, 2.0, -0.4, 0.1], [1e-5, 2e-5, 3e-5, 4e-5, 5e-5]), PeakCost())
-    assert (found.effective_V, found.residual_V, found.settling_s) == (6.0, 2.0, 4e-5)
+    assert (found.effective_V, found.residual_V) == (6.0, 2.0)
     assert found.residual == pytest.approx(1 / 3)
-    assert found.highest_Hz == pytest.approx(25e3)
+    assert found.settling_s == pytest.approx(4.2e-5)  # from -0.4 V at 40 us to 0.1 V at 50 us it passes -0.3 V
+    assert found.highest_Hz == pytest.approx(1 / 4.2e-5)
 
 
 def test_no_drop_follows_before_the_waveform_has_ended():
-    found = jetting(a_response([6.0, -0.1], [5e-6, 1e-5], end_s=80e-6), PeakCost())
+    found = jetting(a_response([6.0, -0.1, 0.05], [5e-6, 1e-5, 2e-5], end_s=80e-6), PeakCost())
     assert found.highest_Hz == pytest.approx(12.5e3)
 
 
-def test_what_nobody_saw_settle_has_no_highest_frequency():
-    found = jetting(a_response([6.0, -3.0], [5e-6, 1e-5]), PeakCost())
+@pytest.mark.parametrize("count", [1, 2])
+def test_what_nobody_saw_settle_has_no_highest_frequency(count):
+    found = jetting(a_response([6.0, -3.0][:count], [5e-6, 1e-5][:count]), PeakCost())
     assert (found.settling_s, found.highest_Hz) == (math.inf, 0.0)
 
 
@@ -44,5 +51,19 @@ def test_a_free_ringing_settles_when_its_envelope_says():
     kept = math.exp(-math.pi * HEAD.damping_ratio / math.sqrt(1 - HEAD.damping_ratio**2))
     half_s = 0.5 / (HEAD.frequency_Hz * math.sqrt(1 - HEAD.damping_ratio**2))
     count = math.floor(math.log(0.05) / math.log(kept))
-    assert found.settling_s == pytest.approx(response.peak_times_s[0] + count * half_s, rel=1e-6)
+    last_s = response.peak_times_s[0] + count * half_s
+    assert last_s < found.settling_s < last_s + half_s
+    assert abs(response.sensor_V(found.settling_s)) == pytest.approx(0.05 * found.effective_V, rel=1e-6)
     assert found.residual == pytest.approx(kept, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["nominal", "slow-head", "augmented-mode"])
+def test_what_has_settled_stays_below_a_twentieth_and_had_not_before(name):
+    solved = problem(name)
+    response = solved.respond(solved.bounds.to_unit(np.array(solved.best_known.waveform)))
+    found = jetting(response, solved.cost)
+    assert 0 < found.settling_s < 350e-6
+    later_s = np.linspace(found.settling_s, 350e-6, 20_001)
+    level_V = 0.05 * found.effective_V
+    assert np.abs(response.sensor_V(later_s)).max() <= level_V * (1 + 1e-6)
+    assert abs(response.sensor_V(found.settling_s - 0.1e-6)) > level_V
