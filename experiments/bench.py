@@ -10,7 +10,7 @@ import functools
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -139,7 +139,10 @@ class BenchOutcome:
 
 
 def open_folder(folder: Path, settings: BenchSettings) -> None:
-    """Make ``folder`` this bench's own, or check that it is.
+    """Make ``folder`` this bench's own, or check that its runs may be among this bench's.
+
+    They may where nothing differs that a run hangs on; other optimisers, other problems and more or fewer repeats may
+    be asked for, and runs that are not asked for stay where they are.
 
     Raises
     ------
@@ -157,7 +160,7 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
             raise ValueError(
                 f"{file} is damaged ({error}). Delete the folder {folder} to begin again, or give another folder."
             ) from None
-        if difference := first_difference(stored, asked):
+        if difference := first_difference(_decisive(stored, asked), _decisive(asked, stored)):
             raise ValueError(
                 f"{folder} holds a bench of other settings: {difference}. "
                 "Give another folder, or the same settings to go on, or delete that folder."
@@ -168,8 +171,22 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
         (folder / part).mkdir(parents=True, exist_ok=True)
         remove_unfinished(folder / part)
     remove_unfinished(folder)
-    if not file.exists():
-        write_atomically(file, json_text(asked))
+    write_atomically(file, json_text(asked))
+
+
+def _decisive(settings: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
+    """What must be the same in two benches for their runs to be of one: all that a run of both is labelled with."""
+    common = {
+        part: [name for name in settings.get(part, ()) if name in others.get(part, ())]
+        for part in ("optimizers", "problems")
+    }
+    whole = {name: settings.get(name) for name in ("format", "budget", "seed", "code", "versions")}
+    of_names = {
+        "shorter": {name: settings.get("shorter", {}).get(name) for name in sorted(common["optimizers"])},
+        "options": {name: settings.get("options", {}).get(name) for name in sorted(common["optimizers"])},
+        "problems": {name: settings["problems"][name] for name in sorted(common["problems"])},
+    }
+    return whole | of_names
 
 
 def run_bench(
@@ -250,7 +267,7 @@ def _perform_all(
     for key in sorted(missing, key=_slowness):
         part = f"{key.problem}--{key.optimizer}--{key.repeat // REPEATS_A_JOB:03d}"
         batches.setdefault(part, []).append(key)
-    jobs = {part: functools.partial(_job, keys, settings, told["code"]) for part, keys in batches.items()}
+    jobs = {part: functools.partial(_job, keys, settings, told) for part, keys in batches.items()}
     useful_s = 0.0
     with shown_progress("bench", total, done) as progress, workers_of(scheduler, workers) as client:
         begin_s = time.perf_counter()
@@ -279,22 +296,29 @@ def _perform_all(
     return failures
 
 
-def _job(keys: Sequence[RunKey], settings: BenchSettings, code: str) -> tuple[Any, ...]:
-    return tuple(keys), settings, code
+def _job(keys: Sequence[RunKey], settings: BenchSettings, told: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(keys), settings, told["code"], told["versions"]
 
 
-def perform_some(keys: Sequence[RunKey], settings: BenchSettings, code: str) -> list[Ended]:
+def perform_some(
+    keys: Sequence[RunKey], settings: BenchSettings, code: str, packages: Mapping[str, str]
+) -> list[Ended]:
     """What `perform` makes of these runs, at a worker.
 
     Raises
     ------
     ValueError
-        The worker's code is another.
+        The worker's code, or one of its packages, is another.
     """
     if _own_code() != code:
         raise ValueError(
             "the code is not the one that this bench was begun with, here or at a worker. Put that code back on all "
             "machines, start the workers again, and give the same command; or give another folder."
+        )
+    if difference := first_difference(dict(packages), _own_versions()):
+        raise ValueError(
+            f"a worker has another package than this bench was begun with: {difference}. Install the same on all "
+            "machines, start the workers again, and give the same command."
         )
     return [perform(key, settings) for key in keys]
 
@@ -303,6 +327,11 @@ def perform_some(keys: Sequence[RunKey], settings: BenchSettings, code: str) -> 
 def _own_code() -> str:
     """Of the code that this process has loaded: it is read once."""
     return code_digest(SOURCES)
+
+
+@functools.cache
+def _own_versions() -> dict[str, str]:
+    return versions()
 
 
 def _slowness(key: RunKey) -> int:

@@ -40,6 +40,10 @@ def contents(folder):
     return {file.name: file.read_bytes() for file in folder.glob("runs/*.parquet")}
 
 
+def with_settings(folder):
+    return contents(folder), (folder / "bench.json").read_bytes()
+
+
 def test_a_killed_bench_goes_on_and_ends_as_if_it_had_not_been_killed(tmp_path):
     killed, whole = tmp_path / "killed", tmp_path / "whole"
     process = subprocess.Popen([*COMMAND, *SMALL, "--results", killed], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -138,9 +142,15 @@ def test_an_optimizer_of_shorter_runs_is_compared_as_far_as_they_go(monkeypatch,
         small_settings(optimizers=("random",))
 
 
-def test_a_worker_of_other_code_does_nothing():
+def test_a_worker_of_other_code_or_packages_does_nothing(monkeypatch):
+    monkeypatch.setattr("experiments.bench.perform", lambda *_: pytest.fail("ran"))
+    told = small_settings().to_json()
+    keys = [RunKey("pso", "nominal", 0)]
     with pytest.raises(ValueError, match="the code is not the one that this bench was begun with"):
-        perform_some([RunKey("pso", "nominal", 0)], small_settings(), "0" * 64)
+        perform_some(keys, small_settings(), "0" * 64, told["versions"])
+    others = told["versions"] | {"numpy": "1.0"}
+    with pytest.raises(ValueError, match=r"another package .* numpy is 1\.0 there and .* here\. Install the same"):
+        perform_some(keys, small_settings(), told["code"], others)
 
 
 def test_a_finished_bench_is_not_run_again(finished, monkeypatch):
@@ -154,14 +164,47 @@ def test_a_finished_bench_is_not_run_again(finished, monkeypatch):
     [
         ({"budget": 91}, "budget is 90 there and 91 here"),
         ({"seed": 3}, "seed is 0 there and 3 here"),
-        ({"optimizers": ("pso",)}, "optimizers is pso, random there and pso here"),
+        ({"budget": 91, "optimizers": ("sobol",)}, "budget is 90 there and 91 here"),
     ],
 )
 def test_other_settings_are_refused_and_change_nothing(finished, change, said):
-    before = contents(finished.folder)
+    before = with_settings(finished.folder)
     with pytest.raises(ValueError, match=f"holds a bench of other settings: {said}"):
         run_bench(small_settings(**change), finished.folder)
-    assert contents(finished.folder) == before
+    assert with_settings(finished.folder) == before
+
+
+@pytest.mark.parametrize("changed", ["options", "problems", "versions", "shorter", "code"])
+def test_what_decides_a_run_of_both_benches_must_agree(finished, changed, monkeypatch):
+    before = with_settings(finished.folder)
+    told = small_settings().to_json()
+    other = {
+        "options": {"pso": {"particles": 3}},
+        "problems": {"nominal": told["problems"]["nominal"] | {"window_s": 1e-4}},
+        "versions": told["versions"] | {"cma": "0"},
+        "shorter": {"random": 60},
+        "code": "0" * 64,
+    }[changed]
+    monkeypatch.setattr(BenchSettings, "to_json", lambda _: told | {changed: other})
+    with pytest.raises(ValueError, match=f"holds a bench of other settings: {changed}"):
+        run_bench(small_settings(), finished.folder)
+    assert with_settings(finished.folder) == before
+
+
+def test_a_bench_is_extended_and_narrowed_and_its_runs_are_those_of_a_new_one(tmp_path, monkeypatch):
+    grown, new = tmp_path / "grown", tmp_path / "new"
+    run_bench(small_settings(optimizers=("pso",)), grown, workers=1)
+    first = {file.name: file.stat().st_mtime_ns for file in (grown / "runs").iterdir()}
+    wider = small_settings(optimizers=("random", "pso"), problems=("nominal", "soft-head"), repeats=3)
+    outcomes = [run_bench(wider, folder, workers=1) for folder in (grown, new)]
+    assert len(outcomes[0].results) == 12
+    assert with_settings(grown) == with_settings(new)
+    assert all((grown / "runs" / name).stat().st_mtime_ns == at for name, at in first.items())
+    monkeypatch.setattr("experiments.bench._perform_all", lambda *_: pytest.fail("ran again"))
+    narrowed = run_bench(small_settings(optimizers=("random",)), grown)
+    assert [run.key.file_stem for run in narrowed.results] == [f"nominal--random--{k:03d}" for k in range(2)]
+    run_bench(wider, grown)
+    assert with_settings(grown) == with_settings(new)
 
 
 def test_a_foreign_folder_is_left_alone(tmp_path):
