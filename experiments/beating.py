@@ -14,9 +14,10 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from experiments.comparison import scale_V
 from experiments.progress import shown_progress
 from experiments.statistics import best_known_cost
-from experiments.suite import problem, suite
+from experiments.suite import VERSION, problem, suite
 from experiments.tables import print_table
 from inkjet_env.storage import write_json
 
@@ -29,7 +30,7 @@ BUDGET = 20_000
 ENDS, ROUNDS, STEP = 4, 100, 1e-10
 """The best of a run are moved away from the break that they lie on: rounds of steps that are at first so large."""
 ALLOWED = 1e-3
-"""Of the best known cost: what may be gained on it without its being called beaten."""
+"""What may be gained on a best known cost without its being called beaten (`Attempt.gain`)."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,13 @@ class Attempt:
 
     @property
     def gain(self) -> float:
-        """By how much of the best known cost it costs less; negative where it costs more."""
+        """By how much of the best known cost, or of the problem's scale if that is less, it costs less.
+
+        Negative where it costs more. The cost of a wanted drop is offset by what that drop earns, so that a share of it
+        would say little.
+        """
         known_V = best_known_cost(self.problem)
-        return (known_V - self.cost_V) / abs(known_V)
+        return (known_V - self.cost_V) / min(abs(known_V), scale_V(self.problem))
 
 
 def attempt(name: str, method: str, seconds: float) -> Attempt:
@@ -110,7 +115,13 @@ def main(arguments: list[str] | None = None) -> int:
     found = attempts(chosen.problem or list(suite()), 60 * chosen.minutes, chosen.workers)
     if chosen.json is not None:
         tried = [asdict(one) | {"known_V": best_known_cost(one.problem), "gain": one.gain} for one in found]
-        told = {"format": FORMAT, "minutes": chosen.minutes, "workers": chosen.workers, "attempts": tried}
+        told = {
+            "format": FORMAT,
+            "suite": VERSION,
+            "minutes": chosen.minutes,
+            "workers": chosen.workers,
+            "attempts": tried,
+        }
         write_json(chosen.json, told)
     print_table(
         ("problem", "best known, V", "method", "its best, V", "gain, %", "evaluations"),

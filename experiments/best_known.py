@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 import optimizers
 from experiments.comparison import best_of_random_V
 from experiments.problems import BEST_KNOWN_FILE, Problem
-from experiments.suite import problem, suite
+from experiments.suite import VERSION, problem, suite
 from inkjet_env.storage import write_json
 from optimizers.loop import minimise
 
@@ -274,7 +274,9 @@ def main(arguments: list[str] | None = None) -> None:
         if file.is_file():  # read now, for another process may have searched another problem meanwhile
             entries = json.loads(file.read_text(encoding="utf-8"))["problems"]
         entries[name] = entry
-        written = {"format": "best_known/1", "version": version("inkjet-env"), "problems": entries}
+        written = {
+            "format": "best_known/1", "version": version("inkjet-env"), "suite": VERSION, "problems": entries
+        }  # fmt: skip
         write_json(file, written)
 
 

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from experiments import amortised, beating, few_tries
 from experiments.comparison import scale_V
+from experiments.jetting import jetting
 from experiments.report import RANKING_FORMAT
 from experiments.suite import family_of, suite
 from experiments.tables import markdown_table, standings_table
@@ -34,6 +38,24 @@ def problems_table(tried: Content) -> str:
         by_method = [f"{above_V[one.name, by]:+.4f}" if (one.name, by) in above_V else "–" for by in columns]
         rows.append((one.name, family_of(one.name), found[0], f"{scale_V(one.name):.2f}", found[1], *by_method))
     header = ("problem", "family", "best known, V", "scale, V", "runs near it", *(f"{by}, V" for by in columns))
+    return markdown_table(header, rows)
+
+
+def press_table() -> str:
+    """What the best known waveforms are worth at the press: of one drop from rest, on the nominal head."""
+    rows = []
+    for one in suite().values():
+        if (known := one.best_known) is None:
+            continue
+        found = jetting(one.respond(one.bounds.to_unit(np.array(known.waveform))), one.cost)
+        settled = f"{1e6 * found.settling_s:.1f}" if math.isfinite(found.settling_s) else "–"
+        rows.append(
+            (
+                one.name, f"{found.effective_V:.2f}", f"{1e3 * found.residual_V:.0f}", f"{100 * found.residual:.1f}",
+                settled, f"{1e-3 * found.highest_Hz:.1f}",
+            )
+        )  # fmt: skip
+    header = ("problem", "effective peak, V", "residual, mV", "of the peak, %", "settled after, µs", "fastest, kHz")
     return markdown_table(header, rows)
 
 
@@ -61,6 +83,7 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
     tried = _read(folder / "beating.json", beating.FORMAT)
     if tried is not None:
         yield "Problems", problems_table(tried)
+        yield "At the press", press_table()
     if ranking is not None:
         yield "Who took part", entrants_table(ranking)
         for budget, found in ranking["standings"].items():

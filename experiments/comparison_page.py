@@ -14,7 +14,7 @@ from experiments.jetting import jetting
 from experiments.measures import performance_profile
 from experiments.runs import RunKey, RunResult, read_seconds
 from experiments.statistics import best_known_cost, regret_quartiles
-from experiments.suite import family_of, problem
+from experiments.suite import VERSION, family_of, problem
 from experiments.versions import versions
 
 LEVELS = np.logspace(-5, 1, 121)
@@ -50,6 +50,7 @@ def page(compared: Comparison, sentences: Sequence[str], run: RunKey, waveforms:
         unavailable=compared.outcome.unavailable,
         versions=versions(),
         reference=REFERENCE,
+        suite=VERSION,
         plotly=get_plotlyjs(),
         data=_script_text(page_data(compared)),
     )
@@ -174,6 +175,7 @@ def _median_figures(runs: Sequence[RunResult], name: str, budget: int) -> dict[s
     figures = jetting(solved.respond(run.best_point(budget)), solved.cost)
     return {
         "cost_V": float(run.kept_V(budget)),
+        "told_V": float(run.lowest_told_V(budget)),
         "effective_V": _finite(figures.effective_V),
         "residual_mV": _finite(1e3 * figures.residual_V),
         "residual": _finite(figures.residual),

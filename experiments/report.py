@@ -18,7 +18,7 @@ from experiments.bench import BenchOutcome
 from experiments.comparison import Comparison
 from experiments.runs import RunResult
 from experiments.statistics import Summary
-from experiments.suite import problem
+from experiments.suite import VERSION, problem
 from inkjet_env.storage import json_text, write_atomically
 
 RANKING_FORMAT = "ranking/1"
@@ -27,7 +27,7 @@ GENERATION = 40
 FLOOR_V = 1e-6
 CSV_COLUMNS = (
     *("optimizer", "mean_rank", "mean_rank_low", "mean_rank_high", "problem", "runs"),
-    *("median_regret_V", "regret_low_V", "regret_high_V", "within_1_percent", "within_5_percent"),
+    *("median_regret_V", "regret_low_V", "regret_high_V"),
 )
 
 
@@ -63,6 +63,7 @@ def ranking_json(compared: Comparison, summary: Summary) -> dict[str, Any]:
     settings = outcome.settings
     return {
         "format": RANKING_FORMAT,
+        "suite": VERSION,
         "settings": settings.to_json(),
         "sentences": [*compared.sentences("all", compared.budgets[-1]), *summary.sentences],
         "problems": [comparison_page.problem_json(name) for name in compared.problems],
@@ -83,8 +84,6 @@ def ranking_json(compared: Comparison, summary: Summary) -> dict[str, Any]:
                         "median_regret_V": score.regret.value,
                         "low": _number(score.regret.low),
                         "high": _number(score.regret.high),
-                        "within_1_percent": score.within_1_percent,
-                        "within_5_percent": score.within_5_percent,
                     }
                     for name in outcome.settings.problems
                     if (score := summary.score(standing.optimizer, name)) is not None
@@ -110,8 +109,7 @@ def ranking_csv(summary: Summary) -> str:
         for score in summary.scores:
             if score.optimizer == standing.optimizer:
                 regret = (score.regret.value, score.regret.low, score.regret.high)
-                near = (score.within_1_percent, score.within_5_percent)
-                writer.writerow([standing.optimizer, *rank, score.problem, score.runs, *regret, *near])
+                writer.writerow([standing.optimizer, *rank, score.problem, score.runs, *regret])
     return text.getvalue()
 
 

@@ -95,6 +95,11 @@ class RunResult:
         kept: Real = self.costs_V[np.searchsorted(self.evaluations, np.asarray(evaluations), side="right") - 1]
         return kept
 
+    def lowest_told_V(self, evaluations: ArrayLike) -> Real:
+        """What that waveform was told to cost, in volts: with errors where peaks are read with errors, same shape."""
+        told: Real = self.told_V[np.searchsorted(self.evaluations, np.asarray(evaluations), side="right") - 1]
+        return told
+
     def best_point(self, evaluations: int | None = None) -> Real:
         """Best point of the first ``evaluations`` (all unless given), in ``[-1, 1]``, shape (7,)."""
         last = len(self.evaluations) if evaluations is None else np.searchsorted(self.evaluations, evaluations, "right")
@@ -171,15 +176,13 @@ def read_run(folder: Path, key: RunKey, label: Mapping[str, Any]) -> RunResult:
         The file is not what the bench writes for this run; the message names it and says what to do.
     """
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     path = run_path(folder, key)
+    table, found = _read_file(path)
     try:
-        table = pq.read_table(path)
-        found = json.loads((table.schema.metadata or {})[LABEL])
         evaluations = table["evaluation"].to_numpy().astype(np.int64, casting="safe")
         told_V, costs_V, *points = (table[name].to_numpy().astype(np.float64, casting="safe") for name in NUMBERS)
-    except (pa.ArrowException, ValueError, KeyError, TypeError, OSError, RecursionError) as error:
+    except (pa.ArrowException, ValueError, KeyError, TypeError) as error:
         raise _damaged(path, f"it cannot be read ({type(error).__name__})") from None
     if difference := first_difference(found, dict(label)):
         raise _damaged(path, f"it is the file of another run: {difference}")
@@ -187,6 +190,62 @@ def read_run(folder: Path, key: RunKey, label: Mapping[str, Any]) -> RunResult:
     if wrong := _what_is_wrong(result, label["seed"]):
         raise _damaged(path, wrong)
     return result
+
+
+def runs_table(folder: Path) -> Any:
+    """All runs of a bench's folder in one table, for a query or a plot of one's own.
+
+    Parameters
+    ----------
+    folder : Path
+        Of results.
+
+    Returns
+    -------
+    pyarrow.Table
+        A row an improvement: ``optimizer``, ``problem``, ``repeat``, ``seed`` and ``budget`` of its run, and what the
+        run's file tells of it.
+
+    Raises
+    ------
+    DamagedResultError
+        A file cannot be read.
+    ValueError
+        There are no runs; or two are of other code, packages, options or problems, so that they must not be merged.
+    """
+    import pyarrow as pa
+
+    tables: list[Any] = []
+    first: dict[str, tuple[Path, dict[str, Any]]] = {}
+    for path in sorted((folder / "runs").glob("*.parquet")):
+        table, label = _read_file(path)
+        decisive = {
+            "": {name: label[name] for name in ("format", "code", "versions")},
+            f"optimizer {label['optimizer']}": {name: label[name] for name in ("options", "budget")},
+            f"problem {label['problem']}": {"problem_sha256": label["problem_sha256"]},
+        }
+        for of, told in decisive.items():
+            known, its = first.setdefault(of, (path, told))
+            if difference := first_difference(its, told, of):
+                raise ValueError(f"{known.name} and {path.name} must not be merged: {difference}.")
+        for name in ("budget", "seed", "repeat", "problem", "optimizer"):
+            table = table.add_column(0, name, pa.array([label[name]] * len(table)))
+        tables.append(table.replace_schema_metadata(None))
+    if not tables:
+        raise ValueError(f"{folder} holds no runs. Give the folder of a bench's results.")
+    return pa.concat_tables(tables)
+
+
+def _read_file(path: Path) -> tuple[Any, dict[str, Any]]:
+    """Table and label of a run's file, neither of them checked."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+        return table, dict(json.loads((table.schema.metadata or {})[LABEL]))
+    except (pa.ArrowException, ValueError, KeyError, TypeError, OSError, RecursionError) as error:
+        raise _damaged(path, f"it cannot be read ({type(error).__name__})") from None
 
 
 def _what_is_wrong(run: RunResult, seed: int) -> str:

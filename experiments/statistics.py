@@ -47,16 +47,12 @@ class Score:
     runs : int
     regret : Interval
         Median over the runs of final best cost − best known cost, in volts.
-    within_1_percent, within_5_percent : float
-        Share of the runs whose regret is at most 1 % (5 %) of the best known cost's magnitude.
     """
 
     optimizer: str
     problem: str
     runs: int
     regret: Interval
-    within_1_percent: float
-    within_5_percent: float
 
 
 @dataclass(frozen=True)
@@ -242,13 +238,11 @@ def summarise(outcome: BenchOutcome) -> Summary:
     problems = outcome.settings.problems
     scores = []
     for name in problems:
-        scale = abs(best_known_cost(name))
         for optimizer, by_problem in regrets.items():
             values = by_problem.get(name)
             if values is None:
                 continue
-            near = [float(np.mean(values <= share * scale)) for share in (0.01, 0.05)]
-            scores.append(Score(optimizer, name, values.size, median_interval(values, rng), *near))
+            scores.append(Score(optimizer, name, values.size, median_interval(values, rng)))
     never = np.full(outcome.settings.repeats, math.inf)  # what cannot be used on a problem ranks last there
     stacked = {optimizer: np.array([by.get(name, never) for name in problems]) for optimizer, by in regrets.items()}
     order = standings(stacked, rng)

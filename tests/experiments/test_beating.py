@@ -3,6 +3,7 @@ import json
 import pytest
 
 from experiments import beating
+from experiments.comparison import scale_V
 from experiments.statistics import best_known_cost
 
 
@@ -23,6 +24,14 @@ def test_the_record_stands_and_every_method_says_what_it_spent(capsys):
     assert all(one.evaluations >= beating.BUDGET for one in found)
     assert all(-0.2 < one.gain <= beating.ALLOWED for one in found)
     assert max(one.gain for one in found) > -1e-3  # they search what is told without errors
+
+
+def test_a_gain_is_not_hidden_by_what_a_drop_earns():
+    """A wanted drop of 6 V earns 300 V whoever fires it; a gain of 0.1 V counts as on any other problem."""
+    known_V = best_known_cost("drop-6V")
+    assert beating.Attempt("drop-6V", "any", known_V - 0.1, 1).gain == pytest.approx(0.1 / scale_V("drop-6V"))
+    known_V = best_known_cost("durations-10us")
+    assert beating.Attempt("durations-10us", "any", known_V - 0.1, 1).gain == pytest.approx(0.1 / abs(known_V))
 
 
 def test_heads_without_gradients_meet_another_method(monkeypatch):

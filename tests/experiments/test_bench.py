@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,8 +13,9 @@ from experiments.bench import LONGEST, BenchOutcome, BenchSettings, perform, per
 from experiments.comparison import Comparison
 from experiments.comparison_page import page_data
 from experiments.report import ranking_csv, ranking_json, write_report
-from experiments.runs import DamagedResultError, RunKey, RunResult, label_of, read_run, run_path
+from experiments.runs import DamagedResultError, RunKey, RunResult, label_of, read_run, run_path, runs_table
 from experiments.statistics import summarise
+from experiments.suite import problem
 from experiments.versions import first_difference
 from tests.processes import wait_until, worker
 
@@ -269,6 +271,50 @@ def test_a_damaged_result_is_named_and_what_to_do(finished, damage, said):
             run_bench(small_settings(), finished.folder)
     finally:
         path.write_bytes(whole)
+
+
+def test_all_runs_are_read_as_one_table(finished):
+    table = runs_table(finished.folder).to_pandas()
+    for run in finished.results:
+        key = run.key
+        its = table[(table.optimizer == key.optimizer) & (table.problem == key.problem) & (table.repeat == key.repeat)]
+        np.testing.assert_array_equal(its.cost_V, run.costs_V)
+        np.testing.assert_array_equal(its.evaluation, run.evaluations)
+        assert set(its.seed) == {key.seed(0)}
+    assert len(table) == sum(len(run.evaluations) for run in finished.results)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"code": "0" * 64}, "code is"),
+        ({"versions": {"numpy": "1.0"}}, "versions"),
+        ({"options": {"particles": 3}}, "optimizer pso options"),
+        ({"problem_sha256": "0" * 64}, "problem nominal problem_sha256"),
+    ],
+)
+def test_runs_that_do_not_match_are_not_merged(finished, tmp_path, change, said):
+    shutil.copytree(finished.folder / "runs", tmp_path / "runs")
+    run, label = a_run(finished.folder)
+    path = run_path(tmp_path, run.key)
+    path.write_bytes(run.to_bytes(label | change))
+    with pytest.raises(ValueError, match=f"{path.name} .*must not be merged: {said}"):
+        runs_table(tmp_path)
+
+
+def test_a_folder_without_runs_has_no_table(tmp_path):
+    with pytest.raises(ValueError, match="holds no runs"):
+        runs_table(tmp_path)
+
+
+def test_what_was_read_is_told_apart_from_what_it_costs(tmp_path):
+    outcome = run_bench(small_settings(problems=("reading-200mV",), optimizers=("random",)), tmp_path, workers=1)
+    for run in outcome.results:
+        told_V, cost_V = (float(of(90)) for of in (run.lowest_told_V, run.kept_V))
+        assert told_V == run.told_V.min()
+        assert told_V != cost_V == pytest.approx(problem("reading-200mV").evaluate([run.best_point()])[0])
+    rows = page_data(Comparison(outcome))["physical"]["reading-200mV"]["90"]
+    assert rows[0]["told_V"] in [run.told_V.min() for run in outcome.results]
 
 
 def test_an_optimiser_that_breaks_down_is_reported_and_not_scored(tmp_path, monkeypatch):

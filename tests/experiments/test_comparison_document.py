@@ -35,12 +35,16 @@ def test_every_table_is_whole_and_its_numbers_are_those_of_the_files(folder, cap
     told = capsys.readouterr().out
     assert [line[3:] for line in told.splitlines() if line.startswith("## ")] == [
         "Problems",
+        "At the press",
         "Who took part",
         "After 50 evaluations",
         "After 60 evaluations",
     ]
     rows = cells(told)
-    nominal = next(row for row in rows if row[0] == "nominal")
+    nominal, at_press = [row for row in rows if row[0] == "nominal"]
+    effective_V, residual_mV, percent, settled_us, fastest_kHz = map(float, at_press[1:])
+    assert percent == pytest.approx(residual_mV / effective_V / 10, rel=0.01)
+    assert fastest_kHz <= 1e3 / settled_us + 0.1
     assert float(nominal[2]) == pytest.approx(best_known_cost("nominal"), abs=1e-6)
     assert nominal[-2:] == ["+0.5000", "-0.0001"]
     assert next(row for row in rows if row[0] == "reading-50mV")[-2:] == ["–", "–"]

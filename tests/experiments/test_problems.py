@@ -1,11 +1,16 @@
+import json
 import math
 from dataclasses import replace
+from hashlib import sha256
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.optimisation import Optimisation
-from experiments.problems import Problem, Spread
+from experiments.problems import BEST_KNOWN_FILE, Problem, Spread
+from experiments.suite import VERSION, suite
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
 
 POINTS = np.random.default_rng(0).uniform(-1, 1, (40, 7))
@@ -131,3 +136,17 @@ def test_a_run_is_told_readings_and_goes_on_with_the_same_ones():
 def test_a_rig_that_reads_has_no_gradients():
     with pytest.raises(AttributeError):
         Problem("noisy", reading_V=0.2).told(0).evaluate_with_gradient(POINTS)
+
+
+def test_an_instance_does_not_change_without_another_version_of_the_suite():
+    """A new version has new settings: raise VERSION, and tell its digest here."""
+    settings = json.dumps({name: one.settings() for name, one in suite().items()}, sort_keys=True)
+    known = {2: "a81bd9e85bbda3ac2e412edf3bdf8cc605c47959fdd1af7ddcd27191f5d02be1"}
+    assert sha256(settings.encode()).hexdigest() == known[VERSION]
+
+
+def test_what_is_recorded_of_the_suite_is_of_this_version():
+    comparison = Path(__file__).parents[2] / "docs" / "comparison"
+    files = (resources.files("experiments") / BEST_KNOWN_FILE, comparison / "ranking.json", comparison / "beating.json")
+    for file in files:
+        assert json.loads(file.read_text(encoding="utf-8"))["suite"] == VERSION, file.name

@@ -77,13 +77,6 @@ def test_nemenyi_difference_is_the_tabulated_one():
     assert difference == pytest.approx(2.343 * np.sqrt(3 * 4 / (6 * 10)), abs=1e-3)
 
 
-def test_share_near_the_optimum_counts_one_and_five_percent(tmp_path):
-    scale = abs(problem("nominal").best_known.cost)
-    outcome = an_outcome(tmp_path, {"pso": [0.0, 0.009 * scale, 0.011 * scale, 0.06 * scale]})
-    (score,) = statistics.summarise(outcome).scores
-    assert (score.within_1_percent, score.within_5_percent) == (0.5, 0.75)
-
-
 def test_sentences_say_which_optimisers_are_level(tmp_path):
     rng = np.random.default_rng(4)
     regrets = {
