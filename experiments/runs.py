@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import blake2b, sha256
@@ -192,12 +193,12 @@ def read_run(folder: Path, key: RunKey, label: Mapping[str, Any]) -> RunResult:
     return result
 
 
-def runs_table(folder: Path) -> Any:
+def runs_table(folder: str | os.PathLike[str]) -> Any:
     """All runs of a bench's folder in one table, for a query or a plot of one's own.
 
     Parameters
     ----------
-    folder : Path
+    folder : str or Path
         Of results.
 
     Returns
@@ -217,7 +218,7 @@ def runs_table(folder: Path) -> Any:
 
     tables: list[Any] = []
     first: dict[str, tuple[Path, dict[str, Any]]] = {}
-    for path in sorted((folder / "runs").glob("*.parquet")):
+    for path in sorted((Path(folder) / "runs").glob("*.parquet")):
         table, label = _read_file(path)
         decisive = {
             "": {name: label[name] for name in ("format", "code", "versions")},
