@@ -304,10 +304,9 @@ def _level_elsewhere(found: Standings, best: Row) -> str:
     if not math.isfinite(found.critical_difference):
         return ""
     level = sum(row is not best and abs(row.rank - best.rank) < found.critical_difference for row in found.rows)
-    return (
-        f" As a sample of problems these cannot tell its mean rank of {best.rank:.1f} from those of {level} of the "
-        f"other {len(found.rows) - 1} (Nemenyi's critical difference: {found.critical_difference:.1f})."
-    )
+    told = f"tell its mean rank of {best.rank:.1f} from those of"
+    told = f"cannot {told} {level} of the other {len(found.rows) - 1}" if level else f"{told} all others"
+    return f" As a sample of problems these {told} (Nemenyi's critical difference: {found.critical_difference:.1f})."
 
 
 def _ranged(estimate: Estimate, decimals: int | None = None) -> str:

@@ -8,7 +8,7 @@ from experiments import comparison
 from experiments.bench import BenchOutcome, BenchSettings
 from experiments.comparison import Comparison, scale_V
 from experiments.runs import RunKey, RunResult
-from experiments.suite import problem
+from experiments.suite import problem, suite
 
 PROBLEMS = ("nominal", "stiff-head", "soft-head")
 
@@ -106,6 +106,14 @@ def test_who_is_level_with_the_swarm_is_told_with_its_place(tmp_path):
     curves = {"random": level, "cma-es": {"nominal": [[1.0, 0.1]] * 4}, "pso": level}
     said = Comparison(an_outcome(tmp_path, curves, ("nominal",), 2)).sentences("all", 2)
     assert "(pso), is at place 2 of 3 (level with random; mean rank 2.5), with" in said[1]
+
+
+def test_who_is_told_from_all_others_is_told_so(tmp_path):
+    problems = tuple(suite())[:16]
+    ends = {"cma-es": 0.1, "random": 0.5, "sobol": 0.9}
+    curves = {one: {name: [[1.0, end]] * 3 for name in problems} for one, end in ends.items()}
+    first = Comparison(an_outcome(tmp_path, curves, problems, 2)).sentences("all", 2)[0]
+    assert "As a sample of problems these tell its mean rank of 1.0 from those of all others (Nemenyi's" in first
 
 
 def test_dearer_gradients_shorten_the_runs_of_those_who_use_them(tmp_path):
