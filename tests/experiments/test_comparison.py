@@ -113,7 +113,9 @@ def test_who_is_told_from_all_others_is_told_so(tmp_path):
     ends = {"cma-es": 0.1, "random": 0.5, "sobol": 0.9}
     curves = {one: {name: [[1.0, end]] * 3 for name in problems} for one, end in ends.items()}
     first = Comparison(an_outcome(tmp_path, curves, problems, 2)).sentences("all", 2)[0]
-    assert "As a sample of problems these tell its mean rank of 1.0 from those of all others (Nemenyi's" in first
+    assert re.search(
+        r"As a sample of problems these tell its mean rank of 1\.\d from those of all others \(Nemenyi", first
+    )
 
 
 def test_dearer_gradients_shorten_the_runs_of_those_who_use_them(tmp_path):
