@@ -232,6 +232,9 @@ def run_bench(
     missing = [key for key in keys if key not in results]
     if results and missing:
         print(f"{len(results)} of {len(keys)} runs are there already; going on.", file=sys.stderr, flush=True)
+    asked = {key.file_stem for key in keys}
+    if others := sum(file.stem not in asked for file in (folder / "runs").glob("*.parquet")):
+        print(f"{others} runs in {folder} are not asked for, and on no page unless they are.", file=sys.stderr)
     if missing:
         failures = _perform_all(missing, settings, folder, results, len(keys), workers, scheduler)
         unavailable |= failures

@@ -204,8 +204,9 @@ def runs_table(folder: str | os.PathLike[str]) -> Any:
     Returns
     -------
     pyarrow.Table
-        A row an improvement: ``optimizer``, ``problem``, ``repeat``, ``seed`` and ``budget`` of its run, and what the
-        run's file tells of it.
+        A row an improvement: ``optimizer``, ``problem``, ``repeat``, ``seed`` and ``budget`` of its run; after which
+        ``evaluation``, what it was told to cost (``told_V``) and truly costs (``cost_V``), and its waveform, ``U1`` to
+        ``t5`` in [-1, 1] of the problem's bounds. Budgets of two optimisers may differ.
 
     Raises
     ------

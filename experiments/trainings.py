@@ -118,8 +118,9 @@ def kept_arrays(path: Path, asked: Mapping[str, Any], make: Callable[[], Arrays]
     except (ValueError, KeyError, TypeError, EOFError, OSError, NotImplementedError, zipfile.BadZipFile) as error:
         if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
             raise  # it could not be read, and may be whole
+        reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
         raise KeptFileError(
-            f"{path}: is damaged ({str(error).rstrip('.') or type(error).__name__}). Delete it to have it made again."
+            f"{path}: is damaged ({str(reason).rstrip('.') or type(error).__name__}). Delete it to have it made again."
         ) from None
     _check_asked(path, stored, wanted)
     return found
@@ -233,6 +234,8 @@ def run_command(
         if chosen[name] < least:
             parser.error(f"--{name} must be at least {least}; got {chosen[name]}.")
     folder = chosen["folder"]
+    if folder.exists() and not folder.is_dir():
+        parser.error(f"--folder must be a folder; {folder} is not one. Give another name.")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         remove_unfinished(folder)

@@ -193,7 +193,7 @@ def test_what_decides_a_run_of_both_benches_must_agree(finished, changed, monkey
     assert with_settings(finished.folder) == before
 
 
-def test_a_bench_is_extended_and_narrowed_and_its_runs_are_those_of_a_new_one(tmp_path, monkeypatch):
+def test_a_bench_is_extended_and_narrowed_and_its_runs_are_those_of_a_new_one(tmp_path, monkeypatch, capsys):
     grown, new = tmp_path / "grown", tmp_path / "new"
     run_bench(small_settings(optimizers=("pso",)), grown, workers=1)
     first = {file.name: file.stat().st_mtime_ns for file in (grown / "runs").iterdir()}
@@ -203,7 +203,9 @@ def test_a_bench_is_extended_and_narrowed_and_its_runs_are_those_of_a_new_one(tm
     assert with_settings(grown) == with_settings(new)
     assert all((grown / "runs" / name).stat().st_mtime_ns == at for name, at in first.items())
     monkeypatch.setattr("experiments.bench._perform_all", lambda *_: pytest.fail("ran again"))
+    capsys.readouterr()
     narrowed = run_bench(small_settings(optimizers=("random",)), grown)
+    assert f"10 runs in {grown} are not asked for" in capsys.readouterr().err
     assert [run.key.file_stem for run in narrowed.results] == [f"nominal--random--{k:03d}" for k in range(2)]
     run_bench(wider, grown)
     assert with_settings(grown) == with_settings(new)

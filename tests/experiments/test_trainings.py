@@ -119,6 +119,14 @@ def test_a_difference_on_the_same_heads_is_told_finer_than_two_medians():
     assert apart["high"] - apart["low"] < 0.3 * (single["high"] - single["low"])
 
 
+def test_a_file_is_no_folder(tmp_path, capsys):
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(SystemExit) as ended:
+        trainings.run_command("study", "", 1, 2, never, never, ["--folder", str(tmp_path / "file")])
+    assert ended.value.code == 2
+    assert "--folder must be a folder" in capsys.readouterr().err
+
+
 def test_a_cluster_that_cannot_do_the_work_is_told_in_a_sentence(tmp_path, capsys):
     def run(**_):
         raise ClusterError("one was begun 5 times and never ended.")
