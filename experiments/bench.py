@@ -156,11 +156,12 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
             stored = json.loads(file.read_text(encoding="utf-8"))
             if not isinstance(stored, dict):
                 raise ValueError("it is not a JSON object")
-        except (ValueError, RecursionError) as error:
+            difference = first_difference(_decisive(stored, asked), _decisive(asked, stored))
+        except (ValueError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(
                 f"{file} is damaged ({error}). Delete the folder {folder} to begin again, or give another folder."
             ) from None
-        if difference := first_difference(_decisive(stored, asked), _decisive(asked, stored)):
+        if difference:
             raise ValueError(
                 f"{folder} holds a bench of other settings: {difference}. "
                 "Give another folder, or the same settings to go on, or delete that folder."

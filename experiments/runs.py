@@ -29,6 +29,11 @@ Real = NDArray[np.float64]
 
 RUN_FORMAT = "run/2"
 LABEL = b"inkjet"
+LABELLED = (
+    *("format", "optimizer", "options", "problem", "problem_sha256"),
+    *("repeat", "seed", "budget", "code", "versions"),
+)
+"""What a run's label tells."""
 NUMBERS = ("told_V", "cost_V", *PARAMETER_NAMES)
 
 
@@ -221,6 +226,8 @@ def runs_table(folder: str | os.PathLike[str]) -> Any:
     first: dict[str, tuple[Path, dict[str, Any]]] = {}
     for path in sorted((Path(folder) / "runs").glob("*.parquet")):
         table, label = _read_file(path)
+        if lacking := [name for name in LABELLED if name not in label]:
+            raise _damaged(path, f"its label lacks {', '.join(lacking)}")
         decisive = {
             "": {name: label[name] for name in ("format", "code", "versions")},
             f"optimizer {label['optimizer']}": {name: label[name] for name in ("options", "budget")},

@@ -13,7 +13,16 @@ from experiments.bench import LONGEST, BenchOutcome, BenchSettings, perform, per
 from experiments.comparison import Comparison
 from experiments.comparison_page import page_data
 from experiments.report import ranking_csv, ranking_json, write_report
-from experiments.runs import DamagedResultError, RunKey, RunResult, label_of, read_run, run_path, runs_table
+from experiments.runs import (
+    LABELLED,
+    DamagedResultError,
+    RunKey,
+    RunResult,
+    label_of,
+    read_run,
+    run_path,
+    runs_table,
+)
 from experiments.statistics import summarise
 from experiments.suite import problem
 from experiments.versions import first_difference
@@ -302,6 +311,27 @@ def test_runs_that_do_not_match_are_not_merged(finished, tmp_path, change, said)
     path.write_bytes(run.to_bytes(label | change))
     with pytest.raises(ValueError, match=f"{path.name} .*must not be merged: {said}"):
         runs_table(tmp_path)
+
+
+def test_a_run_whose_label_lacks_something_is_named(finished, tmp_path):
+    run, label = a_run(finished.folder)
+    path = run_path(tmp_path, run.key)
+    path.parent.mkdir()
+    path.write_bytes(run.to_bytes({name: value for name, value in label.items() if name != "seed"}))
+    with pytest.raises(DamagedResultError, match=f"{path.name} is damaged: its label lacks seed"):
+        runs_table(tmp_path)
+
+
+def test_labels_tell_what_a_table_of_all_runs_needs(finished):
+    assert set(LABELLED) == set(a_run(finished.folder)[1])
+
+
+@pytest.mark.parametrize("written", ['{"problems": ["nominal"]}', '{"shorter": 3, "optimizers": ["pso"]}', "[]"])
+def test_damaged_settings_of_a_bench_are_named(tmp_path, written):
+    (tmp_path / "bench.json").write_text(written)
+    with pytest.raises(ValueError, match=r"bench\.json is damaged"):
+        run_bench(small_settings(), tmp_path)
+    assert (tmp_path / "bench.json").read_text() == written
 
 
 def test_a_folder_without_runs_has_no_table(tmp_path):
