@@ -35,10 +35,30 @@ def versions() -> dict[str, str]:
 
 
 def code_digest(patterns: Iterable[str]) -> str:
-    """SHA-256 over the package's sources that match, in hexadecimal."""
+    """SHA-256 over the package's sources that match, in hexadecimal.
+
+    Parameters
+    ----------
+    patterns : iterable of str
+        Glob patterns, relative to the folder that holds the packages.
+
+    Raises
+    ------
+    ValueError
+        A pattern matches no file: whatever it was meant for would silently be missing from the digest.
+    """
     root = Path(__file__).resolve().parents[1]
+    found: set[Path] = set()
+    for pattern in patterns:
+        matching = {file for file in root.glob(pattern) if file.is_file()}
+        if not matching:
+            raise ValueError(
+                f"code_digest: the pattern {pattern!r} matches no file below {root}. "
+                "Correct the pattern where a file was moved or renamed."
+            )
+        found |= matching
     total = sha256()
-    for file in sorted({file for pattern in patterns for file in root.glob(pattern)}):
+    for file in sorted(found):
         total.update(f"{file.relative_to(root).as_posix()}\0{sha256(file.read_bytes()).hexdigest()}\0".encode())
     return total.hexdigest()
 
