@@ -43,20 +43,20 @@ format: $(READY)     ## let ruff format and mend what it can
 	.venv/bin/ruff format .
 
 figures: $(READY)    ## draw the pictures of README and docs again
-	$(PY) -m experiments.figures
+	$(PY) -m experiments.publish.figures
 
 speed: $(READY)      ## evaluations per second against SciPy, environment steps against Gymnasium's, one run
-	$(PY) -m experiments.speed
-	$(PY) -m experiments.plant_speed
+	$(PY) -m experiments.validation.simulator_speed
+	$(PY) -m experiments.validation.plant_speed
 
 accuracy: $(READY)   ## the closed form against an 80-digit reference
-	$(PY) -m experiments.accuracy
+	$(PY) -m experiments.validation.closed_form_accuracy
 
 identification: $(READY)  ## errors, coverage, peers: how well identification does (ARGS="all FOLDER" with measured data)
-	$(PY) -m experiments.identification_study $(ARGS)
+	$(PY) -m experiments.validation.identification_study $(ARGS)
 
 diagnosis: $(READY)  ## nothing, each effect, pairs, effects withheld: how well the diagnosis does (ARGS="null --seeds 3")
-	$(PY) -m experiments.diagnosis_study $(ARGS)
+	$(PY) -m experiments.validation.diagnosis_study $(ARGS)
 
 lock: $(READY)       ## write requirements.lock from what .venv holds
 	{ echo "# The environment the tests pass in. Made by \`make lock\`; pyproject.toml says what is asked for and why."; \

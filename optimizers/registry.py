@@ -151,6 +151,6 @@ def _check_nevergrad(name: str) -> None:
 
 
 def _unknown(name: str, known: Iterable[str]) -> str:
-    from inkjet_env.printhead.naming import nearest_name
+    from inkjet_env.naming import nearest_name
 
     return f"there is no optimiser {name!r}.{nearest_name(name, known)} Known: {', '.join(CLASSES)}."

@@ -1,4 +1,4 @@
-"""The house's arrows: which package may import which."""
+"""The house's arrows: which package may import which, and no circle of files anywhere."""
 
 import ast
 from pathlib import Path
@@ -6,27 +6,89 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-# Each may import itself and what is named after it.
+TOPS = ("inkjet_env", "optimizers", "experiments")
+GROUND = ("inkjet_env.storage", "inkjet_env.naming", "inkjet_env.typing")
+PRINTHEAD = (*GROUND, "inkjet_env.printhead")
+PLANT = (*PRINTHEAD, "inkjet_env.plant")
+RECORDINGS = (*PRINTHEAD, "inkjet_env.recordings")
+IDENTIFICATION = (*PLANT, *RECORDINGS, "inkjet_env.identification")
+FITTING = (*IDENTIFICATION, "inkjet_env.mismatch.settings", "inkjet_env.mismatch.fitting")
+SELECTION = (*FITTING, "inkjet_env.mismatch.selection")
+DESIGN = (*FITTING, "inkjet_env.mismatch.localization", "inkjet_env.mismatch.design")
+MISMATCH = (*SELECTION, *DESIGN, "inkjet_env.mismatch")
+REPORTING = (*MISMATCH, "inkjet_env.reporting")
+CLI = (*REPORTING, "inkjet_env.progress", "inkjet_env.rig", "inkjet_env.cli")
+OPTIMIZERS = (*GROUND, "optimizers")
+EXECUTION = (*CLI, *OPTIMIZERS, "inkjet_env.envs", "experiments.execution")
+VALIDATION = (*EXECUTION, "inkjet_env", "experiments.validation", "experiments.validation.baselines")
+BENCHMARK = (*EXECUTION, "experiments.benchmark", "experiments.benchmark.data")
+LEARNING = (*BENCHMARK, "experiments.learning")
+PROOF = (*BENCHMARK, *VALIDATION, "experiments.proof")
+STUDIES = (*BENCHMARK, "experiments.concealed_rig", "experiments.benchmark.studies")
+# A package, or a file that stands beside packages: itself and what else it may import.
 ALLOWED = {
-    "inkjet_env.printhead": ("inkjet_env.storage",),
-    "inkjet_env.recordings": ("inkjet_env.printhead", "inkjet_env.storage"),
-    "inkjet_env.plant": ("inkjet_env.printhead", "inkjet_env.storage"),
-    "inkjet_env.rig": ("inkjet_env.printhead", "inkjet_env.recordings", "inkjet_env.storage"),
-    "inkjet_env.identification": ("inkjet_env.printhead", "inkjet_env.plant", "inkjet_env.recordings"),
-    "inkjet_env.mismatch": (
-        "inkjet_env.printhead",
-        "inkjet_env.plant",
-        "inkjet_env.recordings",
-        "inkjet_env.identification",
-        "inkjet_env.storage",
-    ),
-    "inkjet_env.envs": ("inkjet_env.printhead", "inkjet_env.plant"),
-    "optimizers": ("inkjet_env.printhead",),
-    "experiments": ("inkjet_env", "optimizers"),
+    "inkjet_env": (),
+    "inkjet_env.storage": (),
+    "inkjet_env.naming": (),
+    "inkjet_env.typing": (),
+    "inkjet_env.progress": PRINTHEAD,
+    "inkjet_env.printhead": GROUND,
+    "inkjet_env.plant": PRINTHEAD,
+    "inkjet_env.recordings": PRINTHEAD,
+    "inkjet_env.rig": RECORDINGS,
+    "inkjet_env.identification": IDENTIFICATION,
+    "inkjet_env.envs": PLANT,
+    "inkjet_env.mismatch.settings": (),
+    "inkjet_env.mismatch.fitting": FITTING,
+    "inkjet_env.mismatch.selection": SELECTION,
+    "inkjet_env.mismatch.localization": (*FITTING, "inkjet_env.mismatch.localization"),
+    "inkjet_env.mismatch.design": DESIGN,
+    "inkjet_env.mismatch": MISMATCH,
+    "inkjet_env.reporting": REPORTING,
+    "inkjet_env.cli": CLI,
+    "optimizers": OPTIMIZERS,
+    "experiments": (),
+    "experiments.concealed_rig": (),
+    "experiments.execution": EXECUTION,
+    "experiments.validation": VALIDATION,
+    "experiments.validation.baselines": VALIDATION,
+    "experiments.benchmark.data": (),
+    "experiments.benchmark": BENCHMARK,
+    "experiments.benchmark.studies": STUDIES,
+    "experiments.learning": LEARNING,
+    "experiments.proof": PROOF,
+    "experiments.publish": (*PROOF, *LEARNING, *STUDIES, "experiments.publish"),
+    "experiments.commands": (*PROOF, "experiments.commands"),
+    "experiments.cli": ("experiments.commands", "inkjet_env.cli"),
 }
+WHOLE = {"inkjet_env.plant": "its effects are of it", "experiments.concealed_rig": "its effects are of it"}
+"""Packages whose folders are one room."""
 
 
-def imported_names(file: Path) -> set[str]:
+def modules():
+    """Every module of ours, by its dotted name."""
+    found = {}
+    for top in TOPS:
+        for file in sorted((ROOT / top).rglob("*.py")):
+            name = ".".join(file.relative_to(ROOT).with_suffix("").parts)
+            found[name.removesuffix(".__init__")] = file
+    return found
+
+
+MODULES = modules()
+
+
+def room_of(module):
+    """The package, or file beside packages, that a module belongs to."""
+    for package in WHOLE:
+        if module == package or module.startswith(f"{package}."):
+            return package
+    package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
+    return module if module in ALLOWED else package
+
+
+def imported(file):
+    """Modules of ours that a file imports, anywhere in it."""
     names = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -34,21 +96,74 @@ def imported_names(file: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{file}: relative imports hide the arrow"
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return {name for name in names if name.split(".")[0] in ("inkjet_env", "optimizers", "experiments", "tests")}
+    found = set()
+    for name in names:
+        while name and name not in MODULES:
+            name = name.rpartition(".")[0]
+        found |= {name} - {""}
+    return found
 
 
-@pytest.mark.parametrize("package", ALLOWED)
-def test_imports_point_one_way(package):
-    files = sorted((ROOT / package.replace(".", "/")).rglob("*.py"))
-    assert files
-    for file in files:
-        for name in imported_names(file):
-            allowed = (package, *ALLOWED[package])
-            assert any(name == p or name.startswith(p + ".") for p in allowed), f"{file.name} imports {name}"
+GRAPH = {name: imported(file) - {name} for name, file in MODULES.items()}
 
 
-def test_every_package_has_its_arrow_here():
-    packages = {".".join(p.relative_to(ROOT).parts[:-1]) for p in ROOT.glob("inkjet_env/*/__init__.py")} | {
-        p.parent.name for p in ROOT.glob("*/__init__.py")
-    } - {"inkjet_env"}
-    assert packages == set(ALLOWED)
+@pytest.mark.parametrize("room", ALLOWED)
+def test_imports_point_one_way(room):
+    mine = [name for name in MODULES if room_of(name) == room]
+    assert mine
+    wrong = {
+        f"{name} imports {other}"
+        for name in mine
+        for other in GRAPH[name]
+        if room_of(other) not in (room, *ALLOWED[room])
+    }
+    assert wrong == set()
+
+
+def test_every_package_has_its_arrows_here():
+    assert {room_of(name) for name in MODULES} == set(ALLOWED)
+
+
+def test_no_package_stands_above_another_that_stands_above_it():
+    arrows = {room: {room_of(o) for n in MODULES if room_of(n) == room for o in GRAPH[n]} - {room} for room in ALLOWED}
+    assert circles(arrows) == []
+
+
+def test_no_files_import_each_other_in_a_circle():
+    assert circles(GRAPH) == []
+
+
+def test_a_circle_would_be_found():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == [["b", "c"]]
+
+
+def circles(graph):
+    """Strongly connected components of more than one node (Tarjan 1972)."""
+    number, lowest, stack, found = {}, {}, [], []
+
+    def visit(node):
+        number[node] = lowest[node] = len(number)
+        stack.append(node)
+        for other in sorted(graph[node]):
+            if other not in number:
+                visit(other)
+                lowest[node] = min(lowest[node], lowest[other])
+            elif other in stack:
+                lowest[node] = min(lowest[node], number[other])
+        if lowest[node] == number[node]:
+            cut = stack.index(node)
+            if len(stack) - cut > 1:
+                found.append(sorted(stack[cut:]))
+            del stack[cut:]
+
+    for node in sorted(graph):
+        if node not in number:
+            visit(node)
+    return found
+
+
+def test_nothing_of_tests_is_imported():
+    for file in MODULES.values():
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            module = node.module if isinstance(node, ast.ImportFrom) else None
+            assert (module or "").split(".")[0] != "tests"

@@ -7,19 +7,16 @@ problems; what is said of problems in general takes the problems as the sample. 
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import optimizers
-from experiments.bench import BenchOutcome
-from experiments.entrants import entrant
-from experiments.measures import (
+from experiments.benchmark.entrants import entrant
+from experiments.benchmark.mean_ranks import ENOUGH_PROBLEMS, RESOLUTION_V, friedman_and_nemenyi, mean_ranks
+from experiments.benchmark.metrics import (
     Estimate,
     SignedRank,
     bayesian_signed_rank,
@@ -29,12 +26,11 @@ from experiments.measures import (
     running_time_distribution,
     stratified,
 )
-from experiments.problems import Problem
-from experiments.runs import RunResult
-from experiments.statistics import ENOUGH_PROBLEMS, RESOLUTION_V, best_known_cost, friedman_and_nemenyi, mean_ranks
-from experiments.suite import family_of, problem
-
-Real = NDArray[np.float64]
+from experiments.benchmark.regret import best_known_cost, scale_V
+from experiments.benchmark.run_files import RunResult
+from experiments.benchmark.settings import BenchOutcome
+from experiments.benchmark.suite import family_of
+from inkjet_env.typing import Real
 
 BUDGETS = (50, 150, 2000, 20_000)
 TARGETS = tuple(float(t) for t in np.logspace(0, -4, 41))
@@ -47,21 +43,7 @@ REFERENCE = "pso"
 """The paper's optimiser, against which the others are held."""
 GRADIENT_COUNTS = {3: "which is its computing time here", 8: "which is what differences would take"}
 """Evaluations that one with its gradient may also be counted as, and why."""
-RANDOM_POINTS, RANDOM_DRAWS = 50, 200
 RESAMPLES = 1000
-
-
-@functools.cache
-def scale_V(name: str) -> float:
-    """Mean regret of the best of 50 random waveforms on a problem, in volts."""
-    return best_of_random_V(problem(name)) - best_known_cost(name)
-
-
-def best_of_random_V(of: Problem) -> float:
-    """Mean cost of the best of 50 random waveforms, in volts."""
-    points = np.random.default_rng(0).uniform(-1.0, 1.0, (RANDOM_DRAWS * RANDOM_POINTS, 7))
-    costs = of.evaluate(points).reshape(RANDOM_DRAWS, RANDOM_POINTS)
-    return float(costs.min(axis=1).mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,11 +298,3 @@ def _ranged(estimate: Estimate, decimals: int | None = None) -> str:
         for value in (estimate.value, estimate.low, estimate.high)
     ]
     return f"{written[0]} ({written[1]} to {written[2]})"
-
-
-def as_json(estimate: Estimate) -> dict[str, Any]:
-    """An estimate as plain JSON values; what does not exist is null."""
-    return {
-        name: value if math.isfinite(value) else None
-        for name, value in (("value", estimate.value), ("low", estimate.low), ("high", estimate.high))
-    }

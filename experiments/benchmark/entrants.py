@@ -1,16 +1,17 @@
 """Who takes part in a comparison: an optimiser with its defaults, or with the settings that were found for it.
 
-``pso`` is the optimiser of that name, ``pso-tuned`` the same with the options that `experiments.tuning` found on heads
-outside the suite, and keeps in `tuned.json` with what they cost.
-"""
+``pso`` is the optimiser of that name, ``pso-tuned`` the same with the options that
+`experiments.benchmark.studies.tune_optimizers` found on heads outside the suite, and keeps in `tuned.json` with what
+they cost."""
 
 from __future__ import annotations
 
 import functools
 import json
 from dataclasses import dataclass, field
-from importlib import resources
 from typing import Any
+
+from experiments.benchmark.data import data_file
 
 TUNED = "-tuned"
 TUNED_FILE = "tuned.json"
@@ -70,7 +71,7 @@ class Entrant:
 @functools.cache
 def tuned_settings() -> dict[str, dict[str, Any]]:
     """What was found for each optimiser: options, how, and after how many evaluations."""
-    file = resources.files("experiments") / TUNED_FILE
+    file = data_file(TUNED_FILE)
     if not file.is_file():
         return {}
     return dict(json.loads(file.read_text(encoding="utf-8"))["optimizers"])
@@ -101,6 +102,6 @@ def entrant(name: str) -> Entrant:
     if of not in tuned_settings():
         raise ValueError(
             f"there are no tuned settings of {of!r}; there are of {', '.join(tuned_settings()) or 'none'}. "
-            f"Find some with: python -m experiments.tuning {of}"
+            f"Find some with: python -m experiments.benchmark.studies.tune_optimizers {of}"
         )
     return Entrant(name, of, tuned_settings()[of]["options"])

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from inkjet_env.printhead import PeakCost
+from inkjet_env.typing import Real
 
 SETTLED = 0.05
 """Of the effective peak: ringing below this does not disturb the next drop."""
@@ -64,7 +64,7 @@ def jetting(response: Any, cost: PeakCost) -> Jetting:
     return Jetting(float(peaks_V[e]), float(later.max(initial=0.0)), settling_s, 1 / period_s)
 
 
-def _settling_s(response: Any, peaks_V: NDArray[np.float64], level_V: float) -> float:
+def _settling_s(response: Any, peaks_V: Real, level_V: float) -> float:
     """When a response falls below a level for good; between one peak and the next it only falls or only rises."""
     last = int(np.flatnonzero(peaks_V >= level_V)[-1])
     if last == peaks_V.size - 1:

@@ -12,13 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from experiments.bench import BenchOutcome
-from experiments.runs import RunResult
-from experiments.suite import problem
-
-Real = NDArray[np.float64]
+from experiments.benchmark.regret import final_regrets
+from experiments.benchmark.settings import BenchOutcome
+from inkjet_env.typing import Real
 
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
@@ -98,34 +96,6 @@ class Summary:
     def score(self, optimizer: str, problem: str) -> Score | None:
         """The score of one optimiser on one problem; None where it cannot be used there."""
         return next((s for s in self.scores if (s.optimizer, s.problem) == (optimizer, problem)), None)
-
-
-def best_known_cost(name: str) -> float:
-    """Best known cost of a problem of the suite, in volts; ``ValueError`` where none is on record."""
-    known = problem(name).best_known
-    if known is None:
-        raise ValueError(
-            f"problem {name!r} has no best known cost on record. Run: python -m experiments.best_known --problem {name}"
-        )
-    return known.cost
-
-
-def final_regrets(results: Sequence[RunResult]) -> dict[str, dict[str, Real]]:
-    """Final best cost − best known cost in volts: by optimiser and problem, one value a run, in the runs' order."""
-    found: dict[str, dict[str, list[float]]] = {}
-    for result in results:
-        regret = float(result.costs_V[-1]) - best_known_cost(result.key.problem)
-        found.setdefault(result.key.optimizer, {}).setdefault(result.key.problem, []).append(regret)
-    return {
-        optimizer: {name: np.array(values) for name, values in by_problem.items()}
-        for optimizer, by_problem in found.items()
-    }
-
-
-def regret_quartiles(results: Sequence[RunResult], evaluations: ArrayLike) -> Real:
-    """Quartiles over runs of the regret of what is kept, shape (3, n), in volts, after so many ``evaluations`` each."""
-    curves = [result.kept_V(evaluations) - best_known_cost(result.key.problem) for result in results]
-    return np.percentile(curves, [25, 50, 75], axis=0)
 
 
 def median_interval(values: ArrayLike, rng: np.random.Generator) -> Interval:

@@ -9,11 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
+
 Places = NDArray[np.int64]
 """Numbers of rows or columns that were drawn."""
 
@@ -280,3 +282,11 @@ def bayesian_signed_rank(
     won = shares >= shares.max(axis=1, keepdims=True) - 1e-12
     first_, alike_, second_ = (won / won.sum(axis=1, keepdims=True)).mean(axis=0)
     return SignedRank(float(first_), float(alike_), float(second_))
+
+
+def as_json(estimate: Estimate) -> dict[str, Any]:
+    """An estimate as plain JSON values; what does not exist is null."""
+    return {
+        name: value if math.isfinite(value) else None
+        for name, value in (("value", estimate.value), ("low", estimate.low), ("high", estimate.high))
+    }

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments.comparison import REFERENCE, SOLVED, Comparison, as_json, scale_V
-from experiments.entrants import entrant
-from experiments.jetting import jetting
-from experiments.measures import performance_profile
-from experiments.runs import RunKey, RunResult, read_seconds
-from experiments.statistics import best_known_cost, regret_quartiles
-from experiments.suite import VERSION, family_of, problem
-from experiments.versions import versions
+from experiments.benchmark.analysis import REFERENCE, SOLVED, Comparison
+from experiments.benchmark.entrants import entrant
+from experiments.benchmark.jetting import jetting
+from experiments.benchmark.metrics import as_json, performance_profile
+from experiments.benchmark.regret import best_known_cost, regret_quartiles, scale_V
+from experiments.benchmark.run_files import RunKey, RunResult, read_seconds
+from experiments.benchmark.suite import VERSION, family_of, problem
+from experiments.execution.provenance import versions
 
 LEVELS = np.logspace(-5, 1, 121)
 GRID = 90
@@ -41,7 +41,7 @@ def page(compared: Comparison, sentences: Sequence[str], run: RunKey, waveforms:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from plotly.offline import get_plotlyjs
 
-    environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
+    environment = Environment(loader=PackageLoader("experiments.benchmark"), autoescape=True, undefined=StrictUndefined)
     return environment.get_template("comparison.html").render(
         sentences=sentences,
         run=run,

@@ -7,19 +7,20 @@ import json
 import math
 import warnings
 from dataclasses import asdict, dataclass, field
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from experiments.benchmark.data import data_file
+from inkjet_env.naming import check_name
 from inkjet_env.plant.augmented import AugmentedPrinthead
-from inkjet_env.plant.printhead_file import printhead_of, read_printhead
+from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
-from inkjet_env.printhead.naming import check_name
+from inkjet_env.typing import Real
 
 BEST_KNOWN_FILE = "best_known.json"
+MAX_BUDGET = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ class Problem:
         return not (isinstance(self.printhead, AugmentedPrinthead) or self.reading_V)
 
     @functools.cached_property
-    def _heads(self) -> NDArray[np.float64]:
+    def _heads(self) -> Real:
         """What a waveform is tried on, a row a head, for the compiled simulator."""
         from inkjet_env.printhead import batch
 
@@ -147,7 +148,7 @@ class Problem:
         heads = self.spread.around(self.printhead) if self.spread else (self.printhead,)
         return batch.head_table(heads)
 
-    def _fired(self, waveforms: NDArray[np.float64]) -> dict[str, Any]:
+    def _fired(self, waveforms: Real) -> dict[str, Any]:
         """Every waveform on every head, head by head, and how they are fired and looked at."""
         count, heads = len(waveforms), self._heads
         if len(heads) > 1:  # in one call: a search that asks for one waveform at a time waits for calls mostly
@@ -156,7 +157,7 @@ class Problem:
         fired = {"initial_state": self.initial_state, "window_s": self.window_s, "period_s": period_s}
         return fired | {"waveforms": waveforms, "heads": heads, "cost": self.cost}
 
-    def evaluate(self, points: ArrayLike) -> NDArray[np.float64]:
+    def evaluate(self, points: ArrayLike) -> Real:
         """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7)."""
         from inkjet_env.printhead import batch
 
@@ -164,10 +165,10 @@ class Problem:
         if isinstance(self.printhead, AugmentedPrinthead):
             return self.printhead.costs(waveforms, self.cost, self.initial_state, self.window_s)
         costs = batch.costs(**self._fired(waveforms)).reshape(-1, len(waveforms))
-        judged: NDArray[np.float64] = costs.mean(axis=0) if self._by_mean else costs.max(axis=0)
+        judged: Real = costs.mean(axis=0) if self._by_mean else costs.max(axis=0)
         return judged
 
-    def evaluate_with_gradient(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def evaluate_with_gradient(self, points: ArrayLike) -> tuple[Real, Real]:
         """Costs in volts, shape (n,), and their exact gradients in volts per unit of the box, shape (n, 7).
 
         Where the worst of several counts, its gradient; where two are equally bad, that of the first.
@@ -188,7 +189,7 @@ class Problem:
     def _by_mean(self) -> bool:
         return self.spread is not None and self.spread.judged == "mean"
 
-    def read(self, points: ArrayLike, seed: int, first: int = 0) -> NDArray[np.float64]:
+    def read(self, points: ArrayLike, seed: int, first: int = 0) -> Real:
         """What a measurement of points (n, 7) tells, in volts, shape (n,): the cost of peaks read with an error.
 
         Parameters
@@ -226,7 +227,7 @@ class Problem:
 
     @property
     def best_known(self) -> BestKnown | None:
-        """The best waveform known (see `experiments.best_known`), or None outside the suite."""
+        """The best waveform known (see `studies.search_best_known`), or None outside the suite."""
         entry = _best_known_entries().get(self.name)
         if entry is None or entry["problem"] != self.settings():
             return None
@@ -288,21 +289,16 @@ class _Rig:
     seed: int
     read: int = 0
 
-    def evaluate(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def evaluate(self, points: Real) -> Real:
         """Readings in volts, shape (n,), of the next n evaluations."""
         costs = self.problem.read(points, self.seed, self.read)
         self.read += len(points)
         return costs
 
 
-def chosen_head(path: Path | None) -> Printhead | AugmentedPrinthead:
-    """The head of a printhead.json, with its effects where it has such; or the published one."""
-    return Printhead.published() if path is None else read_printhead(path)
-
-
 @functools.cache
 def _best_known_entries() -> dict[str, Any]:
-    file = resources.files("experiments") / BEST_KNOWN_FILE
+    file = data_file(BEST_KNOWN_FILE)
     if not file.is_file():
         return {}
     return json.loads(file.read_text(encoding="utf-8"))["problems"]

@@ -13,18 +13,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments import comparison_page, pictures
-from experiments.bench import BenchOutcome
-from experiments.comparison import Comparison
-from experiments.runs import RunResult
-from experiments.statistics import Summary
-from experiments.suite import VERSION, problem
+from experiments.benchmark import page
+from experiments.benchmark.analysis import Comparison
+from experiments.benchmark.mean_ranks import Summary
+from experiments.benchmark.run_files import RunResult
+from experiments.benchmark.settings import BenchOutcome
+from experiments.benchmark.suite import VERSION, problem
+from inkjet_env.reporting import plotting
 from inkjet_env.storage import json_text, write_atomically
 
 RANKING_FORMAT = "ranking/1"
 GENERATION = 40
 """Evaluations of the paper's first generation."""
-FLOOR_V = 1e-6
 CSV_COLUMNS = (
     *("optimizer", "mean_rank", "mean_rank_low", "mean_rank_high", "problem", "runs"),
     *("median_regret_V", "regret_low_V", "regret_high_V"),
@@ -44,14 +44,14 @@ def write_report(outcome: BenchOutcome, summary: Summary) -> tuple[Path, dict[st
     ranking = ranking_json(compared, summary)
     write_atomically(outcome.folder / "ranking.csv", ranking_csv(summary))
     write_atomically(outcome.folder / "ranking.json", json_text(ranking))
-    page = outcome.folder / "report.html"
+    file = outcome.folder / "report.html"
     settings = outcome.settings
     shown = "nominal" if "nominal" in settings.problems else settings.problems[0]
     runs = [r for r in outcome.results if (r.key.optimizer, r.key.problem) == (summary.winner, shown)]
     run = median_run(runs or outcome.results)
-    waveforms = pictures.svg_text(before_after_figure(run))
-    write_atomically(page, comparison_page.page(compared, summary.sentences, run.key, waveforms))
-    return page, ranking
+    waveforms = plotting.svg_text(before_after_figure(run))
+    write_atomically(file, page.page(compared, summary.sentences, run.key, waveforms))
+    return file, ranking
 
 
 def ranking_json(compared: Comparison, summary: Summary) -> dict[str, Any]:
@@ -66,9 +66,9 @@ def ranking_json(compared: Comparison, summary: Summary) -> dict[str, Any]:
         "suite": VERSION,
         "settings": settings.to_json(),
         "sentences": [*compared.sentences("all", compared.budgets[-1]), *summary.sentences],
-        "problems": [comparison_page.problem_json(name) for name in compared.problems],
-        "entrants": [comparison_page.entrant_json(name, settings.budget_of(name)) for name in compared.optimizers],
-        "standings": {str(b): comparison_page.standings_json(compared, "all", b) for b in compared.budgets},
+        "problems": [page.problem_json(name) for name in compared.problems],
+        "entrants": [page.entrant_json(name, settings.budget_of(name)) for name in compared.optimizers],
+        "standings": {str(b): page.standings_json(compared, "all", b) for b in compared.budgets},
         "friedman_p": _number(summary.friedman_p),
         "critical_difference": _number(summary.critical_difference),
         "ranking": [
@@ -113,21 +113,6 @@ def ranking_csv(summary: Summary) -> str:
     return text.getvalue()
 
 
-def volts(value: float) -> str:
-    """A regret for people.
-
-    Examples
-    --------
-    >>> [volts(v) for v in (12.3456, 0.01234, 3e-9, float("nan"))]
-    ['12.35', '0.0123', '< 1e-6', '–']
-    """
-    if not math.isfinite(value):
-        return "–"
-    if abs(value) < FLOOR_V:
-        return "< 1e-6"
-    return f"{value:.2f}" if abs(value) >= 1 else f"{value:.3g}"
-
-
 def median_run(results: Sequence[RunResult]) -> RunResult:
     """The run whose final cost is the median (the better of the middle two)."""
     return sorted(results, key=lambda result: float(result.costs_V[-1]))[(len(results) - 1) // 2]
@@ -139,4 +124,4 @@ def before_after_figure(run: RunResult) -> Any:
     first, final = solved.respond(run.best_point(GENERATION)), solved.respond(run.best_point())
     last = run.budget
     titles = (f"best of the first {min(GENERATION, last)} evaluations", f"best of all {last:,} evaluations")
-    return pictures.draw_before_after(first, final, solved.cost, titles)
+    return plotting.draw_before_after(first, final, solved.cost, titles)

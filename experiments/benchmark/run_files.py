@@ -19,13 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from experiments.problems import Problem
-from experiments.suite import problem
-from experiments.versions import first_difference
+from experiments.benchmark.problem import Problem
+from experiments.benchmark.suite import problem
+from experiments.execution.provenance import first_difference
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.storage import json_text, write_atomically
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 RUN_FORMAT = "run/2"
 LABEL = b"inkjet"

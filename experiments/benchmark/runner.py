@@ -11,131 +11,25 @@ import json
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments.arguments import MAX_BUDGET
-from experiments.cluster import run_each, worker_count, workers_of
-from experiments.entrants import entrant
-from experiments.progress import shown_progress
-from experiments.runs import RunKey, RunResult, label_of, read_run, run_path, write_run
-from experiments.suite import BENCHED, problem
-from experiments.versions import code_digest, first_difference, versions
+from experiments.benchmark.entrants import entrant
+from experiments.benchmark.run_files import RunKey, RunResult, label_of, read_run, run_path, write_run
+from experiments.benchmark.settings import LEFT_OUT, SOURCES, BenchOutcome, BenchSettings
+from experiments.benchmark.suite import problem
+from experiments.execution.cluster import run_each, worker_count, workers_of
+from experiments.execution.provenance import code_digest, first_difference, versions
+from inkjet_env.progress import shown_progress
 from inkjet_env.storage import json_text, remove_unfinished, write_atomically
 
-BENCH_FORMAT = "bench/1"
-DEFAULT_BUDGET = 2000  # 40 particles × 50 generations
-DEFAULT_REPEATS = 15
-SOURCES = (
-    *("inkjet_env/*.py", "inkjet_env/printhead/**/*.py", "inkjet_env/plant/**/*.py", "inkjet_env/envs/**/*.py"),
-    "optimizers/**/*.py",
-    *("experiments/problems.py", "experiments/suite.py", "experiments/augmented_heads.json"),
-    *("experiments/entrants.py", "experiments/tuned.json"),
-)
-"""What decides a run's numbers; identification and diagnosis do not."""
-LEFT_OUT = dict.fromkeys(
-    ("nevergrad-NGOpt", "optuna-gp"),
-    "Left out unless asked for (--optimizers all): it takes as long as all others together, or longer.",
-)
-LONGEST = {"optuna-gp": 150, "nevergrad-NGOpt": 2000, "sb3-ppo-tuned": 2000, "sb3-sac-tuned": 2000}
-"""Evaluations after which the runs of some end, whatever the budget: beyond them a bench would take days."""
 REPEATS_A_JOB = 5
 """Runs that a worker does before it tells of them; a lost worker's are done again."""
 Ended = tuple[RunKey, RunResult | None, dict[str, float], str]
 """A run that has ended: its result, or None; seconds by what they were spent on; how it failed, in words."""
 SLOWEST_FIRST = ("optuna-", "sb3-", "nevergrad-", "cma-es", "lbfgsb", "scipy-dual")
-
-
-@dataclass(frozen=True)
-class BenchSettings:
-    """What a bench compares.
-
-    Parameters
-    ----------
-    problems, optimizers : tuple of str
-        Names.
-    repeats, budget : int
-        Runs of each pair, and evaluations of each run.
-    seed : int
-        All other seeds derive from it.
-    """
-
-    problems: tuple[str, ...]
-    optimizers: tuple[str, ...]
-    repeats: int = DEFAULT_REPEATS
-    budget: int = DEFAULT_BUDGET
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in self.problems:
-            problem(name)
-        for name in self.optimizers:
-            entrant(name)
-        for label, names in (("problems", self.problems), ("optimizers", self.optimizers)):
-            if not names:
-                raise ValueError(f"{label} must name at least one; got none.")
-            if len(set(names)) < len(names):
-                raise ValueError(f"{label} must not name one twice; got {', '.join(names)}.")
-        for label, count in (("repeats", self.repeats), ("budget", self.budget)):
-            if count < 1:
-                raise ValueError(f"{label} must be at least 1; got {count}.")
-            if count > MAX_BUDGET:
-                raise ValueError(f"{label} must be at most {MAX_BUDGET:,}; got {count}.")
-        longest = max(map(self.budget_of, self.optimizers))
-        if longest < self.budget:
-            raise ValueError(
-                f"budget must be at most {longest} for {', '.join(self.optimizers)} alone; got {self.budget}."
-            )
-
-    @classmethod
-    def default(cls, **changes: Any) -> BenchSettings:
-        """The usual problems, all optimisers but those `LEFT_OUT`; ``changes`` by name."""
-        import optimizers
-
-        compared = tuple(name for name in optimizers.names() if name not in LEFT_OUT)
-        return cls(**{"problems": BENCHED, "optimizers": compared, **changes})
-
-    def budget_of(self, optimizer: str) -> int:
-        """Evaluations of a run of that optimiser."""
-        return min(self.budget, LONGEST.get(optimizer, self.budget))
-
-    def to_json(self) -> dict[str, Any]:
-        """Everything that decides the results, as plain JSON values."""
-        return {
-            "format": BENCH_FORMAT,
-            "budget": self.budget,
-            "shorter": {name: self.budget_of(name) for name in self.optimizers if self.budget_of(name) < self.budget},
-            "repeats": self.repeats,
-            "seed": self.seed,
-            "optimizers": list(self.optimizers),
-            "options": {name: options for name in self.optimizers if (options := entrant(name).options)},
-            "problems": {name: problem(name).settings() for name in self.problems},
-            "code": code_digest(SOURCES),
-            "versions": versions(),
-        }
-
-
-@dataclass(frozen=True)
-class BenchOutcome:
-    """A finished bench.
-
-    Parameters
-    ----------
-    settings : BenchSettings
-    folder : Path
-    results : list of RunResult
-        In the order of problems, optimisers and repeats.
-    unavailable : dict of str to str
-        Optimisers that were left out, could not be run or broke down, and why; none of their runs is scored.
-    """
-
-    settings: BenchSettings
-    folder: Path
-    results: list[RunResult]
-    unavailable: dict[str, str]
 
 
 def open_folder(folder: Path, settings: BenchSettings) -> None:

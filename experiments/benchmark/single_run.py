@@ -9,18 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.arguments import MAX_BUDGET
-from experiments.problems import Problem
-from experiments.progress import shown_progress
-from experiments.runs import first_other_cost
+from experiments.benchmark.problem import MAX_BUDGET, Problem
+from experiments.benchmark.run_files import first_other_cost
+from inkjet_env.progress import shown_progress
 from inkjet_env.storage import archive_bytes, write_atomically
+from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
     from optimizers.loop import Run
 
-Real = NDArray[np.float64]
 
 RECORD_FORMAT = "evaluations/1"
 OPTIMUM_FORMAT = "optimum/1"

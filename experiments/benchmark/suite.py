@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 
-from experiments.augmented_heads import HEADS, augmented_head
-from experiments.problems import Problem, Spread
+from experiments.benchmark.augmented_heads import HEADS, augmented_head
+from experiments.benchmark.problem import Problem, Spread
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, check_name
 
 VERSION = 2
@@ -39,7 +39,7 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
     ``train``
         Drops at a jetting frequency, in the steady state: each meets what those before it left ringing.
     ``augmented``
-        Heads with an effect, as a diagnosis found them; see `experiments.augmented_heads`.
+        Heads with an effect, as a diagnosis found them; see `experiments.benchmark.augmented_heads`.
     """
     published = Printhead.published()
     varied = published.varied

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from experiments.arguments import check_outputs
-from experiments.options import JsonFile
+from inkjet_env.cli.arguments import check_outputs
+from inkjet_env.cli.options import JsonFile
 
 INTERRUPTED = 130
 FALLS_SHORT = 1
@@ -93,11 +93,11 @@ def _proved(
     report: Path,
 ) -> int:
     """Do the proof, write and print what it came to; the exit status."""
-    from experiments import cluster
-    from experiments.proof.judging import judge_case, questions
-    from experiments.proof.page import write_page
-    from experiments.proof.printed import print_score
-    from experiments.proof.run import Steps, answer_case, conceal_case, prove
+    from experiments.execution import cluster
+    from experiments.proof.judge import judge_case, questions
+    from experiments.proof.printing import print_score
+    from experiments.proof.protocol import Steps, answer_case, conceal_case, prove
+    from experiments.proof.report import write_page
     from experiments.proof.score import score
     from experiments.proof.sealing import open_folder
     from inkjet_env.storage import json_text, write_atomically, write_json

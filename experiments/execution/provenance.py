@@ -47,7 +47,7 @@ def code_digest(patterns: Iterable[str]) -> str:
     ValueError
         A pattern matches no file: whatever it was meant for would silently be missing from the digest.
     """
-    root = Path(__file__).resolve().parents[1]
+    root = Path(__file__).resolve().parents[2]
     found: set[Path] = set()
     for pattern in patterns:
         matching = {file for file in root.glob(pattern) if file.is_file()}

@@ -5,7 +5,7 @@ that it never saw gets its waveform at once, or a warm start. Four ways of learn
 nothing, are compared on one ledger, in which every evaluation of a waveform counts, those of training too; one with its
 gradient counts as one. Everything that learns is learnt several times.
 
-``python -m experiments.amortised`` trains, tests and tells; what a folder holds is not done again.
+``python -m experiments.learning.amortised`` trains, tests and tells; what a folder holds is not done again.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.comparison import as_json
-from experiments.drawn_heads import TEST_SEED, Heads, Real, drawn
-from experiments.learners import LEARNERS, Begun, Table, one_waveform, table_of, tuned_costs_V
-from experiments.measures import Places, crossed
-from experiments.trainings import (
+from experiments.benchmark.metrics import Places, as_json, crossed
+from experiments.learning.heads import TEST_SEED, Heads, Real, drawn
+from experiments.learning.learners import LEARNERS, Begun, Table, one_waveform, table_of, tuned_costs_V
+from experiments.learning.repeated_training import (
     RESAMPLES,
     Arrays,
     behind,
@@ -273,7 +272,7 @@ def legend(found: Mapping[str, Any]) -> str:
 
 def print_study(found: Mapping[str, Any]) -> None:
     """The table for people."""
-    from experiments.tables import print_table
+    from inkjet_env.reporting.tables import print_table
 
     print_table(*table(found))
     print(legend(found))

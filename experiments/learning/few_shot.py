@@ -1,10 +1,9 @@
 """A few tries on a head that nobody knows: what to expect of whom on ``inkjet_env/TuneWaveform-v0``.
 
-``python -m experiments.few_tries`` has optimisers spend the tries from scratch, fires one waveform for all heads, goes
-on from it by CMA-ES, fires a list of waveforms, as it is or stretched to the period that rings after a pulse, and
-trains an agent that sees the peaks; all on the same heads, which nobody saw before. What learning took is counted in
-evaluations; everything that learns is learnt several times. A folder keeps what was learnt and tried.
-"""
+``python -m experiments.learning.few_shot`` has optimisers spend the tries from scratch, fires one waveform for all
+heads, goes on from it by CMA-ES, fires a list of waveforms, as it is or stretched to the period that rings after a
+pulse, and trains an agent that sees the peaks; all on the same heads, which nobody saw before. What learning took is
+counted in evaluations; everything that learns is learnt several times. A folder keeps what was learnt and tried."""
 
 from __future__ import annotations
 
@@ -15,8 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from experiments.drawn_heads import TEST_SEED, Heads, Real
-from experiments.trainings import (
+from experiments.learning.few_shot_tuners import (
+    SCRATCH,
+    Agent,
+    Tuner,
+    for_all,
+    kept_costs_V,
+    lists,
+    scratch,
+    trained_agent,
+)
+from experiments.learning.heads import TEST_SEED, Heads, Real
+from experiments.learning.repeated_training import (
     Arrays,
     behind,
     best_costs_V,
@@ -29,7 +38,6 @@ from experiments.trainings import (
     seeds,
     spread_of,
 )
-from experiments.tuners import SCRATCH, Agent, Tuner, for_all, kept_costs_V, lists, scratch, trained_agent
 from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
 from inkjet_env.storage import json_text, write_atomically
 
@@ -175,7 +183,7 @@ def legend(found: Mapping[str, Any]) -> str:
 
 def print_study(found: Mapping[str, Any]) -> None:
     """The table for people."""
-    from experiments.tables import print_table
+    from inkjet_env.reporting.tables import print_table
 
     print_table(*table(found))
     print(legend(found))

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inkjet_env.envs.task import WaveformTask, make_task
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 TEST_SEED, TRAIN_SEED = 10**12, 10_000
 """What is learnt from is drawn from seeds far below what is tested on."""

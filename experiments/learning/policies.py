@@ -18,8 +18,7 @@ from inkjet_env.envs.task import CONTEXT_NAMES
 from inkjet_env.printhead import check_name
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.storage import archive_bytes, write_atomically
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 POLICY_FORMAT = "policy/1"
 ENDS = ("clip", "tanh")

@@ -21,14 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.cluster import ClusterError, run_each, workers_of
-from experiments.comparison import as_json
-from experiments.drawn_heads import Heads, Real, descended
-from experiments.measures import Places, crossed
-from experiments.policies import Policy, PolicyFileError
-from experiments.progress import shown_progress
-from experiments.versions import code_digest, first_difference, versions
+from experiments.benchmark.metrics import Places, as_json, crossed
+from experiments.execution.cluster import ClusterError, run_each, workers_of
+from experiments.execution.provenance import code_digest, first_difference, versions
+from experiments.learning.heads import Heads, Real, descended
+from experiments.learning.policies import Policy, PolicyFileError
 from inkjet_env.envs.task import CONTEXT_NAMES
+from inkjet_env.progress import shown_progress
 from inkjet_env.storage import archive_bytes, remove_unfinished, write_atomically
 
 Arrays = dict[str, NDArray[Any]]
@@ -44,7 +43,7 @@ LEAST = {"evaluations": 1, "heads": 2, "labelling": 1, "seed": 0, "trainings": 1
 SOURCES = (
     *("inkjet_env/*.py", "inkjet_env/printhead/**/*.py", "inkjet_env/plant/**/*.py", "inkjet_env/envs/**/*.py"),
     "optimizers/**/*.py",
-    *(f"experiments/{name}.py" for name in ("drawn_heads", "learners", "policies", "tuners")),
+    *(f"experiments/learning/{name}.py" for name in ("heads", "learners", "policies", "few_shot_tuners")),
 )
 """What decides the numbers of a study."""
 

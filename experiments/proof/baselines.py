@@ -29,8 +29,8 @@ def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -
     dict
         ``over_noise`` by peer, ``judged`` by peer, and whether the diagnosis said the ``same`` again.
     """
-    from experiments.diagnosis_peers import PEERS, compared, verdict_on
-    from experiments.peer_sindy import said
+    from experiments.validation.baselines.compare import PEERS, compared, verdict_on
+    from experiments.validation.baselines.sindy import said
     from inkjet_env.mismatch import diagnose
     from inkjet_env.recordings import read_campaign
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import pictures
 from experiments.proof.corpus import STAGES
-from experiments.verdict_scores import OUTCOMES
+from experiments.validation.verdict_scores import OUTCOMES
+from inkjet_env.reporting import plotting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,11 +24,11 @@ NOTHING_AT = 0.03
 
 def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Share detected, and rightly named, against strength, with 90 % intervals."""
-    figure, axes = pictures.new_figure(WIDTH, 3.5)
+    figure, axes = plotting.new_figure(WIDTH, 3.5)
     at = [row["rho"] if row["strength"] != "nothing" else NOTHING_AT for row in rows]
     for name, label, colour, mark in (
-        ("detected", "something found", pictures.COLOURS[0], "o"),
-        ("right", "right name or right set", pictures.COLOURS[1], "s"),
+        ("detected", "something found", plotting.COLOURS[0], "o"),
+        ("right", "right name or right set", plotting.COLOURS[1], "s"),
     ):
         shown = [(x, row[name]) for x, row in zip(at, rows, strict=True) if row[name] is not None]
         x = np.array([place for place, _ in shown]) * (1.0 if name == "detected" else 1.04)
@@ -51,7 +51,7 @@ def confusion_figure(table: Mapping[str, Mapping[str, int]]) -> Figure:
     """Rows: what was concealed; columns: what was said; numbers: heads. Blue is right, orange wrong, grey abstained."""
     rows = [name for name, counts in table.items() if sum(counts.values())]
     columns = [*STAGES, *OUTCOMES]
-    figure, axes = pictures.new_figure(8.6, 1.9 + 0.235 * len(rows))
+    figure, axes = plotting.new_figure(8.6, 1.9 + 0.235 * len(rows))
     share = np.array([[table[row][column] / sum(table[row].values()) for column in columns] for row in rows])
     image = np.ones((*share.shape, 3))
     for i, row in enumerate(rows):
@@ -106,8 +106,8 @@ def _words(name: str) -> str:
 def closures_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Closure on fresh drives, a dot a head, by effect."""
     names = [name for name in STAGES if any(row["effect"] == name for row in rows)]
-    figure, axes = pictures.new_figure(WIDTH, 1.3 + 0.2 * max(len(names), 4))
-    for strength, colour, shift in (("strong", pictures.COLOURS[0], -0.14), ("medium", pictures.COLOURS[4], 0.14)):
+    figure, axes = plotting.new_figure(WIDTH, 1.3 + 0.2 * max(len(names), 4))
+    for strength, colour, shift in (("strong", plotting.COLOURS[0], -0.14), ("medium", plotting.COLOURS[4], 0.14)):
         mine = [row for row in rows if row["strength"] == strength]
         x = [max(row["closure"], -0.5) for row in mine]
         y = [names.index(row["effect"]) + shift for row in mine]
@@ -125,12 +125,12 @@ def closures_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
 def worth_figure(heads: Sequence[Mapping[str, Any]]) -> Figure:
     """Peak cost on the concealed head of the three waveforms, a line a head, the largest gain first."""
     order = sorted(heads, key=lambda head: head["oracle"] - head["base"])
-    figure, axes = pictures.new_figure(WIDTH, 1.3 + 0.2 * max(len(order), 4))
+    figure, axes = plotting.new_figure(WIDTH, 1.3 + 0.2 * max(len(order), 4))
     at = np.arange(len(order))
     base, augmented, oracle = (np.array([head[name] for head in order]) for name in ("base", "augmented", "oracle"))
-    axes.hlines(at, np.minimum(base, oracle), np.maximum(base, oracle), color=pictures.GREY, lw=0.8)
-    axes.plot(base, at, "o", color=pictures.COLOURS[1], mfc="white", ms=5, label="of the base model")
-    axes.plot(augmented, at, "o", color=pictures.COLOURS[0], ms=4, label="of the augmented model")
+    axes.hlines(at, np.minimum(base, oracle), np.maximum(base, oracle), color=plotting.GREY, lw=0.8)
+    axes.plot(base, at, "o", color=plotting.COLOURS[1], mfc="white", ms=5, label="of the base model")
+    axes.plot(augmented, at, "o", color=plotting.COLOURS[0], ms=4, label="of the augmented model")
     axes.plot(oracle, at, "|", color="#222222", ms=9, mew=1.6, label="of the head itself")
     axes.set_yticks(at, [_words(" + ".join(head["effects"])) for head in order], fontsize=7)
     axes.set(ylim=(len(order) - 0.4, -0.6))

@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from experiments.execution.provenance import code_digest
 from experiments.proof.campaign_files import ProofError
 from experiments.proof.concealment import plant_of
 from experiments.proof.corpus import Draw
 from experiments.proof.sealing import JUDGE_SOURCES
-from experiments.versions import code_digest
 
 COMPARED = {
     ("amplifier_bandwidth", "bandwidth_Hz"): ("bandwidth_Hz", ("first_order",)),
@@ -49,7 +49,7 @@ def questions(draws: Sequence[Draw], reoptimise: int, baselines: int) -> dict[in
         How many heads have their waveform optimised anew, and on how many campaigns the peers are tried: of strong
         effects that fresh drives show, taken in turn from all of them.
     """
-    from experiments.proof.closure import UNFORETOLD
+    from experiments.proof.fresh_drive_error import UNFORETOLD
 
     turns: Counter[str] = Counter()
     shown = []
@@ -78,7 +78,7 @@ def judge_case(
     case : dict
         As sealed: draw, attempt, truth.
     answer : dict
-        See `blind.diagnose_blind`.
+        See `blind_run.diagnose_blind`.
     packed : bytes
         The campaign.
     asked : dict
@@ -103,18 +103,18 @@ def judge_case(
     found = nothing | {"parameters": parameters(verdict, truth), "location": located(verdict, truth)}
     plant = plant_of(draw, case["attempt"], rig)
     if draw.family in ("effect", "pair", "outside", "base"):
-        from experiments.proof.closure import UNFORETOLD, closure, model_of
+        from experiments.proof.fresh_drive_error import UNFORETOLD, closure, model_of
 
         base, augmented = model_of(answer["base"]), model_of(answer["augmented"])
         if not set(draw.effects) & set(UNFORETOLD):
             found["fresh"] = closure(base, augmented, plant, draw.case_seed(case["attempt"]))
             found["closure"] = found["fresh"]["closure"]
         if asked.get("reoptimise"):
-            from experiments.proof.worth import reoptimised
+            from experiments.proof.waveform_gain import reoptimised
 
             found["reoptimised"] = reoptimised(base.head, augmented.head, plant, draw.number)
     if asked.get("baselines"):
-        from experiments.proof.rivals import baselines
+        from experiments.proof.baselines import baselines
 
         found["baselines"] = baselines(packed, draw.effects, verdict)
     return found

@@ -35,7 +35,7 @@ def interval_text(figure: Mapping[str, Any]) -> str:
 
 def print_score(found: Mapping[str, Any]) -> None:
     """Print the table, and how many figures fall short."""
-    from experiments.tables import print_table
+    from inkjet_env.reporting.tables import print_table
 
     marks = {True: "yes", False: "SHORT", None: ""}
     rows = []

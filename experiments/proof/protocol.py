@@ -12,9 +12,9 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from experiments.cluster import run_each
-from experiments.progress import shown_progress
-from experiments.proof.blind import diagnose_blind
+from experiments.execution.cluster import run_each
+from experiments.execution.provenance import code_digest
+from experiments.proof.blind_run import diagnose_blind
 from experiments.proof.campaign_files import ProofError, digest, pack, unpack
 from experiments.proof.concealment import conceal, families
 from experiments.proof.corpus import Draw, corpus, opaque_name
@@ -33,7 +33,7 @@ from experiments.proof.sealing import (
     unseal,
     verified_manifest,
 )
-from experiments.versions import code_digest
+from inkjet_env.progress import shown_progress
 from inkjet_env.storage import UNFINISHED, json_text, write_atomically
 
 JUDGED_FORMAT = "proof-judged/1"
@@ -87,7 +87,7 @@ def conceal_case(draw: Mapping[str, Any], name: str, rig: str, code: str) -> tup
 
 
 def answer_case(name: str, packed: bytes, sealed_digest: str, code: str) -> dict[str, Any]:
-    """What `blind.diagnose_blind` says of a campaign, at a worker."""
+    """What `blind_run.diagnose_blind` says of a campaign, at a worker."""
     _check_code("finder", SOURCES["finder"], code)
     return diagnose_blind(name, packed, sealed_digest)
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from experiments.pictures import svg_text
 from experiments.proof import figures
-from experiments.proof.printed import figure_text, interval_text
+from experiments.proof.printing import figure_text, interval_text
+from inkjet_env.reporting.plotting import svg_text
 from inkjet_env.storage import write_atomically
 
 MOST_WORTH_SHOWN = 100
@@ -29,7 +29,7 @@ def page_html(found: Mapping[str, Any]) -> str:
     """The page as text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
+    environment = Environment(loader=PackageLoader("experiments.proof"), autoescape=True, undefined=StrictUndefined)
     environment.filters["figure"] = figure_text
     environment.filters["interval"] = interval_text
     heads = found["worth"]["heads"][:MOST_WORTH_SHOWN]

@@ -1,6 +1,6 @@
 """The process that diagnoses blind: ``inkjet`` as ever, but watched, and unable to load the concealed plant.
 
-``python -m experiments.proof.watched diagnose head-… --json verdict.json``. Beside what the command writes, the current
+``python -m experiments.proof.sandbox diagnose head-… --json verdict.json``. Beside what the command writes, the current
 folder receives `SEEN`: every path and address that Python opened or listed outside the installation and that folder.
 """
 
@@ -14,8 +14,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-FORBIDDEN = ("experiments.concealed_rig", "experiments.proof")
-ALLOWED = ("experiments.proof", "experiments.proof.command", "experiments.proof.watched")
+FORBIDDEN = ("experiments",)
+ALLOWED = ("experiments", "experiments.proof", "experiments.proof.sandbox")
 PACKAGES = ("inkjet_env", "optimizers", "experiments")
 SYSTEM = ("/dev", "/proc", "/sys", "/etc", "/usr", "/bin", "/lib", "/lib64", "/opt")
 SEEN = "seen.json"
@@ -70,7 +70,7 @@ def main() -> None:
     end_with_parent(int(os.environ.get(PARENT, os.getppid())))
     scratch, seen = Path.cwd(), set[str]()
     watch(seen)
-    from experiments.cli import main as inkjet
+    from inkjet_env.cli.app import main as inkjet
 
     try:
         inkjet(sys.argv[1:])

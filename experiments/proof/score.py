@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.execution.provenance import code_digest, versions
 from experiments.proof.corpus import STAGES
-from experiments.proof.figures_of_merit import Figure, counted, estimated, finite
+from experiments.proof.criteria import Figure, counted, estimated, finite
 from experiments.proof.sealing import JUDGE_SOURCES
-from experiments.verdict_scores import OUTCOMES, Told, confusion, f1
-from experiments.versions import code_digest, versions
+from experiments.validation.verdict_scores import OUTCOMES, Told, confusion, f1
 
 if TYPE_CHECKING:
-    from experiments.proof.run import Outcome
+    from experiments.proof.protocol import Outcome
 
 SCORE_FORMAT = "proof-score/1"
 ALARMS = ("named", "set", "unknown")

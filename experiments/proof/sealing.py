@@ -20,20 +20,23 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from experiments.execution.provenance import code_digest, first_difference, versions
 from experiments.proof.campaign_files import ProofError, check_campaign_only, digest
 from experiments.proof.concealment import RIG
 from experiments.proof.corpus import PUBLISHED_SEED, STAGES, VERSION
-from experiments.versions import code_digest, first_difference, versions
 from inkjet_env.storage import UNFINISHED, json_text, remove_unfinished, write_atomically
 
 SETTINGS, MANIFEST, ANSWERS = "proof.json", "manifest.json", "answers.json"
 PARTS = ("sealed/cases", "campaigns", "answers", "judged")
 SOURCES = {
     "rig": ("experiments/concealed_rig/**/*.py", "experiments/proof/corpus.py"),
-    "finder": ("inkjet_env/**/*.py", "experiments/*.py"),
+    "finder": ("inkjet_env/**/*.py",),
 }
 """What decides the campaigns, and what decides the answers."""
-JUDGE_SOURCES = (*SOURCES["rig"], *SOURCES["finder"], "optimizers/**/*.py", "experiments/proof/*.py")
+JUDGE_SOURCES = (
+    *(*SOURCES["rig"], *SOURCES["finder"], "optimizers/**/*.py", "experiments/proof/*.py"),
+    *(f"experiments/{room}/**/*.py" for room in ("execution", "benchmark", "validation")),
+)
 
 
 @dataclass(frozen=True)

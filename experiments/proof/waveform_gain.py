@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.problems import Problem
+from experiments.benchmark.problem import Problem
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Bounds, Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 STARTS, BUDGET = 4, 600
 """Searches of one objective, and evaluations of each."""

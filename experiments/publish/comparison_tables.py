@@ -1,8 +1,7 @@
 """The tables of a comparison in Markdown, for its record in ``docs``.
 
-``python -m experiments.comparison_document FOLDER`` prints those of a bench's ranking.json and of what else lies in the
-folder: beating.json (the attack on the best known costs), amortised.json and few_tries.json.
-"""
+``python -m experiments.publish.comparison_tables FOLDER`` prints those of a bench's ranking.json and of what else lies
+in the folder: beating.json (the attack on the best known costs), amortised.json and few_tries.json."""
 
 from __future__ import annotations
 
@@ -15,12 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments import amortised, beating, few_tries
-from experiments.comparison import scale_V
-from experiments.jetting import jetting
-from experiments.report import RANKING_FORMAT
-from experiments.suite import family_of, suite
-from experiments.tables import markdown_table, standings_table
+from experiments.benchmark.jetting import jetting
+from experiments.benchmark.ranking_tables import standings_table
+from experiments.benchmark.regret import scale_V
+from experiments.benchmark.report import RANKING_FORMAT
+from experiments.benchmark.studies import challenge_best_known
+from experiments.benchmark.suite import family_of, suite
+from experiments.learning import amortised, few_shot
+from inkjet_env.reporting.tables import markdown_table
 
 Content = Mapping[str, Any]
 
@@ -80,7 +81,7 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
         A file is of another format.
     """
     ranking = _read(folder / "ranking.json", RANKING_FORMAT)
-    tried = _read(folder / "beating.json", beating.FORMAT)
+    tried = _read(folder / "beating.json", challenge_best_known.FORMAT)
     if tried is not None:
         yield "Problems", problems_table(tried)
         yield "At the press", press_table()
@@ -89,7 +90,7 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
         for budget, found in ranking["standings"].items():
             said = "\n".join(f"* {text}" for text in found["sentences"])
             yield f"After {int(budget):,} evaluations", f"{said}\n\n{markdown_table(*standings_table(found))}"
-    for name, module in (("amortised", amortised), ("few_tries", few_tries)):
+    for name, module in (("amortised", amortised), ("few_tries", few_shot)):
         if (kept := _read(folder / f"{name}.json", module.FORMAT)) is not None:
             yield module.TITLE, f"{markdown_table(*module.table(kept))}\n\n{module.legend(kept)}"
 
@@ -105,7 +106,7 @@ def _read(file: Path, expected: str) -> dict[str, Any] | None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.comparison_document", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m experiments.publish.comparison_tables", description=__doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     folder = parser.parse_args(arguments).folder
     try:

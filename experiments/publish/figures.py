@@ -1,4 +1,4 @@
-"""The pictures of README and docs: ``python -m experiments.figures`` draws ``docs/figures/*.png``."""
+"""The pictures of README and docs: ``python -m experiments.publish.figures`` draws ``docs/figures/*.png``."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments import pictures
-from experiments.figure7 import GENERATIONS, reproduce
-from experiments.identification_study import published_loop
-from experiments.report import RANKING_FORMAT
+from experiments.benchmark.report import RANKING_FORMAT
+from experiments.benchmark.studies.figure7 import GENERATIONS, reproduce
+from experiments.validation.identification_study import published_loop
+from inkjet_env.reporting import plotting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FOLDER = Path(__file__).parent.parent / "docs" / "figures"
+FOLDER = Path(__file__).parents[2] / "docs" / "figures"
 SHOWN_SEED = 2
-"""A seed under which the swarm reaches the best optimum known; `experiments.figure7` lists how the others end."""
-RANKING = Path(__file__).parent.parent / "docs" / "comparison" / "ranking.json"
+"""A seed under which the swarm reaches the best optimum known; `studies.figure7` lists how the others end."""
+RANKING = Path(__file__).parents[2] / "docs" / "comparison" / "ranking.json"
 COMPARED = (
     *("scipy-differential-evolution", "scipy-differential-evolution-tuned", "lbfgsb-multistart", "bipop-cma-es"),
     *("pso", "pso-printed", "coordinate", "sb3-ppo", "optuna-gp", "nevergrad-NGOpt", "random"),
@@ -33,7 +33,7 @@ def before_after() -> Figure:
     """Drive and response at generation 1 beside generation 50."""
     run = reproduce(SHOWN_SEED)
     titles = ("generation 1", f"generation {GENERATIONS}")
-    return pictures.draw_before_after(run.response(1), run.response(GENERATIONS), run.problem.cost, titles)
+    return plotting.draw_before_after(run.response(1), run.response(GENERATIONS), run.problem.cost, titles)
 
 
 def comparison() -> Figure:
@@ -47,7 +47,7 @@ def comparison() -> Figure:
             quality = row["quality"]
             if row["optimizer"] in found and quality["value"] is not None:
                 found[row["optimizer"]].append((int(budget), quality["low"], quality["value"], quality["high"]))
-    return pictures.draw_regrets({name: np.array(rows).T for name, rows in found.items() if rows})
+    return plotting.draw_regrets({name: np.array(rows).T for name, rows in found.items() if rows})
 
 
 def published_hysteresis() -> Figure:
@@ -60,18 +60,18 @@ def published_hysteresis() -> Figure:
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     against, around, left = figure.subplots(1, 3)
     choice = found.degree
-    against.semilogy(choice.degrees, np.square(choice.rms_error), "o-", color=pictures.AFTER, ms=4)
+    against.semilogy(choice.degrees, np.square(choice.rms_error), "o-", color=plotting.AFTER, ms=4)
     chosen = choice.by_flattening
-    against.semilogy(chosen, choice.rms_error[chosen - 1] ** 2, "o", ms=11, mfc="none", color=pictures.BEFORE)
+    against.semilogy(chosen, choice.rms_error[chosen - 1] ** 2, "o", ms=11, mfc="none", color=plotting.BEFORE)
     against.annotate(
         f"n = {chosen}", (chosen, choice.rms_error[chosen - 1] ** 2), (0, 14), textcoords="offset points", ha="center"
     )
     against.set(xlabel="degree n of Q", ylabel="squared error / noise", title="B  error against degree")
     around.plot(loop.drive_V, loop.measured, ".", ms=7, color="#c9c9c9", label="measured")
-    around.plot(loop.drive_V, loop.modelled, color=pictures.AFTER, lw=1.4, label="branch law of degree 8")
+    around.plot(loop.drive_V, loop.modelled, color=plotting.AFTER, lw=1.4, label="branch law of degree 8")
     around.set(xlabel="drive (V)", ylabel="strain gauge (V)", title="C  90 sin t loop")
     around.legend(frameon=False, loc="upper left")
-    left.plot(loop.time_s, 100 * loop.difference / swing, color=pictures.AFTER, lw=0.8)
+    left.plot(loop.time_s, 100 * loop.difference / swing, color=plotting.AFTER, lw=0.8)
     left.set(xlabel="time (s)", ylabel="measured − modelled (% of swing)", title="D  what the model leaves")
     return figure
 
@@ -84,8 +84,8 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 
 
 def main() -> None:
-    """Draw the chosen pictures."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.figures", description=__doc__)
+    """Draw the chosen plotting."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.publish.figures", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="name", help=f"of {', '.join(FIGURES)}; all unless given")
     names = parser.parse_args().names or list(FIGURES)
     if unknown := [name for name in names if name not in FIGURES]:
@@ -93,7 +93,7 @@ def main() -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name in names:
         path = FOLDER / f"{name}.png"
-        pictures.write_picture(path, FIGURES[name]())
+        plotting.write_picture(path, FIGURES[name]())
         print(path)
 
 

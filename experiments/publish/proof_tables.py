@@ -1,8 +1,7 @@
 """The tables of a proof in Markdown, for its record in ``docs``.
 
-``python -m experiments.proof.document FOLDER`` prints them, and draws the pictures with ``--figures``. Of a folder
-the kept judgements are counted again, held against both commitments; the campaigns need not be there.
-"""
+``python -m experiments.publish.proof_tables FOLDER`` prints them, and draws the pictures with ``--figures``. Of a
+folder the kept judgements are counted again, held against both commitments; the campaigns need not be there."""
 
 from __future__ import annotations
 
@@ -14,11 +13,11 @@ from typing import Any
 
 from experiments.proof.campaign_files import ProofError
 from experiments.proof.corpus import STAGES
-from experiments.proof.printed import figure_text, interval_text
-from experiments.proof.run import as_judged
+from experiments.proof.printing import figure_text, interval_text
+from experiments.proof.protocol import as_judged
 from experiments.proof.score import SCORE_FORMAT, score
 from experiments.proof.sealing import read_json
-from experiments.tables import markdown_table
+from inkjet_env.reporting.tables import markdown_table
 from inkjet_env.storage import write_json
 
 DPI = 110
@@ -163,7 +162,7 @@ def draw(found: Mapping[str, Any], folder: Path) -> None:
 
 def main() -> None:
     """Print the tables of a score."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.proof.document", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m experiments.publish.proof_tables", description=__doc__)
     parser.add_argument("score", type=Path, metavar="FOLDER", help="a judged proof's, or a score.json")
     parser.add_argument("--out", type=Path, help="score.json to write")
     parser.add_argument("--figures", type=Path, help="folder to draw the pictures into")

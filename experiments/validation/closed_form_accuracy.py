@@ -1,7 +1,7 @@
 """Peaks of the closed form against a 80-digit reference that shares no formula with it.
 
-``python -m experiments.accuracy`` draws waveforms (ordinary, with durations from 0.1 ns to 1 ms, and degenerate ones),
-finds every extremum of the response a second way, and prints the largest differences.
+``python -m experiments.validation.closed_form_accuracy`` draws waveforms (ordinary, with durations from 0.1 ns to 1 ms,
+and degenerate ones), finds every extremum of the response a second way, and prints the largest differences.
 
 The reference writes dv/du of the bipolar trapezoid down edge by edge, solves each piece as particular polynomial plus
 ring-down in mpmath, scans y' on a grid of thousands of points an edge (in 80-bit floats) and refines each change of
@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.printhead import Bounds, Printhead, Waveform
+from inkjet_env.typing import Real
 
 DIGITS = 80
 SCAN_POINTS = 1500
 WINDOW_S = 350e-6
 
 
-def draw_waveforms(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+def draw_waveforms(rng: np.random.Generator, count: int) -> Real:
     """Waveforms, shape (count, 7): 60 % ordinary, 20 % with log-uniform durations 0.1 ns…1 ms, 20 % degenerate."""
     waveforms = Bounds().from_unit(rng.uniform(-1, 1, (count, 7)))
     extreme = np.arange(count) % 5 == 3

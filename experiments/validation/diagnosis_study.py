@@ -1,4 +1,4 @@
-"""How well the diagnosis tells its own effects apart: python -m experiments.diagnosis_study [PART ...].
+"""How well the diagnosis tells its own effects apart: python -m experiments.validation.diagnosis_study [PART ...].
 
 Parts: null (nothing planted), single (each effect, strong and medium), pairs (two of different stages), withheld
 (each effect planted and taken out of the catalogue), summary. Every case is one line of results/diagnosis/cases.jsonl;
@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.planted import MEDIUM, STRONG, effect_named, planted, record_planted
-from experiments.progress import shown_progress
-from experiments.verdict_scores import OUTCOMES, Told, confusion, f1, share
+from experiments.validation.synthetic_campaigns import MEDIUM, STRONG, effect_named, planted, record_planted
+from experiments.validation.verdict_scores import OUTCOMES, Told, confusion, f1, share
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import diagnose
 from inkjet_env.plant import Effect, catalogue
 from inkjet_env.printhead import Printhead
+from inkjet_env.progress import shown_progress
 from inkjet_env.recordings import Campaign
 
 RESULTS = Path("results/diagnosis/cases.jsonl")

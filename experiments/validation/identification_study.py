@@ -1,4 +1,4 @@
-"""How well identification does, in figures: ``python -m experiments.identification_study``.
+"""How well identification does, in figures: ``python -m experiments.validation.identification_study``.
 
 ``published``: the published head's hysteresis from one 90 V loop, as the paper's section 3.1.
 ``heads``: random heads at 40 dB; errors, whether the intervals cover, seconds a head.
@@ -16,16 +16,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.progress import shown_progress
 from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_NAMES, CONTEXT_UPPER
 from inkjet_env.identification import Identification, identify, in_convention
 from inkjet_env.printhead import BranchLaw, Printhead
+from inkjet_env.progress import shown_progress
 from inkjet_env.recordings import Campaign, Recording, read_campaign
 from inkjet_env.rig import record_campaign
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 SNR_dB = 40.0
 HEADS = 50

@@ -1,10 +1,10 @@
 """Speed of the plant, in one run on one core: against SciPy's integrator at the same accuracy, and what effects cost.
 
-``python -m experiments.plant_speed`` prints both. The rivals answer the same question: the speed of a head with a cubic
-spring at the samples of a bipolar pulse, from rest, the hysteretic drive being given and linear between nodes. Errors
-are against SciPy's integrator at the tightest tolerance; a rival's tolerance is the loosest of a ladder that is as good
-as the plant. It goes from corner to corner of the drive, as it does best; its equation is Python, as users write it.
-"""
+``python -m experiments.validation.plant_speed`` prints both. The rivals answer the same question: the speed of a head
+with a cubic spring at the samples of a bipolar pulse, from rest, the hysteretic drive being given and linear between
+nodes. Errors are against SciPy's integrator at the tightest tolerance; a rival's tolerance is the loosest of a ladder
+that is as good as the plant. It goes from corner to corner of the drive, as it does best; its equation is Python, as
+users write it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.speed import best_seconds
+from experiments.validation.simulator_speed import best_seconds
 from inkjet_env.plant import Plant, Resonance, Shot, catalogue
 from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
 
 REPETITIONS = 15
 CALLS = 50
@@ -31,8 +31,6 @@ STIFFENING_PER_V2 = 2e-6
 LADDER = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7)
 FINEST = 3e-13
 EFFECTS = ("cubic_stiffness", "wave_echo", "second_mode")
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -123,7 +121,7 @@ def costs(head: Printhead) -> dict[str, float]:
 
 def main() -> None:
     """Print the tables."""
-    argparse.ArgumentParser(prog="python -m experiments.plant_speed", description=__doc__).parse_args()
+    argparse.ArgumentParser(prog="python -m experiments.validation.plant_speed", description=__doc__).parse_args()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     if hasattr(os, "sched_setaffinity"):

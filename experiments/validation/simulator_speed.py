@@ -1,9 +1,9 @@
 """Speed as ratios, each measured in one run on one core against what a user would pick instead.
 
-``python -m experiments.speed`` prints three tables: hysteresis by branch law against play operators, evaluations of the
-cost against two SciPy pipelines, and steps of the environments. Every figure is the best of several repetitions, the
-rivals taken in turns, so that another load on the machine does not fall on one of them alone.
-"""
+``python -m experiments.validation.simulator_speed`` prints three tables: hysteresis by branch law against play
+operators, evaluations of the cost against two SciPy pipelines, and steps of the environments. Every figure is the best
+of several repetitions, the rivals taken in turns, so that another load on the machine does not fall on one of them
+alone."""
 
 from __future__ import annotations
 
@@ -15,15 +15,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.printhead import Bounds, PlayOperators, Printhead
 from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S
+from inkjet_env.typing import Real
 
 SAMPLES = 4000
 REPETITIONS = 7
-
-Real = NDArray[np.float64]
 
 
 def best_seconds(rivals: Mapping[str, Callable[[], Any]], repetitions: int = REPETITIONS) -> dict[str, float]:
@@ -236,7 +234,7 @@ def _register_idle() -> None:
 
 def main() -> None:
     """Print the tables."""
-    argparse.ArgumentParser(prog="python -m experiments.speed", description=__doc__).parse_args()
+    argparse.ArgumentParser(prog="python -m experiments.validation.simulator_speed", description=__doc__).parse_args()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     _register_idle()

@@ -9,15 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant import Effect, Plant, Shot, Values, catalogue
 from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig.battery import DriveLine, default_battery
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 LINES = (
     "loop-0.5", "loop-1", "loop-5", "minor-loops", "staircase", "silence",

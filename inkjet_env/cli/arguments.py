@@ -10,58 +10,12 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from experiments.problems import Problem
     from inkjet_env.printhead import PeakCost, Printhead
 
-MAX_BUDGET = 10_000_000
 CostGiven = tuple[float | None, float | None, str | None]
-
-
-def chosen_problem(
-    name: str | None, head_file: Path | None, cost: CostGiven, window_s: float | None, initial_state: str | None
-) -> Problem:
-    """The problem of that name with what was asked to be otherwise; then it is called "custom"."""
-    from dataclasses import replace
-
-    from experiments.suite import problem
-    from inkjet_env.printhead.hysteresis import laps_before_recording
-    from inkjet_env.printhead.printhead import check_window
-
-    base = problem("nominal" if name is None else name)
-    changes: dict[str, Any] = {}
-    if head_file is not None:
-        changes["printhead"] = chosen_printhead(head_file)
-    if any(part is not None for part in cost):
-        changes["cost"] = chosen_cost(cost, base.cost)
-    if window_s is not None:
-        changes["window_s"] = check_window(window_s)
-    if initial_state is not None:
-        laps_before_recording(initial_state)  # raises where the name is unknown
-        changes["initial_state"] = initial_state
-    return replace(base, name="custom", **changes) if changes else base
-
-
-def swarm_options(
-    name: str, particles: int | None, generations: int | None, budget: int | None
-) -> tuple[dict[str, Any], int]:
-    """Options of the optimiser, and its budget, from what was given."""
-    for label, value in (("--particles", particles), ("--generations", generations), ("--budget", budget)):
-        if value is not None and value < 1:
-            raise ValueError(f"{label} must be at least 1; got {value}.")
-        if value is not None and value > MAX_BUDGET:
-            raise ValueError(f"{label} must be at most {MAX_BUDGET:,}; got {value}.")
-    if (particles or 40) * (generations or 50) > MAX_BUDGET:
-        raise ValueError(f"--particles × --generations must be at most {MAX_BUDGET:,}.")
-    if not name.startswith("pso"):
-        if particles is not None or generations is not None:
-            raise ValueError(f"--particles and --generations belong to pso and pso-printed; give {name} a --budget.")
-        return {}, budget or 2000
-    if generations is not None and budget is not None:
-        raise ValueError("give --generations or --budget, not both: the budget is particles × generations.")
-    return {"particles": particles or 40}, budget or (particles or 40) * (generations or 50)
 
 
 def chosen_printhead(path: Path | None) -> Printhead:
@@ -118,7 +72,7 @@ def check_outputs(inputs: Sequence[Path | None] = (), **files: Path | None) -> N
         if str(files.get(name)) == "-":
             raise ValueError(f'--{name} must be a file; only --json takes "-".')
     if files.get("plot") is not None:
-        from experiments.pictures import check_picture_name
+        from inkjet_env.reporting.plotting import check_picture_name
 
         check_picture_name(given["plot"])
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from experiments.arguments import check_outputs, chosen_printhead, chosen_seed, named_values
-from experiments.options import JsonFile, PrintheadFile
-from experiments.progress import announce_compiling
+from inkjet_env.cli.arguments import check_outputs, chosen_printhead, chosen_seed, named_values
+from inkjet_env.cli.options import JsonFile, PrintheadFile
+from inkjet_env.progress import announce_compiling
 
 if TYPE_CHECKING:
     from inkjet_env.identification import Identification
@@ -113,7 +113,7 @@ def identify(
 
     inkjet identify campaign --out printhead.json --report identification.html
     """
-    from experiments.identification import identify_folders, identify_one
+    from inkjet_env.cli.identify_folders import identify_folders, identify_one
     from inkjet_env.storage import write_json
 
     options: dict[str, Any] = {
@@ -138,7 +138,7 @@ def identify(
     campaign, found = identify_one(folders[0], reading, options)
     write_json(out, found.as_json())
     if report is not None:
-        from experiments.identification_report import write_identification_report
+        from inkjet_env.reporting.identification_report import write_identification_report
 
         write_identification_report(report, campaign.name, found)
     if json is not None:
@@ -162,8 +162,8 @@ def evaluate(
 
     Refitted are one offset a channel and, where it is free, the resonator's initial state.
     """
-    from experiments.evaluation import evaluation_json
-    from experiments.tables import print_evaluation
+    from inkjet_env.cli.evaluation import evaluation_json
+    from inkjet_env.cli.printing import print_evaluation
     from inkjet_env.storage import write_json
 
     check_outputs((printhead, *files_of(folder)), json=json)
@@ -207,7 +207,7 @@ def reading_options(channel: str | None, columns: str | None, initial_state: str
 
 
 def _tell(campaign: Campaign, found: Identification) -> None:
-    from experiments.tables import print_identification
+    from inkjet_env.cli.printing import print_identification
 
     for note in campaign.notes:
         print(note, file=sys.stderr)

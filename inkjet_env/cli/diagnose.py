@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from experiments.arguments import check_outputs, chosen_seed
-from experiments.campaign_commands import Folder, ScopeChannel, ScopeColumns, ScopeState, files_of, reading_options
-from experiments.options import JsonFile
-from experiments.progress import announce_compiling, shown_steps
+from inkjet_env.cli.arguments import check_outputs, chosen_seed
+from inkjet_env.cli.campaigns import Folder, ScopeChannel, ScopeColumns, ScopeState, files_of, reading_options
+from inkjet_env.cli.options import JsonFile
+from inkjet_env.cli.printing import print_diagnosis
+from inkjet_env.progress import announce_compiling, shown_steps
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -103,7 +104,7 @@ def _diagnosed(
     """Read, check and diagnose the campaign of a folder; warnings go to standard error."""
     import numpy as np
 
-    from experiments.identification import checked, warn
+    from inkjet_env.cli.identify_folders import checked, warn
     from inkjet_env.mismatch import diagnose
     from inkjet_env.printhead import Printhead
     from inkjet_env.recordings import read_campaign
@@ -127,9 +128,9 @@ def _written(found: Diagnosis, json: Path | None, files: Mapping[str, Path | Non
     """Write what was asked for, all of it made before the first file is touched; what each file is."""
     import numpy as np
 
-    from experiments.diagnosis_figures import sample_times_s
-    from experiments.diagnosis_report import diagnosis_html
-    from experiments.drive_csv import write_columns
+    from inkjet_env.cli.drive_csv import write_columns
+    from inkjet_env.reporting.diagnosis_figures import sample_times_s
+    from inkjet_env.reporting.diagnosis_report import diagnosis_html
     from inkjet_env.storage import json_text, write_atomically, write_json
 
     head_file, report, drive_file = files.values()
@@ -138,7 +139,7 @@ def _written(found: Diagnosis, json: Path | None, files: Mapping[str, Path | Non
         beside = Path() if json is None or str(json) == "-" else json.parent
         drive_name = Path(os.path.relpath(drive_file, beside)).as_posix()
     page = None if report is None else diagnosis_html(found)
-    head = None if head_file is None else json_text(augmented_json(found))
+    head = None if head_file is None else json_text(found.augmented_json())
     verdict = None if json is None else found.as_json(drive_name)
     written = {}
     if experiment is not None and drive_file is not None and drive_name is not None:
@@ -154,59 +155,3 @@ def _written(found: Diagnosis, json: Path | None, files: Mapping[str, Path | Non
     if json is not None:
         write_json(json, verdict)
     return written
-
-
-def augmented_json(found: Diagnosis) -> dict[str, Any]:
-    """The augmented model as ``printhead/1``, effects with their intervals; the base model where none was found."""
-    from inkjet_env.plant.augmented import AugmentedPrinthead
-
-    units = {trace.channel: trace.unit for trace in found.traces}
-    channels = {
-        channel: {"unit": units[channel], "gain": {"value": gain}, "offset": found.offsets.get(channel, 0.0)}
-        for channel, gain in found.gains.items()
-        if channel in units
-    }
-    fit = found.as_json()["fit"] | {"channels": channels}
-    dynamics = {name: (estimate.low, estimate.high) for name, estimate in found.dynamics.items()}
-    if not found.effects:
-        of_another = ("augmented_heldout_rms_V", "closure")  # the model that came closest has no name, so no file
-        return found.base_printhead.as_json(dynamics, {k: v for k, v in fit.items() if k not in of_another})
-    values = tuple((e.effect, dict(e.values)) for e in found.effects)
-    intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in found.effects}
-    last = max(trace.order for trace in found.traces)
-    augmented = AugmentedPrinthead(found.printhead, values, found.gains, last)
-    return augmented.as_json(dynamics, fit, effect_intervals=intervals)
-
-
-def print_diagnosis(found: Diagnosis) -> None:
-    """Print the verdict, effects with intervals, the fit before and after, candidates and the next experiment."""
-    from experiments.diagnosis_report import channel_rows, parameter_rows, share_text
-    from experiments.identification_figures import unit_text
-    from experiments.identification_report import short
-    from experiments.tables import print_table
-    from inkjet_env.plant import catalogue
-
-    print(found.headline)
-    parameters = [(e.effect.id, *row[:4]) for e in found.effects for row in parameter_rows(e)]
-    if parameters:
-        print_table(("effect", "parameter", "value", "90 % interval", "unit"), parameters)
-    fits = [
-        (
-            f"{row.label}, {row.role}",
-            *(f"{short(rms)} {unit_text(row.unit)}" for rms in (row.noise, row.base, row.augmented)),
-            share_text(row.closure),
-        )
-        for row in channel_rows(found)
-    ]
-    print_table(("what is left (RMS)", "noise", "base", "augmented", "closure"), fits)
-    for group in found.candidates:
-        print(f"- These recordings cannot tell apart: {', '.join(group)}.")
-    print(f"- Where: {found.location.sentence}")
-    if found.next_experiment is not None:
-        print(f"- Next: {found.next_experiment.sentence}")
-    shown_by = {effect.id: effect.shown_by for effect in catalogue()}
-    for effect_id, why in found.untestable.items():
-        remedy = f"; {shown_by[effect_id]} would test it" if effect_id in shown_by else ""
-        print(f"- {effect_id} is not testable here, because {why}{remedy}.")
-    for note in found.notes:
-        print(f"- {note}")

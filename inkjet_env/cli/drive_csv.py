@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.printhead import Waveform
 from inkjet_env.storage import write_atomically
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 DRIVE_COLUMNS = ("time_s", "drive_V")
 DEFAULT_SAMPLE_RATE_Hz = 100e6

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.identification import checked, warn
-from experiments.problems import chosen_head
+from inkjet_env.cli.identify_folders import checked, warn
 from inkjet_env.identification import evaluate
 from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.printhead_file import chosen_head
 from inkjet_env.recordings import read_campaign
 
 

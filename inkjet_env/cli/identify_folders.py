@@ -9,8 +9,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from experiments.progress import shown_progress, shown_steps
 from inkjet_env.identification import Identification, identify
+from inkjet_env.progress import shown_progress, shown_steps
 from inkjet_env.recordings import Campaign, CampaignError, check_campaign, read_campaign
 from inkjet_env.storage import write_json
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from inkjet_env.envs.task import make_task
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead, check_name
+from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
     from inkjet_env.envs.window import Window
@@ -81,7 +82,7 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         self._context = self.task.fixed_context
         self._heads = self.task.heads(self._context[None])
         self._awaits_action = False
-        self._fired: NDArray[np.float64] | None = None
+        self._fired: Real | None = None
         self._window: Window | None = None
 
     @property

@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from inkjet_env.envs.bipolar_waveform import BipolarWaveformEnv, check_render_mode
+from inkjet_env.typing import Real
 
 
 class ManyHeads(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
@@ -67,7 +68,7 @@ class ManyHeads(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
             if one is not None:
                 self._seed(i, one)
 
-    def _infos(self, **values: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
+    def _infos(self, **values: Real) -> dict[str, NDArray[Any]]:
         """Values of all heads, each with Gymnasium's mask that says whose it is: everyone's."""
         masks = {f"_{name}": np.ones(self.num_envs, dtype=np.bool_) for name in values}
         return {**values, **masks}

@@ -8,9 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 ROWS_A_PART = 64
 """About 0.15 ms of simulation: threads take parts as they come, so that none waits long for another."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.plant.augmented import AugmentedResponse
 from inkjet_env.printhead import PeakCost, Response
+from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,7 +72,7 @@ def _shown_s(response: AnyResponse) -> float:
     return max(float(seen.max(initial=0.0)), 1.25 * _ended_s(response))
 
 
-def _times_s(response: AnyResponse, end_s: float) -> NDArray[np.float64]:
+def _times_s(response: AnyResponse, end_s: float) -> Real:
     """Times to draw lines through: even ones, the drive's corners and the peaks."""
     own = np.concatenate([response.knot_times_s, response.peak_times_s])
     return np.union1d(np.linspace(0.0, end_s, POINTS), own[own <= end_s])

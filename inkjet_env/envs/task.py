@@ -21,8 +21,7 @@ from inkjet_env.plant.augmented import AugmentedPrinthead, AugmentedResponse
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Response, Waveform, check_name
 from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 CONTEXTS = ("fixed", "random")
 CONTEXT_NAMES = ("frequency_Hz", "damping_ratio", "gain", "hysteresis_strength")

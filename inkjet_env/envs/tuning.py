@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.envs.task import WaveformTask, make_task
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 PEAK_SCALE_V, TIME_SCALE_S, COST_SCALE_V = 5.0, 100e-6, 20.0
 """What 1 in an observation is."""

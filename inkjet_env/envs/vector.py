@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from inkjet_env.envs.bipolar_waveform import check_no_options, warn_of_no_render_mode
 from inkjet_env.envs.many_heads import ManyHeads
 from inkjet_env.envs.task import make_task
+from inkjet_env.typing import Real
 
 
 class BipolarWaveformVectorEnv(ManyHeads):
@@ -55,7 +56,7 @@ class BipolarWaveformVectorEnv(ManyHeads):
         self._contexts = np.tile(self.task.fixed_context, (self.num_envs, 1))
         self._heads = self.task.heads(self._contexts)
         self._is_reset = False
-        self._fired: tuple[NDArray[np.float64], NDArray[np.float32]] | None = None
+        self._fired: tuple[Real, NDArray[np.float32]] | None = None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -5,9 +5,8 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 ELEVATED_DEGREE = 60
 

@@ -7,12 +7,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.linearised import Linearised
 from inkjet_env.identification.model import Model
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 SMOOTHED_LINES = 9
 """Of a residual's periodogram, to make it a spectrum."""

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 HIGHEST_DEGREE = 12
 LEAST_SHARE = 0.05

@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import drive_basis, free_ringing
 from inkjet_env.plant import Plant, Shot
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 MOST_ROUNDS = 12
 SETTLED = 1e-6

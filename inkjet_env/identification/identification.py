@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.degree import DegreeChoice
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.identification.constrained import least_squares_above_zero
 from inkjet_env.identification.model import Fitted, Model, channels_of, has_free_state
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 
 def triangle(columns: Real) -> Real:

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.noise import NoiseModel, channel_noise, repeat_deviations
-from inkjet_env.printhead.naming import nearest_name
+from inkjet_env.naming import nearest_name
 from inkjet_env.recordings import Campaign, Recording
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 HELD_OUT_EVERY = 4
 """Of the drives of a channel, sorted by strength, every fourth is held out."""

@@ -7,13 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import DriveBasis
 from inkjet_env.identification.measurements import Measurement
 from inkjet_env.identification.noise import NoiseModel
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True, eq=False)

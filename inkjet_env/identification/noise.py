@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 LONGEST_FILTER = 24
 FILTER_LENGTHS = (LONGEST_FILTER, 6, 2, 0)

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.convention import conventional_swing
@@ -18,8 +17,6 @@ from inkjet_env.identification.identification import Estimate, Identification, R
 from inkjet_env.identification.model import Model
 from inkjet_env.identification.starting_point import ringing_gain
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
 
 QUANTILE_90 = 1.6448536269514722
 """Of the normal distribution: 90 % of it lie within so many standard deviations."""

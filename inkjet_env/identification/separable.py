@@ -13,13 +13,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.covariance import Solution, solution_of
 from inkjet_env.identification.linearised import Linearised
 from inkjet_env.identification.model import Fitted, Model
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 MOST_STEPS = 60
 CONVERGED = 1e-4

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.model import Fitted, has_free_state
+from inkjet_env.typing import Real
 
-Real = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 ITERATIONS = 12

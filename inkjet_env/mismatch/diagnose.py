@@ -10,42 +10,33 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from inkjet_env.identification.identify import doubtful_states
-from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
-from inkjet_env.mismatch.base_model import MOST_PARTS, base_model
-from inkjet_env.mismatch.bearing_out import against_the_base_model, borne_out
-from inkjet_env.mismatch.chance import ByChance, by_chance, without
-from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.diagnosis import FORETOLD_POORLY, LEFT_OVER, MOST_ALIKE, Correction, Diagnosis, Named
-from inkjet_env.mismatch.dynamics import dynamics
-from inkjet_env.mismatch.flexible import Flexible, flexible_residual
-from inkjet_env.mismatch.head import in_convention
+from inkjet_env.mismatch.design.next_experiment import next_experiment
+from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, Named
+from inkjet_env.mismatch.evidence import chance_of, closest, closure_of, compared, named_effects, share_left, traces_of
+from inkjet_env.mismatch.fitting.base_model import MOST_PARTS, base_model
+from inkjet_env.mismatch.fitting.base_parameters import in_convention
+from inkjet_env.mismatch.fitting.checkpoint import Kept
+from inkjet_env.mismatch.fitting.dataset import Observed, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.process_pool import Crew
 from inkjet_env.mismatch.headline import headline
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.kept import Kept
-from inkjet_env.mismatch.locate import locate
-from inkjet_env.mismatch.next_experiment import next_experiment
-from inkjet_env.mismatch.observed import Observed, finer, noise_seen, observe
-from inkjet_env.mismatch.select import LEAST_IF_LARGE, Selection, leftover, select, supported
-from inkjet_env.mismatch.signatures import Signatures, signatures
-from inkjet_env.mismatch.straight_law import straight_beyond
-from inkjet_env.mismatch.verdict import (
-    chance_of,
-    closest,
-    closure_of,
-    compared,
-    named_effects,
-    share_left,
-    traces_of,
-)
+from inkjet_env.mismatch.localization.locate import locate
+from inkjet_env.mismatch.selection.base_intervals import dynamics
+from inkjet_env.mismatch.selection.discrepancy_regression import Flexible, flexible_residual
+from inkjet_env.mismatch.selection.held_out_refit import against_the_base_model, borne_out
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
+from inkjet_env.mismatch.selection.random_effects import ByChance, by_chance, without
+from inkjet_env.mismatch.selection.score_test import Signatures, signatures
+from inkjet_env.mismatch.selection.stepwise import LEAST_IF_LARGE, Selection, leftover, select, supported
+from inkjet_env.mismatch.selection.truncated_law import straight_beyond
+from inkjet_env.mismatch.settings import FORETOLD_POORLY, LEFT_OVER, MOST_ALIKE
 from inkjet_env.plant import Effect, catalogue
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 FINE_ENOUGH = 0.5
 """Standard errors of a parameter by which the simulation may be wrong."""

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.identification import Estimate
+from inkjet_env.mismatch.design.next_experiment import NextExperiment
+from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.plant import Effect
 from inkjet_env.plant.wording import SENSOR_UNIT
 from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
 
-Real = NDArray[np.float64]
-
-LEFT_OVER = 0.05
-"""Share of the mismatch from which on what is left unexplained makes a verdict unknown."""
-FORETOLD_POORLY = 0.5
-"""Closure from which on down an effect keeps its name only if it explains held-out recordings once they are fitted."""
-MOST_ALIKE = 6
-"""Effects in a set: where each of more explains it as well as another, nothing is known."""
 VERDICTS = ("none", "named", "set", "unknown")
 
 
@@ -91,30 +85,6 @@ class Attribution:
 
 
 @dataclass(frozen=True, eq=False)
-class Location:
-    """Where repeatable residual power of the base model sits; empty where it sits nowhere.
-
-    Attributes
-    ----------
-    recordings : tuple of str
-        Those with significantly more than noise.
-    time_s, frequency_Hz, drive_V : tuple of (low, high)
-        Stretches.
-    sentence : str
-    tables : dict of str to tuple of rows
-        Each view (time, frequency, amplitude, slope, sign, pulse, order, distortion): rows of (label, power over noise,
-        z), for the report.
-    """
-
-    recordings: tuple[str, ...] = ()
-    time_s: tuple[tuple[float, float], ...] = ()
-    frequency_Hz: tuple[tuple[float, float], ...] = ()
-    drive_V: tuple[tuple[float, float], ...] = ()
-    sentence: str = "Nothing is left beyond the noise."
-    tables: Mapping[str, tuple[tuple[str, float, float], ...]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
 class Trace:
     """One recording with what the base model and the augmented one make of it, in the channel's unit; arrays (n,)."""
 
@@ -140,29 +110,6 @@ class Trace:
         rows = slice(self.fitted, None) if held_out else slice(0, self.fitted)
         left = (self.measured - getattr(self, which))[rows]
         return float(np.sqrt(np.mean(left**2))) if left.size else math.nan
-
-
-@dataclass(frozen=True)
-class NextExperiment:
-    """The recording that would tell the remaining candidates apart.
-
-    Attributes
-    ----------
-    sentence : str
-    channel : str
-    initial_state : str
-    step_s : float
-    drive_V : tuple of float
-    separation : float
-        Expected difference of log-likelihoods.
-    """
-
-    sentence: str
-    channel: str = ""
-    initial_state: str = ""
-    step_s: float = 0.0
-    drive_V: tuple[float, ...] = ()
-    separation: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,6 +270,27 @@ class Diagnosis:
             "notes": list(self.notes),
             "seconds": self.seconds,
         }
+
+    def augmented_json(self) -> dict[str, Any]:
+        """The augmented model as ``printhead/1``, effects with their intervals; the base model where none was found."""
+        from inkjet_env.plant.augmented import AugmentedPrinthead
+
+        units = {trace.channel: trace.unit for trace in self.traces}
+        channels = {
+            channel: {"unit": units[channel], "gain": {"value": gain}, "offset": self.offsets.get(channel, 0.0)}
+            for channel, gain in self.gains.items()
+            if channel in units
+        }
+        fit = self.as_json()["fit"] | {"channels": channels}
+        dynamics = {name: (estimate.low, estimate.high) for name, estimate in self.dynamics.items()}
+        if not self.effects:
+            of_another = ("augmented_heldout_rms_V", "closure")  # the model that came closest has no name, so no file
+            return self.base_printhead.as_json(dynamics, {k: v for k, v in fit.items() if k not in of_another})
+        values = tuple((e.effect, dict(e.values)) for e in self.effects)
+        intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in self.effects}
+        last = max(trace.order for trace in self.traces)
+        augmented = AugmentedPrinthead(self.printhead, values, self.gains, last)
+        return augmented.as_json(dynamics, fit, effect_intervals=intervals)
 
 
 def _finite(value: float) -> float | None:

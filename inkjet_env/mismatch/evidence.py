@@ -6,24 +6,19 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.identification import Estimate
 from inkjet_env.identification.outcome import QUANTILE_90
-from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.diagnosis import Attribution, Named, Trace
-from inkjet_env.mismatch.flexible import Flexible
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.select import Selection, cosine
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.selection.discrepancy_regression import Flexible
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
+from inkjet_env.mismatch.selection.stepwise import Selection, cosine
+from inkjet_env.mismatch.settings import LEAST_EXCESS, SURE
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates
+from inkjet_env.typing import Real
 
-Real = NDArray[np.float64]
-
-SURE = 5.0
-"""Standard deviations by which what is left must exceed the noise to count."""
-LEAST_EXCESS = 0.03
-"""Of the noise's power: less is taken for its own uncertainty."""
 LEAST_ALIKE = 5
 """Recordings of one noise, of which most tell how loud it is."""
 LEAST_FORETOLD = 8.0

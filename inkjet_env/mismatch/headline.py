@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from inkjet_env.mismatch.diagnosis import LEFT_OVER, MOST_ALIKE, Location, Named
+from inkjet_env.mismatch.diagnosis import Named
+from inkjet_env.mismatch.localization.location import Location
+from inkjet_env.mismatch.settings import LEFT_OVER, MOST_ALIKE
 from inkjet_env.plant.wording import percent, span_told
 
 MOST_BANDS, MOST_NAMED = 2, 3

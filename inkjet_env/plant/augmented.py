@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from inkjet_env.plant.effect import Effect, Values, complete
 from inkjet_env.plant.extrema import extrema
@@ -21,8 +21,7 @@ from inkjet_env.printhead.hysteresis import laps_before_recording
 from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, check_window
 from inkjet_env.printhead.sampled import check_samples
 from inkjet_env.storage import write_json
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 STEPS_A_PERIOD = 200
 STEPS_A_WINDOW = 1000

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
 
-Real = NDArray[np.float64]
 Values = Mapping[str, float]
 """Values of an effect's parameters by name, in their units."""
 

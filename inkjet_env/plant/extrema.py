@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 FLAT = 1e-12
 """Of the largest magnitude: a lesser change from sample to sample is none."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 
 def lagged(signal: Real, time_constant_s: float, step_s: float, periodic: bool) -> Real:

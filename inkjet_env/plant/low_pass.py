@@ -5,13 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from inkjet_env.plant.effect import Parameter
-from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 LINEAR = np.array([[1.0, -1.0], [0.0, 1.0]])
 """Powers of s, lowest first, of the line through the samples 0 and 1: a row a sample."""
@@ -19,23 +15,6 @@ CUBIC = np.array([[0, -1 / 3, 1 / 2, -1 / 6], [1, -1 / 2, -1, 1 / 2], [0, 1, 1 /
 """The same of Lagrange's cubics through the samples -1, 0, 1, 2, between the samples 0 and 1."""
 ONE_POLE = 1e-9
 """Values of q up to this are taken for 0."""
-
-BANDWIDTH = Parameter("bandwidth_Hz", "Hz", 0.1, math.inf, "reciprocal", "where it passes half the power")
-SECOND_ORDER = Parameter(
-    "second_order",
-    "1",
-    0.0,
-    1.0,
-    meaning="0 is one pole, 0.5 Butterworth's two",
-    open_ended=True,
-    plain=0.0,
-)
-
-
-def low_pass_starts(printhead: Printhead) -> list[dict[str, float]]:
-    """Of one pole and of two, wide and narrow beside the resonance."""
-    shapes = ((20.0, 0.0), (6.0, 0.0), (2.0, 0.0), (20.0, 0.5), (6.0, 0.5))
-    return [{"bandwidth_Hz": ratio * printhead.frequency_Hz, "second_order": q} for ratio, q in shapes]
 
 
 def time_constant_s(bandwidth_Hz: float, second_order: float) -> float:

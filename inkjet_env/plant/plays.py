@@ -6,11 +6,9 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 PLAYS = 32
 

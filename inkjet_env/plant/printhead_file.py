@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+from inkjet_env.naming import check_name
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.effect import Effect
 from inkjet_env.plant.effects import catalogue
-from inkjet_env.printhead import Printhead, check_name
+from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.printhead import printhead_data
 
 FOLLOW_THE_ORDER = ("air_bubble", "thermal_drift")
@@ -99,3 +101,8 @@ def _order(data: Mapping[str, Any], ids: list[str]) -> int:
             "Give that of the last recording."
         )
     return order
+
+
+def chosen_head(path: Path | None) -> Printhead | AugmentedPrinthead:
+    """The head of a printhead.json, with its effects where it has such; or the published one."""
+    return Printhead.published() if path is None else read_printhead(path)

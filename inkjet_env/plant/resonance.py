@@ -20,8 +20,7 @@ from inkjet_env.plant.lag import lag_weights, lap_loss
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.resonator import pole
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 MOST_LAPS = 40
 REST_STEPS = 30

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,9 @@
 """Physics of one waveform: no files but the printhead's own, no plots, no Gymnasium."""
 
+from inkjet_env.naming import check_name, nearest_name
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
 from inkjet_env.printhead.lumped import LumpedElements
-from inkjet_env.printhead.naming import check_name, nearest_name
 from inkjet_env.printhead.printhead import Printhead, Response
 from inkjet_env.printhead.sampled import SampledResponse, respond_sampled
 from inkjet_env.printhead.waveform import Bounds, Waveform, as_waveform_array

@@ -13,16 +13,15 @@ from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from inkjet_env.naming import check_name
 from inkjet_env.printhead import compiled, compiled_edges
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import laps_before_recording
-from inkjet_env.printhead.naming import check_name
 from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, Printhead, check_period, check_window
 from inkjet_env.printhead.waveform import Waveform, as_waveform_array
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 
 @lru_cache

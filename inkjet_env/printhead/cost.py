@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inkjet_env.printhead.naming import nearest_name
+from inkjet_env.naming import nearest_name
 
 LARGEST_WEIGHT = 1e6
 EFFECTIVE_RULES = ("largest", "first")

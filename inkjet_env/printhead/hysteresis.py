@@ -16,9 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from inkjet_env.printhead.naming import check_name
+from inkjet_env.naming import check_name
+from inkjet_env.typing import Real
 
 INITIAL_STATES = ("periodic", "demagnetised")
 """``periodic``: the drive had been repeating for ever. ``demagnetised``: at rest at 0 V, virgin curve first."""
@@ -169,26 +170,26 @@ class BranchLaw:
             raise ValueError(f"full_scale_V must be a voltage of 1e-3 to 1e6 V; got {self.full_scale_V!r}.")
 
     @property
-    def ascending(self) -> NDArray[np.float64]:
+    def ascending(self) -> Real:
         """Coefficients lowest power first, shape (degree + 1,)."""
         return np.array(self.coefficients[::-1])
 
-    def Q(self, x: ArrayLike) -> NDArray[np.float64]:
+    def Q(self, x: ArrayLike) -> Real:
         """Normalised branch ``Q(x)``, x ≥ 0."""
         x = np.asarray(x, dtype=np.float64)
         inside = np.minimum(x, 1.0)
         return poly.polyval(inside, self.ascending) + self.slope(1.0) * (x - inside)
 
-    def slope(self, x: ArrayLike) -> NDArray[np.float64]:
+    def slope(self, x: ArrayLike) -> Real:
         """``Q'(x)``; constant beyond ``x = 1``."""
         return poly.polyval(np.minimum(np.asarray(x, dtype=np.float64), 1.0), poly.polyder(self.ascending))
 
-    def curvature(self, x: ArrayLike) -> NDArray[np.float64]:
+    def curvature(self, x: ArrayLike) -> Real:
         """``Q''(x)``; zero beyond ``x = 1``."""
         x = np.asarray(x, dtype=np.float64)
         return np.where(x <= 1.0, poly.polyval(x, poly.polyder(self.ascending, 2)), 0.0)
 
-    def density(self, r: ArrayLike) -> NDArray[np.float64]:
+    def density(self, r: ArrayLike) -> Real:
         """PI density ``p(r) = 2 Q''(2r)`` on the normalised threshold ``r`` = threshold / full scale."""
         return 2.0 * self.curvature(2.0 * np.asarray(r, dtype=np.float64))
 
@@ -198,9 +199,7 @@ class BranchLaw:
         scaled[-2] = self.coefficients[-2]
         return BranchLaw(tuple(scaled), self.full_scale_V)
 
-    def pieces(
-        self, drive_V: ArrayLike, initial_state: str = "periodic", one_point: bool = False
-    ) -> NDArray[np.float64]:
+    def pieces(self, drive_V: ArrayLike, initial_state: str = "periodic", one_point: bool = False) -> Real:
         """`branch_pieces` of a drive given at its knots: array of shape (pieces, 6), columns `PIECE_FIELDS`."""
         drive = np.ascontiguousarray(drive_V, dtype=np.float64)
         laps = laps_before_recording(initial_state)
@@ -208,9 +207,7 @@ class BranchLaw:
         memory = np.empty((laps + 1) * drive.size + 2)
         return table[: branch_pieces(drive, self.full_scale_V, laps, one_point, memory, table)]
 
-    def hysteretic_V(
-        self, drive_V: ArrayLike, initial_state: str = "periodic", one_point: bool = False
-    ) -> NDArray[np.float64]:
+    def hysteretic_V(self, drive_V: ArrayLike, initial_state: str = "periodic", one_point: bool = False) -> Real:
         """Hysteretic drive in volts at the knots of a drive, shape (n,).
 
         From the demagnetised state the first value is that of the virgin curve; else it is 0 V, since what follows
@@ -252,8 +249,8 @@ class PlayOperators:
         Thresholds in volts (a threshold of 0 is the linear part) and dimensionless weights.
     """
 
-    thresholds_V: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    thresholds_V: Real
+    weights: Real
 
     @classmethod
     def of_branch_law(cls, law: BranchLaw, operators: int) -> PlayOperators:
@@ -270,7 +267,7 @@ class PlayOperators:
         thresholds = np.concatenate([[0.0], (r[1:] + r[:-1]) / 2]) * law.full_scale_V
         return cls(thresholds, np.concatenate([[slopes[0]], np.diff(slopes)]))
 
-    def hysteretic_V(self, drive_V: ArrayLike, initial_state: str = "periodic") -> NDArray[np.float64]:
+    def hysteretic_V(self, drive_V: ArrayLike, initial_state: str = "periodic") -> Real:
         """Hysteretic drive in volts at the knots of a drive, shape (n,)."""
         drive = np.asarray(drive_V, dtype=np.float64)
         states = np.zeros_like(self.thresholds_V)
@@ -281,7 +278,7 @@ class PlayOperators:
                 output[i] = self.weights @ states
         return output
 
-    def pieces(self, drive_V: ArrayLike, initial_state: str = "periodic") -> NDArray[np.float64]:
+    def pieces(self, drive_V: ArrayLike, initial_state: str = "periodic") -> Real:
         """Pieces on which the hysteretic drive is linear: columns segment, start, length, change in volts."""
         drive = np.asarray(drive_V, dtype=np.float64)
         r, states = self.thresholds_V, np.zeros_like(self.thresholds_V)

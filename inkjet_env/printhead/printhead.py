@@ -13,14 +13,15 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from inkjet_env.naming import check_name
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import HYSTERESIS_MODELS, BranchLaw, PlayOperators, laps_before_recording
-from inkjet_env.printhead.naming import check_name
 from inkjet_env.printhead.resonator import PiecewiseResponse, check_resonator
 from inkjet_env.printhead.waveform import Waveform
 from inkjet_env.storage import write_json
+from inkjet_env.typing import Real
 
 DEFAULT_WINDOW_S = 350e-6
 LONGEST_WINDOW_S = 0.01
@@ -291,8 +292,8 @@ class Response:
     """
 
     printhead: Printhead
-    knot_times_s: NDArray[np.float64]
-    knot_drive_V: NDArray[np.float64]
+    knot_times_s: Real
+    knot_drive_V: Real
     initial_state: str
     window_s: float
     hysteresis: str = "full_memory"
@@ -305,8 +306,8 @@ class Response:
         object.__setattr__(self, "peaks_V", values)
         object.__setattr__(self, "tail_V", tail)
 
-    peak_times_s: NDArray[np.float64] = field(init=False)
-    peaks_V: NDArray[np.float64] = field(init=False)
+    peak_times_s: Real = field(init=False)
+    peaks_V: Real = field(init=False)
     tail_V: float = field(init=False)
 
     @cached_property
@@ -321,7 +322,7 @@ class Response:
             rates = branch_rates(law, rows)
         segment_s = np.diff(self.knot_times_s)
         durations: list[float] = []
-        polynomials: list[NDArray[np.float64]] = []
+        polynomials: list[Real] = []
         for segment, duration in enumerate(segment_s):
             mine = rows[:, 0] == segment
             durations.extend(rows[mine, 2] * duration if mine.any() else [duration])
@@ -333,7 +334,7 @@ class Response:
         left = from_rest.amplitude[-1] * np.exp(from_rest.pole * rest_s)
         return replace(from_rest, start_state=complex(left / (1 - np.exp(from_rest.pole * self.period_s))))
 
-    def drive_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+    def drive_V(self, time_s: ArrayLike) -> Real:
         """Drive in volts at any times, same shape."""
         return np.interp(
             np.asarray(time_s, dtype=np.float64),
@@ -343,7 +344,7 @@ class Response:
             right=float(self.knot_drive_V[-1]),
         )
 
-    def hysteretic_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+    def hysteretic_V(self, time_s: ArrayLike) -> Real:
         """Hysteretic drive in volts at any times, same shape; zero at the start."""
         ringing = self._ringing
         antiderivative = np.array([poly.polyint(rate) for rate in ringing.rate_V])
@@ -357,11 +358,11 @@ class Response:
         value[inside] += np.sum(antiderivative[piece] * tau[:, None] ** np.arange(antiderivative.shape[1]), axis=1)
         return value.reshape(time.shape)
 
-    def sensor_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+    def sensor_V(self, time_s: ArrayLike) -> Real:
         """Self-sensed signal in volts at any times, same shape."""
         return self._ringing.sensor_V(time_s)
 
-    def deflection_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+    def deflection_V(self, time_s: ArrayLike) -> Real:
         """Deflection at any times, same shape, as the quasi-static hysteretic drive that would hold it, in volts.
 
         ``a0 / (s² + a1 s + a0)`` on the hysteretic drive, zero at the start; from the resonator's state:
@@ -378,7 +379,7 @@ class Response:
         return (peak_cost or PeakCost())(self.peaks_V, self.tail_V)
 
 
-def branch_rates(law: BranchLaw, pieces: NDArray[np.float64]) -> NDArray[np.float64]:
+def branch_rates(law: BranchLaw, pieces: Real) -> Real:
     """``dv/dτ`` of branch pieces as polynomials of ``τ``, lowest power first, in volts: shape (pieces, degree)."""
     slope = poly.polyder(law.ascending)
     rates = np.zeros((len(pieces), slope.size))

@@ -22,8 +22,9 @@ import numpy as np
 from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike, NDArray
 
+from inkjet_env.typing import Real
+
 Complex = NDArray[np.complex128]
-Real = NDArray[np.float64]
 
 ROUNDING = 1e-14
 """Ringing that cancels to less than this share of what cancelled is rounding, and is taken as rest."""

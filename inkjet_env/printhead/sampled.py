@@ -5,21 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from inkjet_env.naming import check_name
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import laps_before_recording
-from inkjet_env.printhead.naming import check_name
 from inkjet_env.printhead.printhead import Printhead, check_window
 from inkjet_env.printhead.resonator import pole
 from inkjet_env.printhead.waveform import LARGEST_DRIVE_V
+from inkjet_env.typing import Real
 
 RINGING = ("rest", "steady")
 """``rest``: the resonator rests at the first sample. ``steady``: it rings as it does under the repeated drive."""
 
 LONGEST_STEP_S = 1.0
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

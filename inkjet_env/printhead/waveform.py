@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from inkjet_env.typing import Real
 
 PARAMETER_NAMES = ("U1", "U2", "t1", "t2", "t3", "t4", "t5")
 PARAMETER_UNITS = ("V", "V", "s", "s", "s", "s", "s")
@@ -23,7 +25,7 @@ _RULES = (
 )
 
 
-def _check_rules(values: NDArray[np.float64]) -> None:
+def _check_rules(values: Real) -> None:
     """Raise ``ValueError`` at the first broken rule of an ``(n, 7)`` array."""
     not_finite = ~np.isfinite(values)
     wrong_sign = np.column_stack([values[:, 0] < 0, values[:, 1] > 0, values[:, 2:] < 0])
@@ -44,7 +46,7 @@ def _check_rules(values: NDArray[np.float64]) -> None:
             raise ValueError(f"{PARAMETER_NAMES[column]} {rule}; got {got}{place}. {fix}.")
 
 
-def as_waveform_array(waveforms: ArrayLike) -> NDArray[np.float64]:
+def as_waveform_array(waveforms: ArrayLike) -> Real:
     """Check waveform parameters and return them as one contiguous array.
 
     Parameters
@@ -119,7 +121,7 @@ class Waveform:
     def _values(self) -> tuple[float, ...]:
         return self.U1, self.U2, self.t1, self.t2, self.t3, self.t4, self.t5
 
-    def to_array(self) -> NDArray[np.float64]:
+    def to_array(self) -> Real:
         """The seven parameters, shape (7,), in volts and seconds."""
         return np.array(self._values())
 
@@ -128,12 +130,12 @@ class Waveform:
         """Sum of the five durations, in seconds."""
         return math.fsum((self.t1, self.t2, self.t3, self.t4, self.t5))
 
-    def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def knots(self) -> tuple[Real, Real]:
         """Times in seconds and drive in volts at the six corners, two arrays of shape (6,)."""
         time_s = np.concatenate([[0.0], np.cumsum([self.t1, self.t2, self.t3, self.t4, self.t5])])
         return time_s, np.array([0.0, self.U1, self.U1, self.U2, self.U2, 0.0])
 
-    def drive_V(self, time_s: ArrayLike) -> NDArray[np.float64]:
+    def drive_V(self, time_s: ArrayLike) -> Real:
         """Drive in volts at any times in seconds (same shape); zero outside the waveform."""
         knot_s, knot_V = self.knots()
         return np.interp(np.asarray(time_s, dtype=np.float64), knot_s, knot_V, left=0.0, right=0.0)
@@ -158,8 +160,8 @@ class Bounds:
     lower: tuple[float, ...] = (0.0, -100.0, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6)
     upper: tuple[float, ...] = (100.0, 0.0, 20e-6, 20e-6, 20e-6, 20e-6, 20e-6)
     names: ClassVar[tuple[str, ...]] = PARAMETER_NAMES
-    _low: NDArray[np.float64] = field(init=False, repr=False, compare=False)
-    _high: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+    _low: Real = field(init=False, repr=False, compare=False)
+    _high: Real = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for label in ("lower", "upper"):
@@ -180,18 +182,18 @@ class Bounds:
         object.__setattr__(self, "_high", high)
 
     @property
-    def half_width(self) -> NDArray[np.float64]:
+    def half_width(self) -> Real:
         """Half the box's widths, shape (7,): d(physical)/d(unit)."""
         return (self._high - self._low) / 2
 
-    def from_unit(self, points: ArrayLike) -> NDArray[np.float64]:
+    def from_unit(self, points: ArrayLike) -> Real:
         """Physical parameters (V, s) of points in [-1, 1], shape (7,) or (n, 7); ±1 hit the bounds exactly."""
         points = np.asarray(points, dtype=np.float64)
         if points.shape[-1:] != (7,):
             raise ValueError(f"points must have shape (7,) or (n, 7); got shape {points.shape}.")
         return np.clip(((1 - points) * self._low + (1 + points) * self._high) / 2, self._low, self._high)
 
-    def to_unit(self, waveforms: ArrayLike) -> NDArray[np.float64]:
+    def to_unit(self, waveforms: ArrayLike) -> Real:
         """Points in [-1, 1] of physical parameters, shape (7,) or (n, 7); a box of no width maps to 0."""
         offset = np.asarray(waveforms, dtype=np.float64) - (self._low + self._high) / 2
         half_width = self.half_width

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from inkjet_env.printhead import check_name
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 CHANNELS = ("self_sensing", "strain_gauge", "displacement")
 INITIAL_STATES = ("demagnetised", "periodic", "free")

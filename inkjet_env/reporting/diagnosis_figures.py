@@ -8,30 +8,23 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments import pictures
-from experiments.identification_figures import (
-    BAND,
-    CHANNEL_WORDS,
-    amplitude_densities,
-    draw_line,
-    short_name,
-    time_scale,
-    unit_text,
-)
 from inkjet_env.identification import Residual
+from inkjet_env.reporting import plotting
+from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
+from inkjet_env.reporting.identification_figures import BAND, amplitude_densities, draw_line, time_scale
+from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from inkjet_env.mismatch.diagnosis import NextExperiment, Trace
+    from inkjet_env.mismatch.design.next_experiment import NextExperiment
+    from inkjet_env.mismatch.diagnosis import Trace
 
-Real = NDArray[np.float64]
 
 WIDTH = 5.4
 """Inches of one picture: two stand side by side on a desk, one fills a telephone."""
-AUGMENTED, BASE, CORRECTED = pictures.COLOURS[0], pictures.COLOURS[1], pictures.COLOURS[2]
+AUGMENTED, BASE, CORRECTED = plotting.COLOURS[0], plotting.COLOURS[1], plotting.COLOURS[2]
 MEASURED, NOISE = "#9a9a9a", "#444444"
 SHADE = "#f3e6bf"
 BINS = 160
@@ -93,11 +86,11 @@ def view_figure(trace: Trace, models: Mapping[str, Real], samples: slice, zoom: 
         Signals by "base", "augmented", "corrected"; drawn in that order.
     samples, zoom : slice
     """
-    figure, axes = pictures.new_figure(WIDTH, 5.4, nrows=3, sharex=True, height_ratios=[1, 2, 2])
+    figure, axes = plotting.new_figure(WIDTH, 5.4, nrows=3, sharex=True, height_ratios=[1, 2, 2])
     time_s = sample_times_s(trace.measured.size, trace.step_s)
     seconds, time_unit = time_scale(float(np.ptp(time_s[samples])))
     time, unit = time_s / seconds, unit_text(trace.unit)
-    draw_line(axes[0], time[samples], trace.drive_V[samples], color=pictures.GREY, lw=1.2)
+    draw_line(axes[0], time[samples], trace.drive_V[samples], color=plotting.GREY, lw=1.2)
     draw_line(axes[1], time[samples], trace.measured[samples], color=MEASURED, lw=3.4, label="measured")
     if math.isfinite(trace.noise_rms):
         band = 2 * trace.noise_rms
@@ -121,13 +114,13 @@ def view_figure(trace: Trace, models: Mapping[str, Real], samples: slice, zoom: 
 
 def fits_figure(rows: Sequence[Row]) -> Figure:
     """What base and augmented model leave of each condition of a channel, beside its noise; held-out ones shaded."""
-    figure, axes = pictures.new_figure(WIDTH, 1.2 + 0.17 * max(len(rows), 4))
+    figure, axes = plotting.new_figure(WIDTH, 1.2 + 0.17 * max(len(rows), 4))
     at = np.arange(len(rows))
     noise, base, after = (np.array([getattr(r, name) for r in rows]) for name in ("noise", "base", "augmented"))
     for k, row in enumerate(rows):
         if row.held_out:
             axes.axhspan(k - 0.5, k + 0.5, color=SHADE, lw=0, zorder=0)
-    axes.hlines(at, np.minimum(base, after), np.maximum(base, after), color=pictures.GREY, lw=0.8)
+    axes.hlines(at, np.minimum(base, after), np.maximum(base, after), color=plotting.GREY, lw=0.8)
     axes.plot(noise, at, "|", color=NOISE, ms=8, mew=1.6, label="noise")
     axes.plot(base, at, "o", color=BASE, mfc="white", ms=5, label="base model")
     if not np.array_equal(base, after):
@@ -146,7 +139,7 @@ def fits_figure(rows: Sequence[Row]) -> Figure:
 
 def spectrum_figure(traces: Sequence[Trace]) -> Figure:
     """Amplitude density of what base and augmented model leave, together over recordings of a channel, and noise."""
-    figure, axes = pictures.new_figure(WIDTH, 3.4)
+    figure, axes = plotting.new_figure(WIDTH, 3.4)
     frequency, base, after, noise = left_densities(traces)
     scale, unit = next(((s, u) for s, u in ((1e6, "MHz"), (1e3, "kHz")) if frequency[-1] > 10 * s), (1.0, "Hz"))
     axes.plot(frequency / scale, noise, "--", color=NOISE, lw=1.2, label="noise, if white")
@@ -185,7 +178,7 @@ def left_densities(traces: Sequence[Trace]) -> tuple[Real, Real, Real, Real]:
 
 def next_figure(experiment: NextExperiment) -> Figure:
     """Drive of the next experiment."""
-    figure, axes = pictures.new_figure(WIDTH, 2.2)
+    figure, axes = plotting.new_figure(WIDTH, 2.2)
     time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
     seconds, unit = time_scale(float(time_s[-1]))
     draw_line(axes, time_s / seconds, np.array(experiment.drive_V), color=AUGMENTED, lw=1.2)

@@ -9,26 +9,32 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments import diagnosis_figures as figures
-from experiments.diagnosis_figures import Row, augmented
-from experiments.identification_figures import CHANNEL_WORDS, unit_text
-from experiments.identification_report import hertz, short
-from experiments.pictures import svg_text
 from inkjet_env.identification import Estimate
-from inkjet_env.mismatch.diagnosis import FORETOLD_POORLY, LEFT_OVER
+from inkjet_env.mismatch.settings import FORETOLD_POORLY, LEFT_OVER
+from inkjet_env.reporting import diagnosis_figures as figures
+from inkjet_env.reporting.diagnosis_figures import Row, augmented
+from inkjet_env.reporting.formatting import (
+    CHANNEL_WORDS,
+    engineering,
+    hertz,
+    number,
+    probability,
+    share_text,
+    short,
+    unit_text,
+)
+from inkjet_env.reporting.plotting import svg_text
 from inkjet_env.storage import write_atomically
+from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
     from inkjet_env.mismatch.diagnosis import Diagnosis, Named, Trace
 
-Real = NDArray[np.float64]
 
 PERIODS_SHOWN = 6
 """Of the resonance, where the difference is enlarged."""
@@ -46,8 +52,6 @@ VIEW_WORDS = {
     "distortion": "Distortion",
 }
 VERDICT_WORDS = {"none": "nothing found", "named": "named", "set": "one of several", "unknown": "unknown cause"}
-PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
-PREFIXABLE = re.compile(r"(Hz|V|s|A|m|N|Pa|F|W|Ω)(?=$|[ /·])")
 
 
 def write_diagnosis_report(path: str | os.PathLike[str], diagnosis: Diagnosis) -> None:
@@ -73,7 +77,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
 
     from inkjet_env.plant import catalogue
 
-    environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
+    environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
     environment.filters |= {"share": share_text, "hertz": hertz, "number": number, "probability": probability}
     proof = proof_trace(diagnosis)
@@ -166,80 +170,6 @@ def parameter_rows(named: Named) -> list[tuple[str, str, str, str, str]]:
         (name, *engineering(estimate, named.unit_of(name)), known[name].meaning)
         for name, estimate in named.parameters.items()
     ]
-
-
-def engineering(estimate: Estimate, unit: str) -> tuple[str, str, str]:
-    """Value, interval and unit with a prefix that suits all three numbers.
-
-    Two digits of the interval's half width are shown, and of the value two at least; three where there is no interval.
-
-    Examples
-    --------
-    >>> engineering(Estimate(210.4e3, 205.1e3, 216.2e3), "Hz")
-    ('210.4', '205.1 … 216.2', 'kHz')
-    >>> engineering(Estimate(-2.5e-9, -2.61e-9, -2.39e-9), "1/V²")
-    ('−2.50', '−2.61 … −2.39', '10⁻⁹/V²')
-    >>> engineering(Estimate(4e5, 1e5, float("inf")), "Hz"), engineering(Estimate(46520.0, 46520.0, 46520.0), "Hz")
-    (('400', '100 … ∞', 'kHz'), ('46.5', '–', 'kHz'))
-    """
-    numbers = (estimate.value, estimate.low, estimate.high)
-    finite = [abs(v) for v in numbers if math.isfinite(v) and v != 0]
-    size = finite[0] if finite else 1.0
-    exponent = min(max(3 * math.floor(math.log10(size) / 3 + 1e-12), -12), 12)
-    shown_unit = unit_text(unit)
-    if PREFIXABLE.match(unit):
-        shown_unit = PREFIXES[exponent] + shown_unit
-    elif 1e-3 <= size < 1e4:
-        exponent = 0
-    else:
-        power = "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        shown_unit = power + (shown_unit[1:] if unit.startswith("1") else f" {shown_unit}") if exponent else shown_unit
-    half = (estimate.high - estimate.low) / 2
-    leading = [math.floor(math.log10(v / 10.0**exponent)) for v in (half, size) if 0 < v < math.inf]
-    digits = 1 if half else 2
-    decimals = min(max(0, *(digits - digit for digit in leading), 0), 8) if leading else 0
-    value, low, high = (number(v / 10.0**exponent, decimals) for v in numbers)
-    return value, f"{low} … {high}" if half else "–", "" if shown_unit == "1" else shown_unit
-
-
-def number(value: float, decimals: int = 2) -> str:
-    """A number with so many decimals, a true minus and a sign for infinity; a dash where there is none.
-
-    Examples
-    --------
-    >>> number(-0.126), number(float("inf"), 0), number(float("nan")), number(3.2e9, 0)
-    ('−0.13', '∞', '–', '3.20e9')
-    """
-    if math.isnan(value):
-        return "–"
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    return short(value) if abs(value) >= 1e6 else f"{value:.{decimals}f}".replace("-", "−")
-
-
-def probability(p: float) -> str:
-    """A probability as far as it means anything.
-
-    Examples
-    --------
-    >>> probability(0.0123), probability(1e-40)
-    ('0.012', 'below 10⁻⁶')
-    """
-    return short(p, 2) if p >= 1e-6 else "below 10⁻⁶"
-
-
-def share_text(share: float) -> str:
-    """A share in per cent; a dash where there is none.
-
-    Examples
-    --------
-    >>> share_text(0.9312), share_text(0.9961), share_text(-0.02), share_text(float("nan"))
-    ('93 %', '99.6 %', '−2 %', '–')
-    """
-    if not math.isfinite(share):
-        return "–"
-    decimals = 1 if 0.99 < share < 0.9995 else 0
-    return f"{100 * share:.{decimals}f} %".replace("-", "−")
 
 
 def pooled_row(label: str, traces: Sequence[Trace], held_out: bool) -> Row:

@@ -8,22 +8,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments import pictures
 from inkjet_env.identification import Identification, NoiseModel, Residual
 from inkjet_env.identification.outcome import QUANTILE_90
+from inkjet_env.reporting import plotting
+from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
+from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Real = NDArray[np.float64]
 
-CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge", "displacement": "displacement"}
 MOST_POINTS = 3000
 """Of one line in a picture."""
-LONGEST_NAME = 24
 MOST_LABELS = 90
 """Names of recordings that fit beside each other."""
 LARGEST_GAP = 0.05
@@ -33,7 +31,7 @@ POWER_SHOWN = 0.01
 CELLS = 40
 """Over which the means of measured branches are taken, where they hold enough points."""
 FEWEST_IN_CELL = 4
-BLUE, VERMILION, _, _, NOISE, MEASURED, MODELLED = pictures.COLOURS
+BLUE, VERMILION, _, _, NOISE, MEASURED, MODELLED = plotting.COLOURS
 LEFT = RISING = FITTED = BLUE
 FALLING = HELD_OUT = VERMILION
 BAND = "#d9d9d9"
@@ -80,7 +78,7 @@ def parts_of(residual: Residual) -> list[Part]:
 
 def loop_figure(residual: Residual) -> Figure:
     """One recording against time and against the drive, measured and modelled; differences beneath."""
-    figure, axes = pictures.new_figure(10, 5.0, nrows=2, ncols=2, sharex="col", height_ratios=[3, 1.6])
+    figure, axes = plotting.new_figure(10, 5.0, nrows=2, ncols=2, sharex="col", height_ratios=[3, 1.6])
     seconds, time_unit = time_scale(residual.measured.size * residual.step_s)
     unit = unit_text(residual.unit)
     swing = float(np.ptp(residual.modelled))
@@ -107,7 +105,7 @@ def loop_figure(residual: Residual) -> Figure:
 def law_figure(identification: Identification, rising: tuple[Real, Real], falling: tuple[Real, Real]) -> Figure:
     """The branch law with points measured on branches, ``x`` and how far off ``Q(x)``, and these in % of the swing."""
     law = identification.printhead.branch_law
-    figure, axes = pictures.new_figure(10, 5.4, nrows=2, sharex=True, height_ratios=[2, 1.5])
+    figure, axes = plotting.new_figure(10, 5.4, nrows=2, sharex=True, height_ratios=[2, 1.5])
     figure.set_dpi(200)  # of the dots
     x = np.linspace(0, 1, 301)
     percent = 100 / float(law.Q(1.0))
@@ -148,7 +146,7 @@ def degree_figure(identification: Identification) -> Figure:
     if "strain_gauge" in identification.gains:
         choices = {"strain gauge alone": identification.degree, **choices}
     used = len(identification.printhead.coefficients) - 1
-    figure, axes = pictures.new_figure(10, 1.2 + 2.4 * len(choices), nrows=len(choices), ncols=2, squeeze=False)
+    figure, axes = plotting.new_figure(10, 1.2 + 2.4 * len(choices), nrows=len(choices), ncols=2, squeeze=False)
     for row, (source, choice) in zip(axes, choices.items(), strict=True):
         left_out = choice.held_out_error or (math.nan,) * len(choice.degrees)
         for panel, first in zip(row, (0, 1), strict=True):
@@ -163,7 +161,7 @@ def degree_figure(identification: Identification) -> Figure:
             panel.axvline(used, color=MODELLED, lw=1.0, ls=":", label=f"used: {used}")
             panel.set_xticks(degrees)
             panel.set_title(source + (", from degree 2 on" if first else ""), fontsize=9)
-        row[0].axhline(1, color=pictures.GREY, lw=1.0, label="the noise")
+        row[0].axhline(1, color=plotting.GREY, lw=1.0, label="the noise")
         shown = [*choice.rms_error[1:], *left_out[1:]]
         low, high = np.nanmin(shown), min(np.nanmax(shown), 1.05 * max(choice.rms_error[1:]))
         row[1].set_ylim(low * (low / high) ** 0.08, high * (high / low) ** 0.08)
@@ -178,7 +176,7 @@ def degree_figure(identification: Identification) -> Figure:
 
 def ringing_figure(views: Sequence[Part]) -> Figure:
     """Drive, signal and residual of some stretches of recordings, a column each."""
-    figure, axes = pictures.new_figure(
+    figure, axes = plotting.new_figure(
         max(3.6 * len(views), 7.2),
         5.6,
         nrows=3,
@@ -191,7 +189,7 @@ def ringing_figure(views: Sequence[Part]) -> Figure:
         residual, where = view.residual, view.samples
         seconds, time_unit = time_scale(float(np.ptp(residual.time_s[where])))
         time = residual.time_s[where] / seconds
-        draw_line(column[0], time, residual.drive_V[where], color=pictures.GREY, lw=1.2)
+        draw_line(column[0], time, residual.drive_V[where], color=plotting.GREY, lw=1.2)
         draw_line(column[1], time, residual.measured[where], color=MEASURED, lw=2.6, label="measured")
         draw_line(column[1], time, residual.modelled[where], color=MODELLED, lw=0.8, label="modelled")
         _noise_band(column[2], residual)
@@ -211,7 +209,7 @@ def ringing_figure(views: Sequence[Part]) -> Figure:
 
 def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
     """Amplitude densities of a recording, measured and modelled, of what is left, and of the noise."""
-    figure, axes = pictures.new_figure(10, 4.2)
+    figure, axes = plotting.new_figure(10, 4.2)
     signals = (residual.drive_V, residual.measured, residual.modelled, residual.difference)
     frequency, drive, measured, modelled, left = amplitude_densities(residual, *signals)
     scale, unit = (1e3, "kHz") if frequency[-1] > 1e4 else (1.0, "Hz")
@@ -251,7 +249,7 @@ def amplitude_densities(residual: Residual, *signals: Real) -> tuple[Real, ...]:
 def residuals_figure(parts: Sequence[Part]) -> Figure:
     """Residual over noise, a dot a recording."""
     known = [part for part in parts if math.isfinite(part.over_noise)]
-    figure, axes = pictures.new_figure(10, 3.6)
+    figure, axes = plotting.new_figure(10, 3.6)
     kinds = [(channel, held_out) for channel in CHANNEL_WORDS for held_out in (False, True)]
     for channel, held_out in kinds:
         at = [i for i, p in enumerate(known) if (p.residual.channel, p.held_out) == (channel, held_out)]
@@ -272,16 +270,6 @@ def residuals_figure(parts: Sequence[Part]) -> Figure:
     axes.set_ylabel("RMS residual / RMS noise")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
     return figure
-
-
-def unit_text(unit: str) -> str:
-    """Micrometres as people write them."""
-    return unit.replace("um", "µm")
-
-
-def short_name(name: str) -> str:
-    """A recording's name as far as a picture has room."""
-    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…"
 
 
 def time_scale(span_s: float) -> tuple[float, str]:

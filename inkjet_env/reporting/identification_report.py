@@ -12,16 +12,15 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments import identification_figures as figures
-from experiments.identification_figures import CHANNEL_WORDS, Part, parts_of, unit_text
-from experiments.pictures import svg_text
 from inkjet_env.identification import Estimate, Identification, NoiseModel, Residual
 from inkjet_env.identification.fit import RESIDUAL
+from inkjet_env.reporting import identification_figures as figures
+from inkjet_env.reporting.formatting import CHANNEL_WORDS, hertz, interval_text, short, unit_text
+from inkjet_env.reporting.identification_figures import Part, parts_of
+from inkjet_env.reporting.plotting import svg_text
 from inkjet_env.storage import write_atomically
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 EXPLAINED = 1.1
 """Residual over noise of held-out recordings up to which the page says that the model explains them."""
@@ -59,7 +58,7 @@ def identification_html(campaign_name: str, identification: Identification) -> s
     """The page as text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(loader=PackageLoader("experiments"), autoescape=True, undefined=StrictUndefined)
+    environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
     parts = [part for residual in identification.residuals for part in parts_of(residual)]
     loops = loop_recordings(identification)
@@ -281,53 +280,3 @@ def coefficient_rows(identification: Identification) -> list[tuple[int, str, str
         for k, (c, e) in enumerate(zip(coefficients, errors, strict=True))
     ]
     return rows[::-1]
-
-
-def interval_text(estimate: Estimate) -> tuple[str, str]:
-    """The value and its interval, to two digits of the interval's half width.
-
-    Examples
-    --------
-    >>> interval_text(Estimate(1.05512e11, 1.05489e11, 1.05535e11))
-    ('1.05512e11', '1.05489e11 … 1.05535e11')
-    >>> interval_text(Estimate(-0.0469, -0.0481, -0.0457))
-    ('−0.0469', '−0.0481 … −0.0457')
-    """
-    half = (estimate.high - estimate.low) / 2
-    digits = 6
-    if half > 0 and estimate.value != 0:
-        digits = min(max(math.floor(math.log10(abs(estimate.value))) - math.floor(math.log10(half)) + 2, 2), 10)
-    value, low, high = (short(v, digits) for v in (estimate.value, estimate.low, estimate.high))
-    return value, f"{low} … {high}"
-
-
-def short(value: float, digits: int = 3) -> str:
-    """A number for people; a dash where there is none.
-
-    Examples
-    --------
-    >>> short(-3.14159e-7), short(12345.678), short(12345.678, 5), short(float("nan"))
-    ('−3.14e−7', '12300', '12346', '–')
-    """
-    if not math.isfinite(value):
-        return "–"
-    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
-    if -4 < exponent < 6:
-        text = f"{float(f'{value:.{digits}g}'):.{max(digits - 1 - exponent, 0)}f}"
-    else:
-        text = f"{value / 10.0**exponent:.{digits - 1}f}e{exponent}"
-    return text.replace("-", "−")
-
-
-def hertz(frequency_Hz: float) -> str:
-    """A frequency in Hz, kHz or MHz.
-
-    Examples
-    --------
-    >>> hertz(51694.6), hertz(412.3)
-    ('51.69 kHz', '412.3 Hz')
-    """
-    for size, unit in ((1e6, "MHz"), (1e3, "kHz")):
-        if frequency_Hz >= size:
-            return f"{frequency_Hz / size:.4g} {unit}"
-    return f"{frequency_Hz:.4g} Hz"

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.printhead import PeakCost, Response, SampledResponse
 from inkjet_env.storage import write_atomically
+from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -153,7 +153,7 @@ def _sensed(axes: Axes, response: Response | SampledResponse, cost: PeakCost, co
         )
 
 
-def draw_regrets(curves: Mapping[str, NDArray[np.float64]]) -> Figure:
+def draw_regrets(curves: Mapping[str, Real]) -> Figure:
     """Regret against budget, both axes logarithmic, every curve named at its end.
 
     Parameters
@@ -184,7 +184,7 @@ def draw_regrets(curves: Mapping[str, NDArray[np.float64]]) -> Figure:
     return figure
 
 
-def spread(heights: Sequence[float], apart: float) -> NDArray[np.float64]:
+def spread(heights: Sequence[float], apart: float) -> Real:
     """Heights in ascending order, moved as little as needed to be ``apart`` from one another.
 
     Examples
@@ -195,5 +195,5 @@ def spread(heights: Sequence[float], apart: float) -> NDArray[np.float64]:
     from scipy.optimize import isotonic_regression
 
     steps = apart * np.arange(len(heights))
-    moved: NDArray[np.float64] = isotonic_regression(np.asarray(heights) - steps).x + steps
+    moved: Real = isotonic_regression(np.asarray(heights) - steps).x + steps
     return moved

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from inkjet_env.printhead import Printhead, respond_sampled
 from inkjet_env.printhead.printhead import branch_rates
 from inkjet_env.printhead.resonator import PiecewiseResponse
 from inkjet_env.rig.battery import DriveLine
+from inkjet_env.typing import Real
 
 
-def answer_V(printhead: Printhead, line: DriveLine) -> NDArray[np.float64]:
+def answer_V(printhead: Printhead, line: DriveLine) -> Real:
     """What the line's instrument is given, in volts, shape (n,); exact at the samples.
 
     Strain gauge: `absolute_hysteretic_V`. Displacement: `deflection_V`. Self-sensing: the head's sensor signal, in the
@@ -25,7 +26,7 @@ def answer_V(printhead: Printhead, line: DriveLine) -> NDArray[np.float64]:
     return respond_sampled(printhead, line.time_s, line.drive_V, line.initial_state, ringing=ringing).sensor_V
 
 
-def absolute_hysteretic_V(printhead: Printhead, drive_V: ArrayLike, initial_state: str) -> NDArray[np.float64]:
+def absolute_hysteretic_V(printhead: Printhead, drive_V: ArrayLike, initial_state: str) -> Real:
     """Hysteretic drive at the samples in volts, shape (n,), 0 V being the demagnetised ceramic.
 
     A repeated drive had started from there too, so that its hysteretic drive has a level of its own; one offset then
@@ -37,7 +38,7 @@ def absolute_hysteretic_V(printhead: Printhead, drive_V: ArrayLike, initial_stat
     return printhead.branch_law.hysteretic_V(np.tile(drive, 2), "demagnetised")[drive.size :]
 
 
-def deflection_V(printhead: Printhead, drive_V: ArrayLike, step_s: float, initial_state: str) -> NDArray[np.float64]:
+def deflection_V(printhead: Printhead, drive_V: ArrayLike, step_s: float, initial_state: str) -> Real:
     """Deflection at the samples as the quasi-static hysteretic drive that would hold it, in volts, shape (n,).
 
     ``a0 / (s² + a1 s + a0)`` on the hysteretic drive, exact for a drive that is linear between samples. Periodic: the

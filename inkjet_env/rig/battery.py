@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.printhead import check_name
 from inkjet_env.printhead.hysteresis import INITIAL_STATES
 from inkjet_env.printhead.sampled import check_samples
 from inkjet_env.recordings.recording import CHANNELS
+from inkjet_env.typing import Real
 
 EXPECTED_FREQUENCY_Hz = 50e3
 SAMPLES_A_PERIOD = 100
@@ -28,8 +28,6 @@ MULTISINE_LAST_LINE = 101
 
 SLOW_SAMPLES = 1200
 """Samples in one period of a slow loop, a multiple of four: the drive's extremes are sampled."""
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Converter:
         """One code in the recorded unit; 0 for an ideal converter."""
         return 0.0 if self.bits is None else (self.high - self.low) / 2**self.bits
 
-    def quantised(self, values: ArrayLike) -> NDArray[np.float64]:
+    def quantised(self, values: ArrayLike) -> Real:
         """Values as the converter tells them, same shape: the nearest of ``low + k step``.
 
         Raises

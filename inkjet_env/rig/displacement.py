@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from inkjet_env.rig.converter import Converter
 from inkjet_env.rig.noise import Noise
+from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Vibrometer:
         """White, in µm."""
         return Noise(self.noise_um_per_rtHz, self.noise_bandwidth_Hz)
 
-    def signal_um(self, deflection_V: ArrayLike) -> NDArray[np.float64]:
+    def signal_um(self, deflection_V: ArrayLike) -> Real:
         """Position without noise and steps of any deflection in volts (see `answer.deflection_V`), same shape."""
         return self.um_per_V * np.asarray(deflection_V, dtype=np.float64) + self.offset_um
 

@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
+
+from inkjet_env.typing import Real
 
 BOLTZMANN_J_per_K = 1.380649e-23
-
-Real = NDArray[np.float64]
 
 
 def thermal_density(resistance_ohm: float, temperature_K: float) -> float:

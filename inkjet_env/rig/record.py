@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
@@ -14,6 +13,7 @@ from inkjet_env.rig.battery import DriveLine, default_battery
 from inkjet_env.rig.displacement import Vibrometer
 from inkjet_env.rig.self_induction import SelfInduction
 from inkjet_env.rig.strain_gauge import StrainGauge
+from inkjet_env.typing import Real
 
 CONDITION = {"temperature_C": 25.0, "back_pressure_kPa": 1.3}
 """The paper keeps the back pressure at 0.9 … 1.7 kPa."""
@@ -26,7 +26,6 @@ LOWEST_SNR_dB = -40.0
 NOISE_ROOM = 6.0
 """Standard deviations of noise for which the instruments' ranges leave room."""
 
-Real = NDArray[np.float64]
 Instrument = StrainGauge | SelfInduction | Vibrometer
 
 DEFAULT_INSTRUMENTS: dict[str, Instrument] = {

@@ -12,10 +12,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from inkjet_env.rig.converter import Converter
 from inkjet_env.rig.noise import Noise, thermal_density
+from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ class SelfInduction:
         """How much of a sine's amplitude the pole changes, as a share: ``|1 − 1/(1 + i f/B)|``."""
         return abs(1 - 1 / complex(1, frequency_Hz / self.bandwidth_Hz))
 
-    def signal_V(self, sensor_V: ArrayLike, drive_V: ArrayLike, step_s: float, periodic: bool) -> NDArray[np.float64]:
+    def signal_V(self, sensor_V: ArrayLike, drive_V: ArrayLike, step_s: float, periodic: bool) -> Real:
         """Voltage at the oscilloscope without noise and steps.
 
         Parameters
@@ -126,7 +127,7 @@ class SelfInduction:
         return replace(self, range_V=next(m * decade for m in (1.0, 2.0, 5.0, 10.0) if m * decade >= needed_V))
 
 
-def single_pole(signal: NDArray[np.float64], step_over_tau: float, periodic: bool) -> NDArray[np.float64]:
+def single_pole(signal: Real, step_over_tau: float, periodic: bool) -> Real:
     """``1 / (τs + 1)`` on a signal that is linear between samples, exact at the samples; shape (n,).
 
     Starts after one repetition of the signal, or at rest at the first sample.

@@ -12,10 +12,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from inkjet_env.rig.converter import Converter
 from inkjet_env.rig.noise import Noise, thermal_density
+from inkjet_env.typing import Real
 
 STM32 = Converter(0.0, 3.3, 12)
 
@@ -118,7 +119,7 @@ class StrainGauge:
         corner = self.noise_corner_Hz * (amplifier / white) ** 2 if white > 0 else 0.0  # a resistor has no 1/f
         return Noise(white * amplification, math.pi / 2 * self.bandwidth_Hz, corner)
 
-    def signal_V(self, hysteretic_V: ArrayLike) -> NDArray[np.float64]:
+    def signal_V(self, hysteretic_V: ArrayLike) -> Real:
         """Voltage at the converter without noise and steps, of any hysteretic drive in volts, same shape."""
         return self.gain * np.asarray(hysteretic_V, dtype=np.float64) + self.offset_V
 

@@ -9,11 +9,11 @@ import time
 import numpy as np
 import pytest
 
-from experiments.bench import LONGEST, BenchOutcome, BenchSettings, perform, perform_some, run_bench
-from experiments.comparison import Comparison
-from experiments.comparison_page import page_data
-from experiments.report import ranking_csv, ranking_json, write_report
-from experiments.runs import (
+from experiments.benchmark.analysis import Comparison
+from experiments.benchmark.mean_ranks import summarise
+from experiments.benchmark.page import page_data
+from experiments.benchmark.report import ranking_csv, ranking_json, write_report
+from experiments.benchmark.run_files import (
     LABELLED,
     DamagedResultError,
     RunKey,
@@ -23,9 +23,10 @@ from experiments.runs import (
     run_path,
     runs_table,
 )
-from experiments.statistics import summarise
-from experiments.suite import problem
-from experiments.versions import first_difference
+from experiments.benchmark.runner import perform, perform_some, run_bench
+from experiments.benchmark.settings import LONGEST, BenchOutcome, BenchSettings
+from experiments.benchmark.suite import problem
+from experiments.execution.provenance import first_difference
 from tests.processes import wait_until, worker
 
 COMMAND = [sys.executable, "-m", "experiments.cli", "bench", "--workers", "1"]
@@ -107,8 +108,10 @@ def test_whatever_of_ours_a_run_uses_is_in_the_code_that_it_is_labelled_with():
         from pathlib import Path
         import experiments
         import optimizers
-        from experiments.bench import SOURCES, BenchSettings, RunKey, applies, perform
-        from experiments.suite import families
+        from experiments.benchmark.run_files import RunKey
+        from experiments.benchmark.runner import applies, perform
+        from experiments.benchmark.settings import SOURCES, BenchSettings
+        from experiments.benchmark.suite import families
 
         for problems in families().values():
             name = problems[0].name
@@ -124,10 +127,10 @@ def test_whatever_of_ours_a_run_uses_is_in_the_code_that_it_is_labelled_with():
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     around = set(done.stdout.split())
-    assert "experiments/bench.py" in around
+    assert "experiments/benchmark/runner.py" in around
     assert {name for name in around if not name.startswith("experiments/")} == set()
-    numbers = {"problems", "suite", "entrants"}
-    assert not {f"experiments/{name}.py" for name in numbers} & around
+    numbers = {"problem", "suite", "entrants"}
+    assert not {f"experiments/benchmark/{name}.py" for name in numbers} & around
 
 
 def test_an_optimizer_of_shorter_runs_is_compared_as_far_as_they_go(monkeypatch, tmp_path):
@@ -154,7 +157,7 @@ def test_an_optimizer_of_shorter_runs_is_compared_as_far_as_they_go(monkeypatch,
 
 
 def test_a_worker_of_other_code_or_packages_does_nothing(monkeypatch):
-    monkeypatch.setattr("experiments.bench.perform", lambda *_: pytest.fail("ran"))
+    monkeypatch.setattr("experiments.benchmark.runner.perform", lambda *_: pytest.fail("ran"))
     told = small_settings().to_json()
     keys = [RunKey("pso", "nominal", 0)]
     with pytest.raises(ValueError, match="the code is not the one that this bench was begun with"):
@@ -165,7 +168,7 @@ def test_a_worker_of_other_code_or_packages_does_nothing(monkeypatch):
 
 
 def test_a_finished_bench_is_not_run_again(finished, monkeypatch):
-    monkeypatch.setattr("experiments.bench._perform_all", lambda *_: pytest.fail("ran again"))
+    monkeypatch.setattr("experiments.benchmark.runner._perform_all", lambda *_: pytest.fail("ran again"))
     again = run_bench(small_settings(), finished.folder)
     assert [r.to_bytes({}) for r in again.results] == [r.to_bytes({}) for r in finished.results]
 
@@ -211,7 +214,7 @@ def test_a_bench_is_extended_and_narrowed_and_its_runs_are_those_of_a_new_one(tm
     assert len(outcomes[0].results) == 12
     assert with_settings(grown) == with_settings(new)
     assert all((grown / "runs" / name).stat().st_mtime_ns == at for name, at in first.items())
-    monkeypatch.setattr("experiments.bench._perform_all", lambda *_: pytest.fail("ran again"))
+    monkeypatch.setattr("experiments.benchmark.runner._perform_all", lambda *_: pytest.fail("ran again"))
     capsys.readouterr()
     narrowed = run_bench(small_settings(optimizers=("random",)), grown)
     assert f"10 runs in {grown} are not asked for" in capsys.readouterr().err

@@ -4,11 +4,12 @@ import re
 import numpy as np
 import pytest
 
-from experiments import comparison
-from experiments.bench import BenchOutcome, BenchSettings
-from experiments.comparison import Comparison, scale_V
-from experiments.runs import RunKey, RunResult
-from experiments.suite import problem, suite
+from experiments.benchmark import analysis
+from experiments.benchmark.analysis import Comparison
+from experiments.benchmark.regret import scale_V
+from experiments.benchmark.run_files import RunKey, RunResult
+from experiments.benchmark.settings import BenchOutcome, BenchSettings
+from experiments.benchmark.suite import problem, suite
 
 PROBLEMS = ("nominal", "stiff-head", "soft-head")
 
@@ -151,7 +152,7 @@ def test_a_family_is_looked_at_by_itself(compared):
 
 def test_running_times_count_every_target_of_every_run(compared):
     share = compared.running_times("cma-es", "cost", [0, 1, 2, 3, 100])
-    targets = np.array(comparison.TARGETS)
+    targets = np.array(analysis.TARGETS)
     first = np.mean(targets >= 0.5)
     assert share[0] == 0
     assert share[1] == pytest.approx(first)

@@ -3,12 +3,16 @@ from pathlib import Path
 
 import pytest
 
-from experiments import amortised, beating, comparison_document, few_tries
-from experiments.bench import BenchSettings, run_bench
-from experiments.entrants import entrant
-from experiments.report import write_report
-from experiments.statistics import best_known_cost, summarise
-from experiments.suite import families, problem
+from experiments.benchmark.entrants import entrant
+from experiments.benchmark.mean_ranks import summarise
+from experiments.benchmark.regret import best_known_cost
+from experiments.benchmark.report import write_report
+from experiments.benchmark.runner import run_bench
+from experiments.benchmark.settings import BenchSettings
+from experiments.benchmark.studies import challenge_best_known
+from experiments.benchmark.suite import families, problem
+from experiments.learning import amortised, few_shot
+from experiments.publish import comparison_tables
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +34,8 @@ def test_every_table_is_whole_and_its_numbers_are_those_of_the_files(folder, cap
         {"problem": "nominal", "method": "one", "cost_V": -21.5, "known_V": -22.0},
         {"problem": "nominal", "method": "other", "cost_V": -22.0001, "known_V": -22.0},
     ]
-    (folder / "beating.json").write_text(json.dumps({"format": beating.FORMAT, "attempts": attempts}))
-    comparison_document.main([str(folder)])
+    (folder / "beating.json").write_text(json.dumps({"format": challenge_best_known.FORMAT, "attempts": attempts}))
+    comparison_tables.main([str(folder)])
     told = capsys.readouterr().out
     assert [line[3:] for line in told.splitlines() if line.startswith("## ")] == [
         "Problems",
@@ -63,14 +67,14 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
     interval = {"value": 1.5, "low": 1.0, "high": 2.0}
     learnt = {"format": amortised.FORMAT, "heads": 3, "trainings": 1}
     learnt["rows"] = [{"name": "cma-es", "trained": 0, "50": interval, "behind": {"50": interval}}]
-    tried = {"format": few_tries.FORMAT, "heads": 3, "trainings": 2, "nothing_V": 17.0}
+    tried = {"format": few_shot.FORMAT, "heads": 3, "trainings": 2, "nothing_V": 17.0}
     tried["rows"] = [
         {"name": name, "learning": 0, "after": {"10": interval | {"value": v, "each": each}}}
         for name, v, each in (("b", 2.0, [2.0]), ("a", 1.0, [0.5, 1.5]))
     ]
     (tmp_path / "amortised.json").write_text(json.dumps(learnt))
     (tmp_path / "few_tries.json").write_text(json.dumps(tried))
-    comparison_document.main([str(tmp_path)])
+    comparison_tables.main([str(tmp_path)])
     out = capsys.readouterr().out
     rows = cells(out)
     assert ["cma-es", "0", "–", "1.5 (1 … 2)", "–", "–", "", "1.5 (1 … 2)", ""] in rows
@@ -82,8 +86,8 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
 def test_the_record_in_docs_says_what_its_files_say():
     docs = Path(__file__).parents[2] / "docs"
     lines = (docs / "comparison.md").read_text(encoding="utf-8").splitlines()
-    told = dict(comparison_document.sections(docs / "comparison"))
-    assert {"Problems", "Who took part", "After 20,000 evaluations", amortised.TITLE, few_tries.TITLE} <= told.keys()
+    told = dict(comparison_tables.sections(docs / "comparison"))
+    assert {"Problems", "Who took part", "After 20,000 evaluations", amortised.TITLE, few_shot.TITLE} <= told.keys()
     for heading, text in told.items():
         missing = [line for line in text.splitlines() if line not in lines]
         assert not missing, f"docs/comparison.md, {heading}: print its tables anew"
@@ -96,5 +100,5 @@ def test_a_folder_without_or_with_another_thing_is_refused(content, said, tmp_pa
     if content is not None:
         (tmp_path / "ranking.json").write_text(content)
     with pytest.raises(SystemExit):
-        comparison_document.main([str(tmp_path)])
+        comparison_tables.main([str(tmp_path)])
     assert said in capsys.readouterr().err

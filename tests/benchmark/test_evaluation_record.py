@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from experiments.optimisation import Optimisation, read_record, write_record
-from experiments.suite import problem
+from experiments.benchmark.single_run import Optimisation, read_record, write_record
+from experiments.benchmark.suite import problem
 from inkjet_env.storage import archive_bytes
 from optimizers.loop import Run
 

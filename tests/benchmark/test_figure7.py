@@ -1,8 +1,15 @@
 import numpy as np
 import pytest
 
-from experiments.figure7 import CLAIMS, GENERATIONS, Reproduction, effective_and_later, reproduce, table
-from experiments.suite import problem
+from experiments.benchmark.studies.figure7 import (
+    CLAIMS,
+    GENERATIONS,
+    Reproduction,
+    effective_and_later,
+    reproduce,
+    table,
+)
+from experiments.benchmark.suite import problem
 from inkjet_env.printhead import Waveform
 
 

@@ -10,7 +10,7 @@ import pytest
 import scikit_posthocs
 from scipy.stats import mannwhitneyu, trim_mean
 
-from experiments import measures, statistics
+from experiments.benchmark import mean_ranks, metrics
 
 RUNS, EVALUATIONS = 9, 300
 
@@ -63,26 +63,26 @@ def test_expected_running_time_is_that_of_coco(cocopp, curves, tmp_path):
     targets = [10 ** (k / 5) for k in range(4, -40, -1)]  # cocopp keeps five to a decade
     read = cocopp.pproc.DataSetList([write_coco(tmp_path, curves)])
     theirs = read[0].detERT([target * (1 + 1e-9) for target in targets])
-    hits = measures.first_hits(curves, targets)
-    ours = measures.expected_running_time(hits.T, EVALUATIONS)
+    hits = metrics.first_hits(curves, targets)
+    ours = metrics.expected_running_time(hits.T, EVALUATIONS)
     assert (np.isfinite(hits).sum(axis=0) == 1).any()
     assert (np.isfinite(hits).sum(axis=0) < RUNS).any()
     np.testing.assert_allclose(ours, theirs, rtol=1e-12)
 
 
 def test_simulated_restarts_are_distributed_as_those_of_coco(cocopp, curves):
-    hits = measures.first_hits(curves, [1e-4])[:, 0]
+    hits = metrics.first_hits(curves, [1e-4])[:, 0]
     reached = np.isfinite(hits)
     assert 2 <= reached.sum() <= RUNS - 2
     percentiles = [10, 25, 50, 75, 90]
     spent = np.full(int((~reached).sum()), float(EVALUATIONS))
     theirs, _ = cocopp.toolsstats.drawSP(hits[reached], spent, percentiles, samplesize=20_000)
-    drawn = measures.simulated_restarts(hits, EVALUATIONS, np.random.default_rng(2), draws=20_000)
+    drawn = metrics.simulated_restarts(hits, EVALUATIONS, np.random.default_rng(2), draws=20_000)
     # a quantile of a distribution of few values may fall on either side of a jump
     low, high = np.percentile(drawn, [np.subtract(percentiles, 1), np.add(percentiles, 1)])
     assert (low <= theirs).all()
     assert (np.asarray(theirs) <= high).all()
-    assert np.mean(drawn) == pytest.approx(measures.expected_running_time(hits, EVALUATIONS), rel=0.02)
+    assert np.mean(drawn) == pytest.approx(metrics.expected_running_time(hits, EVALUATIONS), rel=0.02)
 
 
 @pytest.mark.parametrize(("runs", "instances"), [(25, 26), (7, 3), (5, 5)])
@@ -90,23 +90,23 @@ def test_aggregates_are_those_that_rliable_defines(runs, instances):
     """rliable 1.2.0, metrics.py: the definitions, since it does not run beside a current pandas."""
     rng = np.random.default_rng(runs)
     first, second = rng.lognormal(0.0, 1.0, (2, runs, instances)).round(1)
-    assert measures.interquartile_mean(first) == pytest.approx(
+    assert metrics.interquartile_mean(first) == pytest.approx(
         trim_mean(first, proportiontocut=0.25, axis=None), rel=1e-12
     )
     # theirs is for scores of which more is better
     chances = [
         mannwhitneyu(-first[:, k], -second[:, k], alternative="greater").statistic / runs**2 for k in range(instances)
     ]
-    assert measures.probability_of_improvement(first, second) == pytest.approx(np.mean(chances), rel=1e-12)
+    assert metrics.probability_of_improvement(first, second) == pytest.approx(np.mean(chances), rel=1e-12)
     levels = np.linspace(0.0, 4.0, 9)
     theirs = [np.mean(np.mean(-first >= -level, axis=0)) for level in levels]
-    np.testing.assert_allclose(measures.performance_profile(first, levels), theirs, rtol=1e-12)
+    np.testing.assert_allclose(metrics.performance_profile(first, levels), theirs, rtol=1e-12)
 
 
 def test_stratified_intervals_are_those_that_rliable_draws():
     """Its bootstrap draws runs anew for every task, independently, and takes percentiles."""
     scores = np.random.default_rng(3).lognormal(0.0, 1.0, (25, 26))
-    found = measures.stratified(measures.interquartile_mean, [scores], np.random.default_rng(4), 4000)
+    found = metrics.stratified(metrics.interquartile_mean, [scores], np.random.default_rng(4), 4000)
     rng = np.random.default_rng(5)
     drawn = []
     for _ in range(4000):
@@ -124,7 +124,7 @@ def test_the_bayesian_signed_rank_agrees_with_baycomp(better_by, alike):
     rng = np.random.default_rng(9)
     second = rng.random(22)
     first = second - better_by + 0.3 * rng.standard_normal(22)
-    found = measures.bayesian_signed_rank(first, second, alike, rng, draws=40_000)
+    found = metrics.bayesian_signed_rank(first, second, alike, rng, draws=40_000)
     theirs = baycomp.SignedRankTest.probs(first, second, rope=alike, nsamples=40_000, random_state=2)
     assert (found.second, found.alike, found.first) == pytest.approx(theirs, abs=0.01)
     assert 0.02 < max(theirs) <= 1.0
@@ -135,8 +135,8 @@ def test_friedman_and_the_critical_difference_agree_with_scikit_posthocs():
     rng = np.random.default_rng(6)
     medians = rng.normal(0.0, 1.0, (8, 24)) + np.linspace(0.0, 1.5, 8)[:, None]
     medians -= medians.min()
-    p, difference = statistics.friedman_and_nemenyi(medians)
-    ranks = statistics.mean_ranks(medians)
+    p, difference = mean_ranks.friedman_and_nemenyi(medians)
+    ranks = mean_ranks.mean_ranks(medians)
     theirs = scikit_posthocs.posthoc_nemenyi_friedman(medians.T).to_numpy()
     apart = np.abs(ranks[:, None] - ranks[None, :]) > difference
     told = theirs < 0.05

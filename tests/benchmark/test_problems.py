@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.optimisation import Optimisation
-from experiments.problems import BEST_KNOWN_FILE, Problem, Spread
-from experiments.suite import VERSION, suite
+from experiments.benchmark.problem import BEST_KNOWN_FILE, Problem, Spread
+from experiments.benchmark.single_run import Optimisation
+from experiments.benchmark.suite import VERSION, suite
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
 
 POINTS = np.random.default_rng(0).uniform(-1, 1, (40, 7))

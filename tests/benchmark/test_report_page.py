@@ -5,11 +5,12 @@ import re
 
 import pytest
 
-from experiments.bench import BenchSettings, run_bench
-from experiments.entrants import entrant
-from experiments.report import write_report
-from experiments.statistics import summarise
-from tests.experiments import browser
+from experiments.benchmark.entrants import entrant
+from experiments.benchmark.mean_ranks import summarise
+from experiments.benchmark.report import write_report
+from experiments.benchmark.runner import run_bench
+from experiments.benchmark.settings import BenchSettings
+from tests import browser
 
 PROBLEMS = ("nominal", "stiff-head", "reading-200mV")
 OPTIMIZERS = ("pso", "pso-tuned", "cma-es", "lbfgsb-multistart", "random")

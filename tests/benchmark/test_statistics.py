@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from experiments import statistics
-from experiments.bench import BenchOutcome, BenchSettings
-from experiments.runs import RunKey, RunResult
-from experiments.suite import problem
+from experiments.benchmark import mean_ranks
+from experiments.benchmark.run_files import RunKey, RunResult
+from experiments.benchmark.settings import BenchOutcome, BenchSettings
+from experiments.benchmark.suite import problem
 
 
 def a_result(optimizer, regrets, repeat, name="nominal"):
@@ -26,22 +26,22 @@ def an_outcome(tmp_path, by_optimizer, name="nominal"):
 
 def test_ranks_are_those_worked_out_by_hand():
     medians = [[0.0, 3.0], [1.0, 2.0], [5.0, 2.0]]
-    np.testing.assert_allclose(statistics.mean_ranks(medians), [(1 + 3) / 2, (2 + 1.5) / 2, (3 + 1.5) / 2])
+    np.testing.assert_allclose(mean_ranks.mean_ranks(medians), [(1 + 3) / 2, (2 + 1.5) / 2, (3 + 1.5) / 2])
 
 
 def test_less_than_a_microvolt_does_not_decide_a_rank():
-    np.testing.assert_allclose(statistics.mean_ranks([[1e-9], [0.0], [1e-3]]), [1.5, 1.5, 3])
+    np.testing.assert_allclose(mean_ranks.mean_ranks([[1e-9], [0.0], [1e-3]]), [1.5, 1.5, 3])
 
 
 def test_median_interval_of_equal_runs_is_a_point_and_of_one_run_unknown():
     rng = np.random.default_rng(0)
-    assert statistics.median_interval([2.0, 2.0, 2.0], rng) == statistics.Interval(2.0, 2.0, 2.0)
-    assert np.isnan(statistics.median_interval([2.0], rng).low)
+    assert mean_ranks.median_interval([2.0, 2.0, 2.0], rng) == mean_ranks.Interval(2.0, 2.0, 2.0)
+    assert np.isnan(mean_ranks.median_interval([2.0], rng).low)
 
 
 def test_median_interval_covers_the_true_median_about_as_often_as_it_says():
     rng = np.random.default_rng(1)
-    intervals = [statistics.median_interval(rng.standard_normal(25), rng) for _ in range(150)]
+    intervals = [mean_ranks.median_interval(rng.standard_normal(25), rng) for _ in range(150)]
     covered = np.mean([i.low <= 0 <= i.high for i in intervals])
     assert 0.88 <= covered <= 1.0
     assert np.mean([i.high - i.low for i in intervals]) < 1.5  # not by being endless
@@ -49,7 +49,7 @@ def test_median_interval_covers_the_true_median_about_as_often_as_it_says():
 
 def test_best_so_far_quartiles_are_those_of_the_running_minimum():
     runs = [a_result("pso", costs, i) for i, costs in enumerate([[5, 7, 1], [9, 2, 4], [6, 6, 6]])]
-    found = statistics.regret_quartiles(runs, [1, 2, 3])
+    found = mean_ranks.regret_quartiles(runs, [1, 2, 3])
     np.testing.assert_allclose(found[1], [6, 5, 2], atol=1e-9)  # medians of 5 9 6, 5 2 6, 1 2 6
     np.testing.assert_allclose(found[0], [5.5, 3.5, 1.5], atol=1e-9)
 
@@ -59,21 +59,21 @@ def test_equal_optimisers_are_never_told_apart():
     wrong = 0
     for _ in range(12):
         regrets = {name: rng.exponential(size=(3, 15)) for name in "abcd"}
-        wrong += sum(not s.tied_with_winner for s in statistics.standings(regrets, rng))
+        wrong += sum(not s.tied_with_winner for s in mean_ranks.standings(regrets, rng))
     assert wrong <= 1
 
 
 def test_a_better_optimiser_is_told_from_a_worse_one():
     rng = np.random.default_rng(3)
     regrets = {"bad": 5 + rng.exponential(size=(3, 15)), "good": rng.exponential(size=(3, 15))}
-    good, bad = statistics.standings(regrets, rng)
+    good, bad = mean_ranks.standings(regrets, rng)
     assert (good.optimizer, good.mean_rank, bad.tied_with_winner) == ("good", 1.0, False)
 
 
 def test_nemenyi_difference_is_the_tabulated_one():
     # Demšar 2006, table 5: q_0.05 = 2.343 for three classifiers.
     medians = np.random.default_rng(0).random((3, 10))
-    _, difference = statistics.friedman_and_nemenyi(medians)
+    _, difference = mean_ranks.friedman_and_nemenyi(medians)
     assert difference == pytest.approx(2.343 * np.sqrt(3 * 4 / (6 * 10)), abs=1e-3)
 
 
@@ -85,17 +85,17 @@ def test_sentences_say_which_optimisers_are_level(tmp_path):
         "random": rng.permutation(np.linspace(0, 1, 15)),
         "sobol": rng.permutation(np.linspace(0, 1, 15)),
     }
-    said = statistics.summarise(an_outcome(tmp_path, regrets)).sentences
+    said = mean_ranks.summarise(an_outcome(tmp_path, regrets)).sentences
     assert "has the best mean rank" in said[0]
     assert ("sobol cannot be told from it" in said[1]) or ("random cannot be told from it" in said[1])
 
 
 def test_few_runs_are_not_called_a_proof(tmp_path):
-    said = statistics.summarise(an_outcome(tmp_path, {"random": [1.0, 2.0], "sobol": [5.0, 6.0]})).sentences
+    said = mean_ranks.summarise(an_outcome(tmp_path, {"random": [1.0, 2.0], "sobol": [5.0, 6.0]})).sentences
     assert "So few runs tell no optimiser from another" in said[1]
 
 
 def test_a_comparison_in_which_nothing_ran_is_refused(tmp_path):
     outcome = BenchOutcome(BenchSettings(("nominal",), ("pso",)), tmp_path, [], {"pso": "broken"})
     with pytest.raises(ValueError, match=r"no optimiser of .* could be run"):
-        statistics.summarise(outcome)
+        mean_ranks.summarise(outcome)

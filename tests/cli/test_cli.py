@@ -225,7 +225,7 @@ def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, 
     files = ["--sample-rate", "2.5e7", "--plot"]
     assert inkjet(*arguments, *files, "whole.png", "--out", "whole.csv", "--json", "whole.json")[0] == 0
 
-    from experiments.problems import Problem
+    from experiments.benchmark.problem import Problem
 
     evaluate, batches = Problem.evaluate, []
 
@@ -332,7 +332,7 @@ def test_every_command_explains_itself_with_an_example(inkjet, command):
 def test_help_imports_nothing_that_costs():
     code = (
         "import sys, experiments.cli\n"
-        "try: experiments.cli.main(['--help'])\n"
+        "try: inkjet_env.cli.app.main(['--help'])\n"
         "except SystemExit: pass\n"
         "print([m for m in ('numpy', 'numba', 'scipy', 'torch', 'nevergrad', 'matplotlib') if m in sys.modules])"
     )

@@ -6,17 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments import diagnosis_report
-from experiments.diagnosis_command import augmented_json
-from experiments.drive_csv import read_drive
 from inkjet_env import mismatch
+from inkjet_env.cli.drive_csv import read_drive
 from inkjet_env.identification import Estimate
-from inkjet_env.mismatch.diagnosis import Diagnosis, Location, Named, NextExperiment, Trace
+from inkjet_env.mismatch.design.next_experiment import NextExperiment
+from inkjet_env.mismatch.diagnosis import Diagnosis, Named, Trace
+from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.plant import Plant, Shot, catalogue
 from inkjet_env.plant.effect import complete
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, write_campaign
+from inkjet_env.reporting import diagnosis_report
 from inkjet_env.rig import default_battery, record_campaign
 from inkjet_env.storage import write_json
 
@@ -222,7 +223,7 @@ def test_a_law_of_which_parts_are_off_is_written_whole(found, tmp_path):
     values = complete(effect, rayleigh_per_V=1.3e-4, power=0.15, loss_ratio=10.0)
     told = {"rayleigh_per_V": Estimate(1.3e-4, 1.2e-4, 1.4e-4), "power": Estimate(0.15, 0.14, 0.16)}
     named = Named(effect, effect.told(values), 40.0, 0.005, told, values)
-    write_json(tmp_path / "head.json", augmented_json(replace(found, effects=(named,))))
+    write_json(tmp_path / "head.json", replace(found, effects=(named,)).augmented_json())
     ((_, read),) = read_printhead(tmp_path / "head.json").effects
     assert read == values
 

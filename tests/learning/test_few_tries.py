@@ -5,17 +5,26 @@ import json
 import numpy as np
 import pytest
 
-from experiments import few_tries, tuners
-from experiments.drawn_heads import Heads, drawn, stretched
-from experiments.few_tries import heads_on_the_bench
-from experiments.policies import Policy
-from experiments.tuners import MIDDLE, PULSE, Agent, Listed, OneForAll, Optimisers, best_list, kept_costs_V
+from experiments.learning import few_shot, few_shot_tuners
+from experiments.learning.few_shot import heads_on_the_bench
+from experiments.learning.few_shot_tuners import (
+    MIDDLE,
+    PULSE,
+    Agent,
+    Listed,
+    OneForAll,
+    Optimisers,
+    best_list,
+    kept_costs_V,
+)
+from experiments.learning.heads import Heads, drawn, stretched
+from experiments.learning.policies import Policy
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 
 SEED = 5
 
 
-@pytest.mark.parametrize("entry", tuners.SCRATCH.values(), ids=list(tuners.SCRATCH))
+@pytest.mark.parametrize("entry", few_shot_tuners.SCRATCH.values(), ids=list(few_shot_tuners.SCRATCH))
 def test_tuning_repeats_itself_and_an_optimiser_beside_others_asks_what_it_would_alone(entry):
     name, options = entry
     kept = kept_costs_V(Optimisers(name, 3, 7, SEED, **options), 3, 7, SEED)
@@ -44,7 +53,7 @@ def test_the_same_waveform_again_gains_nothing():
 
 
 def test_one_waveform_for_all_is_better_on_new_heads_than_any_guess():
-    point, spent = tuners.one_for_all(0, heads=20, waveforms=600)
+    point, spent = few_shot_tuners.one_for_all(0, heads=20, waveforms=600)
     assert spent == 20 * 600
     heads = heads_on_the_bench(40, SEED)
     guesses = np.random.default_rng(0).uniform(-1, 1, (50, 7))
@@ -85,7 +94,7 @@ def test_a_list_is_stretched_to_the_resonance_that_rings():
 
 
 def test_an_agent_is_kept_with_what_its_observations_are(tmp_path):
-    policy = tuners.trained_agent(2000, 4, seed=0)
+    policy = few_shot_tuners.trained_agent(2000, 4, seed=0)
     assert policy.made["evaluations"] == 2 * 64 * 16  # whole rollouts
     names = TuneWaveformVectorEnv(1, tries=4).tuning.observation_names()
     assert len(names) == TuneWaveformVectorEnv(1).single_observation_space.shape[0]
@@ -98,15 +107,17 @@ def test_an_agent_is_kept_with_what_its_observations_are(tmp_path):
 
 
 def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(few_tries, "SCRATCH", {name: tuners.SCRATCH[name] for name in ("random", "cma-es of 4")})
-    monkeypatch.setattr(tuners, "LISTED", 3000)
+    monkeypatch.setattr(
+        few_shot, "SCRATCH", {name: few_shot_tuners.SCRATCH[name] for name in ("random", "cma-es of 4")}
+    )
+    monkeypatch.setattr(few_shot_tuners, "LISTED", 3000)
     arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "8", "--labelling", "4"]
     arguments += ["--trainings", "2", "--workers", "1"]
-    few_tries.main(arguments)
+    few_shot.main(arguments)
     text = (tmp_path / "few_tries.json").read_bytes()
-    monkeypatch.setattr(few_tries, "trained_agent", lambda *_: pytest.fail("trained again"))
-    monkeypatch.setattr(few_tries, "kept_costs_V", lambda *_: pytest.fail("tried again"))
-    few_tries.main(arguments)
+    monkeypatch.setattr(few_shot, "trained_agent", lambda *_: pytest.fail("trained again"))
+    monkeypatch.setattr(few_shot, "kept_costs_V", lambda *_: pytest.fail("tried again"))
+    few_shot.main(arguments)
     assert (tmp_path / "few_tries.json").read_bytes() == text
     found = json.loads(text)
     learning = {row["name"]: row["learning"] for row in found["rows"]}
@@ -118,13 +129,13 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     for row in found["rows"]:
         medians = [row["after"][count]["value"] for count in ("1", "3", "10")]
         assert 0 <= min(medians) <= max(medians) < found["nothing_V"] + 0.5  # as far as errors of reading mislead
-        assert len(row["after"]["10"]["each"]) == row["trainings"] == (1 if row["name"] in few_tries.SCRATCH else 2)
+        assert len(row["after"]["10"]["each"]) == row["trainings"] == (1 if row["name"] in few_shot.SCRATCH else 2)
         assert ("behind" in row) == (row["name"] != "list, stretched")
         assert row["after"]["10"]["low"] <= medians[2] <= row["after"]["10"]["high"]
     assert "nobody had seen" in capsys.readouterr().out
     (tmp_path / "sb3-ppo-1-tested.npz").unlink()
     (tmp_path / "sb3-ppo-1.npz").write_bytes(b"no policy")
     with pytest.raises(SystemExit) as ended:
-        few_tries.main(arguments)
+        few_shot.main(arguments)
     assert ended.value.code == 2
     assert "sb3-ppo-1.npz: is not a policy" in capsys.readouterr().err

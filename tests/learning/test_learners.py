@@ -5,8 +5,8 @@ import tempfile
 import numpy as np
 import pytest
 
-from experiments import learners
-from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, Heads, OneHead, descended, drawn, stretched, the_task
+from experiments.learning import learners
+from experiments.learning.heads import TEST_SEED, TRAIN_SEED, Heads, OneHead, descended, drawn, stretched, the_task
 from inkjet_env.printhead import Waveform
 
 

@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 
-from experiments.policies import Policy, policy_of_sb3
+from experiments.learning.policies import Policy, policy_of_sb3
 from inkjet_env.envs.sb3 import BipolarWaveformVecEnv
 from inkjet_env.storage import archive_bytes
 

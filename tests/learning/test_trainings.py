@@ -6,13 +6,13 @@ import json
 import numpy as np
 import pytest
 
-from experiments import few_tries, trainings
-from experiments.cluster import ClusterError
-from experiments.drawn_heads import TEST_SEED, TRAIN_SEED, drawn
-from experiments.trainings import KeptFileError, each, kept_arrays, kept_policy, over, seeds
+from experiments.execution.cluster import ClusterError
+from experiments.learning import few_shot, repeated_training
+from experiments.learning.heads import TEST_SEED, TRAIN_SEED, drawn
+from experiments.learning.repeated_training import KeptFileError, each, kept_arrays, kept_policy, over, seeds
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.envs.vector import BipolarWaveformVectorEnv
-from tests.experiments.test_policies import a_policy
+from tests.learning.test_policies import a_policy
 
 
 def never(*_):
@@ -22,19 +22,19 @@ def never(*_):
 def test_trainings_learn_from_different_heads_and_none_is_tested_on():
     """Ten trainings of each kind, by the generators that they draw with; heads side by side have seeds in a row."""
     learnt = []
-    for seed in seeds(0, trainings.TRAININGS):
+    for seed in seeds(0, repeated_training.TRAININGS):
         learnt.append(np.concatenate([drawn(1, TRAIN_SEED + seed * 100_000 + k) for k in range(190)]))  # labelled
         learnt.append(drawn(256, TRAIN_SEED + seed * 100_000 + 190))  # by the gradient, beyond the first steps
         learnt.append(BipolarWaveformVectorEnv(512, context="random").reset(seed=seed)[0])
         bench = TuneWaveformVectorEnv(64)
         bench.reset(seed=seed)
         learnt.append(bench.tuning.contexts)
-    tested = [drawn(100, TEST_SEED), few_tries.heads_on_the_bench(200, TEST_SEED).observations]
+    tested = [drawn(100, TEST_SEED), few_shot.heads_on_the_bench(200, TEST_SEED).observations]
     heads = [tuple(row) for some in learnt for row in np.asarray(some, dtype=np.float32)]
     of_tests = {tuple(row) for some in tested for row in some}
     assert not of_tests & set(heads)
     # both environments draw a head first, so the bench has the first 64 of the other's, which another agent learns from
-    assert len(set(heads)) >= len(heads) - 64 * trainings.TRAININGS
+    assert len(set(heads)) >= len(heads) - 64 * repeated_training.TRAININGS
 
 
 def test_arrays_are_kept_and_made_once(tmp_path):
@@ -54,7 +54,7 @@ def test_what_other_code_or_settings_made_is_refused(tmp_path, monkeypatch):
     np.save(other.open("wb"), np.zeros(3))
     with pytest.raises(KeptFileError, match=r"array\.npz: is damaged"):
         kept_arrays(other, {}, never)
-    monkeypatch.setattr(trainings, "circumstances", lambda: {"code": "other"})
+    monkeypatch.setattr(repeated_training, "circumstances", lambda: {"code": "other"})
     with pytest.raises(KeptFileError, match=r"code is .* there and other here"):
         kept_arrays(path, {"seed": 1}, never)
 
@@ -93,7 +93,7 @@ def test_a_policy_is_kept_with_what_it_was_trained_with(tmp_path):
     policy = a_policy()
     first = kept_policy(path, {"seed": 1}, lambda: policy)
     again = kept_policy(path, {"seed": 1}, never)
-    assert first.made == again.made == {**policy.made, "asked": {"seed": 1, **trainings.circumstances()}}
+    assert first.made == again.made == {**policy.made, "asked": {"seed": 1, **repeated_training.circumstances()}}
     with pytest.raises(KeptFileError, match="seed is 1 there and 2 here"):
         kept_policy(path, {"seed": 2}, never)
 
@@ -105,16 +105,18 @@ def test_jobs_side_by_side_return_what_they_return_one_after_another():
 
 def test_a_table_says_whether_another_training_is_in_its_intervals():
     assert "over heads alone" in over(5, 1)
-    assert "too narrow" in over(5, trainings.FEW - 1)
-    assert over(5, trainings.FEW).endswith("over 6 trainings of whatever learns, with its 95 % interval over both")
+    assert "too narrow" in over(5, repeated_training.FEW - 1)
+    assert over(5, repeated_training.FEW).endswith(
+        "over 6 trainings of whatever learns, with its 95 % interval over both"
+    )
 
 
 def test_a_difference_on_the_same_heads_is_told_finer_than_two_medians():
     rng = np.random.default_rng(0)
     heads_V = 3 * rng.standard_normal(80)
     mine, theirs = heads_V + 1 + 0.1 * rng.standard_normal((8, 80)), heads_V + 0.1 * rng.standard_normal((3, 80))
-    apart = trainings.behind(mine, theirs, rng)
-    single = trainings.median_of(mine, rng)
+    apart = repeated_training.behind(mine, theirs, rng)
+    single = repeated_training.median_of(mine, rng)
     assert apart["low"] < 1 < apart["high"]
     assert apart["high"] - apart["low"] < 0.3 * (single["high"] - single["low"])
 
@@ -122,7 +124,7 @@ def test_a_difference_on_the_same_heads_is_told_finer_than_two_medians():
 def test_a_file_is_no_folder(tmp_path, capsys):
     (tmp_path / "file").write_text("mine")
     with pytest.raises(SystemExit) as ended:
-        trainings.run_command("study", "", 1, 2, never, never, ["--folder", str(tmp_path / "file")])
+        repeated_training.run_command("study", "", 1, 2, never, never, ["--folder", str(tmp_path / "file")])
     assert ended.value.code == 2
     assert "--folder must be a folder" in capsys.readouterr().err
 
@@ -132,18 +134,18 @@ def test_a_cluster_that_cannot_do_the_work_is_told_in_a_sentence(tmp_path, capsy
         raise ClusterError("one was begun 5 times and never ended.")
 
     with pytest.raises(SystemExit) as ended:
-        trainings.run_command("study", "", 1, 2, run, never, ["--folder", str(tmp_path)])
+        repeated_training.run_command("study", "", 1, 2, run, never, ["--folder", str(tmp_path)])
     assert ended.value.code == 2
     assert "study: one was begun 5 times" in capsys.readouterr().err
 
 
 def test_circumstances_are_plain_json():
-    assert json.loads(json.dumps(trainings.circumstances())) == trainings.circumstances()
+    assert json.loads(json.dumps(repeated_training.circumstances())) == repeated_training.circumstances()
 
 
 @pytest.mark.parametrize(("option", "value"), [("--heads", "1"), ("--trainings", "0"), ("--workers", "0")])
 def test_too_little_is_refused(option, value, tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
-        trainings.run_command("study", "", 1, 2, never, never, ["--folder", str(tmp_path), option, value])
+        repeated_training.run_command("study", "", 1, 2, never, never, ["--folder", str(tmp_path), option, value])
     assert ended.value.code == 2
     assert f"{option} must be at least {int(value) + 1}; got {value}." in capsys.readouterr().err

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.planted import planted, record_planted
+from experiments.validation.synthetic_campaigns import planted, record_planted
 from inkjet_env.identification.convention import in_convention
-from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.observed import noise_seen, observe
+from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.dataset import noise_seen, observe
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead

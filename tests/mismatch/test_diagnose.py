@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch import Diagnosis, diagnose
-from inkjet_env.mismatch.observed import observe
+from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.plant import Effect, Parameter, Plant
 from inkjet_env.recordings import Campaign
 from inkjet_env.storage import json_text

@@ -2,8 +2,9 @@
 
 import math
 
-from inkjet_env.mismatch.diagnosis import Location, Named
+from inkjet_env.mismatch.diagnosis import Named
 from inkjet_env.mismatch.headline import headline
+from inkjet_env.mismatch.localization.location import Location
 
 SOMEWHERE = Location(("r003", "r005"), frequency_Hz=((3.7e4, 5.2e4), (5.8e4, 6.6e4), (9e4, 1e5)))
 

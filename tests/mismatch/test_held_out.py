@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch import diagnose
-from inkjet_env.mismatch.observed import observe
+from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.plant import Plant
 from inkjet_env.recordings import Campaign
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis, settled
-from inkjet_env.mismatch.flexible import flexible_residual
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.observed import Noise
-from inkjet_env.mismatch.verdict import share_left
+from inkjet_env.mismatch.evidence import share_left
+from inkjet_env.mismatch.fitting.dataset import Noise
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.selection.discrepancy_regression import flexible_residual
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
 from inkjet_env.plant.effect import coordinates
 
 FEW = 200

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from experiments.cluster import WorkLostError
-from experiments.proof import blind, watched
-from experiments.proof.blind import clean_environment, diagnose_blind
+from experiments.execution.cluster import WorkLostError
+from experiments.proof import blind_run, sandbox
+from experiments.proof.blind_run import clean_environment, diagnose_blind
 from experiments.proof.campaign_files import ProofError, digest, pack
 
 
@@ -21,7 +21,7 @@ def campaign(finished):
 def run_watched(scratch, code):
     """Python code in a process that is watched as a blind one; what it said, and what was noted."""
     begin = (
-        f"from experiments.proof.watched import watch, outside; from pathlib import Path; s = set(); watch(s)\n{code}\n"
+        f"from experiments.proof.sandbox import watch, outside; from pathlib import Path; s = set(); watch(s)\n{code}\n"
     )
     script = begin + "import json; print(json.dumps(outside(s, Path.cwd())))"
     return subprocess.run(
@@ -84,12 +84,12 @@ def test_a_blind_process_is_told_nothing_but_where_programs_are(tmp_path, monkey
 
 
 def test_a_blind_process_that_is_killed_is_lost_work_and_no_answer(campaign, monkeypatch):
-    monkeypatch.setattr(blind.sys, "executable", sys.executable)
+    monkeypatch.setattr(blind_run.sys, "executable", sys.executable)
 
     def killed(*arguments, **options):
         return subprocess.CompletedProcess(arguments, -9, b"", b"")
 
-    monkeypatch.setattr(blind.subprocess, "run", killed)
+    monkeypatch.setattr(blind_run.subprocess, "run", killed)
     with pytest.raises(WorkLostError, match="killed by signal 9"):
         diagnose_blind(campaign.name, pack(campaign), digest(campaign))
 
@@ -98,16 +98,16 @@ def test_a_command_that_breaks_down_is_told_by_its_last_line(campaign, monkeypat
     def broken(*arguments, **options):
         return subprocess.CompletedProcess(arguments, 1, b"", b"Traceback\nKeyError: 'x'\n")
 
-    monkeypatch.setattr(blind.subprocess, "run", broken)
+    monkeypatch.setattr(blind_run.subprocess, "run", broken)
     answer = diagnose_blind(campaign.name, pack(campaign), digest(campaign))["answer"]
     assert (answer["status"], answer["sentence"]) == ("failed", "KeyError: 'x'")
 
 
 def test_a_watched_process_ends_with_the_one_that_started_it():
-    code = "import os, time; from experiments.proof.watched import end_with_parent; end_with_parent(os.getppid())"
+    code = "import os, time; from experiments.proof.sandbox import end_with_parent; end_with_parent(os.getppid())"
     begin = f"subprocess.Popen([sys.executable, '-c', {f'{code}; time.sleep(60)'!r}], stdout=subprocess.DEVNULL)"
     script = f"import subprocess, sys, time; print({begin}.pid); time.sleep(1)"
-    environment = os.environ | {"PYTHONPATH": str(Path(watched.__file__).parents[2])}
+    environment = os.environ | {"PYTHONPATH": str(Path(sandbox.__file__).parents[2])}
     done = subprocess.run(
         [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment, timeout=30
     )

@@ -2,8 +2,9 @@ import json
 
 import pytest
 
-from experiments import cli, cluster
-from experiments.proof import run
+from experiments import cli
+from experiments.execution import cluster
+from experiments.proof import protocol
 from experiments.proof.corpus import PUBLISHED_SEED, Draw
 
 
@@ -63,7 +64,7 @@ def test_a_head_with_nothing_and_one_with_a_strong_effect_from_end_to_end(inkjet
         Draw(0, "null", (), "none", True, 1),
         Draw(1, "effect", ("feedthrough",), "strong", True, 1),
     ]
-    monkeypatch.setattr(run, "corpus", lambda *asked: few)
+    monkeypatch.setattr(protocol, "corpus", lambda *asked: few)
     status, out, err = inkjet("prove", "--quick", "--workers", "2", "--out", "proof", "--json", "score.json")
     assert status == 0, err
     sealed, asked = err.index("Sealed: SHA-256"), err.index("diagnose blind")

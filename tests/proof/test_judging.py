@@ -3,10 +3,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.proof.closure import Model, closure, model_of
 from experiments.proof.corpus import corpus
-from experiments.proof.judging import located, parameters, questions
-from experiments.proof.worth import searched
+from experiments.proof.fresh_drive_error import Model, closure, model_of
+from experiments.proof.judge import located, parameters, questions
+from experiments.proof.waveform_gain import searched
 from inkjet_env.plant import Plant, Shot, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead

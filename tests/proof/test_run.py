@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments import cluster
-from experiments.proof import judging, run
+from experiments.execution import cluster
+from experiments.proof import judge, protocol
 from experiments.proof.campaign_files import ProofError, digest
 from tests.processes import wait_until, worker
 
@@ -95,9 +95,9 @@ def test_a_scheduler_that_is_not_there_is_told_in_one_sentence(monkeypatch):
 
 def test_a_worker_of_other_code_does_nothing():
     for call in (
-        lambda: run.conceal_case({}, "head-0", "fake_rig", "0" * 64),
-        lambda: run.answer_case("head-0", b"", "", "0" * 64),
-        lambda: judging.judge_case({}, {}, b"", {}, "fake_rig", "0" * 64),
+        lambda: protocol.conceal_case({}, "head-0", "fake_rig", "0" * 64),
+        lambda: protocol.answer_case("head-0", b"", "", "0" * 64),
+        lambda: judge.judge_case({}, {}, b"", {}, "fake_rig", "0" * 64),
     ):
         with pytest.raises(ProofError, match="code"):
             call()

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from experiments.proof.corpus import STAGES, corpus
-from experiments.proof.document import document
-from experiments.proof.figures_of_merit import Figure, counted, estimated
-from experiments.proof.page import headline, page_html, sentences
-from experiments.proof.printed import print_score
-from experiments.proof.run import Outcome, as_judged
+from experiments.proof.criteria import Figure, counted, estimated
+from experiments.proof.printing import print_score
+from experiments.proof.protocol import Outcome, as_judged
+from experiments.proof.report import headline, page_html, sentences
 from experiments.proof.score import score, told
+from experiments.publish.proof_tables import document
 from inkjet_env.storage import json_text
 
 OUTSIDE, BASES = ("friction", "backlash"), ("bouc_wen",)

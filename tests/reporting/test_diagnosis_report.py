@@ -6,12 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.diagnosis_figures import augmented, left_densities
-from experiments.diagnosis_report import (
+from inkjet_env.identification import Estimate
+from inkjet_env.mismatch.design.next_experiment import NextExperiment
+from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Named, Trace
+from inkjet_env.mismatch.localization.location import Location
+from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.printhead import Printhead
+from inkjet_env.reporting.diagnosis_figures import augmented, left_densities
+from inkjet_env.reporting.diagnosis_report import (
     channel_rows,
     condition_rows,
     diagnosis_html,
-    engineering,
     models_of,
     parameter_rows,
     proof_trace,
@@ -19,11 +24,7 @@ from experiments.diagnosis_report import (
     write_diagnosis_report,
     zoom_of,
 )
-from experiments.identification_report import short
-from inkjet_env.identification import Estimate
-from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Location, Named, NextExperiment, Trace
-from inkjet_env.plant import Plant, Shot, catalogue
-from inkjet_env.printhead import Printhead
+from inkjet_env.reporting.formatting import engineering, short
 from inkjet_env.rig import default_battery, record_campaign
 
 HEAD = Printhead.published()

@@ -6,13 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.identification_figures import amplitude_densities, degree_figure, parts_of
-from experiments.identification_report import (
+from inkjet_env.identification import Estimate, identify
+from inkjet_env.identification.fit import RESIDUAL
+from inkjet_env.printhead import Printhead
+from inkjet_env.recordings import Campaign, Recording
+from inkjet_env.reporting.formatting import interval_text
+from inkjet_env.reporting.identification_figures import amplitude_densities, degree_figure, parts_of
+from inkjet_env.reporting.identification_report import (
     branches,
     broadest_recording,
     headline,
     identification_html,
-    interval_text,
     left_unexplained,
     loop_recordings,
     measured_branches,
@@ -21,10 +25,6 @@ from experiments.identification_report import (
     ringing_views,
     write_identification_report,
 )
-from inkjet_env.identification import Estimate, identify
-from inkjet_env.identification.fit import RESIDUAL
-from inkjet_env.printhead import Printhead
-from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig import default_battery, record_campaign
 
 HEAD = Printhead.published()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.diagnosis_study import Case, cases, recorded
+from experiments.validation.diagnosis_study import Case, cases, recorded
 
 
 @pytest.mark.parametrize(("part", "count"), [("null", 100), ("single", 40), ("pairs", 20), ("withheld", 20)])
@@ -12,7 +12,7 @@ def test_every_part_has_its_cases_each_of_its_own_name(part, count):
 
 
 def test_pairs_are_of_different_stages():
-    from experiments.planted import effect_named
+    from experiments.validation.synthetic_campaigns import effect_named
 
     for case in cases("pairs", 1):
         assert len({effect_named(name).stage for name in case.effects}) == 2

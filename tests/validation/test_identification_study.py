@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.identification_study import (
+from experiments.validation.identification_study import (
     PARAMETERS,
     held_out_errors,
     identified_heads,

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from experiments.verdict_scores import Told, confusion, f1, share
+from experiments.validation.verdict_scores import Told, confusion, f1, share
 
 
 def told(truth, verdict, found=(), *groups):

@@ -1,9 +1,9 @@
 """Trying to beat the best known waveforms, by three methods and with other seeds than those that found them.
 
-``python -m experiments.beating --minutes 60`` divides the time among all problems and three methods; exit status 1
-where one of them finds a waveform that costs less by more than a thousandth. It must cost less wherever rounding takes
-it: what lies on a break counts for what lies beyond (`experiments.best_known.settled`).
-"""
+``python -m experiments.benchmark.studies.challenge_best_known --minutes 60`` divides the time among all problems and
+three methods; exit status 1 where one of them finds a waveform that costs less by more than a thousandth. It must cost
+less wherever rounding takes it: what lies on a break counts for what lies beyond
+(`experiments.benchmark.studies.search_best_known.settled`)."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from experiments.comparison import scale_V
-from experiments.progress import shown_progress
-from experiments.statistics import best_known_cost
-from experiments.suite import VERSION, problem, suite
-from experiments.tables import print_table
+from experiments.benchmark.regret import best_known_cost, scale_V
+from experiments.benchmark.suite import VERSION, problem, suite
+from inkjet_env.progress import shown_progress
+from inkjet_env.reporting.tables import print_table
 from inkjet_env.storage import write_json
 
 FORMAT = "beating/1"
@@ -67,7 +66,7 @@ def attempt(name: str, method: str, seconds: float) -> Attempt:
     import numpy as np
 
     import optimizers
-    from experiments.best_known import polished, settled
+    from experiments.benchmark.studies.search_best_known import polished, settled
     from optimizers.loop import minimise
 
     of = replace(problem(name), reading_V=0.0)  # what is best does not hang on how it is read
@@ -104,7 +103,9 @@ def attempts(names: list[str], seconds: float, workers: int) -> list[Attempt]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Try, tell, and say whether any was beaten."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.beating", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m experiments.benchmark.studies.challenge_best_known", description=__doc__
+    )
     parser.add_argument("--problem", action="append", choices=list(suite()), help="all of the suite unless given")
     parser.add_argument("--minutes", type=float, default=60.0, help="for all of it (60)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes; one a core unless given")
@@ -133,7 +134,10 @@ def main(arguments: list[str] | None = None) -> int:
     )  # fmt: skip
     beaten = [one for one in found if one.gain > ALLOWED]
     for one in beaten:
-        print(f"{one.problem} is beaten by {one.method}: {one.cost_V:.9f} V. Run python -m experiments.best_known.")
+        print(
+            f"{one.problem} is beaten by {one.method}: {one.cost_V:.9f} V. "
+            "Run python -m experiments.benchmark.studies.search_best_known."
+        )
     if not beaten:
         most = max(found, key=lambda one: one.gain)
         print(

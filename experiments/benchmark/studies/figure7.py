@@ -1,9 +1,8 @@
 """Figure 7 of the paper, reproduced: what a particle swarm makes of the response within 50 generations.
 
-``python -m experiments.figure7`` runs ``pso`` (40 particles, 50 generations) on the default problem under 20 seeds and
-prints in how many of them each of the figure's claims holds. The paper shows one run and no numbers; what its words
-are taken to mean stands in `CLAIMS`.
-"""
+``python -m experiments.benchmark.studies.figure7`` runs ``pso`` (40 particles, 50 generations) on the default problem
+under 20 seeds and prints in how many of them each of the figure's claims holds. The paper shows one run and no numbers;
+what its words are taken to mean stands in `CLAIMS`."""
 
 from __future__ import annotations
 
@@ -12,11 +11,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.problems import Problem
-from experiments.suite import problem
+from experiments.benchmark.problem import Problem
+from experiments.benchmark.suite import problem
 from inkjet_env.printhead import PeakCost, Response
+from inkjet_env.typing import Real
 
 PARTICLES, GENERATIONS = 40, 50
 SEEDS = range(20)
@@ -47,8 +46,8 @@ class Reproduction:
 
     seed: int
     problem: Problem
-    best_points: NDArray[np.float64]
-    costs: NDArray[np.float64]
+    best_points: Real
+    costs: Real
 
     def response(self, generation: int) -> Response:
         """Response to the best waveform after that generation, counted from 1."""
@@ -108,7 +107,7 @@ def table(runs: Iterable[Reproduction]) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.figure7", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m experiments.benchmark.studies.figure7", description=__doc__)
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many, from 0 (default 20)")
     seeds = parser.parse_args().seeds
     if seeds < 1:

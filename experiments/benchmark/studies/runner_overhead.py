@@ -1,10 +1,9 @@
 """The comparison's runner beside nevergrad's own, on a job of the same size: time, and what a kill leaves.
 
-``python -m experiments.runner_peers`` has both do the same: three optimisers of nevergrad, some problems, so many runs
-of 2,000 evaluations each, on as many processes. First both go to their end; then both are begun again and killed
-half-way. nevergrad's runner (`nevergrad.benchmark.core`) is used as it is; of its collection of test functions, which
-needs tens of packages that are not here, nothing is loaded.
-"""
+``python -m experiments.benchmark.studies.runner_overhead`` has both do the same: three optimisers of nevergrad, some
+problems, so many runs of 2,000 evaluations each, on as many processes. First both go to their end; then both are begun
+again and killed half-way. nevergrad's runner (`nevergrad.benchmark.core`) is used as it is; of its collection of test
+functions, which needs tens of packages that are not here, nothing is loaded."""
 
 from __future__ import annotations
 
@@ -23,8 +22,8 @@ from typing import Any
 
 import pandas
 
-from experiments.suite import BENCHED, problem
-from experiments.tables import print_table
+from experiments.benchmark.suite import BENCHED, problem
+from inkjet_env.reporting.tables import print_table
 
 METHODS = ("TwoPointsDE", "OnePlusOne", "PSO")
 NAME = "inkjet"
@@ -96,7 +95,16 @@ def ours(folder: Path, job: Job) -> list[str]:
 
 def theirs(file: Path, job: Job) -> list[str]:
     """The command that does it by nevergrad's runner."""
-    return [sys.executable, "-W", "ignore", "-m", "experiments.runner_peers", "--theirs", str(file), *job.arguments]
+    return [
+        sys.executable,
+        "-W",
+        "ignore",
+        "-m",
+        "experiments.benchmark.studies.runner_overhead",
+        "--theirs",
+        str(file),
+        *job.arguments,
+    ]
 
 
 def seconds_of(command: Sequence[str], after_s: float | None = None) -> float:
@@ -131,7 +139,9 @@ def kept(place: Path) -> int:
 
 def main(arguments: list[str] | None = None) -> None:
     """Time both, kill both, tell."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.runner_peers", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m experiments.benchmark.studies.runner_overhead", description=__doc__
+    )
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--budget", type=int, default=2000)
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)

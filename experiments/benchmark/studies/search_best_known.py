@@ -1,12 +1,11 @@
 """The best waveform known of each problem, by a long multi-start search on the exact gradient where there is one.
 
-``python -m experiments.best_known`` writes `best_known.json`, against which the comparison's regrets are measured.
-The cost has many local optima and breaks where a peak appears, so gradient descent alone stops on the breaks. The best
-of its ends are polished by random steps and by CMA-ES, neither of which needs a gradient, and so are the ends of whole
-runs of BIPOP-CMA-ES; how many of those come near the best tells how certain it is. Heads with effects have no
-gradients: there CMA-ES takes the descent's place. They are a hundred times slower, lots ten times, and less is polished
-of both.
-"""
+``python -m experiments.benchmark.studies.search_best_known`` writes `best_known.json`, against which the comparison's
+regrets are measured. The cost has many local optima and breaks where a peak appears, so gradient descent alone stops on
+the breaks. The best of its ends are polished by random steps and by CMA-ES, neither of which needs a gradient, and so
+are the ends of whole runs of BIPOP-CMA-ES; how many of those come near the best tells how certain it is. Heads with
+effects have no gradients: there CMA-ES takes the descent's place. They are a hundred times slower, lots ten times, and
+less is polished of both."""
 
 from __future__ import annotations
 
@@ -17,17 +16,17 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import optimizers
-from experiments.comparison import best_of_random_V
-from experiments.problems import BEST_KNOWN_FILE, Problem
-from experiments.suite import VERSION, problem, suite
+from experiments.benchmark.data import data_file
+from experiments.benchmark.problem import BEST_KNOWN_FILE, Problem
+from experiments.benchmark.regret import best_of_random_V
+from experiments.benchmark.suite import VERSION, problem, suite
 from inkjet_env.storage import write_json
+from inkjet_env.typing import Real
 from optimizers.loop import minimise
 
 ROUNDING = 1e-11
@@ -40,12 +39,12 @@ SCREENED_PER_START = 64
 DESCENT_EVALUATIONS = 1500
 RUN_EVALUATIONS = 20_000
 FIRST_RUN = 10_000
-"""Seed of the first whole run: `experiments.beating` begins at 0, and must not repeat them."""
+"""Seed of the first whole run: `challenge_best_known` begins at 0, and must not repeat them."""
 NEAR = 1e-3
 """Of the problem's scale (what the best of 50 random waveforms is worse): how near a run has come to the same."""
 
 
-Evaluate = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+Evaluate = Callable[[Real, Real], Real]
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class Effort:
 USUAL, WHERE_SLOW = Effort(256, 4000, 8, 400), Effort(24, 300, 3, 100)
 
 
-def screened_starts(problem: Problem, starts: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def screened_starts(problem: Problem, starts: int, rng: np.random.Generator) -> Real:
     """Starting points in ``[-1, 1]⁷``, shape (starts, 7): half the best of many Sobol points, half any of them."""
     from scipy.stats import qmc
 
@@ -73,11 +72,11 @@ def screened_starts(problem: Problem, starts: int, rng: np.random.Generator) -> 
     return points[np.concatenate([best, others])]
 
 
-def descend(problem: Problem, start: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def descend(problem: Problem, start: Real) -> tuple[Real, float]:
     """L-BFGS-B from one start on the exact gradient within the box: the end point and its cost in volts."""
     from scipy.optimize import minimize
 
-    def value_and_slope(point: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def value_and_slope(point: Real) -> tuple[float, Real]:
         costs, gradients = problem.evaluate_with_gradient(point)
         return float(costs[0]), gradients[0]
 
@@ -85,7 +84,7 @@ def descend(problem: Problem, start: NDArray[np.float64]) -> tuple[NDArray[np.fl
     return end.x, float(end.fun)
 
 
-def descend_without(problem: Problem, start: NDArray[np.float64], seed: int) -> tuple[NDArray[np.float64], float]:
+def descend_without(problem: Problem, start: Real, seed: int) -> tuple[Real, float]:
     """CMA-ES from one start: the best point of so many evaluations, and its cost in volts."""
     optimizer = optimizers.make("cma-es", 7, DESCENT_EVALUATIONS, seed, start=start.tolist(), first_step=0.2)
     run = minimise(problem, optimizer, DESCENT_EVALUATIONS)
@@ -94,8 +93,8 @@ def descend_without(problem: Problem, start: NDArray[np.float64], seed: int) -> 
 
 
 def polished(
-    evaluate: Evaluate, points: NDArray[np.float64], rounds: int, rng: np.random.Generator, step: float = 0.05
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    evaluate: Evaluate, points: Real, rounds: int, rng: np.random.Generator, step: float = 0.05
+) -> tuple[Real, Real]:
     """Improve many points side by side by random steps; each adapts its step to one success in five.
 
     Parameters
@@ -140,7 +139,7 @@ def settled(problem: Problem) -> Evaluate:
     """
     corners = ROUNDING * np.random.default_rng(0).permutation(list(itertools.product([-1.0, 1.0], repeat=7)))
 
-    def evaluate(points: NDArray[np.float64], below: NDArray[np.float64]) -> NDArray[np.float64]:
+    def evaluate(points: Real, below: Real) -> Real:
         costs = problem.evaluate(points)
         for k in np.flatnonzero(costs < below):
             for some in np.split(corners, len(corners) // BLOCK):
@@ -152,7 +151,7 @@ def settled(problem: Problem) -> Evaluate:
     return evaluate
 
 
-def valley_polished(problem: Problem, point: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+def valley_polished(problem: Problem, point: Real, seed: int) -> Real:
     """CMA-ES about one point, within the box: it learns the direction of a narrow valley along a break."""
     import warnings
 
@@ -180,7 +179,7 @@ def valley_polished(problem: Problem, point: NDArray[np.float64], seed: int) -> 
     return point
 
 
-def whole_runs(problem: Problem, runs: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def whole_runs(problem: Problem, runs: int, seed: int) -> tuple[Real, Real]:
     """Ends (runs, 7) of runs of BIPOP-CMA-ES, and their costs in volts, shape (runs,)."""
     ends, costs = np.empty((runs, 7)), np.empty(runs)
     for k in range(runs):
@@ -253,7 +252,9 @@ def main(arguments: list[str] | None = None) -> None:
     """Search the chosen problems, on from what is known of them unless they have changed since."""
     from importlib.metadata import version
 
-    parser = argparse.ArgumentParser(prog="python -m experiments.best_known", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m experiments.benchmark.studies.search_best_known", description=__doc__
+    )
     parser.add_argument(
         "--problem", action="append", choices=list(suite()), help="name of a problem; all of the suite unless given"
     )
@@ -264,7 +265,7 @@ def main(arguments: list[str] | None = None) -> None:
     for name, least in (("starts", 2), ("runs", 1), ("seed", 0)):
         if getattr(chosen, name) < least:
             parser.error(f"--{name} must be at least {least}; got {getattr(chosen, name)}.")
-    file = Path(__file__).with_name(BEST_KNOWN_FILE)
+    file = data_file(BEST_KNOWN_FILE)
     for name in chosen.problem or suite():
         began_s = time.perf_counter()
         best = problem(name).best_known

@@ -1,27 +1,26 @@
 """Settings for the optimisers that have some, found on heads outside the suite; every evaluation is counted.
 
 A comparison at defaults asks who is good as he comes; one with tuned settings, who is good once somebody has taken the
-trouble. ``python -m experiments.tuning`` takes it for all alike: Optuna's sampler tries so many settings of each, on
-the same heads and seeds; the best few and the defaults are run again on other heads with other seeds, and the best of
-those is kept in `tuned.json`, defaults included.
-"""
+trouble. ``python -m experiments.benchmark.studies.tune_optimizers`` takes it for all alike: Optuna's sampler tries so
+many settings of each, on the same heads and seeds; the best few and the defaults are run again on other heads with
+other seeds, and the best of those is kept in `tuned.json`, defaults included."""
 
 from __future__ import annotations
 
 import argparse
 import functools
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.comparison import best_of_random_V
-from experiments.entrants import TUNED_FILE, tuned_settings
-from experiments.measures import interquartile_mean
-from experiments.problems import Problem
-from experiments.progress import shown_progress
+from experiments.benchmark.data import data_file
+from experiments.benchmark.entrants import TUNED_FILE, tuned_settings
+from experiments.benchmark.metrics import interquartile_mean
+from experiments.benchmark.problem import Problem
+from experiments.benchmark.regret import best_of_random_V
 from inkjet_env.printhead import Printhead
+from inkjet_env.progress import shown_progress
 from inkjet_env.storage import write_json
 from optimizers.loop import minimise
 
@@ -185,7 +184,9 @@ def tune(name: str, trials: int = TRIALS, budget: int = BUDGET, heads: int = HEA
 
 def main(arguments: list[str] | None = None) -> None:
     """Tune the chosen optimisers and keep what was found."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.tuning", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m experiments.benchmark.studies.tune_optimizers", description=__doc__
+    )
     parser.add_argument("names", nargs="*", metavar="optimizer", help=f"of {', '.join(SPACES)}; all unless given")
     names = parser.parse_args(arguments).names or list(SPACES)
     if unknown := [name for name in names if name not in SPACES]:
@@ -194,7 +195,7 @@ def main(arguments: list[str] | None = None) -> None:
     for name in names:
         entries[name] = tune(name)
         ordered = {known: entries[known] for known in SPACES if known in entries}
-        write_json(Path(__file__).with_name(TUNED_FILE), {"format": FORMAT, "optimizers": ordered})
+        write_json(data_file(TUNED_FILE), {"format": FORMAT, "optimizers": ordered})
         print(f"{name}: {entries[name]['quality_of_defaults']:.4g} → {entries[name]['quality']:.4g}", flush=True)
 
 

@@ -7,17 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.mismatch import Diagnosis
-from inkjet_env.mismatch.base_model import NODES_A_PERIOD
-from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.base_model import NODES_A_PERIOD
+from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.dataset import Noise, Observed, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
 from inkjet_env.plant import Plant
 from inkjet_env.recordings import Campaign
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 DEGREE = 8
 """Of the branch law that all peers stand on: the published one's."""

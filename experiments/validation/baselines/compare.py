@@ -1,4 +1,4 @@
-"""What else one could do about a mismatch, on the same cases: python -m experiments.diagnosis_peers.
+"""What else one could do about a mismatch, on the same cases: python -m experiments.validation.baselines.compare.
 
 Each peer is fitted to the recordings that the diagnosis fits, runs freely, and is judged on the recordings that the
 diagnosis holds out, by the RMS of what it leaves, in standard deviations of the noise, over all channels.
@@ -51,16 +51,16 @@ from typing import Any
 
 import numpy as np
 
-from experiments.diagnosis_study import Case, cases, recorded, told
-from experiments.peer_base import base_fit, base_of, over_noise, put_aside
-from experiments.peer_network import with_network
-from experiments.peer_sindy import said, sparse_force
-from experiments.progress import shown_progress
-from experiments.tables import print_table
+from experiments.validation.baselines.base_fit import base_fit, base_of, over_noise, put_aside
+from experiments.validation.baselines.narx import with_network
+from experiments.validation.baselines.sindy import said, sparse_force
+from experiments.validation.diagnosis_study import Case, cases, recorded, told
 from inkjet_env.mismatch import Diagnosis, diagnose
-from inkjet_env.mismatch.attribute import base_hypothesis
-from inkjet_env.mismatch.flexible import flexible_residual
+from inkjet_env.mismatch.selection.discrepancy_regression import flexible_residual
+from inkjet_env.mismatch.selection.hypotheses import base_hypothesis
+from inkjet_env.progress import shown_progress
 from inkjet_env.recordings import Campaign, read_campaign
+from inkjet_env.reporting.tables import print_table
 from inkjet_env.storage import write_json
 
 PEERS = ("base", "base, as diagnosed", "pysindy", "narx", "flexible", "diagnosis")

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.peer_base import put_aside
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.observed import Observed
-
-Real = NDArray[np.float64]
+from experiments.validation.baselines.base_fit import put_aside
+from inkjet_env.mismatch.fitting.dataset import Observed
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.typing import Real
 
 LAGS = (0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1, 1.5, 2, 3, 4.5)
 """In periods of the resonance; of 100 samples on a strain gauge."""

@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.peer_base import ASIDE_EVERY, over_noise, put_aside
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.observed import Observed
+from experiments.validation.baselines.base_fit import ASIDE_EVERY, over_noise, put_aside
+from inkjet_env.mismatch.fitting.dataset import Observed
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
 from inkjet_env.plant import Resonance, Shot
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 THRESHOLDS = (2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 2.0)
 """Least part of a term, of the size of what is to be explained; the last leaves none."""

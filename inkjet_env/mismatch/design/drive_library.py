@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from inkjet_env.mismatch.locate_views import largest_V
-from inkjet_env.mismatch.observed import Observed
+from inkjet_env.mismatch.fitting.dataset import Observed
+from inkjet_env.mismatch.localization.views import largest_V
 from inkjet_env.plant import Shot
 from inkjet_env.plant.wording import with_prefix
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 WINDOW = 16
 """Resonance periods of a pulse with its ring-down."""

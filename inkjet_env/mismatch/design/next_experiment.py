@@ -14,18 +14,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from inkjet_env.mismatch.diagnosis import NextExperiment
-from inkjet_env.mismatch.fit import Fit, split
-from inkjet_env.mismatch.joint_fit import DIFFERENCE
-from inkjet_env.mismatch.locate_views import CHANNELS, largest_V
-from inkjet_env.mismatch.next_drives import Proposal, benches, library
-from inkjet_env.mismatch.observed import Noise, Observed
+from inkjet_env.mismatch.design.drive_library import Proposal, benches, library
+from inkjet_env.mismatch.fitting.dataset import Noise, Observed
+from inkjet_env.mismatch.fitting.fit_result import Fit, split
+from inkjet_env.mismatch.fitting.joint_fit import DIFFERENCE
+from inkjet_env.mismatch.localization.views import CHANNELS, largest_V
 from inkjet_env.plant import Effect, Shot, catalogue
 from inkjet_env.plant.wording import with_prefix
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 ENOUGH = 5.0
 """Log-likelihood by which two candidates are told apart."""
@@ -38,6 +35,29 @@ PLAUSIBLE = 10.0
 """A signal so many times the largest of its channel is a law beyond what the campaign tells, not a prediction."""
 MONITOR = 0.005
 """Noise (RMS) of a voltage measured at the head, in parts of the largest drive: an 8-bit oscilloscope's probe."""
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """The recording that would tell the remaining candidates apart.
+
+    Attributes
+    ----------
+    sentence : str
+    channel : str
+    initial_state : str
+    step_s : float
+    drive_V : tuple of float
+    separation : float
+        Expected difference of log-likelihoods.
+    """
+
+    sentence: str
+    channel: str = ""
+    initial_state: str = ""
+    step_s: float = 0.0
+    drive_V: tuple[float, ...] = ()
+    separation: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ import numpy as np
 
 from inkjet_env.identification import identify
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.mismatch.head import Head, gains_and_offsets, in_convention
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.observed import Observed, finer, noise_seen
+from inkjet_env.mismatch.fitting.base_parameters import Head, gains_and_offsets, in_convention
+from inkjet_env.mismatch.fitting.dataset import Observed, finer, noise_seen
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign

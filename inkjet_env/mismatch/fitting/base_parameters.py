@@ -12,11 +12,10 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from inkjet_env.identification.convention import conventional_swing
-from inkjet_env.mismatch.observed import Observed
+from inkjet_env.mismatch.fitting.dataset import Observed
 from inkjet_env.plant import Effect, Plant, Values
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 LARGEST = 1e13
 """Coefficient of a direction in which the law is moved: `SMALL` of it is within what a law may have."""

@@ -15,17 +15,16 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.fit import Fit, Place
-from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.fit_result import Fit, Place
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.process_pool import Crew
 from inkjet_env.plant import Effect
 from inkjet_env.printhead import Printhead
 from inkjet_env.storage import write_json
+from inkjet_env.typing import Real
 
-Real = NDArray[np.float64]
 Task = TypeVar("Task")
 
 
@@ -45,7 +44,7 @@ class Kept:
         self.code = b""
         if self.folder is not None:
             files = {inspect.getfile(type(effect)) for effect in effects}
-            files |= {str(path) for path in Path(__file__).parents[1].rglob("*.py")}
+            files |= {str(path) for path in Path(__file__).parents[2].rglob("*.py")}
             self.code = _digest(*(Path(file).read_bytes() for file in sorted(files)))
 
     def fits(

@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.measurements import least_noise, measurements
 from inkjet_env.identification.noise import NoiseModel, channel_noise, repeat_deviations
 from inkjet_env.plant import Shot
 from inkjet_env.recordings import Campaign
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 REPEATS_DIFFER = 1.5
 """Repeats whose deviations have so many times the variance of recordings at rest differ by more than noise."""

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.mismatch.head import Head
+from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import parts_of, values_at
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True, eq=False)

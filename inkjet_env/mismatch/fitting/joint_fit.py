@@ -13,17 +13,15 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import free_ringing
-from inkjet_env.mismatch.fit import Fit, Place, held, split
-from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.observed import Noise, Observed, finer
+from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.dataset import Noise, Observed, finer
+from inkjet_env.mismatch.fitting.fit_result import Fit, Place, held, split
 from inkjet_env.plant import Effect, Values
 from inkjet_env.plant.effect import limits
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 MOST_STEPS = 25
 CONVERGED = 0.01

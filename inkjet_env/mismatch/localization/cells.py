@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import free_ringing
-from inkjet_env.mismatch.fit import Fit
-from inkjet_env.mismatch.observed import Noise, Observed
+from inkjet_env.mismatch.fitting.dataset import Noise, Observed
+from inkjet_env.mismatch.fitting.fit_result import Fit
+from inkjet_env.typing import Real
 
-Real = NDArray[np.float64]
 Whole = NDArray[np.intp]
 
 FEWEST = 10.0

@@ -6,12 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from inkjet_env.mismatch.fit import Fit
-from inkjet_env.mismatch.observed import Noise, Observed
-
-Real = NDArray[np.float64]
+from inkjet_env.mismatch.fitting.dataset import Noise, Observed
+from inkjet_env.mismatch.fitting.fit_result import Fit
+from inkjet_env.typing import Real
 
 FEWEST = 4
 """Recordings that make a trend."""

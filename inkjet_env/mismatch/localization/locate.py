@@ -12,17 +12,15 @@ from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
-from inkjet_env.mismatch.diagnosis import Location
-from inkjet_env.mismatch.fit import Fit
-from inkjet_env.mismatch.locate_cells import FEWEST, Cell, line_rows, sample_rows, taken_by_fit
-from inkjet_env.mismatch.locate_drift import Trend, shifts, trends
-from inkjet_env.mismatch.locate_views import CHANNELS, MONITOR, largest_V, views
-from inkjet_env.mismatch.observed import Noise, Observed
+from inkjet_env.mismatch.fitting.dataset import Noise, Observed
+from inkjet_env.mismatch.fitting.fit_result import Fit
+from inkjet_env.mismatch.localization.cells import FEWEST, Cell, line_rows, sample_rows, taken_by_fit
+from inkjet_env.mismatch.localization.drift import Trend, shifts, trends
+from inkjet_env.mismatch.localization.location import Location
+from inkjet_env.mismatch.localization.views import CHANNELS, MONITOR, largest_V, views
 from inkjet_env.plant.wording import percent, span_told, with_prefix
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 FALSE_ALARMS = 0.05
 MOST_RECORDINGS = 10

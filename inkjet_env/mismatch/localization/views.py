@@ -9,11 +9,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.mismatch.locate_cells import Cell, Rows
-from inkjet_env.mismatch.observed import Observed
+from inkjet_env.mismatch.fitting.dataset import Observed
+from inkjet_env.mismatch.localization.cells import Cell, Rows
 from inkjet_env.plant.wording import span_told, with_prefix
 
-Real = NDArray[np.float64]
 Whole = NDArray[np.intp]
 
 CHANNELS = {

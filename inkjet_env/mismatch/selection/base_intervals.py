@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification import Estimate
 from inkjet_env.identification.outcome import QUANTILE_90
-from inkjet_env.mismatch.attribute import Hypothesis
-
-Real = NDArray[np.float64]
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis
+from inkjet_env.typing import Real
 
 UNTOLD = 5.0
 """A standard error of a logarithm beyond which a value is not told at all."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 TOLD_BY_ONE = 0.9
 """Share of what is known of a parameter's direction that one condition gives, from which on it is not tested there."""

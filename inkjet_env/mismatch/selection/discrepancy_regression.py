@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.mismatch.attribute import Hypothesis, conditions
-from inkjet_env.mismatch.observed import Observed
+from inkjet_env.mismatch.fitting.dataset import Observed
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, conditions
 from inkjet_env.plant import Resonance
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 RIDGES = tuple(np.geomspace(1e-3, 1e5, 17))
 DELAYS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)

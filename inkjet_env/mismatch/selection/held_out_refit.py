@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from inkjet_env.mismatch.attribute import Hypothesis, attribute, base_hypothesis
-from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.diagnosis import LEFT_OVER
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.signatures import signatures
-from inkjet_env.mismatch.verdict import LEAST_EXCESS, SURE
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis
+from inkjet_env.mismatch.selection.score_test import signatures
+from inkjet_env.mismatch.settings import LEAST_EXCESS, LEFT_OVER, SURE
 
 
 def against_the_base_model(joint: JointFit) -> tuple[str, ...]:

@@ -10,16 +10,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.fit import Fit
-from inkjet_env.mismatch.foretold import Foretold, foretold, orthonormal
-from inkjet_env.mismatch.joint_fit import FAR_FROM_RIGHT, MOST_STEPS, JointFit
-from inkjet_env.mismatch.kept import Kept
-from inkjet_env.mismatch.signatures import Signatures, point_of, superposed
+from inkjet_env.mismatch.fitting.checkpoint import Kept
+from inkjet_env.mismatch.fitting.fit_result import Fit
+from inkjet_env.mismatch.fitting.joint_fit import FAR_FROM_RIGHT, MOST_STEPS, JointFit
+from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.selection.cross_validation import Foretold, foretold, orthonormal
+from inkjet_env.mismatch.selection.score_test import Signatures, point_of, superposed
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates, parts_of, rest
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 STARTS = 3
 """Of each effect whose score is fair, fitted with a few steps each; the best goes on. Of the others one."""

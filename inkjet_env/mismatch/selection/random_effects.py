@@ -12,16 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.identification.identification import Estimate
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.mismatch.observed import Noise, Observed, noise_seen
+from inkjet_env.mismatch.fitting.dataset import Noise, Observed, noise_seen
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import Parameter, coordinates, values_at
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 LINES = 4
 """Strongest lines of the pooled periodogram that are offered as starts."""

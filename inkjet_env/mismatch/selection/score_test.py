@@ -7,14 +7,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.process_pool import Crew
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 DRAWS = 2000
 UNLIKE = 0.95

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inkjet_env.mismatch.attribute import LEAST_SHARE, Hypothesis, attribute, base_hypothesis, settled
-from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.diagnosis import LEFT_OVER
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.kept import Kept
-from inkjet_env.mismatch.signatures import Signatures, point_of
+from inkjet_env.mismatch.fitting.checkpoint import Kept
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.selection.hypotheses import LEAST_SHARE, Hypothesis, attribute, base_hypothesis, settled
+from inkjet_env.mismatch.selection.score_test import Signatures, point_of
+from inkjet_env.mismatch.settings import LEFT_OVER
 from inkjet_env.plant import Effect
 
 MOST_EFFECTS = 3

@@ -10,15 +10,13 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from inkjet_env.mismatch.attribute import LEAST_SHARE, Hypothesis
-from inkjet_env.mismatch.fit import Fit
-from inkjet_env.mismatch.head import Head, in_convention
-from inkjet_env.mismatch.joint_fit import JointFit
-
-Real = NDArray[np.float64]
+from inkjet_env.mismatch.fitting.base_parameters import Head, in_convention
+from inkjet_env.mismatch.fitting.fit_result import Fit
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.selection.hypotheses import LEAST_SHARE, Hypothesis
+from inkjet_env.typing import Real
 
 LOOKED_AT = (0.9, 0.75, 0.5)
 """Full scales, in parts of the base model's, whose laws beside its own show a bend wherever it is."""

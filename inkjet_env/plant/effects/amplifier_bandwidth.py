@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from numpy import float64
 from numpy.typing import NDArray
 
+from inkjet_env.plant.bandwidth import BANDWIDTH, SECOND_ORDER, low_pass_starts
 from inkjet_env.plant.effect import Effect, Values
-from inkjet_env.plant.low_pass import BANDWIDTH, SECOND_ORDER, low_pass_starts, low_passed, time_constant_s
+from inkjet_env.plant.low_pass import low_passed, time_constant_s
 from inkjet_env.plant.resonance import too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.plays import PLAYS, play_sum_V
@@ -14,8 +13,7 @@ from inkjet_env.plant.stages import law_levels
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.hysteresis import BranchLaw
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 KNEE = 0.1
 """Of the law's full scale: where a start begins to differ."""

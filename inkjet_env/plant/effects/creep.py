@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.lag import lagged
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 SPACING = 0.8
 """Of the relaxations' rates, in their logarithm; the error falls as exp(-π² / spacing)."""

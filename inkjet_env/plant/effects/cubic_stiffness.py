@@ -8,13 +8,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
 
 
 class CubicStiffness(Effect):
@@ -59,7 +59,7 @@ class CubicStiffness(Effect):
         return replace(resonance, forces=(*resonance.forces, Force(_compiled(), np.array([k]))))
 
 
-def _law(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
+def _law(x_V: float, speed_V: float, values: Real) -> float:
     force: float = values[0] * x_V * x_V * x_V
     return force
 

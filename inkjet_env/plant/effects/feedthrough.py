@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.low_pass import low_passed
@@ -13,8 +12,7 @@ from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 MIDDLING = 0.05
 """Of the signal's RMS, what a fit begins with."""

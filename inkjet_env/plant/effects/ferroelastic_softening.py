@@ -9,13 +9,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
 
 ELEMENTS = 40
 """That slip: the error falls with the square of their number."""
@@ -98,7 +98,7 @@ def _share(size_V: float, power: float) -> float:
     return 2 * (size_V / REFERENCE_V) ** power / ((1 + power) * (2 + power))
 
 
-def _slipping(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
+def _slipping(x_V: float, speed_V: float, values: Real) -> float:
     count, force = int(values[0]), 0.0
     for k in range(1, count + 1):
         state = max(x_V - values[k], min(x_V + values[k], values[k + 2 * count]))
@@ -107,7 +107,7 @@ def _slipping(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
     return force
 
 
-def _law(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
+def _law(x_V: float, speed_V: float, values: Real) -> float:
     size = math.sqrt(x_V * x_V + speed_V * speed_V)
     force: float = size * (values[1] * speed_V - values[0] * x_V)
     return force

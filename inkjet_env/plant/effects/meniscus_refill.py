@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import FLOW_V, Refill, Resonance, reach_V, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
 
 EDGES_V = 100.0
 """Travel of the drive that the change of stiffness is told for."""
@@ -93,7 +93,7 @@ class MeniscusRefill(Effect):
         return resonance
 
 
-def drawn_back(shot: Shot, recovery_s: float) -> NDArray[np.float64]:
+def drawn_back(shot: Shot, recovery_s: float) -> Real:
     """The slow state ``s`` at the nodes, shape (nodes,): exact, as the drive's rate is constant between them."""
     from inkjet_env.plant import compiled
 

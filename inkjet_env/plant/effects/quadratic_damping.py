@@ -9,13 +9,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
 
 
 class QuadraticDamping(Effect):
@@ -57,7 +57,7 @@ class QuadraticDamping(Effect):
         return replace(resonance, forces=(*resonance.forces, Force(_compiled(), np.array([c]))))
 
 
-def _law(x_V: float, speed_V: float, values: NDArray[np.float64]) -> float:
+def _law(x_V: float, speed_V: float, values: Real) -> float:
     force: float = values[0] * abs(speed_V) * speed_V
     return force
 

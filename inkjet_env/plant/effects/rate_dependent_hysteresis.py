@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.plays import PLAYS, play_sum_V
@@ -14,8 +13,7 @@ from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.hysteresis import BranchLaw
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 MIDDLING = 0.15
 """By how much the thresholds of a start grow at the highest of the channels' usual rates."""

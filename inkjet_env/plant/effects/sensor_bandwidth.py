@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from inkjet_env.plant.bandwidth import BANDWIDTH, SECOND_ORDER, low_pass_starts
 from inkjet_env.plant.effect import Effect, Values
-from inkjet_env.plant.low_pass import BANDWIDTH, SECOND_ORDER, low_pass_starts, low_passed, time_constant_s
+from inkjet_env.plant.low_pass import low_passed, time_constant_s
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 
 class SensorBandwidth(Effect):

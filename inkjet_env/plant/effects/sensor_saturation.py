@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
 from inkjet_env.plant.wording import SENSOR_UNIT, with_prefix
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 GUESSES = (
     (1.0, 100.0), (0.98, 30.0), (0.8, 30.0), (0.6, 30.0), (0.98, 6.0), (0.7, 6.0), (3.0, 2.0), (1.2, 2.0), (10.0, 1.0)

@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.resonance import Resonance, too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 KNOTS = 9
 """Equally spaced over the session, after the first recording, where there is nothing."""

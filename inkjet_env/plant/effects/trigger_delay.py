@@ -6,14 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 PERIODS = (0.02, 0.1, 0.3)
 SAMPLES = (0.5, 2.0)

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.fit import Fit, Place
-from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.locate_views import largest_V
-from inkjet_env.mismatch.next_drives import Train, benches, library
-from inkjet_env.mismatch.next_experiment import next_experiment
-from inkjet_env.mismatch.observed import Observed, noise_seen, observe
+from inkjet_env.mismatch.design.drive_library import Train, benches, library
+from inkjet_env.mismatch.design.next_experiment import next_experiment
+from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.dataset import Observed, noise_seen, observe
+from inkjet_env.mismatch.fitting.fit_result import Fit, Place
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.localization.views import largest_V
 from inkjet_env.plant import Effect, Parameter, Plant, Shot, catalogue
 from inkjet_env.plant.effect import coordinates
 from inkjet_env.printhead import Printhead

@@ -2,7 +2,7 @@
 
 import pytest
 
-from inkjet_env.mismatch.crew import Crew
+from inkjet_env.mismatch.fitting.process_pool import Crew
 
 
 @pytest.mark.parametrize("workers", [1, 2, 5])

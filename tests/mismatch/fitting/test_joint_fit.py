@@ -7,10 +7,10 @@ import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 
 from inkjet_env.identification import identify
-from inkjet_env.mismatch.fit import Place
-from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.observed import Noise, Observed, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.dataset import Noise, Observed, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.fit_result import Place
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
 from inkjet_env.plant import Plant, Shot
 from inkjet_env.plant.effect import complete, coordinates
 from inkjet_env.printhead import Printhead

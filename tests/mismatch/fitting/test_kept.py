@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from inkjet_env.mismatch import diagnose
-from inkjet_env.mismatch.kept import Kept
+from inkjet_env.mismatch.fitting.checkpoint import Kept
 
-attribute = importlib.import_module("inkjet_env.mismatch.attribute")
+attribute = importlib.import_module("inkjet_env.mismatch.selection.hypotheses")
 LOOKED_FOR = ("cubic_stiffness", "quadratic_damping", "feedthrough", "mains_hum")
 
 

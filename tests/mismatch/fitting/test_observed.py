@@ -7,7 +7,7 @@ import pytest
 
 from inkjet_env.identification.measurements import measurements
 from inkjet_env.identification.noise import NoiseModel, noise_model
-from inkjet_env.mismatch.observed import Noise, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.dataset import Noise, finer, noise_seen, observe
 from inkjet_env.recordings import Campaign, Recording
 
 STEP_S = 1e-6

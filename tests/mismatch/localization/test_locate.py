@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.locate import _sentence, locate
-from inkjet_env.mismatch.locate_cells import Cell, line_rows, sample_rows, surplus, taken_by_fit
-from inkjet_env.mismatch.locate_drift import shifts
-from inkjet_env.mismatch.locate_views import phases, pulses
-from inkjet_env.mismatch.observed import Noise, noise_seen, observe
+from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.dataset import Noise, noise_seen, observe
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, surplus, taken_by_fit
+from inkjet_env.mismatch.localization.drift import shifts
+from inkjet_env.mismatch.localization.locate import _sentence, locate
+from inkjet_env.mismatch.localization.views import phases, pulses
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
 from inkjet_env.rig.battery import self_sensing_battery

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.attribute import attribute, base_hypothesis, settled, shaped, simplest
-from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.select import Selection
-from inkjet_env.mismatch.signatures import signatures
-from inkjet_env.mismatch.verdict import named_effects
+from inkjet_env.mismatch.evidence import named_effects
+from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, settled, shaped, simplest
+from inkjet_env.mismatch.selection.score_test import signatures
+from inkjet_env.mismatch.selection.stepwise import Selection
 from inkjet_env.plant.effect import complete, coordinates, parts_of, rest
 
 STANDARD_ERRORS = 4.0

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.mismatch.chance import by_chance, without
-from inkjet_env.mismatch.observed import Noise, Observed, noise_seen
+from inkjet_env.mismatch.fitting.dataset import Noise, Observed, noise_seen
+from inkjet_env.mismatch.selection.random_effects import by_chance, without
 from inkjet_env.plant import Shot
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig import StrainGauge

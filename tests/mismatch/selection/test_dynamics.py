@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from inkjet_env.identification import identify
-from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis
-from inkjet_env.mismatch.dynamics import dynamics
+from inkjet_env.mismatch.selection.base_intervals import dynamics
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.plant.effect import coordinates
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.attribute import Hypothesis, base_hypothesis
-from inkjet_env.mismatch.flexible import flexible_residual
-from inkjet_env.mismatch.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.selection.discrepancy_regression import flexible_residual
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.plant.effect import coordinates
 
 

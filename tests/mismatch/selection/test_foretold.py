@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.foretold import foretold, orthonormal
+from inkjet_env.mismatch.selection.cross_validation import foretold, orthonormal
 
 CONDITIONS = (40, 25, 60, 31)
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.attribute import attribute, base_hypothesis, conditions, settled
-from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.select import cosine, select, supported, worth_adding
-from inkjet_env.mismatch.signatures import signatures
+from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, conditions, settled
+from inkjet_env.mismatch.selection.score_test import signatures
+from inkjet_env.mismatch.selection.stepwise import cosine, select, supported, worth_adding
 from inkjet_env.plant.effect import complete, coordinates
 
 LOOKED_FOR = ("quadratic_damping", "cubic_stiffness", "feedthrough", "sensor_bandwidth", "amplifier_bandwidth")

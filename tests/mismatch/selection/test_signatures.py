@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.crew import Crew
-from inkjet_env.mismatch.joint_fit import JointFit
-from inkjet_env.mismatch.signatures import Signatures, point_of, signatures, superposed
+from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.selection.score_test import Signatures, point_of, signatures, superposed
 from inkjet_env.plant.effect import complete, coordinates
 
 LOOKED_FOR = ("feedthrough", "cubic_stiffness", "second_mode", "sensor_bandwidth")

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.planted import planted, record_planted
+from experiments.validation.synthetic_campaigns import planted, record_planted
 from inkjet_env.mismatch import diagnose
-from inkjet_env.mismatch.attribute import base_hypothesis
-from inkjet_env.mismatch.base_model import base_model
-from inkjet_env.mismatch.head import Head
-from inkjet_env.mismatch.observed import observe
-from inkjet_env.mismatch.straight_law import narrower, straight_beyond
+from inkjet_env.mismatch.fitting.base_model import base_model
+from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.dataset import observe
+from inkjet_env.mismatch.selection.hypotheses import base_hypothesis
+from inkjet_env.mismatch.selection.truncated_law import narrower, straight_beyond
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig.battery import default_battery
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from fake_steps import STEPS
 
-from experiments.cluster import workers_of
-from experiments.proof.run import prove
+from experiments.execution.cluster import workers_of
+from experiments.proof.protocol import prove
 from experiments.proof.sealing import Settings
 
 if __name__ == "__main__":

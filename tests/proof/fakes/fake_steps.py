@@ -9,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 
 from experiments.proof.corpus import STAGES
-from experiments.proof.run import Steps, conceal_case
+from experiments.proof.protocol import Steps, conceal_case
 
 
 def answer(name, packed, sealed_digest, code):

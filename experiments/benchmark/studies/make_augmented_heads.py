@@ -1,0 +1,53 @@
+"""Heads with effects for the suite, made anew.
+
+``python -m experiments.benchmark.studies.make_augmented_heads`` draws concealed heads, records a campaign of each,
+diagnoses it without being told, and keeps the printheads that come out of it in ``data/augmented_heads.json``.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from experiments.benchmark.augmented_heads import FILE, FORMAT, HEADS, Concealed
+from experiments.benchmark.data import data_file
+from inkjet_env.storage import write_json
+
+
+def found(concealed: Concealed) -> dict[str, Any]:
+    """The ``printhead/1`` that the diagnosis of a campaign of that head ends with.
+
+    Raises
+    ------
+    ValueError
+        The diagnosis does not name the effect, and it alone.
+    """
+    import numpy as np
+
+    from experiments.concealed_rig import Case, build
+    from inkjet_env.mismatch import diagnose
+    from inkjet_env.recordings import read_campaign
+
+    plant = build(Case(0, concealed.seed, "effect", (concealed.effect,), concealed.strength))
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "campaign"
+        plant.write(folder, "campaign")
+        diagnosis = diagnose(read_campaign(folder), rng=np.random.default_rng(0))
+    named = [found.effect.id for found in diagnosis.effects]
+    if diagnosis.verdict != "named" or named != [concealed.effect]:
+        raise ValueError(f"{concealed.effect} was found as {diagnosis.verdict} {named}. Draw another head.")
+    return diagnosis.augmented_json()
+
+
+def main() -> None:
+    """Draw, record, diagnose, keep."""
+    heads = {}
+    for name, concealed in HEADS.items():
+        heads[name] = found(concealed)
+        print(f"{name}: {heads[name]['effects']}", flush=True)
+    write_json(data_file(FILE), {"format": FORMAT, "heads": heads})
+
+
+if __name__ == "__main__":
+    main()

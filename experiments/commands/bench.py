@@ -1,0 +1,82 @@
+"""``inkjet bench``: compare the optimisers on the problem suite."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from inkjet_env.cli.arguments import check_outputs, chosen_seed
+from inkjet_env.cli.exit_status import INTERRUPTED
+from inkjet_env.cli.options import JsonFile
+from inkjet_env.progress import announce_compiling
+
+
+def bench(
+    results: Annotated[Path, typer.Option(help="results folder; runs found there are not done again")] = Path(
+        "results/bench"
+    ),
+    problems: Annotated[
+        str | None, typer.Option(help='names, with commas between, or "all"; the usual five unless given')
+    ] = None,
+    optimizers: Annotated[
+        str | None, typer.Option(help='names, with commas between, or "all"; all but the slowest unless given')
+    ] = None,
+    repeats: Annotated[int, typer.Option(help="runs of each optimiser on each problem")] = 15,
+    budget: Annotated[int, typer.Option(help="evaluations of each run")] = 2000,
+    seed: Annotated[int, typer.Option(help="all other seeds derive from it")] = 0,
+    workers: Annotated[int | None, typer.Option(help="processes on this machine; one a core unless given")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="of a Dask cluster, as tcp://host:8786; processes of this machine unless given")
+    ] = None,
+    json: JsonFile = None,
+) -> None:
+    """Compare the optimisers on the problem suite; resumes where it was stopped.
+
+    inkjet bench --optimizers pso,pso-printed,cma-es --problems nominal --repeats 5 --results results/quick
+    """
+    from experiments.benchmark.runner import run_bench
+    from experiments.benchmark.settings import BenchSettings
+
+    check_outputs(json=json)
+    if workers is not None and workers < 1:
+        raise ValueError(f"--workers must be at least 1; got {workers}.")
+    if scheduler is not None and workers is not None:
+        raise ValueError(
+            "--workers belongs to this machine; a cluster given by --scheduler has its own. Leave one out."
+        )
+    chosen = {
+        label: tuple(name.strip() for name in names.split(",") if name.strip())
+        for label, names in (("problems", problems), ("optimizers", optimizers))
+        if names is not None
+    }
+    if chosen.get("optimizers") == ("all",):
+        from experiments.benchmark.entrants import entrants
+
+        chosen["optimizers"] = entrants()
+    if chosen.get("problems") == ("all",):
+        from experiments.benchmark.suite import suite
+
+        chosen["problems"] = tuple(suite())
+    settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
+    announce_compiling()
+    try:
+        outcome = run_bench(settings, results, workers, scheduler)
+    except KeyboardInterrupt:
+        print(f"Interrupted; finished runs are kept in {results}. The same command goes on.", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    from experiments.benchmark.mean_ranks import summarise
+    from experiments.benchmark.report import write_report
+    from inkjet_env.storage import write_json
+
+    summary = summarise(outcome)
+    page, ranking = write_report(outcome, summary)
+    if json is not None:
+        write_json(json, ranking)
+    if str(json) != "-":
+        from experiments.benchmark.ranking_tables import print_ranking
+
+        print_ranking(ranking)
+        print(f"Report: {page}")

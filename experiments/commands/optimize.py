@@ -1,0 +1,184 @@
+"""``inkjet optimize``: one optimiser on one problem, the best waveform as CSV, what was interrupted gone on with."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from inkjet_env.cli.arguments import CostGiven, check_outputs, check_rate, chosen_cost, chosen_printhead, chosen_seed
+from inkjet_env.cli.exit_status import INTERRUPTED
+from inkjet_env.cli.options import CostA, CostB, Effective, InitialState, JsonFile, PlotFile, PrintheadFile, Window
+from inkjet_env.progress import announce_compiling
+
+if TYPE_CHECKING:
+    from experiments.benchmark.problem import Problem
+    from optimizers.loop import Run
+
+SAMPLE_RATE_HZ = 100e6
+
+
+OPTIMIZERS_TOLD = "pso, pso-printed, cma-es, lbfgsb-multistart, random …; a wrong name lists them all"
+
+
+def optimize(
+    optimizer: Annotated[str | None, typer.Option(help=f"{OPTIMIZERS_TOLD} (pso)")] = None,
+    problem: Annotated[str | None, typer.Option(help="a problem of the comparison's suite (nominal)")] = None,
+    particles: Annotated[int | None, typer.Option(help="of pso and pso-printed (40)")] = None,
+    generations: Annotated[int | None, typer.Option(help="of pso and pso-printed (50)")] = None,
+    budget: Annotated[int | None, typer.Option(help="evaluations of any optimiser (2000)")] = None,
+    seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,
+    printhead: PrintheadFile = None,
+    cost_a: CostA = None,
+    cost_b: CostB = None,
+    effective: Effective = None,
+    window: Window = None,
+    initial_state: InitialState = None,
+    out: Annotated[
+        Path, typer.Option(help="best waveform as CSV: time_s, drive_V, uniformly sampled, first and last 0 V")
+    ] = Path("optimum.csv"),
+    sample_rate: Annotated[float, typer.Option(help="of that CSV, in Hz")] = SAMPLE_RATE_HZ,
+    plot: PlotFile = None,
+    json: JsonFile = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="go on exactly from the .npz that an interrupted run left beside its CSV")
+    ] = None,
+) -> None:
+    """Search for the waveform of the least cost with one optimiser.
+
+    inkjet optimize --optimizer pso --particles 40 --generations 50 --seed 1 --out waveform.csv
+
+    Ctrl-C keeps the best so far and the record to --resume from.
+    """
+    from dataclasses import replace
+
+    from experiments.benchmark.single_run import Optimisation, read_record
+    from inkjet_env.plant.printhead_file import chosen_head
+
+    check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
+    check_rate(sample_rate)
+    settings = {
+        "--optimizer": optimizer,
+        "--problem": problem,
+        "--particles": particles,
+        "--generations": generations,
+        "--budget": budget,
+        "--seed": seed,
+        "--printhead": printhead,
+        "--cost-a": cost_a,
+        "--cost-b": cost_b,
+        "--effective": effective,
+        "--window": window,
+        "--initial-state": initial_state,
+    }
+    recorded: Any = None
+    if resume is not None:
+        if given := [name for name, value in settings.items() if value is not None]:
+            raise ValueError(f"--resume takes all settings from {resume}; leave out {', '.join(given)}.")
+        plan, recorded = read_record(resume)
+    else:
+        name = "pso" if optimizer is None else optimizer
+        options, evaluations = swarm_options(name, particles, generations, budget)
+        chosen = chosen_problem(problem, None, (cost_a, cost_b, effective), window, initial_state)
+        if printhead is not None:
+            chosen = replace(chosen, name="custom", printhead=chosen_head(printhead))
+        plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
+    announce_compiling()
+    run = plan.carry_out(recorded)
+    _finish_optimize(plan, run, out, sample_rate, plot, json)
+
+
+def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None) -> None:
+    """Write what an optimisation found, whole or stopped, and say it."""
+    from experiments.benchmark.single_run import write_record
+    from inkjet_env.cli.drive_csv import sampled_waveform, write_columns
+    from inkjet_env.printhead import Waveform
+    from inkjet_env.storage import write_json
+
+    if run.best_point is None:
+        print("Interrupted before the first evaluation; nothing is written.", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED)
+    found = plan.optimum_json(run)
+    time_s, drive_V = sampled_waveform(Waveform.from_array(found["waveform"]), sample_rate)
+    record = _record_file(out)
+    if not run.complete:
+        write_record(record, plan, run)
+    write_columns(out, {"time_s": time_s, "drive_V": drive_V})
+    if plot is not None:
+        from inkjet_env.reporting.plotting import draw_response, write_picture
+
+        write_picture(plot, draw_response(plan.problem.respond(run.best_point), plan.problem.cost))
+    if json is not None:
+        write_json(json, found)
+    if str(json) != "-":
+        values = " ".join(f"{v:.6g}" for v in found["waveform"])
+        print(f"{plan.optimizer} on {plan.problem.name}, seed {plan.seed}: cost {run.best_cost:.6f} V")
+        print(f"after {run.evaluations} evaluations. Waveform (U1 U2 t1 t2 t3 t4 t5): {values}")
+        print(f"{out}: {time_s.size} samples at {sample_rate:g} Hz")
+    if not run.complete:
+        again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]
+        if sample_rate != SAMPLE_RATE_HZ:
+            again += ["--sample-rate", f"{sample_rate:.12g}"]
+        for option, file in (("--plot", plot), ("--json", json)):
+            if file is not None:
+                again += [option, file]
+        print(
+            f"Interrupted after {run.evaluations} of {plan.budget} evaluations; the best so far is kept. "
+            f"To go on: {shlex.join(map(str, again))}",
+            file=sys.stderr,
+        )
+        raise typer.Exit(INTERRUPTED)
+
+
+def _record_file(out: Path) -> Path:
+    """Where an interrupted run leaves its evaluations."""
+    return out.with_name(f"{out.name}.evaluations.npz")
+
+
+def chosen_problem(
+    name: str | None, head_file: Path | None, cost: CostGiven, window_s: float | None, initial_state: str | None
+) -> Problem:
+    """The problem of that name with what was asked to be otherwise; then it is called "custom"."""
+    from dataclasses import replace
+
+    from experiments.benchmark.suite import problem
+    from inkjet_env.printhead.hysteresis import laps_before_recording
+    from inkjet_env.printhead.printhead import check_window
+
+    base = problem("nominal" if name is None else name)
+    changes: dict[str, Any] = {}
+    if head_file is not None:
+        changes["printhead"] = chosen_printhead(head_file)
+    if any(part is not None for part in cost):
+        changes["cost"] = chosen_cost(cost, base.cost)
+    if window_s is not None:
+        changes["window_s"] = check_window(window_s)
+    if initial_state is not None:
+        laps_before_recording(initial_state)  # raises where the name is unknown
+        changes["initial_state"] = initial_state
+    return replace(base, name="custom", **changes) if changes else base
+
+
+def swarm_options(
+    name: str, particles: int | None, generations: int | None, budget: int | None
+) -> tuple[dict[str, Any], int]:
+    """Options of the optimiser, and its budget, from what was given."""
+    from experiments.benchmark.problem import MAX_BUDGET
+
+    for label, value in (("--particles", particles), ("--generations", generations), ("--budget", budget)):
+        if value is not None and value < 1:
+            raise ValueError(f"{label} must be at least 1; got {value}.")
+        if value is not None and value > MAX_BUDGET:
+            raise ValueError(f"{label} must be at most {MAX_BUDGET:,}; got {value}.")
+    if (particles or 40) * (generations or 50) > MAX_BUDGET:
+        raise ValueError(f"--particles × --generations must be at most {MAX_BUDGET:,}.")
+    if not name.startswith("pso"):
+        if particles is not None or generations is not None:
+            raise ValueError(f"--particles and --generations belong to pso and pso-printed; give {name} a --budget.")
+        return {}, budget or 2000
+    if generations is not None and budget is not None:
+        raise ValueError("give --generations or --budget, not both: the budget is particles × generations.")
+    return {"particles": particles or 40}, budget or (particles or 40) * (generations or 50)

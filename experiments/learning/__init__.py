@@ -1,0 +1,1 @@
+"""Learning over heads: policies, few-shot tuning, repeated training."""

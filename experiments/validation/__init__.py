@@ -1,0 +1,1 @@
+"""How accurate, how fast and how often right: studies of simulator, identification and diagnosis."""

@@ -1,0 +1,1 @@
+"""What else one could do about a mismatch: SINDy, a NARX network, ridge regression."""

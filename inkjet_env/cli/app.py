@@ -1,0 +1,80 @@
+"""The command ``inkjet``: one application, on which each command is mounted; its exit status.
+
+0 done, 2 bad input (one sentence on standard error), 130 interrupted by Ctrl-C with what was done kept.
+Whatever costs time to import is imported by the command that needs it.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, NoReturn
+
+import typer
+
+from inkjet_env.cli.campaigns import evaluate, identify, record
+from inkjet_env.cli.diagnose import diagnose
+from inkjet_env.cli.exit_status import BAD_INPUT, INTERRUPTED
+from inkjet_env.cli.simulate import simulate
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["--help", "-h"]},
+)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(version("inkjet-env"))
+        raise typer.Exit
+
+
+@app.callback()
+def _inkjet(
+    version: Annotated[
+        bool, typer.Option("--version", help="the version, and nothing else", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """An inkjet printhead: record it, identify it, simulate it, optimise its waveform, compare optimisers.
+
+    Units are SI (volts, seconds). Each command has its own --help with an example.
+    """
+
+
+for command in (simulate, record, identify, evaluate, diagnose):
+    app.command()(command)
+
+
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Run the command; turn whatever the user can mend into one sentence and exit status 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a terminal without µ is no reason to stop half-way
+            stream.reconfigure(errors="replace")
+    try:
+        status = app(arguments, standalone_mode=False)
+    except (ValueError, OSError) as error:
+        _refuse(_os_sentence(error) if isinstance(error, OSError) else str(error))
+    except KeyboardInterrupt:
+        print("Interrupted.", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # only Typer's own usage errors have one
+            raise
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(error.format_message())
+            sys.exit(BAD_INPUT)
+        _refuse(error.format_message())
+    sys.exit(status or 0)
+
+
+def _refuse(message: str) -> NoReturn:
+    print(f"inkjet: {message}", file=sys.stderr)
+    sys.exit(BAD_INPUT)
+
+
+def _os_sentence(error: OSError) -> str:
+    return f"{error.filename}: {error.strerror}." if error.filename else str(error)

@@ -1,0 +1,5 @@
+"""Exit statuses of the command beside 0, which means done."""
+
+CHECK_FAILED = 1
+BAD_INPUT = 2
+INTERRUPTED = 130

@@ -1,0 +1,101 @@
+"""Results of the commands as tables and sentences on standard output."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from inkjet_env.reporting.tables import print_table
+
+if TYPE_CHECKING:
+    from inkjet_env.identification import Identification
+    from inkjet_env.mismatch import Diagnosis
+
+
+def print_diagnosis(found: Diagnosis) -> None:
+    """Print the verdict, effects with intervals, the fit before and after, candidates and the next experiment."""
+    from inkjet_env.plant import catalogue
+    from inkjet_env.reporting.diagnosis_report import channel_rows, parameter_rows
+    from inkjet_env.reporting.formatting import share_text, short, unit_text
+
+    print(found.headline)
+    parameters = [(e.effect.id, *row[:4]) for e in found.effects for row in parameter_rows(e)]
+    if parameters:
+        print_table(("effect", "parameter", "value", "90 % interval", "unit"), parameters)
+    fits = [
+        (
+            f"{row.label}, {row.role}",
+            *(f"{short(rms)} {unit_text(row.unit)}" for rms in (row.noise, row.base, row.augmented)),
+            share_text(row.closure),
+        )
+        for row in channel_rows(found)
+    ]
+    print_table(("what is left (RMS)", "noise", "base", "augmented", "closure"), fits)
+    for group in found.candidates:
+        print(f"- These recordings cannot tell apart: {', '.join(group)}.")
+    print(f"- Where: {found.location.sentence}")
+    if found.next_experiment is not None:
+        print(f"- Next: {found.next_experiment.sentence}")
+    shown_by = {effect.id: effect.shown_by for effect in catalogue()}
+    for effect_id, why in found.untestable.items():
+        remedy = f"; {shown_by[effect_id]} would test it" if effect_id in shown_by else ""
+        print(f"- {effect_id} is not testable here, because {why}{remedy}.")
+    for note in found.notes:
+        print(f"- {note}")
+
+
+def print_peaks(found: dict[str, Any]) -> None:
+    """Print the peaks and cost of a ``simulation/1``."""
+    peaks = zip(found["peak_times_s"], found["peaks_V"], strict=True)
+    print_table(
+        ("peak", "time (µs)", "response (V)", ""),
+        [
+            (str(i + 1), f"{t * 1e6:.3f}", f"{v:.4f}", "effective" if i == found["effective_peak"] else "")
+            for i, (t, v) in enumerate(peaks)
+        ],
+    )
+    print(f"cost {found['cost']:.6f} V")
+
+
+def print_identification(name: str, found: Identification) -> None:
+    """Print what was identified, with intervals, how well it fits, and what a reader must know."""
+    from inkjet_env.reporting.formatting import interval_text
+
+    head = found.printhead
+    rows = [
+        (label, *interval_text(estimate), unit)
+        for label, estimate, unit in (
+            ("a0", found.dynamics["a0"], "1/s²"),
+            ("a1", found.dynamics["a1"], "1/s"),
+            ("b1", found.dynamics["b1"], "1/s"),
+            *(
+                (f"gain of {channel}", gain, f"{found.unit(channel)} per hysteretic V")
+                for channel, gain in found.gains.items()
+                if channel != "self_sensing"
+            ),
+        )
+    ]
+    print_table((name, "value", "90 % interval", "unit"), rows)
+    print(
+        f"Resonance {head.frequency_Hz / 1e3:.4g} kHz, damping ratio {head.damping_ratio:.4g}; branch law of degree "
+        f"{len(head.coefficients) - 1} on {head.full_scale_V:g} V."
+    )
+    rows = []
+    for channel in found.gains:
+        unit = found.unit(channel)
+        for label, held_out in (("fitted", False), ("held out", True)):
+            rms, noise = found.rms(channel, held_out)
+            if rms == rms:
+                rows.append((f"{channel}, {label}", f"{rms:.4g} {unit}", f"{noise:.4g} {unit}", f"{rms / noise:.3g}"))
+    print_table(("residual (RMS)", "residual", "noise", "ratio"), rows)
+    for note in found.notes:
+        print(f"- {note}")
+
+
+def print_evaluation(found: dict[str, Any]) -> None:
+    """Print an ``evaluation/1``."""
+    rows = [
+        (name, f"{entry['rms']:.4g} {entry['unit']}", f"{entry['output_rms']:.4g} {entry['unit']}")
+        for name, entry in found["recordings"].items()
+    ]
+    print_table(("recording", "residual (RMS)", "signal (RMS)"), rows)
+    print(f"RMS of the fast channel's residual: {found['rms']:.6g}")

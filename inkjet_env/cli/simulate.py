@@ -1,0 +1,87 @@
+"""``inkjet simulate``: one waveform, or any sampled drive, through the printhead."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from inkjet_env.cli.arguments import check_outputs, chosen_cost
+from inkjet_env.cli.options import CostA, CostB, Effective, InitialState, JsonFile, PlotFile, PrintheadFile, Window
+from inkjet_env.progress import announce_compiling
+
+
+def simulate(
+    waveform: Annotated[
+        tuple[float, float, float, float, float, float, float] | None,
+        typer.Option(help="U1 U2 t1 t2 t3 t4 t5: two voltages and five durations", metavar="U1 U2 t1 t2 t3 t4 t5"),
+    ] = None,
+    drive: Annotated[Path | None, typer.Option(help="CSV with time_s and drive_V, in place of --waveform")] = None,
+    out: Annotated[Path | None, typer.Option(help="with --drive: write time_s, drive_V, sensor_V as CSV")] = None,
+    plot: PlotFile = None,
+    json: JsonFile = None,
+    printhead: PrintheadFile = None,
+    cost_a: CostA = None,
+    cost_b: CostB = None,
+    effective: Effective = None,
+    window: Window = None,
+    initial_state: InitialState = None,
+    hysteresis: Annotated[
+        str, typer.Option(help="full_memory, one_point (the paper's formula) or, with --waveform, play_operators")
+    ] = "full_memory",
+) -> None:
+    """One waveform, or any sampled drive, through the printhead: response, peaks, cost.
+
+    inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --plot response.png
+
+    inkjet simulate --drive waveform.csv --out response.csv
+    """
+    from inkjet_env.cli.drive_csv import read_drive, write_columns
+    from inkjet_env.plant.augmented import AugmentedPrinthead
+    from inkjet_env.plant.printhead_file import chosen_head
+    from inkjet_env.printhead import Waveform, respond_sampled
+    from inkjet_env.storage import write_json
+
+    check_outputs((drive, printhead), out=out, plot=plot, json=json)
+    if waveform is not None and drive is not None:
+        raise ValueError("give --waveform or --drive, not both.")
+    head, cost = chosen_head(printhead), chosen_cost((cost_a, cost_b, effective))
+    state = initial_state or "periodic"
+    response: Any  # of a head with effects or without, to a waveform or samples
+    if waveform is not None:
+        if out is not None:
+            raise ValueError("--out belongs to --drive. To sample a waveform's response, give the waveform as a CSV.")
+        response = head.respond(Waveform.from_array(waveform), state, 350e-6 if window is None else window, hysteresis)
+    elif drive is not None:
+        samples = read_drive(drive)
+        announce_compiling()
+        try:
+            window_s = 350e-6 if window is None else window
+            if isinstance(head, AugmentedPrinthead):
+                response = head.respond_sampled(*samples, state, hysteresis, window_s)
+            else:
+                response = respond_sampled(head, *samples, state, hysteresis, window_s=window_s)
+        except ValueError as error:
+            raise ValueError(f"{drive}: {error}") from None
+    else:
+        raise ValueError("give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
+    found = {
+        "format": "simulation/1",
+        "peaks_V": [float(v) for v in response.peaks_V],
+        "peak_times_s": [float(t) for t in response.peak_times_s],
+        "effective_peak": cost.effective_index(response.peaks_V),
+        "cost": response.cost(cost),
+    }
+    if plot is not None:
+        from inkjet_env.reporting.plotting import draw_response, write_picture
+
+        write_picture(plot, draw_response(response, cost))
+    if out is not None:
+        write_columns(out, {name: getattr(response, name) for name in ("time_s", "drive_V", "sensor_V")})
+    if json is not None:
+        write_json(json, found)
+    if str(json) != "-":
+        from inkjet_env.cli.printing import print_peaks
+
+        print_peaks(found)

@@ -1,0 +1,1 @@
+"""Base model and effects fitted together to recordings, by output error."""

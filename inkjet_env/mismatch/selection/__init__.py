@@ -1,0 +1,1 @@
+"""Hypotheses about what was left out: scored, cross-validated, chosen."""

@@ -1,0 +1,27 @@
+"""Parameters and starting values of a low-pass, for the effects that are one."""
+
+from __future__ import annotations
+
+import math
+
+from inkjet_env.plant.effect import Parameter
+from inkjet_env.printhead import Printhead
+
+BANDWIDTH = Parameter("bandwidth_Hz", "Hz", 0.1, math.inf, "reciprocal", "where it passes half the power")
+
+
+SECOND_ORDER = Parameter(
+    "second_order",
+    "1",
+    0.0,
+    1.0,
+    meaning="0 is one pole, 0.5 Butterworth's two",
+    open_ended=True,
+    plain=0.0,
+)
+
+
+def low_pass_starts(printhead: Printhead) -> list[dict[str, float]]:
+    """Of one pole and of two, wide and narrow beside the resonance."""
+    shapes = ((20.0, 0.0), (6.0, 0.0), (2.0, 0.0), (20.0, 0.5), (6.0, 0.5))
+    return [{"bandwidth_Hz": ratio * printhead.frequency_Hz, "second_order": q} for ratio, q in shapes]

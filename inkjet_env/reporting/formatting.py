@@ -1,0 +1,163 @@
+"""Numbers, units and names as people read them."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from inkjet_env.identification.identification import Estimate
+
+FLOOR_V = 1e-6
+LONGEST_NAME = 24
+CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge", "displacement": "displacement"}
+PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+PREFIXABLE = re.compile(r"(Hz|V|s|A|m|N|Pa|F|W|Ω)(?=$|[ /·])")
+
+
+def interval_text(estimate: Estimate) -> tuple[str, str]:
+    """The value and its interval, to two digits of the interval's half width.
+
+    Examples
+    --------
+    >>> interval_text(Estimate(1.05512e11, 1.05489e11, 1.05535e11))
+    ('1.05512e11', '1.05489e11 … 1.05535e11')
+    >>> interval_text(Estimate(-0.0469, -0.0481, -0.0457))
+    ('−0.0469', '−0.0481 … −0.0457')
+    """
+    half = (estimate.high - estimate.low) / 2
+    digits = 6
+    if half > 0 and estimate.value != 0:
+        digits = min(max(math.floor(math.log10(abs(estimate.value))) - math.floor(math.log10(half)) + 2, 2), 10)
+    value, low, high = (short(v, digits) for v in (estimate.value, estimate.low, estimate.high))
+    return value, f"{low} … {high}"
+
+
+def short(value: float, digits: int = 3) -> str:
+    """A number for people; a dash where there is none.
+
+    Examples
+    --------
+    >>> short(-3.14159e-7), short(12345.678), short(12345.678, 5), short(float("nan"))
+    ('−3.14e−7', '12300', '12346', '–')
+    """
+    if not math.isfinite(value):
+        return "–"
+    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
+    if -4 < exponent < 6:
+        text = f"{float(f'{value:.{digits}g}'):.{max(digits - 1 - exponent, 0)}f}"
+    else:
+        text = f"{value / 10.0**exponent:.{digits - 1}f}e{exponent}"
+    return text.replace("-", "−")
+
+
+def hertz(frequency_Hz: float) -> str:
+    """A frequency in Hz, kHz or MHz.
+
+    Examples
+    --------
+    >>> hertz(51694.6), hertz(412.3)
+    ('51.69 kHz', '412.3 Hz')
+    """
+    for size, unit in ((1e6, "MHz"), (1e3, "kHz")):
+        if frequency_Hz >= size:
+            return f"{frequency_Hz / size:.4g} {unit}"
+    return f"{frequency_Hz:.4g} Hz"
+
+
+def unit_text(unit: str) -> str:
+    """Micrometres as people write them."""
+    return unit.replace("um", "µm")
+
+
+def short_name(name: str) -> str:
+    """A recording's name as far as a picture has room."""
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…"
+
+
+def engineering(estimate: Estimate, unit: str) -> tuple[str, str, str]:
+    """Value, interval and unit with a prefix that suits all three numbers.
+
+    Two digits of the interval's half width are shown, and of the value two at least; three where there is no interval.
+
+    Examples
+    --------
+    >>> engineering(Estimate(210.4e3, 205.1e3, 216.2e3), "Hz")
+    ('210.4', '205.1 … 216.2', 'kHz')
+    >>> engineering(Estimate(-2.5e-9, -2.61e-9, -2.39e-9), "1/V²")
+    ('−2.50', '−2.61 … −2.39', '10⁻⁹/V²')
+    >>> engineering(Estimate(4e5, 1e5, float("inf")), "Hz"), engineering(Estimate(46520.0, 46520.0, 46520.0), "Hz")
+    (('400', '100 … ∞', 'kHz'), ('46.5', '–', 'kHz'))
+    """
+    numbers = (estimate.value, estimate.low, estimate.high)
+    finite = [abs(v) for v in numbers if math.isfinite(v) and v != 0]
+    size = finite[0] if finite else 1.0
+    exponent = min(max(3 * math.floor(math.log10(size) / 3 + 1e-12), -12), 12)
+    shown_unit = unit_text(unit)
+    if PREFIXABLE.match(unit):
+        shown_unit = PREFIXES[exponent] + shown_unit
+    elif 1e-3 <= size < 1e4:
+        exponent = 0
+    else:
+        power = "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        shown_unit = power + (shown_unit[1:] if unit.startswith("1") else f" {shown_unit}") if exponent else shown_unit
+    half = (estimate.high - estimate.low) / 2
+    leading = [math.floor(math.log10(v / 10.0**exponent)) for v in (half, size) if 0 < v < math.inf]
+    digits = 1 if half else 2
+    decimals = min(max(0, *(digits - digit for digit in leading), 0), 8) if leading else 0
+    value, low, high = (number(v / 10.0**exponent, decimals) for v in numbers)
+    return value, f"{low} … {high}" if half else "–", "" if shown_unit == "1" else shown_unit
+
+
+def number(value: float, decimals: int = 2) -> str:
+    """A number with so many decimals, a true minus and a sign for infinity; a dash where there is none.
+
+    Examples
+    --------
+    >>> number(-0.126), number(float("inf"), 0), number(float("nan")), number(3.2e9, 0)
+    ('−0.13', '∞', '–', '3.20e9')
+    """
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return short(value) if abs(value) >= 1e6 else f"{value:.{decimals}f}".replace("-", "−")
+
+
+def probability(p: float) -> str:
+    """A probability as far as it means anything.
+
+    Examples
+    --------
+    >>> probability(0.0123), probability(1e-40)
+    ('0.012', 'below 10⁻⁶')
+    """
+    return short(p, 2) if p >= 1e-6 else "below 10⁻⁶"
+
+
+def share_text(share: float) -> str:
+    """A share in per cent; a dash where there is none.
+
+    Examples
+    --------
+    >>> share_text(0.9312), share_text(0.9961), share_text(-0.02), share_text(float("nan"))
+    ('93 %', '99.6 %', '−2 %', '–')
+    """
+    if not math.isfinite(share):
+        return "–"
+    decimals = 1 if 0.99 < share < 0.9995 else 0
+    return f"{100 * share:.{decimals}f} %".replace("-", "−")
+
+
+def volts(value: float) -> str:
+    """A regret for people.
+
+    Examples
+    --------
+    >>> [volts(v) for v in (12.3456, 0.01234, 3e-9, float("nan"))]
+    ['12.35', '0.0123', '< 1e-6', '–']
+    """
+    if not math.isfinite(value):
+        return "–"
+    if abs(value) < FLOOR_V:
+        return "< 1e-6"
+    return f"{value:.2f}" if abs(value) >= 1 else f"{value:.3g}"
