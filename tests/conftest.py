@@ -2,6 +2,7 @@ import json
 
 import pytest
 
+from experiments import cli
 from tests.processes import started, wait_until
 
 
@@ -29,3 +30,17 @@ def scheduler(start, tmp_path):
     start("-m", "distributed.cli.dask_scheduler", *local, "--scheduler-file", file)
     wait_until(file.exists)
     return json.loads(file.read_text())["address"]
+
+
+@pytest.fixture
+def inkjet(capsys, tmp_path, monkeypatch):
+    """Run the command in an empty folder: exit status, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as exit_:
+            cli.main([str(a) for a in arguments])
+        out, err = capsys.readouterr()
+        return exit_.value.code, out, err
+
+    return run

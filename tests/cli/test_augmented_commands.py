@@ -7,7 +7,7 @@ import pytest
 
 from experiments.benchmark.problem import Problem
 from experiments.benchmark.single_run import Optimisation, read_record, write_record
-from inkjet_env.cli.app import main
+from experiments.cli import main
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead, Waveform

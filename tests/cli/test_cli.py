@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from experiments import cli
+from inkjet_env.cli.exit_status import INTERRUPTED
 
 OPTIMUM = ["100", "-100", "1e-6", "10.481e-6", "13.769e-6", "9.613e-6", "20e-6"]
 COMMAND = [sys.executable, "-m", "experiments.cli"]
@@ -237,7 +237,7 @@ def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, 
 
     monkeypatch.setattr(Problem, "evaluate", interrupted)
     status, _out, err = inkjet(*arguments, *files, "my part.png", "--out", "my part.csv", "--json", "my part.json")
-    assert status == cli.INTERRUPTED
+    assert status == INTERRUPTED
     assert "the best so far is kept" in err
     part = json.loads((tmp_path / "my part.json").read_text())
     assert 0 < part["evaluations"] == sum(batches[:-1]) < 300
@@ -274,7 +274,7 @@ def test_ctrl_c_ends_a_running_process_with_its_best_written(tmp_path):
     time.sleep(0.3)
     process.send_signal(signal.SIGINT)
     _out, err = process.communicate(timeout=30)
-    assert process.returncode == cli.INTERRUPTED, err
+    assert process.returncode == INTERRUPTED, err
     assert "the best so far is kept" in err
     assert "Traceback" not in err
     assert {f.name for f in tmp_path.iterdir()} == {"w.csv", "w.csv.evaluations.npz"}
@@ -332,7 +332,7 @@ def test_every_command_explains_itself_with_an_example(inkjet, command):
 def test_help_imports_nothing_that_costs():
     code = (
         "import sys, experiments.cli\n"
-        "try: inkjet_env.cli.app.main(['--help'])\n"
+        "try: experiments.cli.main(['--help'])\n"
         "except SystemExit: pass\n"
         "print([m for m in ('numpy', 'numba', 'scipy', 'torch', 'nevergrad', 'matplotlib') if m in sys.modules])"
     )

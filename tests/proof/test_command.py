@@ -2,24 +2,9 @@ import json
 
 import pytest
 
-from experiments import cli
 from experiments.execution import cluster
 from experiments.proof import protocol
 from experiments.proof.corpus import PUBLISHED_SEED, Draw
-
-
-@pytest.fixture
-def inkjet(capsys, tmp_path, monkeypatch):
-    """Run the command in an empty folder: exit status, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        with pytest.raises(SystemExit) as exit_:
-            cli.main([str(a) for a in arguments])
-        out, err = capsys.readouterr()
-        return exit_.value.code, out, err
-
-    return call
 
 
 @pytest.mark.parametrize(
