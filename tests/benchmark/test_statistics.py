@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.benchmark import mean_ranks
+from experiments.benchmark.regret import regret_quartiles
 from experiments.benchmark.run_files import RunKey, RunResult
 from experiments.benchmark.settings import BenchOutcome, BenchSettings
 from experiments.benchmark.suite import problem
@@ -49,7 +50,7 @@ def test_median_interval_covers_the_true_median_about_as_often_as_it_says():
 
 def test_best_so_far_quartiles_are_those_of_the_running_minimum():
     runs = [a_result("pso", costs, i) for i, costs in enumerate([[5, 7, 1], [9, 2, 4], [6, 6, 6]])]
-    found = mean_ranks.regret_quartiles(runs, [1, 2, 3])
+    found = regret_quartiles(runs, [1, 2, 3])
     np.testing.assert_allclose(found[1], [6, 5, 2], atol=1e-9)  # medians of 5 9 6, 5 2 6, 1 2 6
     np.testing.assert_allclose(found[0], [5.5, 3.5, 1.5], atol=1e-9)
 
