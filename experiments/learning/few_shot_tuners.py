@@ -14,7 +14,7 @@ from experiments.learning.learners import HIDDEN, labelled, let_learn
 from experiments.learning.policies import Policy, policy_of_sb3
 from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_UPPER
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
-from inkjet_env.envs.tuning import TIME_SCALE_S
+from inkjet_env.envs.waveform_tuning_task import TIME_SCALE_S
 from inkjet_env.typing import Real
 
 MIDDLE = np.zeros((1, 4))
