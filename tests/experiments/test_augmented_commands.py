@@ -88,6 +88,23 @@ def test_evaluate_takes_the_effects_along(tmp_path, head_file, capsys):
     assert rms["head"] < 1e-3 < 0.05 < rms["base"]
 
 
+def test_a_head_that_has_no_rest_where_a_recording_starts_is_told_in_a_sentence(tmp_path, capsys):
+    strong = AugmentedPrinthead(HEAD, ((EFFECTS["cubic_stiffness"], {"stiffening_per_V2": 5e-4}),))
+    strong.to_json(tmp_path / "head.json")
+    time_s = 2e-7 * np.arange(1000)
+    recording = Recording(
+        "r", time_s, 40 + Waveform(*WAVEFORM).drive_V(time_s), np.sin(np.arange(1000) / 20), "V", "self_sensing",
+        initial_state="demagnetised",
+    )  # fmt: skip
+    write_campaign(tmp_path / "campaign", Campaign("c", (recording,)))
+    assert run("evaluate", tmp_path / "campaign", "--printhead", tmp_path / "head.json") == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert told[-1].endswith(
+        "head.json: the head cannot follow these recordings: no rest was found under the first drive: forces grow "
+        "faster than the spring's."
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
