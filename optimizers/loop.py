@@ -69,7 +69,11 @@ class Run:
         return [[int(i) + 1, float(best[i])] for i in improved]
 
 
-class NonFiniteCostError(ValueError):
+class ObjectiveError(ValueError):
+    """The objective returned what no costs or gradients of its points can be."""
+
+
+class NonFiniteCostError(ObjectiveError):
     """The objective returned a cost or a gradient that is not finite."""
 
 
@@ -124,7 +128,9 @@ def minimise(
     ------
     ValueError
         A budget below 1 or other than the optimiser's, a used optimiser, a record that does not fit, or an objective
-        that returns the wrong shape or has no gradient where one is needed.
+        that has no gradient where one is needed.
+    ObjectiveError
+        The objective returns the wrong shape.
     NonFiniteCostError
         The message names the evaluation, counted from 1, and the point.
     PointOutsideBoxError
@@ -236,7 +242,7 @@ class _Ledger:
     def _checked(self, label: str, values: ArrayLike, shape: tuple[int, ...], start: int) -> Real:
         found = np.asarray(values, dtype=np.float64)
         if found.shape != shape:
-            raise ValueError(f"the objective must return {label} of shape {shape}; got {found.shape}.")
+            raise ObjectiveError(f"the objective must return {label} of shape {shape}; got {found.shape}.")
         wrong = ~np.isfinite(found).reshape(len(found), -1).all(axis=1)
         if wrong.any():
             first = int(np.argmax(wrong))

@@ -10,6 +10,7 @@ import functools
 import json
 import sys
 import time
+import traceback
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ import numpy as np
 
 from experiments.benchmark.entrants import entrant
 from experiments.benchmark.run_files import RunKey, RunResult, label_of, read_run, run_path, write_run
+from experiments.benchmark.run_objective import ObjectiveFailedError, RunObjective
 from experiments.benchmark.settings import LEFT_OUT, SOURCES, BenchOutcome, BenchSettings
 from experiments.benchmark.suite import problem
 from experiments.execution.cluster import run_each, worker_count, workers_of
@@ -29,6 +31,8 @@ REPEATS_A_JOB = 5
 """Runs that a worker does before it tells of them; a lost worker's are done again."""
 Ended = tuple[RunKey, RunResult | None, dict[str, float], str]
 """A run that has ended: its result, or None; seconds by what they were spent on; how it failed, in words."""
+Batch = tuple[list[Ended], Exception | None]
+"""The runs of a job that have ended, in order, and what stopped the others that it was to do."""
 SLOWEST_FIRST = ("optuna-", "sb3-", "nevergrad-", "cma-es", "lbfgsb", "scipy-dual")
 
 
@@ -105,6 +109,8 @@ def run_bench(
     ------
     ValueError
         The folder is another bench's, or holds a damaged file; or the cluster cannot do the work.
+    ObjectiveFailedError
+        The objective of a problem fails at a point; runs that were finished are kept.
     KeyboardInterrupt
         On Ctrl-C; runs that were finished are kept.
     """
@@ -170,8 +176,9 @@ def _perform_all(
     with shown_progress("bench", total, done) as progress, workers_of(scheduler, workers) as client:
         begin_s = time.perf_counter()
 
-        def keep(_: str, ended: list[Ended]) -> None:
+        def keep(_: str, batch: Batch) -> None:
             nonlocal done, useful_s
+            ended, stopped_by = batch
             for key, result, seconds, failure in ended:
                 done += 1
                 useful_s += seconds.get("optimizer", 0.0) + seconds.get("objective", 0.0)
@@ -181,6 +188,8 @@ def _perform_all(
                     write_run(folder, result, label_of(key, told), seconds)
                     results[key] = result
                 progress(done, f"{key.optimizer} on {key.problem}")
+            if stopped_by is not None:
+                raise stopped_by
 
         run_each(client, perform_some, jobs, keep)
         at_work_s = (time.perf_counter() - begin_s) * worker_count(client)
@@ -198,10 +207,8 @@ def _job(keys: Sequence[RunKey], settings: BenchSettings, told: Mapping[str, Any
     return tuple(keys), settings, told["code"], told["versions"]
 
 
-def perform_some(
-    keys: Sequence[RunKey], settings: BenchSettings, code: str, packages: Mapping[str, str]
-) -> list[Ended]:
-    """What `perform` makes of these runs, at a worker.
+def perform_some(keys: Sequence[RunKey], settings: BenchSettings, code: str, packages: Mapping[str, str]) -> Batch:
+    """What `perform` makes of these runs, at a worker; those before one that it raises an exception of are not lost.
 
     Raises
     ------
@@ -218,7 +225,14 @@ def perform_some(
             f"a worker has another package than this bench was begun with: {difference}. Install the same on all "
             "machines, start the workers again, and give the same command."
         )
-    return [perform(key, settings) for key in keys]
+    ended: list[Ended] = []
+    for key in keys:
+        try:
+            ended.append(perform(key, settings))
+        except Exception as error:
+            error.add_note(f"At the worker:\n{traceback.format_exc()}")  # its traceback stays there
+            return ended, error
+    return ended, None
 
 
 @functools.cache
@@ -240,15 +254,21 @@ def _slowness(key: RunKey) -> int:
 
 
 def perform(key: RunKey, settings: BenchSettings) -> Ended:
-    """Do one run: its result and seconds, or else how it failed, in words."""
-    from optimizers.loop import minimise
+    """Do one run: its result and seconds, or else how its optimiser failed, in words.
+
+    Raises
+    ------
+    ObjectiveFailedError
+        The objective failed, not the optimiser.
+    """
+    from optimizers.loop import ObjectiveError, minimise
 
     seed = key.seed(settings.seed)
-    asked = problem(key.problem)
-    asked.read(np.zeros((1, 7)), seed)  # nobody's run is charged with loading the compiled code
-    if asked.has_gradient:
-        asked.evaluate_with_gradient(np.zeros((1, 7)))
-    objective = asked.told(seed)
+    first = RunObjective(key, seed)  # nobody's run is charged with loading the compiled code
+    first.evaluate(np.zeros((1, 7)))
+    if problem(key.problem).has_gradient:
+        first.evaluate_with_gradient(np.zeros((1, 7)))
+    objective = RunObjective(key, seed)
     begin_s = time.perf_counter()
     try:
         budget = settings.budget_of(key.optimizer)
@@ -256,6 +276,10 @@ def perform(key: RunKey, settings: BenchSettings) -> Ended:
         if torch := sys.modules.get("torch"):
             torch.set_num_threads(1)
         run = minimise(objective, optimizer, budget)
+    except ObjectiveFailedError:
+        raise
+    except ObjectiveError as error:
+        raise objective.failed(str(error)) from error
     except Exception as error:  # whatever a third party's optimiser throws is reported, not scored
         return key, None, {}, f"{type(error).__name__}: {error}"
     seconds = {

@@ -121,7 +121,8 @@ def run_each(
     ClusterError
         The scheduler is gone; or a job that `TRIES` workers did not survive. What was kept stays kept.
     Exception
-        What the function raises, but for `WorkLostError`: its job is done again.
+        What the function raises, but for `WorkLostError`: its job is done again. What other jobs have returned by then
+        is kept first.
     """
     from distributed import as_completed
 
@@ -148,18 +149,24 @@ def run_each(
             while waiting and len(running) < max(1, IN_FLIGHT_A_WORKER * workers):
                 begin(waiting.pop())
             done = completed.next_batch(block=False)
+            failure: Exception | None = None
             for future in done:
                 name = running.pop(future)
                 lost = _lost(future)
                 if lost is None:
-                    keep(name, future.result())
+                    try:
+                        keep(name, future.result())
+                    except Exception as error:
+                        failure = failure or error
                 elif begun[name] >= TRIES:
-                    raise ClusterError(
+                    failure = failure or ClusterError(
                         f"{name} was begun {TRIES} times and never ended: {lost}. See the workers' logs."
                     )
                 else:
                     _check_connection(client)
                     waiting.append(name)
+            if failure is not None:  # only now that the results of all others are kept
+                raise failure
             if done or workers:
                 since_s = time.monotonic()
             elif time.monotonic() - since_s > SAY_WAITING_AFTER_S:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +14,9 @@ from experiments.proof.campaign_files import ProofError, check_campaign_only, di
 from experiments.proof.corpus import MOST_ATTEMPTS, Draw
 
 RIG = "experiments.concealed_rig"
+OUT_OF_REACH = re.compile(r" does not reach rho | cannot be as faint as rho |: no strength gives rho ")
+"""In the plant's ValueError where no strength within an effect's bounds gives the mismatch that is asked for; it raises
+that type for everything else too."""
 
 
 @dataclass(frozen=True)
@@ -52,23 +56,28 @@ def conceal(draw: Draw, name: str, rig: str = RIG) -> Concealed:
     ------
     ProofError
         No attempt of `MOST_ATTEMPTS` gave the strength that was asked for.
+    RuntimeError
+        The plant refused the draw for another reason, which another draw would hide.
     """
     reason = ""
     for attempt in range(MOST_ATTEMPTS):
         try:
             plant = plant_of(draw, attempt, rig)
-        except ValueError as error:  # a strength out of reach: draw again
+        except ValueError as error:
+            if not OUT_OF_REACH.search(str(error)):
+                raise RuntimeError(f"{_told(draw)} cannot be built at attempt {attempt}: {error}") from error
             reason = str(error)
-            continue
+            continue  # draw again
         with tempfile.TemporaryDirectory(prefix="inkjet-conceal-") as scratch:
             folder = Path(scratch) / name
             plant.write(folder, name)
             check_campaign_only(folder)
             return Concealed(pack(folder), digest(folder), plant.truth(), attempt)
-    raise ProofError(
-        f"case {draw.number} ({draw.family} {'+'.join(draw.effects)}, {draw.strength}) was drawn "
-        f"{MOST_ATTEMPTS} times in vain: {reason}"
-    )
+    raise ProofError(f"{_told(draw)} was drawn {MOST_ATTEMPTS} times in vain: {reason}")
+
+
+def _told(draw: Draw) -> str:
+    return f"case {draw.number} ({draw.family} {'+'.join(draw.effects)}, {draw.strength})"
 
 
 def families(rig: str = RIG) -> tuple[tuple[str, ...], tuple[str, ...]]:

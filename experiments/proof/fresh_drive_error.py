@@ -16,6 +16,8 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 NODES_A_PERIOD = 200
+LEAST_CLOSURE = -1e3
+"""What a model comes to that is worse than that, or that has no bounded answer to a fresh drive."""
 UNFORETOLD = ("mains_hum", "baseline_drift", "crosstalk")
 """By chance, or of a neighbour that fresh drives have not: base and augmented model say the same."""
 
@@ -80,8 +82,9 @@ def closure(base: Model, augmented: Model, plant: Any, seed: int) -> dict[str, A
     Returns
     -------
     dict
-        ``closure`` (1: all, 0: nothing, below: it made things worse), and of base and augmented model the RMS over the
-        signal's, pooled; NaN where a model has no bounded answer counts as no closure at all.
+        ``closure`` (1: all, 0: nothing, below: it made things worse, at the least `LEAST_CLOSURE`); the number of
+        ``drives``; and of base and augmented model the RMS error over the signal's, pooled, None where a model has no
+        bounded answer. Where the base model has no error to compare with, ``closure`` is None and ``reason`` tells why.
     """
     errors: dict[str, list[float]] = {"base": [], "augmented": []}
     for drive in plant.fresh_drives(np.random.default_rng(seed)):
@@ -97,11 +100,18 @@ def closure(base: Model, augmented: Model, plant: Any, seed: int) -> dict[str, A
             except FloatingPointError:
                 left = np.full(true.size, np.nan)
             errors[name].append(float(np.mean((left - left.mean()) ** 2)) / size)
+    found: dict[str, Any] = {"closure": None, "drives": len(errors["base"]), "base_rms": None, "augmented_rms": None}
+    if not found["drives"]:
+        return found | {"reason": "no fresh drive moves the head on a channel whose gain both models know"}
     before, after = (float(np.mean(errors[name])) for name in ("base", "augmented"))
-    share = 1 - after / before if math.isfinite(after) else -math.inf
-    return {
-        "closure": max(share, -1e3),
-        "drives": len(errors["base"]),
-        "base_rms": math.sqrt(before),
-        "augmented_rms": math.sqrt(after) if math.isfinite(after) else None,
-    }
+    found["base_rms"], found["augmented_rms"] = _rms(before), _rms(after)
+    if not math.isfinite(before):
+        return found | {"reason": "the base model has no bounded answer to a fresh drive"}
+    if before == 0:
+        return found | {"reason": "the base model leaves no error on fresh drives"}
+    share = 1 - after / before if math.isfinite(after) else LEAST_CLOSURE
+    return found | {"closure": max(share, LEAST_CLOSURE)}
+
+
+def _rms(mean_square: float) -> float | None:
+    return math.sqrt(mean_square) if math.isfinite(mean_square) else None

@@ -2,7 +2,7 @@
 
 Parts: null (nothing planted), single (each effect, strong and medium), pairs (two of different stages), withheld
 (each effect planted and taken out of the catalogue), summary. Every case is one line of results/diagnosis/cases.jsonl;
-a study that was stopped goes on. ``--seeds N`` takes N heads for every case.
+a study that was stopped goes on, if code and packages are still the same. ``--seeds N`` takes N heads for every case.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.execution.provenance import code_digest, first_difference, versions
 from experiments.validation.synthetic_campaigns import MEDIUM, STRONG, effect_named, planted, record_planted
 from experiments.validation.verdict_scores import OUTCOMES, Told, confusion, f1, share
 from inkjet_env.identification.convention import in_convention
@@ -29,6 +30,8 @@ from inkjet_env.progress import shown_progress
 from inkjet_env.recordings import Campaign
 
 RESULTS = Path("results/diagnosis/cases.jsonl")
+SOURCES = ("inkjet_env/**/*.py", "experiments/planted.py", "experiments/diagnosis_study.py")
+"""What decides the result of a case."""
 STRENGTHS = {"strong": STRONG, "medium": MEDIUM}
 PAIRS = (
     ("amplifier_bandwidth", "asymmetric_hysteresis"), ("amplifier_bandwidth", "second_mode"),
@@ -40,6 +43,10 @@ PAIRS = (
     ("second_mode", "sensor_saturation"), ("wave_echo", "baseline_drift"), ("thermal_drift", "sensor_bandwidth"),
     ("meniscus_refill", "feedthrough"),
 )  # fmt: skip
+
+
+class OtherCodeError(ValueError):
+    """The file of results holds results of other code or packages; the message says how they differ."""
 
 
 @dataclass(frozen=True)
@@ -132,9 +139,31 @@ def outcome(case: Case) -> dict[str, Any]:
 
 
 def run(parts: list[str], seeds: int, workers: int) -> None:
-    """Diagnose what has not been yet."""
+    """Diagnose what has not been yet.
+
+    Parameters
+    ----------
+    parts : list of str
+        See `cases`.
+    seeds : int
+        Heads for every case.
+    workers : int
+        Processes.
+
+    Raises
+    ------
+    OtherCodeError
+        The results so far are of other code or packages. Nothing is diagnosed.
+    """
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    done = {row["name"] for row in rows()}
+    made = {"code": code_digest(SOURCES), "versions": versions()}
+    before = rows()
+    if before and (difference := first_difference(_made_by(before[0]), made)):
+        raise OtherCodeError(
+            f"{RESULTS} holds results of other code or packages: {difference}. Delete or rename that file to begin "
+            "again, or restore the code and packages to go on."
+        )
+    done = {row["name"] for row in before}
     todo = [case for part in parts for case in cases(part, seeds) if case.name not in done]
     with (
         ProcessPoolExecutor(workers) as pool,
@@ -142,7 +171,7 @@ def run(parts: list[str], seeds: int, workers: int) -> None:
         RESULTS.open("a", encoding="utf-8") as file,
     ):
         for k, row in enumerate(pool.map(_guarded, todo), start=1):
-            file.write(json.dumps(row) + "\n")
+            file.write(json.dumps(row | {"made": made}) + "\n")
             file.flush()
             shown(k, f"{row['name']}: {row['verdict']} {'+'.join(row['found'])}")
 
@@ -156,10 +185,33 @@ def _guarded(case: Case) -> dict[str, Any]:
 
 
 def rows() -> list[dict[str, Any]]:
-    """All cases so far."""
+    """All cases so far.
+
+    Returns
+    -------
+    list of dict
+        What `outcome` returns of each; ``made`` tells the code and the packages, the same in all.
+
+    Raises
+    ------
+    OtherCodeError
+        Two lines are of different code or packages.
+    """
     if not RESULTS.exists():
         return []
-    return [json.loads(line) for line in RESULTS.read_text(encoding="utf-8").splitlines() if line]
+    found = [json.loads(line) for line in RESULTS.read_text(encoding="utf-8").splitlines() if line]
+    for row in found:
+        if difference := first_difference(_made_by(found[0]), _made_by(row)):
+            raise OtherCodeError(
+                f"{RESULTS} mixes results of different code or packages, {found[0]['name']} and {row['name']}: "
+                f"{difference}. Delete the lines of one of them."
+            )
+    return found
+
+
+def _made_by(row: dict[str, Any]) -> dict[str, Any]:
+    """Code and packages that a line is of; older lines do not tell."""
+    return dict(row.get("made", {"code": "unknown"}))
 
 
 def told(row: dict[str, Any]) -> Told:
@@ -228,19 +280,21 @@ def _print_confusion(these: list[Told]) -> None:
         print(f"    {f'{k} {name}':<{width}}{counts}  {rest}")
 
 
-def main() -> None:
+def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", default=["null", "single", "pairs", "withheld"])
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     parts = [part for part in given.parts if part != "summary"]
     try:
         if parts:
             run(parts, given.seeds, given.workers)
+        summary()
+    except OtherCodeError as error:
+        parser.exit(2, f"{parser.prog}: {error}\n")
     except KeyboardInterrupt:
         sys.exit(130)
-    summary()
 
 
 if __name__ == "__main__":

@@ -23,8 +23,10 @@ from inkjet_env.printhead.resonator import pole
 from inkjet_env.typing import Real
 
 MOST_LAPS = 40
-REST_STEPS = 30
-"""Enough for forces that are weak beside the spring's."""
+REST_STEPS, MOST_REST_STEPS = 30, 300
+"""Iterations for the deflection at rest: so many at the least where it still moves, and at the most."""
+AT_REST = 1e-6
+"""It is found when an iteration changes it by less of its size: the steps of the motion are no more exact than that."""
 FLOW_V = 100.0
 """Scaled speed that is a unit of flow."""
 STEADY = 1e-8
@@ -197,6 +199,11 @@ class Resonance:
 
         Displacement: the deflection. Self-sensing: the speed over ``drive_a0``, in volt seconds, so that the gain is
         ``b1``.
+
+        Raises
+        ------
+        FloatingPointError
+            It grows without bound, never settles under a repeated drive, or has no rest under the drive at the start.
         """
         shown = 1 if shot.channel == "self_sensing" else 0
         own = replace(self, modes=(), echoes=()).refilled(hysteretic_V, shot)
@@ -231,7 +238,7 @@ class Resonance:
         ends = np.ascontiguousarray(ends)
         pairs_a_sample = shot.parts // 2
 
-        rest = amplitude(lam, self._rest_V(float(ends[0])), 0.0)
+        rest = amplitude(lam, self._rest_V(float(ends[0]), shot.periodic), 0.0)
         state = rest
         if shot.initial_state == "free":
             state += amplitude(lam, shot.start[0], shot.start[1] * math.sqrt(self.a0))
@@ -285,16 +292,32 @@ class Resonance:
             pushed_V += self.a0 / self.drive_a0 * float(self.softening[0]) * x_V
         return pushed_V
 
-    def _rest_V(self, hysteretic_V: float) -> float:
-        """Deflection at which the first hysteretic drive is held."""
+    def _rest_V(self, hysteretic_V: float, repeated: bool) -> float:
+        """Deflection at which the first hysteretic drive is held: ``x = (v - F(x, 0)) / s``, s the spring's stiffness.
+
+        Each iteration leaves ``F'/s`` of the error before, so that it ends where the forces' slope is below the
+        spring's. Where the drive is repeated, the search for the steady state only begins there and needs no more than
+        a guess.
+
+        Raises
+        ------
+        FloatingPointError
+            No rest was found.
+        """
         stiffness = self.a0 / self.drive_a0
         if self.softening is not None:
             stiffness *= 1 + float(self.softening[0])
         rest_V = hysteretic_V / stiffness
-        for _ in range(REST_STEPS if hysteretic_V else 0):
-            pushed_V = sum(force.law(rest_V, 0.0, np.array(force.values)) for force in self.forces)
-            rest_V = (hysteretic_V - pushed_V) / stiffness
-        return rest_V
+        for step in range(1, MOST_REST_STEPS + 1):
+            with np.errstate(over="ignore", invalid="ignore"):
+                pushed_V = sum(force.law(rest_V, 0.0, np.array(force.values)) for force in self.forces)
+            before_V, rest_V = rest_V, (hysteretic_V - pushed_V) / stiffness
+            change_V = abs(rest_V - before_V)
+            if change_V == 0 or (step >= REST_STEPS and (repeated or change_V <= AT_REST * abs(rest_V))):
+                return rest_V
+            if not math.isfinite(rest_V):
+                break
+        raise FloatingPointError("no rest was found under the first drive: forces grow faster than the spring's.")
 
 
 def amplitude(pole_: complex, deflection: float, speed: float) -> complex:

@@ -49,7 +49,8 @@ class Plant:
         Raises
         ------
         FloatingPointError
-            A motion that grows without bound, or that never settles under the repeated drive.
+            A motion that grows without bound, that never settles under the repeated drive, or that has no rest under
+            the drive at the start.
         """
         drive_V = self.at_ceramic_V(shot)
         if shot.channel == "drive_monitor":

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.benchmark.problem import Problem
 from experiments.benchmark.single_run import Optimisation, read_record, write_record
-from experiments.cli import main
+from inkjet_env.cli.app import main
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead, Waveform
@@ -86,6 +86,23 @@ def test_evaluate_takes_the_effects_along(tmp_path, head_file, capsys):
         assert run("evaluate", tmp_path / "campaign", "--printhead", tmp_path / f"{name}.json", "--json", out) == 0
         rms[name] = json.loads(out.read_text())["rms"]
     assert rms["head"] < 1e-3 < 0.05 < rms["base"]
+
+
+def test_a_head_that_has_no_rest_where_a_recording_starts_is_told_in_a_sentence(tmp_path, capsys):
+    strong = AugmentedPrinthead(HEAD, ((EFFECTS["cubic_stiffness"], {"stiffening_per_V2": 5e-4}),))
+    strong.to_json(tmp_path / "head.json")
+    time_s = 2e-7 * np.arange(1000)
+    recording = Recording(
+        "r", time_s, 40 + Waveform(*WAVEFORM).drive_V(time_s), np.sin(np.arange(1000) / 20), "V", "self_sensing",
+        initial_state="demagnetised",
+    )  # fmt: skip
+    write_campaign(tmp_path / "campaign", Campaign("c", (recording,)))
+    assert run("evaluate", tmp_path / "campaign", "--printhead", tmp_path / "head.json") == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert told[-1].endswith(
+        "head.json: the head cannot follow these recordings: no rest was found under the first drive: forces grow "
+        "faster than the spring's."
+    )
 
 
 @pytest.mark.parametrize(

@@ -68,18 +68,55 @@ def flicker(rng, samples):
     return np.fft.irfft(np.append(0, lines), long)[:samples]
 
 
-@pytest.mark.parametrize("coefficients", [[1.0], [1.0, 0.8, 0.25], [1.0, -0.5]])
+def with_flicker(rng, coefficients, strength):
+    """An autoregression of innovation 1, and 1/f noise whose power at ν cycles a sample is strength/ν."""
+    return autoregression(rng, coefficients, 1.0, 2000) + np.sqrt(strength) * flicker(rng, 2000)
+
+
+def least_deviation(coefficients, strength, stretches):
+    """Cramér and Rao's of the logarithm of the 1/f noise's strength, by Whittle's likelihood: none estimates it better.
+
+    Innovation and coefficients are estimated too.
+    """
+    lines = np.arange(1, 1000) / 2000
+    delays = np.exp(-2j * np.pi * np.outer(lines, np.arange(len(coefficients))))
+
+    def log_power(changes):
+        passed = np.abs(delays @ (coefficients + np.append(0, changes[2:]))) ** 2
+        return np.log(np.exp(changes[1]) / passed + strength * np.exp(changes[0]) / lines)
+
+    steps = 1e-5 * np.eye(len(coefficients) + 1)
+    slopes = np.column_stack([(log_power(step) - log_power(-step)) / 2e-5 for step in steps])
+    return np.sqrt(np.linalg.inv(stretches * slopes.T @ slopes)[0, 0])
+
+
+COEFFICIENTS = pytest.mark.parametrize("coefficients", [[1.0], [1.0, 0.8, 0.25], [1.0, -0.5]])
+
+
+@COEFFICIENTS
+def test_the_strength_of_1_over_f_noise_is_found_about_as_well_as_three_stretches_can_tell_it(coefficients):
+    """Of 12 records: the mean within three standard errors of the truth, the spread within twice the least there is."""
+    strength, found = 0.02, []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        stretches = [with_flicker(rng, coefficients, strength) for _ in range(3)]
+        (model,) = channel_noise({1.0: stretches}, {1.0: "a test"}, 1e-9).values()
+        found.append(model.colour[1] * model.innovation**2 / strength)
+    least = least_deviation(coefficients, strength, 3)
+    assert np.mean(found) == pytest.approx(1.0, abs=3 * least / np.sqrt(12))
+    assert np.std(found) < 2 * least
+
+
+@COEFFICIENTS
 def test_an_autoregression_and_1_over_f_noise_are_told_apart_down_to_the_lowest_lines(coefficients):
     """Three stretches tell it; on thirty others each line of the whitened noise has the same power."""
     rng = np.random.default_rng(1)
-    strength = 0.02
 
     def stretch():
-        return autoregression(rng, coefficients, 1.0, 2000) + np.sqrt(strength) * flicker(rng, 2000)
+        return with_flicker(rng, coefficients, 0.02)
 
     (model,) = channel_noise({1.0: [stretch() for _ in range(3)]}, {1.0: "a test"}, 1e-9).values()
     assert model.lost == len(coefficients) - 1
-    assert model.colour[1] * model.innovation**2 == pytest.approx(strength, rel=0.6)
     power = np.zeros(1001)
     for _ in range(30):
         white = model.whitened(stretch()[:, None])[:, 0]

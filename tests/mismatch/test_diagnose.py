@@ -71,6 +71,19 @@ def test_the_whole_catalogue_finds_nothing_where_nothing_is(recorded):
     assert (found.verdict, ids(found)) == ("none", [])
 
 
+def assert_estimates(named, truths):
+    """Every value is within four standard errors of the truth, and known to two fifths of it or better."""
+    for parameter, truth in truths.items():
+        if parameter not in named.parameters:  # of a part of the law that is off
+            assert truth == rest_value(named.effect, parameter)
+            continue
+        estimate = named.parameters[parameter]
+        half_width = (estimate.high - estimate.low) / 2
+        assert estimate.low < estimate.value < estimate.high
+        assert abs(estimate.value - truth) < 2.5 * half_width
+        assert half_width < 0.4 * abs(truth)
+
+
 @pytest.mark.parametrize(
     ("name", "strength"),
     [("feedthrough", 1.0), ("cubic_stiffness", 0.35), ("quadratic_damping", 0.35), ("quadratic_damping", 1.0)],
@@ -79,15 +92,7 @@ def test_one_effect_is_named_with_its_values(name, strength, diagnosed, values):
     found = diagnosed(name, strength=strength)
     assert (found.verdict, ids(found), found.candidates) == ("named", [name], ())
     (named,) = found.effects
-    for parameter, truth in values(name, strength).items():
-        if parameter not in named.parameters:  # of a part of the law that is off
-            assert truth == rest_value(named.effect, parameter)
-            continue
-        estimate = named.parameters[parameter]
-        half_width = (estimate.high - estimate.low) / 2
-        assert estimate.low < estimate.value < estimate.high
-        assert abs(estimate.value - truth) < 2.5 * half_width  # four standard errors
-        assert half_width < 0.4 * abs(truth)
+    assert_estimates(named, values(name, strength))
     assert named.delta_nll > 50
     assert named.p_value < 1e-6
     assert found.closure > 0.7
@@ -113,11 +118,7 @@ def test_several_effects_are_named_together(diagnosed, values):
     assert found.verdict == "named"
     assert set(ids(found)) == {"feedthrough", "quadratic_damping"}
     for named in found.effects:
-        for parameter, truth in values(named.effect.id).items():
-            if parameter not in named.parameters:
-                assert truth == rest_value(named.effect, parameter)
-                continue
-            assert named.parameters[parameter].value == pytest.approx(truth, rel=0.25)
+        assert_estimates(named, values(named.effect.id))
 
 
 def test_an_effect_beside_a_hum_is_named_too(diagnosed):
@@ -183,7 +184,8 @@ def test_an_effect_of_ones_own_takes_part_and_is_named(recorded, true_head, head
     found = diagnose(campaign, head, [*catalogued, WindUp()], workers=1)
     assert (found.verdict, ids(found)) == ("named", ["wind_up"])
     estimate = found.effects[0].parameters["leak_per_s"]
-    assert estimate.low < 2e3 < estimate.high or estimate.value == pytest.approx(2e3, rel=0.02)
+    assert estimate.low < 2e3 < estimate.high
+    assert estimate.high - estimate.low < 0.12 * 2e3
     assert found.as_json()["effects"][0]["parameters"]["leak_per_s"]["unit"] == "1/s"
     assert WindUp.sentence in found.headline
     without = diagnose(campaign, head, catalogued, workers=1)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.plant import Force, Mode, Plant, Resonance, Shot, compiled_force
@@ -91,6 +92,60 @@ def test_a_constant_drive_leaves_the_head_at_rest_where_it_holds_it():
     stiff = Resonance(1.1 * HEAD.a0, HEAD.a1, HEAD.a0, forces=(PUSHED,), softening=np.full(held.nodes, 0.05))
     moved = stiff.motion(np.full(held.nodes, 40.0), held) * HEAD.a0 / math.sqrt(HEAD.a0)
     assert np.abs(moved).max() < 1e-9 * 40
+
+
+def held_at_V(resonance, drive_V):
+    """Deflection at which a constant drive holds the head, and how far it moves from there."""
+    held = Shot("displacement", "demagnetised", STEP_S, np.full(200, drive_V))
+    motion = resonance.motion(np.full(held.nodes, drive_V), held)
+    return motion[0], np.ptp(motion)
+
+
+@pytest.mark.parametrize("contraction", [0.02, 0.3, 0.5, 0.6, 0.9])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_rest_is_where_forces_and_spring_hold_the_drive(contraction, sign):
+    """Of x + k x³ = v by bisection; an iteration leaves 3 k x² of the error before, here between 2 % and 90 %."""
+    rest_V = 20.0
+    cubic = sign * contraction / (3 * rest_V**2)
+    drive_V = rest_V + cubic * rest_V**3
+    expected = brentq(lambda x: x + cubic * x**3 - drive_V, 0, 1.02 * rest_V, xtol=1e-13)
+    assert expected == pytest.approx(rest_V, rel=1e-12)
+    resonance = Resonance(HEAD.a0, HEAD.a1, HEAD.a0, forces=(Force(cubic_and_drag, np.array([cubic, 0.0])),))
+    found, moves = held_at_V(resonance, drive_V)
+    # what 30 iterations leave, or else AT_REST of the last change of a geometric series
+    left = max(contraction**30, 1e-15) if contraction <= 0.6 else 1e-6 * contraction / (1 - contraction)
+    assert abs(found - expected) < 1.5 * left * rest_V
+    assert moves < 4 * left * rest_V + 1e-12
+
+
+@pytest.mark.parametrize(
+    "cubic",
+    [
+        0.36 / 20.0**2,  # the iteration goes to and fro between two deflections, neither of them at rest
+        5.0 / 20.0**2,  # it grows without bound
+        -0.5 / 20.0**2,  # nothing holds the drive: the spring has snapped through
+    ],
+)
+@pytest.mark.parametrize("initial_state", ["demagnetised", "free"])
+def test_a_rest_that_is_not_found_is_told(cubic, initial_state):
+    drive_V = 20.0 + cubic * 20.0**3 if cubic > 0 else 20.0
+    resonance = Resonance(HEAD.a0, HEAD.a1, HEAD.a0, forces=(Force(cubic_and_drag, np.array([cubic, 0.0])),))
+    shot = Shot("displacement", initial_state, STEP_S, np.full(200, drive_V), start=(1.0, 0.0))
+    with pytest.raises(FloatingPointError, match="no rest was found under the first drive"):
+        resonance.motion(np.full(shot.nodes, drive_V), shot)
+
+
+def test_a_repeated_drive_has_its_steady_state_though_there_be_no_rest_where_it_starts():
+    """The same period, begun at a drive of 0 V and at one where the iteration for the rest does not end."""
+    resonance = Resonance(HEAD.a0, HEAD.a1, HEAD.a0, forces=(Force(cubic_and_drag, np.array([4e-4, 0.0])),))
+    shot = Shot("displacement", "periodic", 0.5e-6, 40 * np.sin(2 * np.pi * np.arange(400) / 400) ** 3)
+    drive_V = shot.drive_at_nodes_V
+    top = 2 * 100
+    assert abs(drive_V[top]) == 40
+    with pytest.raises(FloatingPointError, match="no rest"):
+        held_at_V(resonance, 40.0)
+    begun_at_the_top = resonance.motion(np.roll(drive_V, -top), shot)
+    assert error_of(np.roll(begun_at_the_top, 100), resonance.motion(drive_V, shot)) < 1e-6
 
 
 def test_the_closed_form_is_met_with_fourth_order_where_corners_are_samples():

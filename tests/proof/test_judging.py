@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from experiments.proof.corpus import corpus
-from experiments.proof.fresh_drive_error import Model, closure, model_of
+from experiments.proof.fresh_drive_error import LEAST_CLOSURE, Model, closure, model_of
 from experiments.proof.judge import located, parameters, questions
 from experiments.proof.waveform_gain import searched
 from inkjet_env.plant import Plant, Shot, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead
+from inkjet_env.storage import json_text
 
 HEAD = Printhead.published()
 STEP_S = 4e-7
@@ -58,6 +59,70 @@ def test_an_offset_and_a_drive_that_stands_still_do_not_count():
     found = closure(model(), model(*Double.effects), Double(), 0)
     assert found["drives"] == 2
     assert found["augmented_rms"] < 1e-3
+
+
+class Still(Double):
+    """A concealed plant whose fresh drives show nothing of the resonator."""
+
+    def fresh_drives(self, rng):
+        return [drive for drive in super().fresh_drives(rng) if not drive.drive_V.any()]
+
+
+class Slow(Double):
+    """A concealed plant whose fresh drives are of a channel whose gain nobody measured."""
+
+    def fresh_drives(self, rng):
+        return [SimpleNamespace(**vars(drive) | {"channel": "strain_gauge"}) for drive in super().fresh_drives(rng)]
+
+
+@pytest.mark.parametrize("plant", [Still(), Slow()])
+@pytest.mark.filterwarnings("error")
+def test_without_a_usable_fresh_drive_there_is_no_closure_but_a_reason(plant):
+    assert closure(model(), model(*Double.effects), plant, 0) == {
+        "closure": None,
+        "drives": 0,
+        "base_rms": None,
+        "augmented_rms": None,
+        "reason": "no fresh drive moves the head on a channel whose gain both models know",
+    }
+
+
+class Unbounded(Model):
+    """A model whose motion grows without bound under large drives."""
+
+    def signal(self, drive_V, *how):
+        if np.max(drive_V) > 50:
+            raise FloatingPointError("the motion grows without bound.")
+        return super().signal(drive_V, *how)
+
+
+def unbounded(of):
+    return Unbounded(of.head, of.plant, of.order, of.channels)
+
+
+def test_without_a_bounded_answer_of_the_base_model_there_is_no_closure_but_a_reason():
+    found = closure(unbounded(model()), model(*Double.effects), Double(), 0)
+    assert (found["closure"], found["drives"], found["base_rms"]) == (None, 2, None)
+    assert found["reason"] == "the base model has no bounded answer to a fresh drive"
+    assert found["augmented_rms"] < 1e-3
+    json_text(found)
+
+
+def test_without_an_error_of_the_base_model_there_is_no_closure_but_a_reason():
+    class Base(Double):
+        effects = ()
+
+        def response(self, drive_V, step_s, channel, initial_state):
+            return model().signal(drive_V, step_s, channel, initial_state)
+
+    found = closure(model(), model(*Double.effects), Base(), 0)
+    assert (found["closure"], found["reason"]) == (None, "the base model leaves no error on fresh drives")
+
+
+def test_an_augmented_model_without_a_bounded_answer_comes_to_the_least_closure():
+    found = closure(model(), unbounded(model(*Double.effects)), Double(), 0)
+    assert (found["closure"], found["augmented_rms"]) == (LEAST_CLOSURE, None)
+    assert "reason" not in found
 
 
 def test_a_model_knows_the_gains_of_its_channels():

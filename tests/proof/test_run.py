@@ -1,8 +1,10 @@
+import functools
 import json
 import os
 import shutil
 import signal
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -82,6 +84,38 @@ def test_the_cases_of_a_killed_worker_run_again(start, driver, scheduler, finish
     assert answers(folder) < 60
     out, _ = done(first)
     assert out == finished[1]
+
+
+class Finished:
+    """A Dask client whose jobs have all ended by the time that anyone looks, and its `as_completed`."""
+
+    status, loop = "running", None
+
+    def __init__(self):
+        self.futures = []
+
+    def scheduler_info(self, n_workers):
+        return {"workers": {"one": {"nthreads": 9}}}
+
+    def submit(self, function, *arguments, key, pure):
+        return Mock(status="finished", result=lambda: function(*arguments))
+
+    def add(self, future):
+        self.futures.append(future)
+
+    def next_batch(self, block):
+        ended, self.futures = self.futures, []
+        return ended
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_what_other_jobs_returned_is_kept_before_an_exception_of_one_is_raised(place, monkeypatch):
+    kept, client = {}, Finished()
+    monkeypatch.setattr("distributed.as_completed", lambda loop: client)
+    jobs = {f"{k}": functools.partial(tuple, [int(k != place)]) for k in range(3)}
+    with pytest.raises(ZeroDivisionError):
+        cluster.run_each(client, lambda k: 1 / k, jobs, kept.__setitem__)
+    assert kept == {f"{k}": 1.0 for k in range(3) if k != place}
 
 
 def test_a_scheduler_that_is_not_there_is_told_in_one_sentence(monkeypatch):

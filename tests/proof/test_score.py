@@ -8,6 +8,7 @@ import pytest
 
 from experiments.proof.corpus import STAGES, corpus
 from experiments.proof.criteria import Figure, counted, estimated
+from experiments.proof.fresh_drive_error import LEAST_CLOSURE
 from experiments.proof.printing import print_score
 from experiments.proof.protocol import Outcome, as_judged
 from experiments.proof.report import headline, page_html, sentences
@@ -197,6 +198,23 @@ def test_the_order_of_the_cases_does_not_change_the_score(flawless):
     assert values[0] == values[1]
     assert json_text(scored(spoilt)) == json_text(scored(list(spoilt)))
     assert scored(spoilt)["curve"] == scored(spoilt[::-1])["curve"]
+
+
+def test_a_head_without_a_usable_fresh_drive_is_not_counted_and_one_without_a_bounded_answer_is_the_worst(flawless):
+    names = ("median closure on drives nobody saw", "10th percentile of that closure")
+    clear = [c["name"] for c in flawless if c["judged"]["closure"] and c["draw"]["family"] == "effect"]
+
+    def with_closures(values):
+        return [c | {"judged": c["judged"] | {"closure": values.get(c["name"], 0.95)}} for c in flawless]
+
+    every = [figure(scored(flawless), name) for name in names]
+    unjudged = [figure(scored(with_closures(dict.fromkeys(clear[:5]))), name) for name in names]
+    assert [f["of"] for f in unjudged] == [f["of"] - 5 for f in every]
+    assert [f["value"] for f in unjudged] == [0.95, 0.95]
+    worst = [figure(scored(with_closures(dict.fromkeys(clear[:5], LEAST_CLOSURE))), name) for name in names]
+    assert [f["of"] for f in worst] == [f["of"] for f in every]
+    assert worst[0]["value"] == 0.95
+    assert worst[1]["value"] < -100
 
 
 def test_the_curve_begins_where_nothing_is_concealed(flawless):

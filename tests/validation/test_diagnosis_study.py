@@ -1,7 +1,10 @@
 """The cases of the study of the diagnosis on its own plant."""
 
+import json
+
 import pytest
 
+from experiments.validation import diagnosis_study
 from experiments.validation.diagnosis_study import Case, cases, recorded
 
 
@@ -30,3 +33,60 @@ def test_what_is_planted_changes_the_recordings():
     assert [effect.id for effect, _ in planted] == ["feedthrough"]
     fast = [i for i, r in enumerate(plain.recordings) if r.channel == "self_sensing" and r.excitation != "zero"]
     assert all((campaign.recordings[i].sensor != plain.recordings[i].sensor).any() for i in fast)
+
+
+@pytest.fixture
+def short_study(tmp_path, monkeypatch):
+    """A study of two cases that take no time, in a file of its own; what was diagnosed, when."""
+    file = tmp_path / "cases.jsonl"
+    monkeypatch.setattr(diagnosis_study, "RESULTS", file)
+    monkeypatch.setattr(
+        diagnosis_study, "cases", lambda part, seeds: [Case(part, (), "none", seed) for seed in range(seeds)]
+    )
+    result = {"verdict": "none", "found": [], "closure": None, "located": False, "seconds": 1.0}
+    monkeypatch.setattr(
+        diagnosis_study,
+        "outcome",
+        lambda case: {"part": case.part, "effects": [], "strength": "none", "name": case.name} | result,
+    )
+    return file
+
+
+def test_a_stopped_study_goes_on_with_what_is_missing(short_study):
+    diagnosis_study.run(["null"], 1, 1)
+    first = short_study.read_text()
+    diagnosis_study.run(["null"], 2, 1)
+    assert short_study.read_text().startswith(first)
+    assert [row["name"] for row in diagnosis_study.rows()] == ["null nothing none 0", "null nothing none 1"]
+
+
+def test_results_of_other_code_or_packages_are_not_gone_on_with(short_study, monkeypatch, capsys):
+    diagnosis_study.run(["null"], 1, 1)
+    before = short_study.read_text()
+    monkeypatch.setattr(diagnosis_study, "versions", lambda: {"numpy": "0.1"})
+    with pytest.raises(SystemExit) as ended:
+        diagnosis_study.main(["null", "--seeds", "2", "--workers", "1"])
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert "cases.jsonl holds results of other code or packages: versions numpy is" in told
+    assert "and 0.1 here. Delete or rename that file" in told
+    assert short_study.read_text() == before
+    diagnosis_study.main(["summary"])  # they are of one code, if not of this one
+    assert "null: 1 campaigns" in capsys.readouterr().out
+
+
+def test_results_of_unknown_code_are_not_gone_on_with(short_study):
+    short_study.write_text('{"name": "null nothing none 0", "part": "null"}\n')
+    with pytest.raises(diagnosis_study.OtherCodeError, match="code is unknown there"):
+        diagnosis_study.run(["null"], 2, 1)
+
+
+def test_results_of_different_code_in_one_file_are_not_summed_up(short_study, capsys):
+    diagnosis_study.run(["null"], 2, 1)
+    first, second = (json.loads(line) for line in short_study.read_text().splitlines())
+    second["made"]["code"] = "another"
+    short_study.write_text(f"{json.dumps(first)}\n{json.dumps(second)}\n")
+    with pytest.raises(SystemExit) as ended:
+        diagnosis_study.main(["summary"])
+    assert ended.value.code == 2
+    assert "none 0 and null nothing none 1: code is" in capsys.readouterr().err

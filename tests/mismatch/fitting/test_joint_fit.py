@@ -198,6 +198,20 @@ def test_sensitivities_taken_elsewhere_lead_to_the_same_end(recorded, fitted, ef
     np.testing.assert_array_equal(lent.slopes, again.slopes)
 
 
+def test_a_fit_begun_where_the_head_has_no_rest_under_the_first_drive_fails(head, effects):
+    cubic = effects["cubic_stiffness"]
+    o = pulse("self_sensing", "demagnetised")
+    o = replace(o, shot=replace(o.shot, drive_V=o.shot.drive_V + 40, kept={}))
+    start = Head(head, {"self_sensing": head.b1}, {"self_sensing": 0.0})
+    clean = start.plant([(cubic, {"stiffening_per_V2": 1e-5})]).signal(o.shot)
+    measured = clean + 1e-3 * np.ptp(clean) * np.random.default_rng(0).standard_normal(clean.size)
+    observed = [replace(o, measured=measured)]
+    joint = JointFit(observed, noise_seen(observed, {o.name: measured - clean}, {}), start)
+    assert joint.fit([cubic], np.array([1e-5])).nll == pytest.approx(0.5 * o.fitted, rel=0.2)
+    with pytest.raises(FloatingPointError, match="no rest was found"):
+        joint.fit([cubic], np.array([5e-4]))
+
+
 def test_a_fit_stays_within_its_bounds(recorded, fitted, effects, values):
     effect = effects["second_mode"]
     joint = fitted(recorded("second_mode"))

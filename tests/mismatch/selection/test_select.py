@@ -34,11 +34,12 @@ def looked(recorded, fitted, effects):
 
 @pytest.fixture(scope="module")
 def selected(looked):
+    """A function: what is selected of `LOOKED_FOR` in a planted campaign; each made once."""
     made = {}
 
-    def at(*names, **options):
+    def at(*names):
         if names not in made:
-            joint, chosen, found = looked(*names, **options)
+            joint, chosen, found = looked(*names)
             made[names] = select(joint, chosen, found, Crew(1), np.random.default_rng(0), silent)
         return made[names]
 

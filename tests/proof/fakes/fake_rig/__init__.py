@@ -43,5 +43,5 @@ class Plant:
 
 def build(case):
     if case.seed % 5 == 0:
-        raise ValueError("out of reach")
+        raise ValueError("creep (fake) does not reach rho 2.0 within its bounds: 1.09 at its strongest.")
     return Plant(case)

@@ -1,0 +1,68 @@
+"""The objective of one run of the comparison, told apart from its optimiser: where it fails, it says so itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.benchmark.run_files import RunKey
+from experiments.benchmark.suite import problem
+
+Real = NDArray[np.float64]
+
+
+class ObjectiveFailedError(RuntimeError):
+    """A problem's objective failed, which is no optimiser's fault; the message names problem, seed and point."""
+
+
+class RunObjective:
+    """What an optimiser is given in a run; any exception of the objective becomes an `ObjectiveFailedError`.
+
+    Parameters
+    ----------
+    key : RunKey
+        Of the run: its problem is what is evaluated, the rest is told where that fails.
+    seed : int
+        Of the run.
+    """
+
+    def __init__(self, key: RunKey, seed: int) -> None:
+        self.key, self.seed = key, seed
+        self.count = 0
+        asked = problem(key.problem)
+        told = asked.told(seed)
+        self.evaluate = self._watched(told, "evaluate")
+        if asked.has_gradient:
+            self.evaluate_with_gradient = self._watched(told, "evaluate_with_gradient")
+
+    def failed(self, how: str) -> ObjectiveFailedError:
+        """The exception that tells how the objective failed in this run."""
+        key = self.key
+        return ObjectiveFailedError(
+            f"the objective of {key.problem} failed, in repeat {key.repeat} of {key.optimizer}, seed {self.seed}: {how}"
+        )
+
+    def _watched(self, told: Any, name: str) -> Callable[[Real], Any]:
+        def call(points: Real) -> Any:
+            try:
+                found = getattr(told, name)(points)
+            except Exception as error:
+                where = self._first_failure(name, points)
+                raise self.failed(f"{type(error).__name__}: {error} at {where}") from error
+            self.count += len(points)
+            return found
+
+        return call
+
+    def _first_failure(self, name: str, points: Real) -> str:
+        """The first of these points at which the objective fails alone; all of them where it fails at none alone."""
+        for k, point in enumerate(points):
+            alone = problem(self.key.problem).told(self.seed, self.count + k)
+            try:
+                getattr(alone, name)(point[None])
+            except Exception:
+                return f"evaluation {self.count + k + 1}, point {point.tolist()}"
+        return f"evaluation {self.count + 1}, points {points.tolist()}"
