@@ -57,7 +57,7 @@ class Selection:
     compared : tuple of Hypothesis
         All that were fitted, best first.
     p_values : dict of str to float
-        Of each chosen effect, when it was added.
+        Of each chosen effect, of the test that led to its being added.
     """
 
     chosen: Hypothesis
@@ -79,15 +79,13 @@ def select(
     base = base_hypothesis(joint)
     beam, chosen = [base], base
     compared: dict[frozenset[str], Hypothesis] = {frozenset(): base}
-    p_values: dict[str, float] = {}
+    p_values: dict[frozenset[str], dict[str, float]] = {frozenset(): {}}
     for _ in range(MOST_EFFECTS):
         added: list[Hypothesis] = []
         for parent in beam:
             beside = found.beside(parent.columns)
             scores = beside.best(parent.left)
             p_value = beside.chance(max(scores.values(), default=0.0), rng)
-            if parent is chosen:
-                p_now = p_value
             if p_value > CHANCE:
                 continue
             promising = sorted(scores, key=lambda name: -scores[name])
@@ -97,7 +95,9 @@ def select(
                 tried = [e for e in tried if scores[e.id] > worth]
             found_good = 0
             for hypothesis in attribute(joint, parent, tried, beside, crew, progress, kept=kept):
-                compared[frozenset(hypothesis.ids)] = hypothesis
+                ids = frozenset(hypothesis.ids)
+                compared[ids] = hypothesis
+                p_values[ids] = p_values[frozenset(parent.ids)] | {hypothesis.ids[-1]: p_value}
                 if found_good < BEAM and supported(parent, hypothesis):
                     found_good += 1
                     added.append(hypothesis)
@@ -106,22 +106,21 @@ def select(
         added.sort(key=lambda h: -h.score)
         if not added or not worth_adding(chosen, added[0]):
             break
-        for name in set(added[0].ids) - set(chosen.ids):
-            p_values[name] = p_now
         before, chosen = chosen, added[0]
         if not (chosen.leaves_much and leftover(chosen, found, rng)):
             break
         if before.ids and explained(before, chosen) < LEAST_OF_LEFTOVER * unexplained(before):
             break  # what such a pair leaves, a third does not mend
         beam = [h for h in added[: 1 if before.ids else BEAM] if h.gain >= WORTH_CARRYING * added[0].gain]
-    chosen = _without_idle(joint, chosen, compared)
+    grown, chosen = chosen, _without_idle(joint, chosen, compared)
+    tests = p_values.get(frozenset(chosen.ids), p_values[frozenset(grown.ids)])
     lost = chosen.noise_known and chosen.excess > LOST * (chosen.excess + 2 * chosen.gain)
     alternatives = {
         name: _as_good(joint, chosen, name, effects, found, compared, crew, progress, kept)
         for name in (() if lost else chosen.ids)
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
-    return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), p_values)
+    return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), {n: tests[n] for n in chosen.ids})
 
 
 def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
