@@ -377,7 +377,13 @@ class _Work:
         self.progress("the next experiment")
         following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
-        head = joint.base.head if verdict == "unknown" else chosen.fit.head  # of a model that is not named: no half
+        stands = base if verdict == "unknown" else chosen  # of a model that is not named: no half
+        head = stands.fit.head
+        if not stands.fit.converged:
+            of = " with ".join(name.replace("_", " ") for name in stands.ids) or "the base model"
+            self.notes.append(
+                f"The fit of {of} did not converge: its values are where it stopped, and their intervals are not known."
+            )
         gains, offsets = ({c: v for c, v in of.items() if c in units} for of in (head.gains, head.offsets))
         told = all(joint.noise.known(o) for o in joint.seen)
         said = self.doubt or headline(
@@ -387,6 +393,6 @@ class _Work:
         return Diagnosis(
             self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),
             location, traces, closure, share, listed, untestable, following, correction, head.printhead, gains, offsets,
-            joint.base.head.printhead, dynamics(base if verdict == "unknown" else chosen), tuple(self.notes),
+            joint.base.head.printhead, dynamics(stands), tuple(self.notes),
             time.perf_counter() - self.started, self.stages,
         )  # fmt: skip

@@ -23,7 +23,8 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     """``a0, a1, b1`` of a hypothesis's head, everything else fitted along.
 
     Intervals are those of the logarithm, widened where more than noise is left. What no recording tells has an infinite
-    interval: ``b1``, whose sign is then unknown too, without self-sensing, and all three without a fast channel.
+    interval: ``b1``, whose sign is then unknown too, without self-sensing, and all three without a fast channel. So
+    does all of a fit that has not converged.
     """
     fit, joint = hypothesis.fit, hypothesis.joint
     head = fit.head
@@ -40,7 +41,7 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     _, beyond = np.linalg.qr(fit.slopes - q @ across)
     columns = np.block([[r, across], [np.zeros((beyond.shape[0], head.size)), beyond]])
     loud = max(1.0, 2 * fit.nll / max(hypothesis.left.size - hypothesis.columns.shape[1], 1))
-    errors = np.sqrt(loud) * _errors(columns, directions)
+    errors = np.sqrt(loud) * _errors(columns, directions) if fit.converged else np.full(3, np.inf)
     return {
         "a0": _estimate(law.a0, errors[0], 0.0),
         "a1": _estimate(law.a1, errors[1], 0.0),

@@ -30,6 +30,10 @@ LEAST_FORETOLD = 8.0
 """Of the log-likelihood, for what a flexible model foretells to count."""
 MOST_COMPARED = 24
 """Hypotheses that a diagnosis lists."""
+NOT_CONVERGED = (
+    "The fit of these values did not converge: they are where it stopped, and their intervals are not known."
+)
+"""Said after an effect whose values are no minimum."""
 
 
 def traces_of(bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Flexible) -> tuple[Trace, ...]:
@@ -207,7 +211,11 @@ def chance_of(gain: float, parameters: int, tried: int) -> float:
 
 
 def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> list[Named]:
-    """The chosen effects with intervals and evidence; without the parameters of whatever of their laws is off."""
+    """The chosen effects with intervals and evidence; without the parameters of whatever of their laws is off.
+
+    Where the fit has not converged, its sensitivities tell nothing of how far the values may be off: intervals are
+    infinite then, and the sentence says why.
+    """
     errors = _errors(chosen)
     idle = chosen.fit.idle
     lower, upper = joint.limits(chosen.fit.effects)
@@ -225,11 +233,15 @@ def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> 
                 continue
             reach = QUANTILE_90 * errors[k]
             ends = [p.value(float(np.clip(chosen.fit.point[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
+            if not chosen.fit.converged:
+                ends = [-math.inf, math.inf]
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
         gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[at : at + count]))
         p_value = selection.p_values.get(effect.id, chance_of(gain, free, len(selection.compared)))
         unit = _signal_unit(joint)
         sentence = effect.told(_surely(effect, values, estimates), unit)
+        if not chosen.fit.converged:
+            sentence = f"{sentence} {NOT_CONVERGED}"
         result.append(Named(effect, sentence, gain, p_value, estimates, values, unit))
         at += count
     return result
