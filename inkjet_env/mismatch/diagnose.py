@@ -42,6 +42,7 @@ from inkjet_env.mismatch.verdict import (
     traces_of,
 )
 from inkjet_env.plant import Effect, catalogue
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
 
@@ -287,9 +288,13 @@ class _Work:
     def polished(
         self, joint: JointFit, chosen: Hypothesis, standing: Sequence[ByChance]
     ) -> tuple[JointFit, Hypothesis]:
-        """The chosen hypothesis fitted again: its own noise, its law scaled as by convention, on nodes fine enough."""
+        """The chosen hypothesis fitted again: its own noise, its law scaled as by convention, on nodes fine enough.
+
+        Where a fit cannot go on so, it is left where it was, as one that has not converged.
+        """
         if not chosen.ids:
             return joint, chosen
+        before = joint
         while True:
             modelled = joint.modelled(chosen.fit)
             left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
@@ -298,13 +303,19 @@ class _Work:
             base = in_convention(joint.base.head)
             joint = JointFit(joint.observed, noise, base, joint.standing)
             near = joint.near(replace(chosen.fit, head=in_convention(chosen.fit.head)))
-            chosen = settled(joint, near.fit(chosen.fit.effects, chosen.fit.point))
+            try:
+                chosen = settled(joint, near.fit(chosen.fit.effects, chosen.fit.point))
+            except NUMERICAL:
+                return before, replace(chosen, fit=replace(chosen.fit, converged=False))
             parts = joint.observed[0].shot.parts
             error = joint.numerical_error(chosen.fit)
-            if error < FINE_ENOUGH or parts >= MOST_PARTS:
+            if error < FINE_ENOUGH or parts >= MOST_PARTS or math.isinf(error):
                 break
+            before = joint
             joint = JointFit(finer(joint.observed, 2 * parts), noise, base, joint.standing)
-        if error >= FINE_ENOUGH:
+        if math.isinf(error):
+            self.notes.append(f"On more than {parts} nodes a sample the simulation of what was found has no answer.")
+        elif error >= FINE_ENOUGH:
             self.notes.append(
                 f"The simulation's own error is {error:.2g} standard errors of a parameter at {parts} nodes a sample."
             )

@@ -23,6 +23,7 @@ from inkjet_env.mismatch.locate_views import CHANNELS, largest_V
 from inkjet_env.mismatch.next_drives import Proposal, benches, library
 from inkjet_env.mismatch.observed import Noise, Observed
 from inkjet_env.plant import Effect, Shot, catalogue
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.plant.wording import with_prefix
 
 Real = NDArray[np.float64]
@@ -125,7 +126,7 @@ class _Judge:
         try:
             signals = [fit.head.plant(fit.with_values).signal(shot) for fit in self.fits]
             columns = [np.column_stack([fit.head.sensitivities(o), _slopes(fit, shot)]) for fit in self.fits]
-        except (ValueError, FloatingPointError, OverflowError):
+        except NUMERICAL:
             return None
         largest = max(float(np.abs(other.measured).max()) for other in self.observed if other.channel == shot.channel)
         if not all(float(np.abs(signal).max()) <= PLAUSIBLE * largest for signal in signals):

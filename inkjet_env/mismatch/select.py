@@ -15,6 +15,7 @@ from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.kept import Kept
 from inkjet_env.mismatch.signatures import Signatures, point_of
 from inkjet_env.plant import Effect
+from inkjet_env.plant.errors import NUMERICAL
 
 MOST_EFFECTS = 3
 BEAM = 3
@@ -166,9 +167,10 @@ def _without_idle(joint: JointFit, chosen: Hypothesis, compared: dict[frozenset[
         for effect in chosen.fit.effects:
             rest = [(e, v) for e, v in chosen.fit.with_values if e is not effect]
             key = frozenset(e.id for e, _ in rest)
-            if key not in compared:
-                compared[key] = _only(joint, chosen, rest)
-            smaller = compared[key]
+            smaller = compared.get(key) or _only(joint, chosen, rest)
+            if smaller is None:
+                continue
+            compared[key] = smaller
             if not (supported(smaller, chosen) and worth_adding(smaller, chosen)):
                 chosen = smaller
                 break
@@ -177,10 +179,13 @@ def _without_idle(joint: JointFit, chosen: Hypothesis, compared: dict[frozenset[
     return chosen
 
 
-def _only(joint: JointFit, chosen: Hypothesis, rest: Sequence[tuple[Effect, dict[str, float]]]) -> Hypothesis:
-    """The chosen hypothesis with some of its effects alone."""
+def _only(joint: JointFit, chosen: Hypothesis, rest: Sequence[tuple[Effect, dict[str, float]]]) -> Hypothesis | None:
+    """The chosen hypothesis with some of its effects alone; None where they cannot be simulated there."""
     point = point_of([e for e, _ in rest], [v for _, v in rest])
-    return settled(joint, joint.fit([e for e, _ in rest], point, chosen.fit.head))
+    try:
+        return settled(joint, joint.fit([e for e, _ in rest], point, chosen.fit.head))
+    except NUMERICAL:
+        return None
 
 
 def _as_good(
@@ -197,9 +202,10 @@ def _as_good(
     """Effects that could stand in for one of the chosen: swaps, judged by likelihood and by signature."""
     rest = [(e, v) for e, v in chosen.fit.with_values if e.id != name]
     ids = frozenset(e.id for e, _ in rest)
-    without = compared.get(ids)
+    without = compared.get(ids) or _only(joint, chosen, rest)
     if without is None:
-        without = compared[ids] = _only(joint, chosen, rest)
+        return ()
+    compared[ids] = without
     missing = [e for e in effects if e.id not in chosen.ids and ids | {e.id} not in compared]
     if missing and rest:
         beside = found.beside(without.columns)

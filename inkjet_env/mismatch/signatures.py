@@ -13,6 +13,7 @@ from inkjet_env.mismatch.crew import Crew
 from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.errors import NUMERICAL
 
 Real = NDArray[np.float64]
 
@@ -105,7 +106,7 @@ def signatures(
     def column(task: tuple[Effect, dict[str, float]]) -> Real | None:
         try:
             return joint.signature(*task)
-        except (FloatingPointError, ValueError, OverflowError):
+        except NUMERICAL:
             return None
 
     q, _ = joint.basis
@@ -146,7 +147,10 @@ def superposed(joint: JointFit, effect: Effect, left: Real, basis: Real) -> list
     if law is None:
         return []
     plain, starts, weights = law
-    columns = np.column_stack([joint.signature(effect, values) for values in plain])
+    try:
+        columns = np.column_stack([joint.signature(effect, values) for values in plain])
+    except NUMERICAL:
+        return []
     columns -= basis @ (basis.T @ columns)
     gram = columns.T @ columns
     size = np.sqrt(np.maximum(weights.multiply(weights @ gram).sum(axis=1), 1e-300))

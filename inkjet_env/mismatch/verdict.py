@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from inkjet_env.mismatch.joint_fit import JointFit
 from inkjet_env.mismatch.select import Selection, cosine
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.errors import NUMERICAL
 
 Real = NDArray[np.float64]
 
@@ -214,7 +216,8 @@ def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> 
     """The chosen effects with intervals and evidence; without the parameters of whatever of their laws is off.
 
     Where the fit has not converged, its sensitivities tell nothing of how far the values may be off: intervals are
-    infinite then, and the sentence says why.
+    infinite then, and the sentence says why. Where the other effects cannot be simulated alone, what one lowers the
+    negative log-likelihood by is what all of them do.
     """
     errors = _errors(chosen)
     idle = chosen.fit.idle
@@ -226,7 +229,8 @@ def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> 
         smaller = base_hypothesis(joint)
         if rest:
             point = np.concatenate([coordinates(e, v) for e, v in rest])
-            smaller = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
+            with suppress(*NUMERICAL):
+                smaller = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
         estimates = {}
         for k, p in enumerate(effect.parameters, start=at):
             if idle[k] and lower[k] < upper[k]:
