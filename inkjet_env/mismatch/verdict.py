@@ -92,7 +92,7 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
     rows = int(keep.sum())
     if not rows:
         return 0.0, 0.0
-    told = sum(joint.noise.samples[key] for key in {o.noise_key for o in joint.seen if o.name in known})
+    told = sum(joint.noise.samples[key] for key in sorted({o.noise_key for o in joint.seen if o.name in known}))
     doubt = math.sqrt(2 * rows + 2 * rows**2 / max(told, 1))
     left = float(np.sum(chosen.left[keep] ** 2)) - rows + chosen.columns.shape[1]
     mismatch = float(np.sum(base.left[keep] ** 2)) - rows + base.columns.shape[1]
