@@ -48,9 +48,10 @@ METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "told", "s
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_value_error_of_an_effect_is_no_effect_that_does_not_explain(workers, recorded, head, effects):
-    with pytest.raises(EffectError, match=r"'faulty': its sensing\(\) raised ValueError: no such thing\. Mend"):
-        diagnose(recorded(), head, [effects["feedthrough"], faulty("sensing", ValueError("no such thing."))],
-                 workers=workers)  # fmt: skip
+    looked_for = [effects["feedthrough"], faulty("sensing", ValueError("no such thing."))]
+    with pytest.raises(EffectError, match=r"'faulty': its sensing\(\) raised ValueError: no such thing\. Mend") as told:
+        diagnose(recorded(), head, looked_for, workers=workers)
+    assert "no such thing" in str(told.value.__cause__)  # of another process, its traceback
 
 
 @pytest.mark.parametrize("method", METHODS)
