@@ -54,7 +54,7 @@ class Told:
         if self.verdict == "set":
             return "set" if self.judged == "in the set" else "wrong set"
         if self.verdict == "named":
-            return next(iter(self.found)) if len(self.found) == 1 else "several"
+            return min(self.found) if len(self.found) == 1 else "several"
         return self.verdict
 
 
@@ -64,7 +64,7 @@ def confusion(told: Iterable[Told], effects: Sequence[str]) -> dict[str, dict[st
     table = {row: dict.fromkeys(columns, 0) for row in ("nothing", *effects)}
     for one in told:
         if len(one.truth) <= 1:
-            table[next(iter(one.truth), "nothing")][one.column] += 1
+            table[min(one.truth, default="nothing")][one.column] += 1
     return table
 
 

@@ -87,7 +87,7 @@ class Fit:
                 "or displacement recording whose drive moves and that is not held out. Take pulses and a multisine; "
                 "`inkjet record --plan FOLDER` writes such drives for a generator."
             )
-        for channel in {m.channel for m in moving}:
+        for channel in sorted({m.channel for m in moving}):
             if all(np.ptp(m.mean) == 0 for m in moving if m.channel == channel):
                 raise ValueError(
                     f"channel {channel} shows one value throughout while the drive moves; is its sensor connected?"
@@ -103,7 +103,7 @@ class Fit:
     def solve(self, start: Model | None = None) -> None:
         """The fit of everything, its resonator begun with that of ``start``; residuals may exceed the noise."""
         unseen = {m.noise_key for m in self.train} - set(self.noise)
-        for key in unseen:
+        for key in sorted(unseen):
             level = 0.01 * max(float(np.std(m.mean)) for m in self.train if m.noise_key == key)
             level = max(level, self.least[key[0]])
             self.noise[key] = NoiseModel(np.ones(1), level, level, "a first guess")

@@ -145,7 +145,7 @@ def _gathered(campaign: Campaign) -> list[Measurement]:
 
 def _every_fourth(gathered: Sequence[Measurement]) -> set[str]:
     chosen: set[str] = set()
-    for channel in {m.channel for m in gathered}:
+    for channel in sorted({m.channel for m in gathered}):
         moving = [m for m in gathered if m.channel == channel and not m.still]
         moving.sort(key=lambda m: (float(np.std(m.drive_V)), min(m.names)))
         strongest = max((float(np.ptp(m.drive_V)) for m in moving), default=0.0)
@@ -208,7 +208,7 @@ def least_noise(gathered: Sequence[Measurement]) -> dict[str, float]:
     The step is the least difference between values that occur, where they are visibly apart.
     """
     least = {}
-    for channel in {m.channel for m in gathered}:
+    for channel in sorted({m.channel for m in gathered}):
         signals = [signal for m in gathered if m.channel == channel for signal in m.signals]
         values = np.sort(np.concatenate(signals))
         apart = np.diff(values)

@@ -34,6 +34,7 @@ from inkjet_env.mismatch.selection.stepwise import LEAST_IF_LARGE, Selection, le
 from inkjet_env.mismatch.selection.truncated_law import straight_beyond
 from inkjet_env.mismatch.settings import FORETOLD_POORLY, LEFT_OVER, MOST_ALIKE
 from inkjet_env.plant import Effect, catalogue
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
 from inkjet_env.typing import Real
@@ -278,9 +279,13 @@ class _Work:
     def polished(
         self, joint: JointFit, chosen: Hypothesis, standing: Sequence[ByChance]
     ) -> tuple[JointFit, Hypothesis]:
-        """The chosen hypothesis fitted again: its own noise, its law scaled as by convention, on nodes fine enough."""
+        """The chosen hypothesis fitted again: its own noise, its law scaled as by convention, on nodes fine enough.
+
+        Where a fit cannot go on so, it is left where it was, as one that has not converged.
+        """
         if not chosen.ids:
             return joint, chosen
+        before = joint
         while True:
             modelled = joint.modelled(chosen.fit)
             left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
@@ -289,13 +294,19 @@ class _Work:
             base = in_convention(joint.base.head)
             joint = JointFit(joint.observed, noise, base, joint.standing)
             near = joint.near(replace(chosen.fit, head=in_convention(chosen.fit.head)))
-            chosen = settled(joint, near.fit(chosen.fit.effects, chosen.fit.point))
+            try:
+                chosen = settled(joint, near.fit(chosen.fit.effects, chosen.fit.point))
+            except NUMERICAL:
+                return before, replace(chosen, fit=replace(chosen.fit, converged=False))
             parts = joint.observed[0].shot.parts
             error = joint.numerical_error(chosen.fit)
-            if error < FINE_ENOUGH or parts >= MOST_PARTS:
+            if error < FINE_ENOUGH or parts >= MOST_PARTS or math.isinf(error):
                 break
+            before = joint
             joint = JointFit(finer(joint.observed, 2 * parts), noise, base, joint.standing)
-        if error >= FINE_ENOUGH:
+        if math.isinf(error):
+            self.notes.append(f"On more than {parts} nodes a sample the simulation of what was found has no answer.")
+        elif error >= FINE_ENOUGH:
             self.notes.append(
                 f"The simulation's own error is {error:.2g} standard errors of a parameter at {parts} nodes a sample."
             )
@@ -368,7 +379,13 @@ class _Work:
         self.progress("the next experiment")
         following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
-        head = joint.base.head if verdict == "unknown" else chosen.fit.head  # of a model that is not named: no half
+        stands = base if verdict == "unknown" else chosen  # of a model that is not named: no half
+        head = stands.fit.head
+        if not stands.fit.converged:
+            of = " with ".join(name.replace("_", " ") for name in stands.ids) or "the base model"
+            self.notes.append(
+                f"The fit of {of} did not converge: its values are where it stopped, and their intervals are not known."
+            )
         gains, offsets = ({c: v for c, v in of.items() if c in units} for of in (head.gains, head.offsets))
         told = all(joint.noise.known(o) for o in joint.seen)
         said = self.doubt or headline(
@@ -378,6 +395,6 @@ class _Work:
         return Diagnosis(
             self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),
             location, traces, closure, share, listed, untestable, following, correction, head.printhead, gains, offsets,
-            joint.base.head.printhead, dynamics(base if verdict == "unknown" else chosen), tuple(self.notes),
+            joint.base.head.printhead, dynamics(stands), tuple(self.notes),
             time.perf_counter() - self.started, self.stages,
         )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from inkjet_env.mismatch.selection.stepwise import Selection, cosine
 from inkjet_env.mismatch.settings import LEAST_EXCESS, SURE
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 LEAST_ALIKE = 5
@@ -25,6 +27,10 @@ LEAST_FORETOLD = 8.0
 """Of the log-likelihood, for what a flexible model foretells to count."""
 MOST_COMPARED = 24
 """Hypotheses that a diagnosis lists."""
+NOT_CONVERGED = (
+    "The fit of these values did not converge: they are where it stopped, and their intervals are not known."
+)
+"""Said after an effect whose values are no minimum."""
 
 
 def traces_of(bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Flexible) -> tuple[Trace, ...]:
@@ -81,7 +87,7 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
     rows = int(keep.sum())
     if not rows:
         return 0.0, 0.0
-    told = sum(joint.noise.samples[key] for key in {o.noise_key for o in joint.seen if o.name in known})
+    told = sum(joint.noise.samples[key] for key in sorted({o.noise_key for o in joint.seen if o.name in known}))
     doubt = math.sqrt(2 * rows + 2 * rows**2 / max(told, 1))
     left = float(np.sum(chosen.left[keep] ** 2)) - rows + chosen.columns.shape[1]
     mismatch = float(np.sum(base.left[keep] ** 2)) - rows + base.columns.shape[1]
@@ -202,7 +208,12 @@ def chance_of(gain: float, parameters: int, tried: int) -> float:
 
 
 def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> list[Named]:
-    """The chosen effects with intervals and evidence; without the parameters of whatever of their laws is off."""
+    """The chosen effects with intervals and evidence; without the parameters of whatever of their laws is off.
+
+    Where the fit has not converged, its sensitivities tell nothing of how far the values may be off: intervals are
+    infinite then, and the sentence says why. Where the other effects cannot be simulated alone, what one lowers the
+    negative log-likelihood by is what all of them do.
+    """
     errors = _errors(chosen)
     idle = chosen.fit.idle
     lower, upper = joint.limits(chosen.fit.effects)
@@ -213,18 +224,23 @@ def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> 
         smaller = base_hypothesis(joint)
         if rest:
             point = np.concatenate([coordinates(e, v) for e, v in rest])
-            smaller = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
+            with suppress(*NUMERICAL):
+                smaller = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
         estimates = {}
         for k, p in enumerate(effect.parameters, start=at):
             if idle[k] and lower[k] < upper[k]:
                 continue
             reach = QUANTILE_90 * errors[k]
             ends = [p.value(float(np.clip(chosen.fit.point[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
+            if not chosen.fit.converged:
+                ends = [-math.inf, math.inf]
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
         gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[at : at + count]))
         p_value = selection.p_values.get(effect.id, chance_of(gain, free, len(selection.compared)))
         unit = _signal_unit(joint)
         sentence = effect.told(_surely(effect, values, estimates), unit)
+        if not chosen.fit.converged:
+            sentence = f"{sentence} {NOT_CONVERGED}"
         result.append(Named(effect, sentence, gain, p_value, estimates, values, unit))
         at += count
     return result

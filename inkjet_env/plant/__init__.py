@@ -2,6 +2,7 @@
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.effects import catalogue
+from inkjet_env.plant.errors import EffectError, SimulationError
 from inkjet_env.plant.resonance import Echo, Force, Mode, Resonance, compiled_force
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
@@ -9,12 +10,14 @@ from inkjet_env.plant.stages import Plant
 __all__ = [
     "Echo",
     "Effect",
+    "EffectError",
     "Force",
     "Mode",
     "Parameter",
     "Plant",
     "Resonance",
     "Shot",
+    "SimulationError",
     "Values",
     "catalogue",
     "compiled_force",

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from types import FunctionType
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.sparse import csr_array
 
+from inkjet_env.plant.errors import answerable, blamed
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
@@ -20,6 +22,8 @@ Values = Mapping[str, float]
 
 STAGES = ("drive", "hysteresis", "resonator", "sensing")
 SCALES = ("linear", "log", "reciprocal")
+METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "told", *STAGES, "nuisances")
+"""Of an effect, which it may override."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,9 @@ class Effect:
     An effect overrides the method of its stage. The value of each ``strength`` parameter at which nothing happens is
     zero (infinity for a reciprocal one), so that the base model is the plant with every effect off.
 
+    For values that it cannot simulate a method raises `SimulationError`, and a fit tries others. Whatever else it
+    raises is a fault of its code, and is told as an `EffectError` that names the effect and the method.
+
     Attributes
     ----------
     id : str
@@ -117,6 +124,14 @@ class Effect:
     signature: ClassVar[str]
     confusable_with: ClassVar[tuple[str, ...]] = ()
     shown_by: ClassVar[str]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name in METHODS:
+            owner = next(parent for parent in cls.__mro__ if name in vars(parent))
+            method = vars(owner)[name]
+            if isinstance(method, FunctionType) and (owner is cls or not issubclass(owner, Effect)):
+                setattr(cls, name, answerable(method, name))
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         """Starting points for a fit on these shots: complete values of middling strength, one for each guess of shape.
@@ -181,19 +196,21 @@ class Effect:
 
 def coordinates(effect: Effect, values: Values) -> Real:
     """What is fitted of an effect, shape (k,), from its values."""
-    return np.array([p.coordinate(values[p.name]) for p in effect.parameters])
+    with blamed(effect, f"values {dict(values)} of its parameters"):
+        return np.array([p.coordinate(values[p.name]) for p in effect.parameters])
 
 
 def limits(effect: Effect, printhead: Printhead, shots: Sequence[Shot]) -> tuple[Real, Real]:
     """Bounds of what is fitted of an effect in these shots: lower and upper, shape (k,) each."""
     narrower = effect.bounds(printhead, shots)
     ends = []
-    for p in effect.parameters:
-        low, high = p.bounds
-        if p.name in narrower:
-            a, b = sorted(p.coordinate(value) for value in narrower[p.name])
-            low, high = max(low, a), min(high, b)
-        ends.append((low, high))
+    with blamed(effect, "a bound of its parameters"):
+        for p in effect.parameters:
+            low, high = p.bounds
+            if p.name in narrower:
+                a, b = sorted(p.coordinate(value) for value in narrower[p.name])
+                low, high = max(low, a), min(high, b)
+            ends.append((low, high))
     return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
 
 

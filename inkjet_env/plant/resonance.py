@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from inkjet_env.plant.errors import SimulationError
 from inkjet_env.plant.lag import lag_weights, lap_loss
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
@@ -83,7 +84,7 @@ class Echo:
         if r2 == 0:
             return self.strength * first
         if r1 == 0:
-            raise FloatingPointError("a wave that comes back from an end that reflects nothing.")
+            raise SimulationError("a wave that comes back from an end that reflects nothing.")
         lap_s = self.delay_s + self.second_delay_s
         around = heard(signal, lap_s, 2)
         total = wave = first + r2 / r1 * heard(signal, self.second_delay_s, 1) + 2 * r2 * around
@@ -177,6 +178,7 @@ class Resonance:
         from inkjet_env.plant import compiled
         from inkjet_env.plant.low_pass import low_passed
 
+        self._check_that_it_rings()
         ends = np.ascontiguousarray(np.append(hysteretic_V, hysteretic_V[0]) if shot.periodic else hysteretic_V)
         lam, omega0 = pole(self.a0, self.a1), math.sqrt(self.a0)
         h = 2 * shot.node_step_s
@@ -202,7 +204,7 @@ class Resonance:
 
         Raises
         ------
-        FloatingPointError
+        SimulationError
             It grows without bound, never settles under a repeated drive, or has no rest under the drive at the start.
         """
         shown = 1 if shot.channel == "self_sensing" else 0
@@ -223,12 +225,15 @@ class Resonance:
             total = total + echo.of(moved, shot.step_s, shot.periodic)
         return total
 
+    def _check_that_it_rings(self) -> None:
+        if not (self.a0 > 0 and self.a1 > 0 and self.a1**2 < 4 * self.a0):
+            raise SimulationError("a resonator that does not ring.")
+
     def _one_mode(self, hysteretic_V: Real, shot: Shot) -> tuple[Real, Real]:
         """Deflection in volts and its speed in V/s at the samples."""
         from inkjet_env.plant import compiled
 
-        if not (self.a0 > 0 and self.a1 > 0 and self.a1**2 < 4 * self.a0):
-            raise FloatingPointError("a resonator that does not ring.")
+        self._check_that_it_rings()
         ends = np.append(hysteretic_V, hysteretic_V[0]) if shot.periodic else hysteretic_V
         n = shot.samples + shot.periodic
         deflection, speed = np.empty(n), np.empty(n)
@@ -272,9 +277,9 @@ class Resonance:
                 if self.linear or abs(end - state) <= STEADY * max(abs(state), 1e-12):
                     break
             else:
-                raise FloatingPointError("no steady state under the repeated drive.")
+                raise SimulationError("no steady state under the repeated drive.")
         if not np.isfinite(end):
-            raise FloatingPointError("the motion grows without bound.")
+            raise SimulationError("the motion grows without bound.")
         return deflection[: shot.samples], speed[: shot.samples]
 
     def _turned(self, motion: tuple[Real, Real]) -> tuple[Real, Real]:
@@ -301,7 +306,7 @@ class Resonance:
 
         Raises
         ------
-        FloatingPointError
+        SimulationError
             No rest was found.
         """
         stiffness = self.a0 / self.drive_a0
@@ -317,7 +322,7 @@ class Resonance:
                 return rest_V
             if not math.isfinite(rest_V):
                 break
-        raise FloatingPointError("no rest was found under the first drive: forces grow faster than the spring's.")
+        raise SimulationError("no rest was found under the first drive: forces grow faster than the spring's.")
 
 
 def amplitude(pole_: complex, deflection: float, speed: float) -> complex:

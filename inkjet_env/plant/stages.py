@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Values
+from inkjet_env.plant.errors import EffectError
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
@@ -48,7 +49,7 @@ class Plant:
 
         Raises
         ------
-        FloatingPointError
+        SimulationError
             A motion that grows without bound, that never settles under the repeated drive, or that has no rest under
             the drive at the start.
         """
@@ -57,14 +58,14 @@ class Plant:
             return self.gain(shot.channel) * shot.sampled(drive_V) + self.offsets.get(shot.channel, 0.0)
         signal = self.gain(shot.channel) * self.motion(drive_V, shot) + self.offsets.get(shot.channel, 0.0)
         for effect, values in self.of("sensing"):
-            signal = effect.sensing(values, signal, drive_V, self.printhead, shot)
+            signal = _like(signal, effect.sensing(values, signal, drive_V, self.printhead, shot), effect)
         return signal
 
     def at_ceramic_V(self, shot: Shot) -> Real:
         """Voltage at the ceramic, at the nodes."""
         drive_V = shot.drive_at_nodes_V
         for effect, values in self.of("drive"):
-            drive_V = effect.drive(values, drive_V, shot)
+            drive_V = _like(drive_V, effect.drive(values, drive_V, shot), effect)
         return drive_V
 
     def motion(self, drive_V: Real, shot: Shot) -> Real:
@@ -75,6 +76,11 @@ class Plant:
         resonance = Resonance(self.printhead.a0, self.printhead.a1, self.printhead.a0)
         for effect, values in self.of("resonator"):
             resonance = effect.resonator(values, resonance, shot)
+            if not isinstance(resonance, Resonance):
+                got = type(resonance).__name__
+                raise EffectError(
+                    f"effect {effect.id!r}: its resonator() must return a Resonance; got {got}. Mend the effect."
+                )
         return resonance.motion(hysteretic_V, shot)
 
     def motion_of_power(self, power: int, shot: Shot) -> Real:
@@ -88,12 +94,23 @@ class Plant:
         """Hysteretic drive at the nodes."""
         hysteretic_V = law_levels(drive_V, self.printhead, shot)
         for effect, values in self.of("hysteresis"):
-            hysteretic_V = effect.hysteresis(values, hysteretic_V, drive_V, self.printhead, shot)
+            changed_V = effect.hysteresis(values, hysteretic_V, drive_V, self.printhead, shot)
+            hysteretic_V = _like(hysteretic_V, changed_V, effect)
         return hysteretic_V
 
     def with_effects(self, effects: Sequence[tuple[Effect, Values]]) -> Plant:
         """The same head with these effects on."""
         return replace(self, effects=tuple(effects))
+
+
+def _like(before: Real, after: Real, effect: Effect) -> Real:
+    """What an effect makes of a signal, if it is as long as that."""
+    if np.shape(after) != before.shape:
+        raise EffectError(
+            f"effect {effect.id!r}: its {effect.stage}() must return an array of shape {before.shape}, as it is given; "
+            f"got {'None' if after is None else f'shape {np.shape(after)}'}. Mend the effect."
+        )
+    return after
 
 
 def law_levels(drive_V: Real, printhead: Printhead, shot: Shot) -> Real:

@@ -147,7 +147,7 @@ class Printhead:
             Written whole or not at all.
         intervals : mapping of str to (low, high), optional
             90 % confidence intervals of ``a0``, ``a1``, ``b1``; of a value that was given, not identified, the interval
-            is a point.
+            is a point. An infinite end, of a value that no recording tells, is written as null.
         fit : mapping, optional
             How well the head fitted the recordings it was identified from.
         """
@@ -160,7 +160,8 @@ class Printhead:
         dynamics = {}
         for name, value in (("a0", self.a0), ("a1", self.a1), ("b1", self.b1)):
             low, high = (intervals or {}).get(name, (value, value))
-            dynamics[name] = {"value": value, "low": low, "high": high}
+            numbers = {"value": value, "low": low, "high": high}
+            dynamics[name] = {key: v if math.isfinite(v) else None for key, v in numbers.items()}
         hysteresis = {
             "coefficients": list(self.coefficients),
             "full_scale_V": self.full_scale_V,

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from inkjet_env.identification.basis import drive_basis
-from inkjet_env.plant import Force, Mode, Plant, Resonance, Shot, compiled_force
+from inkjet_env.plant import Force, Mode, Plant, Resonance, Shot, SimulationError, compiled_force
 from inkjet_env.plant.lag import lagged
-from inkjet_env.plant.resonance import reach_V, returned
+from inkjet_env.plant.resonance import Refill, reach_V, returned
 from inkjet_env.printhead import Printhead
 
 HEAD = Printhead.published()
@@ -245,10 +245,16 @@ def test_what_was_at_two_ends_is_lagged_twice(periodic):
 def test_a_motion_that_grows_without_bound_is_told():
     shot = Shot("displacement", "demagnetised", STEP_S, pulse())
     runaway = Force(cubic_and_drag, np.array([-1e-2, 0.0]))
-    with pytest.raises(FloatingPointError, match="grows without bound"):
+    with pytest.raises(SimulationError, match="grows without bound"):
         Resonance(HEAD.a0, HEAD.a1, HEAD.a0, forces=(runaway,)).motion(shot.drive_at_nodes_V, shot)
-    with pytest.raises(FloatingPointError, match="does not ring"):
-        Resonance(HEAD.a0, 3 * math.sqrt(HEAD.a0), HEAD.a0).motion(shot.drive_at_nodes_V, shot)
+
+
+@pytest.mark.parametrize("refills", [(), (Refill(0.1, 1.0, 1e-4, 0.0),)])
+def test_a_resonator_that_does_not_ring_is_told(refills):
+    shot = Shot("displacement", "demagnetised", STEP_S, pulse())
+    for a0, a1 in ((HEAD.a0, 3 * math.sqrt(HEAD.a0)), (-HEAD.a0, HEAD.a1)):
+        with pytest.raises(SimulationError, match="does not ring"):
+            Resonance(a0, a1, HEAD.a0, refills=refills).motion(shot.drive_at_nodes_V, shot)
 
 
 def test_reach_is_the_largest_deflection_up_to_the_width_of_the_hysteresis():

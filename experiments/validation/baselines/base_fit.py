@@ -47,7 +47,7 @@ def base_of(found: Diagnosis, campaign: Campaign) -> Head:
     plant = Plant(found.base_printhead, {"self_sensing": found.base_printhead.b1})
     shots = {o.name: o.shot for o in observe(campaign)}
     gains, offsets = {}, {}
-    for channel in {trace.channel for trace in found.traces}:
+    for channel in sorted({trace.channel for trace in found.traces}):
         mine = [trace for trace in found.traces if trace.channel == channel]
         shown = np.concatenate([plant.motion(shots[t.name].drive_at_nodes_V, shots[t.name]) for t in mine])
         size = float(np.abs(shown).max())

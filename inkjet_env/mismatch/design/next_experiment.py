@@ -21,6 +21,7 @@ from inkjet_env.mismatch.fitting.fit_result import Fit, split
 from inkjet_env.mismatch.fitting.joint_fit import DIFFERENCE
 from inkjet_env.mismatch.localization.views import CHANNELS, largest_V
 from inkjet_env.plant import Effect, Shot, catalogue
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.typing import Real
 
@@ -145,7 +146,7 @@ class _Judge:
         try:
             signals = [fit.head.plant(fit.with_values).signal(shot) for fit in self.fits]
             columns = [np.column_stack([fit.head.sensitivities(o), _slopes(fit, shot)]) for fit in self.fits]
-        except (ValueError, FloatingPointError, OverflowError):
+        except NUMERICAL:
             return None
         largest = max(float(np.abs(other.measured).max()) for other in self.observed if other.channel == shot.channel)
         if not all(float(np.abs(signal).max()) <= PLAUSIBLE * largest for signal in signals):

@@ -65,7 +65,7 @@ def base_model(
         gains, offsets = gains_and_offsets(observed, printhead)
         otherwise = {}
     channels = {o.channel for o in observed}
-    for channel in channels - set(offsets):
+    for channel in sorted(channels - set(offsets)):
         offsets[channel], gains[channel] = 0.0, 1.0
     coefficients = (0.0,) * max(0, DEGREE + 1 - len(printhead.coefficients)) + printhead.coefficients
     head = Head(replace(printhead, coefficients=coefficients), gains, offsets)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.mismatch.fitting.dataset import Observed
-from inkjet_env.plant import Effect, Plant, Values
+from inkjet_env.plant import Effect, Plant, SimulationError, Values
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -59,7 +59,13 @@ class Head:
         return self.degree + 2 + len(self.free_gains) + len(self.offsets)
 
     def moved(self, step: NDArray[np.floating]) -> Head:
-        """The head after a step: absolute for the coefficients, relative for a0, a1 and the gains."""
+        """The head after a step: absolute for the coefficients, relative for a0, a1 and the gains.
+
+        Raises
+        ------
+        SimulationError
+            A step to what is no printhead.
+        """
         d, free = self.degree, self.free_gains
         rest = step[d + 2 :]
         gains = dict(self.gains)
@@ -67,13 +73,16 @@ class Head:
             gains[channel] *= 1 + float(change)
         offsets = {c: o + float(s) for (c, o), s in zip(self.offsets.items(), rest[len(free) :], strict=True)}
         ascending = self.printhead.branch_law.ascending[1:] + step[:d]
-        printhead = Printhead(
-            self.printhead.a0 * math.exp(step[d]),
-            self.printhead.a1 * math.exp(step[d + 1]),
-            gains.get("self_sensing", self.printhead.b1),
-            (*(float(c) for c in ascending[::-1]), 0.0),
-            self.printhead.full_scale_V,
-        )
+        try:
+            printhead = Printhead(
+                self.printhead.a0 * math.exp(step[d]),
+                self.printhead.a1 * math.exp(step[d + 1]),
+                gains.get("self_sensing", self.printhead.b1),
+                (*(float(c) for c in ascending[::-1]), 0.0),
+                self.printhead.full_scale_V,
+            )
+        except (ValueError, OverflowError) as error:
+            raise SimulationError(str(error)) from error
         return Head(printhead, gains, offsets)
 
     def plant(self, effects: Sequence[tuple[Effect, Values]] = ()) -> Plant:

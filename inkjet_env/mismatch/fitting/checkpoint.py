@@ -7,7 +7,6 @@ is where it ended, in numbers; simulating it there once more gives the fit again
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,6 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.effect_code import code_digest, source_files
 from inkjet_env.mismatch.fitting.fit_result import Fit, Place
 from inkjet_env.mismatch.fitting.joint_fit import JointFit
 from inkjet_env.mismatch.fitting.process_pool import Crew
@@ -43,9 +43,9 @@ class Kept:
         self.folder = None if folder is None else Path(folder)
         self.code = b""
         if self.folder is not None:
-            files = {inspect.getfile(type(effect)) for effect in effects}
-            files |= {str(path) for path in Path(__file__).parents[2].rglob("*.py")}
-            self.code = _digest(*(Path(file).read_bytes() for file in sorted(files)))
+            files = {str(path) for path in Path(__file__).parents[2].rglob("*.py")}
+            files |= {file for effect in effects for file in source_files(effect)}
+            self.code = _digest(*(Path(file).read_bytes() for file in sorted(files)), *map(code_digest, effects))
 
     def fits(
         self, crew: Crew, joint: JointFit, function: Callable[[Task], Fit | None], tasks: Sequence[Task],

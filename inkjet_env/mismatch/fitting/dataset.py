@@ -233,7 +233,7 @@ def noise_seen(
         for step_s, model in found.items():
             slight = model.colour[1] * longest < SLIGHT * model.colour[0]
             models[channel, step_s] = replace(model, colour=(1.0, 0.0, 0.0)) if slight else model
-    for key in {o.noise_key for o in observed} - set(models):
+    for key in sorted({o.noise_key for o in observed} - set(models)):
         known = [other for channel, other in models if channel == key[0] and samples[channel, other]]
         if known:
             nearest = known[int(np.argmin(np.abs(np.log(np.array(known) / key[1]))))]

@@ -20,6 +20,7 @@ from inkjet_env.mismatch.fitting.dataset import Noise, Observed, finer
 from inkjet_env.mismatch.fitting.fit_result import Fit, Place, held, split
 from inkjet_env.plant import Effect, Values
 from inkjet_env.plant.effect import limits
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -73,16 +74,25 @@ class JointFit:
 
     @cached_property
     def basis(self) -> tuple[Real, Real]:
-        """Orthonormal columns of the base sensitivities over the fitted rows, and their triangle."""
+        """Orthonormal columns of the base sensitivities over the fitted rows, and their triangle.
+
+        Where a recording cannot be simulated beside where the fit is, they are those without effects.
+        """
         on = self.around.with_values if self.around else ()
         states = self.around.states if self.around else {}
         chosen = [replace(o, shot=replace(o.shot, start=states[o.name])) if o.name in states else o for o in self.seen]
-        columns = self.stacked({o.name: self.start.sensitivities(o, on) for o in chosen})
+        columns = self.stacked({o.name: self._sensitivities(o, on) for o in chosen})
         size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
         q, r = np.linalg.qr(columns / size)
         told = np.abs(np.diag(r)) > 1e-10
         return q[:, told], r[told] * size
+
+    def _sensitivities(self, o: Observed, on: Sequence[tuple[Effect, Values]]) -> Real:
+        try:
+            return self.start.sensitivities(o, on)
+        except NUMERICAL:
+            return self.start.sensitivities(o)
 
     def stacked(self, signals: Mapping[str, Real], effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
         """Signals (n,) or columns (n, k), whitened, chance taken out; fitted rows one recording after another."""
@@ -140,11 +150,15 @@ class JointFit:
         """How far the plant on these nodes is from the plant on twice as many, in standard deviations of the noise.
 
         Root of the sum of squares over all fitted samples: 1 is as much as one parameter's standard error.
+        Infinite where the plant on twice as many has no answer.
         """
         parts = 2 * max(o.shot.parts for o in self.seen)
         fine = finer(self.seen, parts)
         here = self.signals(fit.head, fit.with_values, fit.states, self.seen)
-        there = self.signals(fit.head, fit.with_values, fit.states, fine)
+        try:
+            there = self.signals(fit.head, fit.with_values, fit.states, fine)
+        except NUMERICAL:
+            return math.inf
         return float(np.linalg.norm(self.stacked({o.name: here[o.name] - there[o.name] for o in self.seen})))
 
     def near(self, fit: Fit) -> JointFit:
@@ -202,7 +216,7 @@ class JointFit:
                     new_head, new_point = head.moved(base), np.clip(point + step, low, high)
                     new_states = self._states(new_head, effects, new_point, states)
                     new_left, new_nll = self._left(new_head, effects, new_point, new_states)
-                except (ValueError, FloatingPointError, OverflowError):
+                except NUMERICAL:
                     new_nll = WORST
                 if new_nll <= nll:
                     accepted = True

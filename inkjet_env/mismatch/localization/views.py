@@ -234,7 +234,7 @@ def _by_value(
 def _quarters(observed: Sequence[Observed]) -> dict[str, int]:
     """Of each recording the quarter of its channel's part of the session."""
     result = {}
-    for channel in {o.channel for o in observed}:
+    for channel in sorted({o.channel for o in observed}):
         mine = sorted((o for o in observed if o.channel == channel), key=lambda o: o.shot.order)
         result.update({o.name: len(QUARTERS) * i // len(mine) for i, o in enumerate(mine)})
     return result

@@ -13,13 +13,16 @@ from inkjet_env.typing import Real
 
 UNTOLD = 5.0
 """A standard error of a logarithm beyond which a value is not told at all."""
+SINGULAR = 1e-9
+"""Of a matrix's largest singular value, or column: what is smaller counts as nothing."""
 
 
 def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     """``a0, a1, b1`` of a hypothesis's head, everything else fitted along.
 
-    Intervals are those of the logarithm, widened where more than noise is left. What no recording tells has an interval
-    that is its value alone: ``b1`` without self-sensing, and all three without a fast channel.
+    Intervals are those of the logarithm, widened where more than noise is left. What no recording tells has an infinite
+    interval: ``b1``, whose sign is then unknown too, without self-sensing, and all three without a fast channel. So
+    does all of a fit that has not converged.
     """
     fit, joint = hypothesis.fit, hypothesis.joint
     head = fit.head
@@ -36,19 +39,31 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     _, beyond = np.linalg.qr(fit.slopes - q @ across)
     columns = np.block([[r, across], [np.zeros((beyond.shape[0], head.size)), beyond]])
     loud = max(1.0, 2 * fit.nll / max(hypothesis.left.size - hypothesis.columns.shape[1], 1))
-    errors = np.sqrt(loud) * _errors(columns, directions)
-    errors[errors > UNTOLD] = 0.0
-    values = {"a0": law.a0, "a1": law.a1, "b1": law.b1}
+    errors = np.sqrt(loud) * _errors(columns, directions) if fit.converged else np.full(3, np.inf)
     return {
-        name: Estimate(value, value * math.exp(-QUANTILE_90 * error), value * math.exp(QUANTILE_90 * error))
-        for (name, value), error in zip(values.items(), errors, strict=True)
+        "a0": _estimate(law.a0, errors[0], 0.0),
+        "a1": _estimate(law.a1, errors[1], 0.0),
+        "b1": _estimate(law.b1, errors[2], -math.inf),
     }
 
 
+def _estimate(value: float, error: float, least: float) -> Estimate:
+    """A value and its interval, from its logarithm's standard error; all from ``least`` on where it is not told."""
+    if error > UNTOLD:
+        return Estimate(value, least, math.inf)
+    ends = (value * math.exp(-QUANTILE_90 * error), value * math.exp(QUANTILE_90 * error))
+    return Estimate(value, min(ends), max(ends))
+
+
 def _errors(columns: Real, directions: Real) -> Real:
-    """Standard error of each direction, shape (k,); 0 of one that nothing tells."""
+    """Standard error of each direction, shape (k,); infinite of one that nothing tells."""
     size = np.linalg.norm(columns, axis=0)
-    told = size > 1e-9 * size.max()
-    inverse = np.linalg.pinv(columns[:, told] / size[told], rcond=1e-9)
-    result: Real = np.linalg.norm((directions[:, told] / size[told]) @ inverse, axis=1)
+    told = size > SINGULAR * size.max()
+    scaled, aims = columns[:, told] / size[told], directions[:, told] / size[told]
+    result: Real = np.linalg.norm(aims @ np.linalg.pinv(scaled, rcond=SINGULAR), axis=1)
+    _, values, axes = np.linalg.svd(scaled)
+    least = SINGULAR * values.max(initial=0.0)
+    across = axes[np.count_nonzero(values > least) :]  # what no combination of the columns tells, as good as nothing
+    beyond = np.linalg.norm(aims @ across.T, axis=1) > UNTOLD * least
+    result[beyond | directions[:, ~told].any(axis=1) | ~directions.any(axis=1)] = np.inf
     return result

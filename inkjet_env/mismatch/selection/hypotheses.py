@@ -18,6 +18,7 @@ from inkjet_env.mismatch.selection.cross_validation import Foretold, foretold, o
 from inkjet_env.mismatch.selection.score_test import Signatures, point_of, superposed
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates, parts_of, rest
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 STARTS = 3
@@ -307,5 +308,5 @@ def _tried(
     """A fit that goes on from another's base parameters; None where the start cannot be simulated."""
     try:
         return joint.fit(effects, point, begin.head, most_steps=steps, whole=whole, known=known)
-    except (ValueError, FloatingPointError, OverflowError):
+    except NUMERICAL:
         return None

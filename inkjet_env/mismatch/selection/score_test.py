@@ -12,6 +12,7 @@ from inkjet_env.mismatch.fitting.joint_fit import JointFit
 from inkjet_env.mismatch.fitting.process_pool import Crew
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 DRAWS = 2000
@@ -103,7 +104,7 @@ def signatures(
     def column(task: tuple[Effect, dict[str, float]]) -> Real | None:
         try:
             return joint.signature(*task)
-        except (FloatingPointError, ValueError, OverflowError):
+        except NUMERICAL:
             return None
 
     q, _ = joint.basis
@@ -144,7 +145,10 @@ def superposed(joint: JointFit, effect: Effect, left: Real, basis: Real) -> list
     if law is None:
         return []
     plain, starts, weights = law
-    columns = np.column_stack([joint.signature(effect, values) for values in plain])
+    try:
+        columns = np.column_stack([joint.signature(effect, values) for values in plain])
+    except NUMERICAL:
+        return []
     columns -= basis @ (basis.T @ columns)
     gram = columns.T @ columns
     size = np.sqrt(np.maximum(weights.multiply(weights @ gram).sum(axis=1), 1e-300))

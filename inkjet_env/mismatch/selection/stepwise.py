@@ -15,6 +15,7 @@ from inkjet_env.mismatch.selection.hypotheses import LEAST_SHARE, Hypothesis, at
 from inkjet_env.mismatch.selection.score_test import Signatures, point_of
 from inkjet_env.mismatch.settings import LEFT_OVER
 from inkjet_env.plant import Effect
+from inkjet_env.plant.errors import NUMERICAL
 
 MOST_EFFECTS = 3
 BEAM = 3
@@ -57,7 +58,7 @@ class Selection:
     compared : tuple of Hypothesis
         All that were fitted, best first.
     p_values : dict of str to float
-        Of each chosen effect, when it was added.
+        Of each chosen effect, of the test that led to its being added.
     """
 
     chosen: Hypothesis
@@ -79,15 +80,13 @@ def select(
     base = base_hypothesis(joint)
     beam, chosen = [base], base
     compared: dict[frozenset[str], Hypothesis] = {frozenset(): base}
-    p_values: dict[str, float] = {}
+    p_values: dict[frozenset[str], dict[str, float]] = {frozenset(): {}}
     for _ in range(MOST_EFFECTS):
         added: list[Hypothesis] = []
         for parent in beam:
             beside = found.beside(parent.columns)
             scores = beside.best(parent.left)
             p_value = beside.chance(max(scores.values(), default=0.0), rng)
-            if parent is chosen:
-                p_now = p_value
             if p_value > CHANCE:
                 continue
             promising = sorted(scores, key=lambda name: -scores[name])
@@ -97,7 +96,9 @@ def select(
                 tried = [e for e in tried if scores[e.id] > worth]
             found_good = 0
             for hypothesis in attribute(joint, parent, tried, beside, crew, progress, kept=kept):
-                compared[frozenset(hypothesis.ids)] = hypothesis
+                ids = frozenset(hypothesis.ids)
+                compared[ids] = hypothesis
+                p_values[ids] = p_values[frozenset(parent.ids)] | {hypothesis.ids[-1]: p_value}
                 if found_good < BEAM and supported(parent, hypothesis):
                     found_good += 1
                     added.append(hypothesis)
@@ -106,22 +107,21 @@ def select(
         added.sort(key=lambda h: -h.score)
         if not added or not worth_adding(chosen, added[0]):
             break
-        for name in set(added[0].ids) - set(chosen.ids):
-            p_values[name] = p_now
         before, chosen = chosen, added[0]
         if not (chosen.leaves_much and leftover(chosen, found, rng)):
             break
         if before.ids and explained(before, chosen) < LEAST_OF_LEFTOVER * unexplained(before):
             break  # what such a pair leaves, a third does not mend
         beam = [h for h in added[: 1 if before.ids else BEAM] if h.gain >= WORTH_CARRYING * added[0].gain]
-    chosen = _without_idle(joint, chosen, compared)
+    grown, chosen = chosen, _without_idle(joint, chosen, compared)
+    tests = p_values.get(frozenset(chosen.ids), p_values[frozenset(grown.ids)])
     lost = chosen.noise_known and chosen.excess > LOST * (chosen.excess + 2 * chosen.gain)
     alternatives = {
         name: _as_good(joint, chosen, name, effects, found, compared, crew, progress, kept)
         for name in (() if lost else chosen.ids)
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
-    return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), p_values)
+    return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), {n: tests[n] for n in chosen.ids})
 
 
 def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
@@ -167,9 +167,10 @@ def _without_idle(joint: JointFit, chosen: Hypothesis, compared: dict[frozenset[
         for effect in chosen.fit.effects:
             rest = [(e, v) for e, v in chosen.fit.with_values if e is not effect]
             key = frozenset(e.id for e, _ in rest)
-            if key not in compared:
-                compared[key] = _only(joint, chosen, rest)
-            smaller = compared[key]
+            smaller = compared.get(key) or _only(joint, chosen, rest)
+            if smaller is None:
+                continue
+            compared[key] = smaller
             if not (supported(smaller, chosen) and worth_adding(smaller, chosen)):
                 chosen = smaller
                 break
@@ -178,10 +179,13 @@ def _without_idle(joint: JointFit, chosen: Hypothesis, compared: dict[frozenset[
     return chosen
 
 
-def _only(joint: JointFit, chosen: Hypothesis, rest: Sequence[tuple[Effect, dict[str, float]]]) -> Hypothesis:
-    """The chosen hypothesis with some of its effects alone."""
+def _only(joint: JointFit, chosen: Hypothesis, rest: Sequence[tuple[Effect, dict[str, float]]]) -> Hypothesis | None:
+    """The chosen hypothesis with some of its effects alone; None where they cannot be simulated there."""
     point = point_of([e for e, _ in rest], [v for _, v in rest])
-    return settled(joint, joint.fit([e for e, _ in rest], point, chosen.fit.head))
+    try:
+        return settled(joint, joint.fit([e for e, _ in rest], point, chosen.fit.head))
+    except NUMERICAL:
+        return None
 
 
 def _as_good(
@@ -198,9 +202,10 @@ def _as_good(
     """Effects that could stand in for one of the chosen: swaps, judged by likelihood and by signature."""
     rest = [(e, v) for e, v in chosen.fit.with_values if e.id != name]
     ids = frozenset(e.id for e, _ in rest)
-    without = compared.get(ids)
+    without = compared.get(ids) or _only(joint, chosen, rest)
     if without is None:
-        without = compared[ids] = _only(joint, chosen, rest)
+        return ()
+    compared[ids] = without
     missing = [e for e in effects if e.id not in chosen.ids and ids | {e.id} not in compared]
     if missing and rest:
         beside = found.beside(without.columns)

@@ -16,6 +16,7 @@ from inkjet_env.mismatch.fitting.base_parameters import Head, in_convention
 from inkjet_env.mismatch.fitting.fit_result import Fit
 from inkjet_env.mismatch.fitting.joint_fit import JointFit
 from inkjet_env.mismatch.selection.hypotheses import LEAST_SHARE, Hypothesis
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 LOOKED_AT = (0.9, 0.75, 0.5)
@@ -58,8 +59,11 @@ def straight_beyond(joint: JointFit, chosen: Hypothesis, least: float = 0.0) -> 
     fits: dict[float, Fit] = {}
 
     def nll(part: float) -> float:
-        fits[part] = _fitted(joint, chosen, part)
-        return fits[part].nll
+        found = _fitted(joint, chosen, part)
+        if found is None:
+            return math.inf
+        fits[part] = found
+        return found.nll
 
     lowest = chosen.fit.nll
     for part in FULL_SCALES:
@@ -67,6 +71,8 @@ def straight_beyond(joint: JointFit, chosen: Hypothesis, least: float = 0.0) -> 
         if found > lowest + REFUTED * chosen.left.size:
             break
         lowest = min(lowest, found)
+    if not fits:
+        return None
     best, step = min(fits, key=lambda part: fits[part].nll), float(FULL_SCALES[0] - FULL_SCALES[1])
     limits = (best - step, min(best + step, 1.0))
     minimize_scalar(nll, bounds=limits, method="bounded", options={"xatol": TOLERANCE})
@@ -91,10 +97,13 @@ def _bend(joint: JointFit, chosen: Hypothesis, part: float) -> float:
     return 0.5 * float(np.sum((new.T @ chosen.left) ** 2)) - 0.5 * new.shape[1] * math.log(chosen.left.size)
 
 
-def _fitted(joint: JointFit, chosen: Hypothesis, part: float) -> Fit:
-    """A hypothesis gone on with from a law of another full scale."""
+def _fitted(joint: JointFit, chosen: Hypothesis, part: float) -> Fit | None:
+    """A hypothesis gone on with from a law of another full scale; None where it cannot be simulated with that."""
     begun = replace(chosen.fit, head=narrower(chosen.fit.head, part))
-    return joint.near(begun).fit(begun.effects, begun.point, most_steps=FITTED)
+    try:
+        return joint.near(begun).fit(begun.effects, begun.point, most_steps=FITTED)
+    except NUMERICAL:
+        return None
 
 
 def narrower(head: Head, part: float) -> Head:

@@ -2,8 +2,12 @@
 
 import importlib
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from inkjet_env.mismatch import diagnose
@@ -89,6 +93,100 @@ def test_a_damaged_fit_is_refused_by_name(run, tmp_path):
         file.write_text('{"fit": {"end": 3}}')
     with pytest.raises(ValueError, match=r"\.fit\.json is damaged.*Delete it"):
         run(tmp_path / "fits")
+
+
+TYPED = """
+import numpy as np
+from inkjet_env.plant import Effect, Parameter
+
+LATE = {"none", "some"}
+
+def summed(signal, step_s):
+    return step_s * np.cumsum(signal - signal.mean())
+
+class Leak(Effect):
+    id, stage = "leak", "sensing"
+    sentence = "The sensor's integrator leaks into its output."
+    equation, source, signature, shown_by = "y = y0 + k int y0 dt", "a test", "a slope", "any pulse"
+    parameters = (Parameter("leak_per_s", "1/s", -1e6, 1e6),)
+    strengths = ("leak_per_s",)
+
+    def starts(self, printhead, shots):
+        return [{"leak_per_s": factor * printhead.frequency_Hz} for factor in (0.05,)]
+
+    def sensing(self, values, signal, drive_V, printhead, shot):
+        if shot.channel != "self_sensing" or shot.channel in {"strain_gauge", "displacement"}:
+            return signal
+        return signal + values["leak_per_s"] * summed(signal, shot.step_s)
+"""
+"""As typed at a console: of no module that was imported, in no file."""
+
+
+def typed(old="", new="", module="__main__"):
+    """An effect of that code, with some of it changed."""
+    assert old in TYPED
+    source, names = TYPED.replace(old, new) if old else TYPED, {"__name__": module}
+    exec(compile(source, "<stdin>", "exec"), names)
+    return names["Leak"]()
+
+
+def test_a_diagnosis_with_an_effect_typed_at_a_console_goes_on(recorded, head, effects, tmp_path):
+    def run(effect, stop_at=None):
+        def progress(step):
+            if stop_at is not None and stop_at in step:
+                raise Stopped
+
+        looked_for = [effects["cubic_stiffness"], effect]
+        return diagnose(recorded("cubic_stiffness"), head, looked_for, 0, workers=1, progress=progress,
+                        keep=tmp_path / "fits").as_json()  # fmt: skip
+
+    def console():
+        return typed(module="console")
+
+    whole = run(console())
+    with pytest.raises(Stopped):
+        run(console(), "to the end")
+    begun = {file.name for file in (tmp_path / "fits").iterdir()}
+    with pytest.raises(Stopped):
+        run(console(), "to the end")
+    assert {file.name for file in (tmp_path / "fits").iterdir()} == begun  # found, and not made anew
+    assert timeless(run(console())) == timeless(whole)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("signal + values", "signal - values"),  # an instruction
+        ("0.05", "0.06"),  # a constant of a function inside
+        ("signal.mean()", "signal[0]"),  # a function that is used
+        ("-1e6, 1e6", "-1e6, 2e6"),  # an attribute
+        ('"strain_gauge", "displacement"', '"strain_gauge", "drive_monitor"'),
+        ('("leak_per_s",)', '("leak_per_s", "other")'),
+        ("strengths =", "plain_leaves = 0.5; strengths ="),
+    ],
+)
+def test_code_that_was_typed_is_told_from_other_code(old, new, tmp_path):
+    assert Kept(tmp_path, [typed()]).code == Kept(tmp_path, [typed()]).code
+    assert Kept(tmp_path, [typed()]).code != Kept(tmp_path, [typed(old, new)]).code
+
+
+def test_what_an_effect_holds_counts(tmp_path):
+    one, other = typed(), typed()
+    one.scale, other.scale = np.array([1.0]), np.array([2.0])
+    assert Kept(tmp_path, [one]).code != Kept(tmp_path, [other]).code
+
+
+def test_typed_code_is_told_alike_in_every_process(tmp_path):
+    script = TYPED + (
+        "from inkjet_env.mismatch.fitting.checkpoint import Kept\n"
+        "import sys\nprint(Kept(sys.argv[1], [Leak()]).code.hex())\n"
+    )
+    told = set()
+    for seed in ("1", "2", "3"):
+        command, environment = [sys.executable, "-", str(tmp_path)], os.environ | {"PYTHONHASHSEED": seed}
+        ended = subprocess.run(command, input=script, text=True, capture_output=True, check=True, env=environment)
+        told.add(ended.stdout)
+    assert len(told) == 1
 
 
 def test_only_fits_are_cleared_away(tmp_path):

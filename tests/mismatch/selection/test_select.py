@@ -1,5 +1,6 @@
 """Which hypothesis recordings support: starts fitted, effects added, idle ones dropped, equals told."""
 
+import importlib
 from dataclasses import replace
 
 import numpy as np
@@ -7,10 +8,11 @@ import pytest
 
 from inkjet_env.mismatch.fitting.process_pool import Crew
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, conditions, settled
-from inkjet_env.mismatch.selection.score_test import signatures
+from inkjet_env.mismatch.selection.score_test import Signatures, signatures
 from inkjet_env.mismatch.selection.stepwise import cosine, select, supported, worth_adding
 from inkjet_env.plant.effect import complete, coordinates
 
+select_module = importlib.import_module("inkjet_env.mismatch.selection.stepwise")
 LOOKED_FOR = ("quadratic_damping", "cubic_stiffness", "feedthrough", "sensor_bandwidth", "amplifier_bandwidth")
 
 
@@ -174,3 +176,36 @@ def test_support_asks_for_conditions_left_out_and_not_for_the_fit_alone(looked):
     vars(lucky)["foretold"] = worse  # as if each condition left out had been foretold badly
     assert lucky.score == best.score
     assert not supported(base, lucky)
+
+
+def test_each_p_value_is_of_the_test_that_added_the_effect_whichever_parent_won(looked, monkeypatch):
+    """The first choice leads nowhere; what is chosen in the end grew from another member of the beam."""
+    joint, chosen, found = looked(
+        "feedthrough", "quadratic_damping", looked_for=("feedthrough", "quadratic_damping", "cubic_stiffness")
+    )
+    base = base_hypothesis(joint)
+    parents = {}
+
+    def first_choice_is_a_dead_end(joint, beside, effects, *rest, **options):
+        hypotheses = attribute(joint, beside, effects, *rest, **options)
+        if beside.ids == ("cubic_stiffness",):
+            return []
+        if not beside.ids:
+            best = min(h.fit.nll for h in hypotheses)
+            parents.update({h.ids: h for h in hypotheses})
+            hypotheses = [
+                replace(h, fit=replace(h.fit, nll=best - 1)) if h.ids == ("cubic_stiffness",) else h for h in hypotheses
+            ]
+        return sorted(hypotheses, key=lambda h: -h.score)
+
+    monkeypatch.setattr(select_module, "attribute", first_choice_is_a_dead_end)
+    monkeypatch.setattr(Signatures, "chance", lambda self, score, rng: 1e-3 / max(score, 1.0))
+    found_at_last = select(joint, chosen, found, Crew(1), np.random.default_rng(0), silent)
+    assert set(found_at_last.chosen.ids) == {"feedthrough", "quadratic_damping"}
+    first, second = found_at_last.chosen.ids
+
+    def p_value(parent):
+        beside = found.beside(parent.columns)
+        return beside.chance(max(beside.best(parent.left).values()), None)
+
+    assert found_at_last.p_values == {first: p_value(base), second: p_value(parents[first,])}
