@@ -2,6 +2,7 @@
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.effects import catalogue
+from inkjet_env.plant.registry import register
 from inkjet_env.plant.resonance import Echo, Force, Mode, Resonance, compiled_force
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
@@ -18,4 +19,5 @@ __all__ = [
     "Values",
     "catalogue",
     "compiled_force",
+    "register",
 ]
