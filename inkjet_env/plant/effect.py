@@ -150,7 +150,7 @@ class Effect:
         raise NotImplementedError
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
-        """Values at full strength: the effect then changes a recording by some per cent.
+        """Values at full strength: the effect then changes recordings that show it by some per cent, a quarter at most.
 
         Synthetic campaigns are recorded with them. An effect that declares none has those of its first start on a
         bipolar pulse. A parameter that is not given is off or plain, as in `complete`.
