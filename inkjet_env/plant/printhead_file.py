@@ -13,7 +13,7 @@ from inkjet_env.naming import check_name
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.effect import Effect, Values
 from inkjet_env.plant.effects import catalogue
-from inkjet_env.plant.registry import UnregisteredEffectError, registered_effect
+from inkjet_env.plant.registry import UnregisteredEffectError, known_effects, own_class, registered_effect
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.printhead import printhead_data
 
@@ -66,6 +66,9 @@ def _effect(entry: Mapping[str, Any]) -> Effect:
     known = {effect.id: effect for effect in catalogue()}
     effect_id = entry.get("id")
     if "class" not in entry:
+        own = next((effect for effect in known_effects() if effect.id == effect_id), None)
+        if own is not None and effect_id not in known:
+            raise ValueError(f'effect {effect_id!r} is not of the catalogue: it needs "class": "{own_class(own)}".')
         check_name("the id of an effect", effect_id, known)
         return known[str(effect_id)]
     named = entry["class"]
