@@ -46,7 +46,9 @@ def simulate(
 
     inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --plot response.png
 
-    inkjet simulate --drive waveform.csv --out response.csv --printhead augmented.json --effect my_effects:Quadratic
+    inkjet simulate --drive waveform.csv --out response.csv
+
+    inkjet simulate --drive waveform.csv --printhead augmented.json --effect my_effects:QuadraticStiffness
     """
     from inkjet_env.cli.drive_csv import read_drive, write_columns
     from inkjet_env.cli.own_effects import register_own
