@@ -80,7 +80,8 @@ class Parameter:
 class Effect:
     """Physics that the base model leaves out, as one stage of the plant does it.
 
-    An effect overrides the method of its stage. The value of each ``strength`` parameter at which nothing happens is
+    An effect overrides the method of its stage and `starts`, and declares id, stage, sentence, parameters and
+    strengths; the rest has defaults. The value of each ``strength`` parameter at which nothing happens is
     zero (infinity for a reciprocal one), so that the base model is the plant with every effect off.
 
     Attributes
@@ -113,15 +114,15 @@ class Effect:
     id: ClassVar[str]
     stage: ClassVar[str]
     sentence: ClassVar[str]
-    equation: ClassVar[str]
-    source: ClassVar[str]
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]]
     strengths: ClassVar[tuple[str, ...]]
     parts: ClassVar[tuple[tuple[str, ...], ...]] = ()
     plain_leaves: ClassVar[float] = 0.0
-    signature: ClassVar[str]
+    signature: ClassVar[str] = ""
     confusable_with: ClassVar[tuple[str, ...]] = ()
-    shown_by: ClassVar[str]
+    shown_by: ClassVar[str] = "recordings of another kind"
     depends_on_order: ClassVar[bool] = False
     needs_neighbour: ClassVar[bool] = False
 

@@ -24,12 +24,8 @@ class Leak(Effect):
     id = "leak"
     stage = "sensing"
     sentence = "The sensor loses a part of its signal."
-    equation = "y = (1 - k) y₀"
-    source = "of the test"
     parameters = (Parameter("lost", "1", -0.5, 0.5, meaning="share of the signal that is lost"),)
     strengths = ("lost",)
-    signature = "all is smaller"
-    shown_by = "any recording"
 
     def starts(self, printhead, shots):
         return [{"lost": 0.05}]
@@ -141,7 +137,7 @@ def failing(self):
         (lambda: Effect, "must be a subclass of inkjet_env.plant.Effect"),
         (lambda: Leak(), "must be a subclass of inkjet_env.plant.Effect; got <.*Leak object"),
         (lambda: int, "must be a subclass of inkjet_env.plant.Effect; got <class 'int'>"),
-        (missing_sentence, "elsewhere:Mute must declare sentence, equation, source, parameters, strengths, signature"),
+        (missing_sentence, "elsewhere:Mute must declare sentence, parameters, strengths, as"),
         (lambda: another(stage="resonance"), "stage of elsewhere:Another must be one of .*Did you mean 'resonator'"),
         (lambda: another(id="feedthrough"), "has the id 'feedthrough' of an effect of the catalogue"),
         (lambda: another(), f"has the id 'leak', under which {NAME} is registered"),
@@ -167,6 +163,7 @@ def test_an_effect_that_declares_nothing_more_has_sensible_defaults():
     assert (effect.random, effect.predictable) == (False, True)
     assert (effect.depends_on_order, effect.needs_neighbour) == (False, False)
     assert effect.example_values(HEAD) == {"lost": 0.05}
+    assert (effect.equation, effect.source, effect.signature) == ("", "", "")
 
 
 def test_an_effect_with_columns_of_its_own_is_random_unless_it_says_otherwise():
@@ -200,7 +197,6 @@ from inkjet_env.storage import write_json
 
 class Squared(Effect):
     id, stage, sentence = "squared", "sensing", "The sensor is curved."
-    equation, source, signature, shown_by = "y = y0 + k y0^2", "of the test", "even harmonics", "any recording"
     parameters = (Parameter("curvature_per_V", "1/V", -1.0, 1.0),)
     strengths = ("curvature_per_V",)
 
