@@ -12,6 +12,7 @@ import numpy as np
 
 from experiments.benchmark.problem import MAX_BUDGET, Problem
 from experiments.benchmark.run_files import first_other_cost
+from inkjet_env.plant.registry import UnregisteredEffectError
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import archive_bytes, write_atomically
 from inkjet_env.typing import Real
@@ -129,6 +130,8 @@ def read_record(path: Path) -> tuple[Optimisation, tuple]:
         problem = Problem.from_settings(label["problem"], label["settings"])
         optimisation = Optimisation(problem, label["optimizer"], label["budget"], label["seed"], label["options"])
         _check_evaluations(optimisation, *recorded)
+    except UnregisteredEffectError as error:
+        raise ValueError(f"{path}: {error}") from None
     except FileNotFoundError:
         raise ValueError(f"{path}: there is no such file. Give the .npz that the interrupted run left.") from None
     except (

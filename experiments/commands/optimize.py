@@ -11,7 +11,18 @@ import typer
 
 from inkjet_env.cli.arguments import CostGiven, check_outputs, check_rate, chosen_cost, chosen_printhead, chosen_seed
 from inkjet_env.cli.exit_status import INTERRUPTED
-from inkjet_env.cli.options import CostA, CostB, Effective, InitialState, JsonFile, PlotFile, PrintheadFile, Window
+from inkjet_env.cli.options import (
+    CostA,
+    CostB,
+    Effective,
+    InitialState,
+    JsonFile,
+    OwnEffects,
+    PlotFile,
+    PrintheadFile,
+    Window,
+)
+from inkjet_env.cli.own_effects import register_own
 from inkjet_env.progress import announce_compiling
 
 if TYPE_CHECKING:
@@ -32,6 +43,7 @@ def optimize(
     budget: Annotated[int | None, typer.Option(help="evaluations of any optimiser (2000)")] = None,
     seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,
     printhead: PrintheadFile = None,
+    effect: OwnEffects = None,
     cost_a: CostA = None,
     cost_b: CostB = None,
     effective: Effective = None,
@@ -51,6 +63,8 @@ def optimize(
 
     inkjet optimize --optimizer pso --particles 40 --generations 50 --seed 1 --out waveform.csv
 
+    inkjet optimize --printhead augmented.json --effect my_effects:QuadraticStiffness
+
     Ctrl-C keeps the best so far and the record to --resume from.
     """
     from dataclasses import replace
@@ -60,6 +74,7 @@ def optimize(
 
     check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
     check_rate(sample_rate)
+    register_own(effect)
     settings = {
         "--optimizer": optimizer,
         "--problem": problem,
@@ -88,10 +103,12 @@ def optimize(
         plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
     announce_compiling()
     run = plan.carry_out(recorded)
-    _finish_optimize(plan, run, out, sample_rate, plot, json)
+    _finish_optimize(plan, run, out, sample_rate, plot, json, effect)
 
 
-def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None) -> None:
+def _finish_optimize(
+    plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None, own: list[str] | None
+) -> None:
     """Write what an optimisation found, whole or stopped, and say it."""
     from experiments.benchmark.single_run import write_record
     from inkjet_env.cli.drive_csv import sampled_waveform, write_columns
@@ -122,9 +139,9 @@ def _finish_optimize(plan: Any, run: Run, out: Path, sample_rate: float, plot: P
         again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]
         if sample_rate != SAMPLE_RATE_HZ:
             again += ["--sample-rate", f"{sample_rate:.12g}"]
-        for option, file in (("--plot", plot), ("--json", json)):
-            if file is not None:
-                again += [option, file]
+        for option, value in (("--plot", plot), ("--json", json), *(("--effect", name) for name in own or ())):
+            if value is not None:
+                again += [option, value]
         print(
             f"Interrupted after {run.evaluations} of {plan.budget} evaluations; the best so far is kept. "
             f"To go on: {shlex.join(map(str, again))}",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.plant import Plant, Shot
+from inkjet_env.plant import Plant, Shot, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Printhead
@@ -18,8 +18,8 @@ from inkjet_env.typing import Real
 NODES_A_PERIOD = 200
 LEAST_CLOSURE = -1e3
 """What a model comes to that is worse than that, or that has no bounded answer to a fresh drive."""
-UNFORETOLD = ("mains_hum", "baseline_drift", "crosstalk")
-"""By chance, or of a neighbour that fresh drives have not: base and augmented model say the same."""
+UNPREDICTABLE = tuple(effect.id for effect in catalogue() if not effect.predictable)
+"""On fresh drives, with which no neighbour moves, base and augmented model say the same of these effects."""
 
 
 @dataclass(frozen=True, eq=False)

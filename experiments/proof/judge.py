@@ -49,13 +49,13 @@ def questions(draws: Sequence[Draw], reoptimise: int, baselines: int) -> dict[in
         How many heads have their waveform optimised anew, and on how many campaigns the peers are tried: of strong
         effects that fresh drives show, taken in turn from all of them.
     """
-    from experiments.proof.fresh_drive_error import UNFORETOLD
+    from experiments.proof.fresh_drive_error import UNPREDICTABLE
 
     turns: Counter[str] = Counter()
     shown = []
     for draw in sorted(draws, key=lambda draw: draw.number):
         effect = draw.effects[0] if draw.family == "effect" else ""
-        if effect and draw.strength == "strong" and not draw.meagre and effect not in UNFORETOLD:
+        if effect and draw.strength == "strong" and not draw.meagre and effect not in UNPREDICTABLE:
             shown.append((turns[effect], draw.number))
             turns[effect] += 1
     chosen = [number for _, number in sorted(shown)]
@@ -103,10 +103,10 @@ def judge_case(
     found = nothing | {"parameters": parameters(verdict, truth), "location": located(verdict, truth)}
     plant = plant_of(draw, case["attempt"], rig)
     if draw.family in ("effect", "pair", "outside", "base"):
-        from experiments.proof.fresh_drive_error import UNFORETOLD, closure, model_of
+        from experiments.proof.fresh_drive_error import UNPREDICTABLE, closure, model_of
 
         base, augmented = model_of(answer["base"]), model_of(answer["augmented"])
-        if not set(draw.effects) & set(UNFORETOLD):
+        if not set(draw.effects) & set(UNPREDICTABLE):
             found["fresh"] = closure(base, augmented, plant, draw.case_seed(case["attempt"]))
             found["closure"] = found["fresh"]["closure"]
         if asked.get("reoptimise"):

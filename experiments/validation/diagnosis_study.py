@@ -232,7 +232,7 @@ def summary() -> None:
         low <= truth <= high
         for row in single
         for name, estimates in row.get("parameters", {}).items()
-        if name in row["effects"] and name not in ("mains_hum", "baseline_drift")
+        if name in row["effects"] and not effect_named(name).random
         for truth, _, low, high in estimates.values()
         if truth
     ]

@@ -19,7 +19,10 @@ from typing import Any
 import numpy as np
 
 from experiments.validation.simulator_speed import best_seconds
-from inkjet_env.plant import Plant, Resonance, Shot, catalogue
+from inkjet_env.plant import Plant, Resonance, Shot
+from inkjet_env.plant.effects.cubic_stiffness import CubicStiffness
+from inkjet_env.plant.effects.second_mode import SecondMode
+from inkjet_env.plant.effects.wave_echo import WaveEcho
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -30,7 +33,7 @@ SAMPLES_A_PERIOD = 100
 STIFFENING_PER_V2 = 2e-6
 LADDER = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7)
 FINEST = 3e-13
-EFFECTS = ("cubic_stiffness", "wave_echo", "second_mode")
+EFFECTS = (CubicStiffness(), WaveEcho(), SecondMode())
 
 
 @dataclass(frozen=True)
@@ -83,9 +86,8 @@ def integrated(method: str, rtol: float, head: Printhead, shot: Shot) -> Real:
 def rivals(head: Printhead) -> list[Rival]:
     """The plant's resonator against SciPy's integrators, each at the accuracy of the plant."""
     shot = standard_shot(head, "demagnetised")
-    effect = next(effect for effect in catalogue() if effect.id == "cubic_stiffness")
     base = Resonance(head.a0, head.a1, head.a0)
-    resonance = effect.resonator({"stiffening_per_V2": STIFFENING_PER_V2}, base, shot)
+    resonance = CubicStiffness().resonator({"stiffening_per_V2": STIFFENING_PER_V2}, base, shot)
     drive_V = shot.drive_at_nodes_V
     exact = integrated("DOP853", FINEST, head, shot)
 
@@ -112,9 +114,8 @@ def costs(head: Printhead) -> dict[str, float]:
     """Nanoseconds a sample of the whole plant by what is on, in steady state under a repeated pulse."""
     shot = standard_shot(head, "periodic")
     plants = {"base": Plant(head)}
-    for effect in catalogue():
-        if effect.id in EFFECTS:
-            plants[effect.id] = Plant(head, effects=((effect, effect.starts(head, [shot])[-1]),))
+    for effect in EFFECTS:
+        plants[effect.id] = Plant(head, effects=((effect, effect.starts(head, [shot])[-1]),))
     calls: dict[str, Callable[[], Any]] = {name: partial(plant.signal, shot) for name, plant in plants.items()}
     return {name: 1e9 * seconds / SAMPLES for name, seconds in best_seconds(calls, 200).items()}
 

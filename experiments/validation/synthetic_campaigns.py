@@ -33,46 +33,16 @@ PARTS = 16
 GAUGE_GAIN = 0.02
 """Volts of the strain gauge's bridge per hysteretic volt."""
 STRONG, MEDIUM = 1.0, 0.35
-"""Of the values in `planted_values`."""
-
-
-def planted_values(printhead: Printhead) -> dict[str, dict[str, float]]:
-    """Values of each effect at full strength: some per cent of the recordings."""
-    f, period = printhead.frequency_Hz, 1 / printhead.frequency_Hz
-    return {
-        "amplifier_bandwidth": {"bandwidth_Hz": 6 * f, "second_order": 0.0},
-        "slew_limit": {"slew_rate_V_s": 450.0 * f},
-        "trigger_delay": {"delay_s": 0.03 * period},
-        "creep": {"creep_per_decade": 0.015, "onset_s": 0.1},
-        "rate_dependent_hysteresis": {"growth": 0.06, "rate_V_s": 100.0},
-        "asymmetric_hysteresis": {"asymmetry": 0.03, "bending": 0.02},
-        "cubic_stiffness": {"stiffening_per_V2": 1.2e-6},
-        "quadratic_damping": {"damping_per_V": 2e-4},
-        "ferroelastic_softening": {"softening_per_V": 1.5e-4, "loss_ratio": 0.5},
-        "second_mode": {"frequency_Hz": 1.7 * f, "damping_ratio": 0.04, "strength": 0.02},
-        "wave_echo": {"delay_s": 2.6 * period, "strength": 0.06},
-        "air_bubble": {
-            "onset_order": 14.5, "frequency_change": -0.01, "bubble_frequency_Hz": 0.6 * f,
-            "bubble_damping_ratio": 0.1, "bubble_strength": 0.05,
-        },
-        "meniscus_refill": {"recovery_s": 6 * period, "stiffness_change": 0.02},
-        "thermal_drift": {
-            "last_order": 29.0,
-            **{f"frequency_{k}": -0.01 * k / 9 + 0.012 * k * (9 - k) / 81 for k in range(1, 10)},
-            **{f"damping_{k}": -0.1 * k / 9 for k in range(1, 10)},
-        },
-        "feedthrough": {"capacitive_s": 0.01 * printhead.b1 / printhead.a0, "lossy": 2e-4},
-        "sensor_bandwidth": {"bandwidth_Hz": 6 * f, "second_order": 0.0},
-        "sensor_saturation": {"limit": 0.0, "hardness": 6.0},
-        "mains_hum": {"frequency_Hz": 0.9 * f, "multiples": 1.0, "amplitude": 2.0},
-        "baseline_drift": {"amplitude": 2.0},
-        "crosstalk": {"mechanical": 0.03, "electrical": 0.0, "direct": 0.0},
-    }  # fmt: skip
+"""Of `Effect.example_values`."""
 
 
 def planted(effect: Effect, strength: float, printhead: Printhead) -> dict[str, float]:
-    """Values of an effect at a strength, 1 being full."""
-    values = complete(effect, **planted_values(printhead)[effect.id])
+    """Values of an effect at a strength, 1 being full.
+
+    Amplitudes are in standard deviations of the noise; a level that hangs on the largest signal is left at 0 for
+    `record_planted`.
+    """
+    values = complete(effect, **effect.example_values(printhead, largest=0.0))
     for p in effect.parameters:
         if p.name in effect.strengths:
             values[p.name] = values[p.name] / strength if p.scale == "reciprocal" else values[p.name] * strength
@@ -93,8 +63,8 @@ def record_planted(
     ----------
     printhead : Printhead
     effects : sequence of (Effect, values)
-        A hum's and a drift's amplitude is in standard deviations of the noise; a saturation's limit, where it is 0, is
-        0.75 of the largest signal.
+        The amplitude of a random effect is in standard deviations of the noise. A level of the sensor that is 0 becomes
+        that of the effect's `Effect.example_values` for the largest self-sensed signal.
     seed : int
     snr_dB : float
         Of the largest recording of each channel.
@@ -106,7 +76,7 @@ def record_planted(
     if lines is None:
         lines = [line for line in default_battery(printhead.frequency_Hz) if line.label in LINES]
         lines = lines + [line for line in lines if line.label in TWICE]
-    needs_neighbour = any(effect.id == "crosstalk" for effect, _ in effects)
+    needs_neighbour = any(effect.needs_neighbour for effect, _ in effects)
     chosen = [lines[i] for i in rng.permutation(len(lines))]
     offsets = {"strain_gauge": 0.05, "self_sensing": -0.1}
     gains = {"strain_gauge": GAUGE_GAIN}
@@ -124,7 +94,7 @@ def record_planted(
         mine = [signal for signal, shot in zip(plain, shots, strict=True) if shot.channel == channel]
         largest[channel] = max(float(np.abs(signal - offsets[channel]).max()) for signal in mine)
         sigma[channel] = max(float(np.std(signal)) for signal in mine) * 10 ** (-snr_dB / 20)
-    effects = [(e, {**v, "limit": 0.75 * largest["self_sensing"]} if v.get("limit") == 0 else v) for e, v in effects]
+    effects = [(effect, _levelled(effect, values, printhead, largest)) for effect, values in effects]
     plant = Plant(printhead, gains, offsets, tuple(effects))
     recordings = []
     first: dict[tuple[str, str], str] = {}
@@ -146,6 +116,15 @@ def record_planted(
     return Campaign("planted", tuple(recordings))
 
 
+def _levelled(effect: Effect, values: Values, printhead: Printhead, largest: Mapping[str, float]) -> Values:
+    """Values with every level that is 0, where no level can be, set for the largest self-sensed signal."""
+    open_levels = [p.name for p in effect.parameters if p.scale == "reciprocal" and values[p.name] == 0]
+    if not open_levels:
+        return values
+    example = effect.example_values(printhead, largest["self_sensing"])
+    return {**values, **{name: example[name] for name in open_levels}}
+
+
 def _neighbour(line: DriveLine, rng: np.random.Generator) -> Real:
     """A pulse of the neighbouring channel, at a time of its own."""
     n = line.drive_V.size
@@ -162,10 +141,7 @@ def _by_chance(effect: Effect, values: Mapping[str, float], shot: Shot, rng: np.
     columns = effect.nuisances(values, shot)
     if columns is None:
         return np.zeros(shot.samples)
-    amplitudes = rng.standard_normal(columns.shape[1])
-    if effect.id == "mains_hum":  # one loudness, any phase
-        amplitudes = amplitudes / np.float64(np.linalg.norm(amplitudes))
-    drawn: Real = values["amplitude"] * (columns @ amplitudes)
+    drawn: Real = values[effect.strengths[0]] * (columns @ effect.random_amplitudes(columns.shape[1], rng))
     return drawn
 
 

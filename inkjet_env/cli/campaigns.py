@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from inkjet_env.cli.arguments import check_outputs, chosen_printhead, chosen_seed, named_values
-from inkjet_env.cli.options import JsonFile, PrintheadFile
+from inkjet_env.cli.options import JsonFile, OwnEffects, PrintheadFile
 from inkjet_env.progress import announce_compiling
 
 if TYPE_CHECKING:
@@ -151,6 +151,7 @@ def identify(
 def evaluate(
     folder: Folder,
     printhead: PrintheadFile = None,
+    effect: OwnEffects = None,
     json: JsonFile = None,
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
@@ -160,13 +161,17 @@ def evaluate(
 
     inkjet evaluate campaign --printhead printhead.json
 
+    inkjet evaluate campaign --printhead augmented.json --effect my_effects:QuadraticStiffness
+
     Refitted are one offset a channel and, where it is free, the resonator's initial state.
     """
     from inkjet_env.cli.evaluation import evaluation_json
+    from inkjet_env.cli.own_effects import register_own
     from inkjet_env.cli.printing import print_evaluation
     from inkjet_env.storage import write_json
 
     check_outputs((printhead, *files_of(folder)), json=json)
+    register_own(effect)
     announce_compiling()
     found = evaluation_json(folder, printhead, reading_options(channel, columns, initial_state))
     if json is not None:

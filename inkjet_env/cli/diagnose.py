@@ -11,7 +11,7 @@ import typer
 
 from inkjet_env.cli.arguments import check_outputs, chosen_seed
 from inkjet_env.cli.campaigns import Folder, ScopeChannel, ScopeColumns, ScopeState, files_of, reading_options
-from inkjet_env.cli.options import JsonFile
+from inkjet_env.cli.options import JsonFile, OwnEffects
 from inkjet_env.cli.printing import print_diagnosis
 from inkjet_env.progress import announce_compiling, shown_steps
 
@@ -29,6 +29,7 @@ def diagnose(
     printhead: Annotated[
         Path | None, typer.Option(help="printhead.json to begin with; identified from the campaign unless given")
     ] = None,
+    effect: OwnEffects = None,
     printhead_out: Annotated[Path | None, typer.Option(help="the augmented printhead: .json for --printhead")] = None,
     report: Annotated[Path | None, typer.Option(help="a page with all that was found: .html")] = None,
     json: JsonFile = None,
@@ -58,7 +59,13 @@ def diagnose(
     """Where recordings and model differ, which physics was left out, and how the fit was before and is after.
 
     inkjet diagnose campaign --printhead-out augmented.json --report diagnosis.html --json diagnosis.json
+
+    inkjet diagnose campaign --effect my_effects:QuadraticStiffness
+
+    With --effect, effects of your own are tried beside the catalogue.
     """
+    from inkjet_env.cli.own_effects import register_own
+
     if next_out is None and json is not None and str(json) != "-":
         next_out = json.parent / NEXT
     files = {"printhead-out": printhead_out, "report": report, "next-out": next_out}
@@ -69,6 +76,10 @@ def diagnose(
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}.")
     options: dict[str, Any] = {}
+    if own := register_own(effect):
+        from inkjet_env.plant import catalogue
+
+        options["effects"] = (*catalogue(), *own)
     if hold_out is not None:
         options["held_out"] = tuple(name.strip() for name in hold_out.split(","))
     if workers is not None:

@@ -11,6 +11,15 @@ PrintheadFile = Annotated[
     Path | None,
     typer.Option("--printhead", help="printhead.json, of identify or diagnose; the published head unless given"),
 ]
+OwnEffects = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effect",
+        metavar="MODULE:CLASS",
+        help="an effect of your own, as my_effects:QuadraticStiffness of my_effects.py in the current folder; its code "
+        "is run; may be repeated",
+    ),
+]
 CostA = Annotated[float | None, typer.Option("--cost-a", help="weight of the effective peak (-5)")]
 CostB = Annotated[float | None, typer.Option("--cost-b", help="weight of the peak after it (5)")]
 Effective = Annotated[

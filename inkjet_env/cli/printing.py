@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def print_diagnosis(found: Diagnosis) -> None:
     """Print the verdict, effects with intervals, the fit before and after, candidates and the next experiment."""
-    from inkjet_env.plant import catalogue
+    from inkjet_env.plant.registry import known_effects
     from inkjet_env.reporting.diagnosis_report import channel_rows, parameter_rows
     from inkjet_env.reporting.formatting import share_text, short, unit_text
 
@@ -35,7 +35,7 @@ def print_diagnosis(found: Diagnosis) -> None:
     print(f"- Where: {found.location.sentence}")
     if found.next_experiment is not None:
         print(f"- Next: {found.next_experiment.sentence}")
-    shown_by = {effect.id: effect.shown_by for effect in catalogue()}
+    shown_by = {effect.id: effect.shown_by for effect in known_effects()}
     for effect_id, why in found.untestable.items():
         remedy = f"; {shown_by[effect_id]} would test it" if effect_id in shown_by else ""
         print(f"- {effect_id} is not testable here, because {why}{remedy}.")

@@ -8,7 +8,17 @@ from typing import Annotated, Any
 import typer
 
 from inkjet_env.cli.arguments import check_outputs, chosen_cost
-from inkjet_env.cli.options import CostA, CostB, Effective, InitialState, JsonFile, PlotFile, PrintheadFile, Window
+from inkjet_env.cli.options import (
+    CostA,
+    CostB,
+    Effective,
+    InitialState,
+    JsonFile,
+    OwnEffects,
+    PlotFile,
+    PrintheadFile,
+    Window,
+)
 from inkjet_env.progress import announce_compiling
 
 
@@ -22,6 +32,7 @@ def simulate(
     plot: PlotFile = None,
     json: JsonFile = None,
     printhead: PrintheadFile = None,
+    effect: OwnEffects = None,
     cost_a: CostA = None,
     cost_b: CostB = None,
     effective: Effective = None,
@@ -36,8 +47,11 @@ def simulate(
     inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --plot response.png
 
     inkjet simulate --drive waveform.csv --out response.csv
+
+    inkjet simulate --drive waveform.csv --printhead augmented.json --effect my_effects:QuadraticStiffness
     """
     from inkjet_env.cli.drive_csv import read_drive, write_columns
+    from inkjet_env.cli.own_effects import register_own
     from inkjet_env.plant.augmented import AugmentedPrinthead
     from inkjet_env.plant.printhead_file import chosen_head
     from inkjet_env.printhead import Waveform, respond_sampled
@@ -46,6 +60,7 @@ def simulate(
     check_outputs((drive, printhead), out=out, plot=plot, json=json)
     if waveform is not None and drive is not None:
         raise ValueError("give --waveform or --drive, not both.")
+    register_own(effect)
     head, cost = chosen_head(printhead), chosen_cost((cost_a, cost_b, effective))
     state = initial_state or "periodic"
     response: Any  # of a head with effects or without, to a waveform or samples

@@ -157,7 +157,7 @@ class _Work:
         shots = [o.shot for o in observed if o.channel != "drive_monitor"]
         untestable = {e.id: reason for e in self.effects if (reason := e.untestable(shots)) is not None}
         testable = [e for e in self.effects if e.id not in untestable]
-        by_accident = [e for e in testable if type(e).nuisances is not Effect.nuisances]
+        by_accident = [e for e in testable if e.random]
         lawful = [e for e in testable if e not in by_accident]
         self.progress("the base model")
         joint = base_model(self.campaign, observed, printhead, held_out, self.progress)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from inkjet_env.plant.effect import Effect, Values, complete
 from inkjet_env.plant.extrema import extrema
+from inkjet_env.plant.registry import own_class
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
@@ -193,7 +194,7 @@ class AugmentedPrinthead:
         fit: Mapping[str, Any] | None = None,
         effect_intervals: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
     ) -> dict[str, Any]:
-        """A ``printhead/1`` with the keys "effects" and "order".
+        """A ``printhead/1`` with the keys "effects" and "order"; an effect of a user's own has a "class" beside its id.
 
         Parameters
         ----------
@@ -211,7 +212,9 @@ class AugmentedPrinthead:
                 numbers = {"value": values[p.name], "low": low, "high": high}
                 finite = {name: v if math.isfinite(v) else None for name, v in numbers.items()}
                 parameters[p.name] = finite | {"unit": p.unit}
-            effects.append({"id": effect.id, "parameters": parameters})
+            named = own_class(effect)
+            of_the_user = {} if named is None else {"class": named}
+            effects.append({"id": effect.id, **of_the_user, "parameters": parameters})
         base = self.printhead.as_json(intervals, {"channels": channels} | dict(fit or {}))
         return base | {"effects": effects, "order": self.order}
 

@@ -84,7 +84,8 @@ class Parameter:
 class Effect:
     """Physics that the base model leaves out, as one stage of the plant does it.
 
-    An effect overrides the method of its stage. The value of each ``strength`` parameter at which nothing happens is
+    An effect overrides the method of its stage and `starts`, and declares id, stage, sentence, parameters and
+    strengths; the rest has defaults. The value of each ``strength`` parameter at which nothing happens is
     zero (infinity for a reciprocal one), so that the base model is the plant with every effect off.
 
     For values that it cannot simulate a method raises `SimulationError`, and a fit tries others. Whatever else it
@@ -110,20 +111,44 @@ class Effect:
         Ids of effects it may be mistaken for.
     shown_by : str
         The recording that would show it.
+    depends_on_order : bool
+        Whether it changes with the order of the recordings within the session, so that a printhead.json with it must
+        say at which recording the head is meant ("order"). False unless declared.
+    needs_neighbour : bool
+        Whether the drive of the neighbouring channel (column neighbour_V) causes it. False unless declared.
     """
 
     id: ClassVar[str]
     stage: ClassVar[str]
     sentence: ClassVar[str]
-    equation: ClassVar[str]
-    source: ClassVar[str]
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]]
     strengths: ClassVar[tuple[str, ...]]
     parts: ClassVar[tuple[tuple[str, ...], ...]] = ()
     plain_leaves: ClassVar[float] = 0.0
-    signature: ClassVar[str]
+    signature: ClassVar[str] = ""
     confusable_with: ClassVar[tuple[str, ...]] = ()
-    shown_by: ClassVar[str]
+    shown_by: ClassVar[str] = "recordings of another kind"
+    depends_on_order: ClassVar[bool] = False
+    needs_neighbour: ClassVar[bool] = False
+
+    @property
+    def random(self) -> bool:
+        """Whether it differs at random from recording to recording, so that its amplitudes are fitted to each one.
+
+        True of an effect with `nuisances`. A class may declare ``random = True`` or ``random = False`` itself.
+        """
+        return type(self).nuisances is not Effect.nuisances
+
+    @property
+    def predictable(self) -> bool:
+        """Whether a model with the effect predicts the response to a new drive better than the base model does.
+
+        False of a random effect, and of one that needs the neighbour's drive, which a new drive does not tell. A class
+        may declare ``predictable = True`` or ``predictable = False`` itself.
+        """
+        return not (self.random or self.needs_neighbour)
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -139,6 +164,30 @@ class Effect:
         Of an effect with several strengths each gets starts of its own, with the others off.
         """
         raise NotImplementedError
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        """Values at full strength: the effect then changes recordings that show it by some per cent, a quarter at most.
+
+        Synthetic campaigns are recorded with them. An effect that declares none has those of its first start on a
+        bipolar pulse. A parameter that is not given is off or plain, as in `complete`.
+
+        Parameters
+        ----------
+        printhead : Printhead
+            The head that has the effect; frequencies and times follow its resonance.
+        largest : float
+            Largest magnitude of the fast channel's signal, in the sensor's unit; for a level that the signal reaches.
+        noise_rms : float
+            Standard deviation of the noise, in the sensor's unit; for an amplitude that is told from it.
+
+        Returns
+        -------
+        dict of str to float
+            By parameter, in its unit.
+        """
+        step_s = 1 / (100 * printhead.frequency_Hz)
+        pulse_V = np.interp(np.arange(2000), [0, 10, 65, 95, 160, 180], [0.0, 90.0, 90.0, -80.0, -80.0, 0.0])
+        return dict(self.starts(printhead, [Shot("self_sensing", "demagnetised", step_s, pulse_V)])[0])
 
     def superposed(
         self, printhead: Printhead, shots: Sequence[Shot]
@@ -192,6 +241,13 @@ class Effect:
         simulation foretells it. None where there are no such.
         """
         return None
+
+    def random_amplitudes(self, count: int, rng: np.random.Generator) -> Real:
+        """Amplitudes of the columns of `nuisances` in one recording, shape (count,), drawn for a strength of 1.
+
+        A synthetic campaign multiplies them by the first of the ``strengths``.
+        """
+        return rng.standard_normal(count)
 
 
 def coordinates(effect: Effect, values: Values) -> Real:

@@ -1,22 +1,24 @@
-"""Reading ``printhead/1`` files, with effects or without."""
+"""Reading ``printhead/1`` files, with effects or without; of the catalogue, or of the user's own."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from inkjet_env.naming import check_name
 from inkjet_env.plant.augmented import AugmentedPrinthead
-from inkjet_env.plant.effect import Effect
+from inkjet_env.plant.effect import Effect, Values
 from inkjet_env.plant.effects import catalogue
+from inkjet_env.plant.registry import UnregisteredEffectError, known_effects, own_class, registered_effect
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.printhead import printhead_data
 
-FOLLOW_THE_ORDER = ("air_bubble", "thermal_drift")
-"""Effects that are nothing without knowing at which recording."""
+CLASS = r"\w+(\.\w+)*:\w[\w.<>]*"
+"""Of an effect of a user's own: module and class."""
 SLACK = 1e-9
 """By how much of itself a bound may be passed: a file keeps rounded numbers."""
 
@@ -29,10 +31,15 @@ def read_printhead(path: str | os.PathLike[str]) -> Printhead | AugmentedPrinthe
     ValueError
         What `Printhead.from_json` refuses; an effect that is not in the catalogue, a parameter that is missing or out
         of bounds. The message names the file.
+    UnregisteredEffectError
+        An effect of a user's own whose class is not registered in this process; see `inkjet_env.plant.register`. It is
+        a ``ValueError``.
     """
     data = printhead_data(path)
     try:
         return printhead_of(data)
+    except UnregisteredEffectError as error:
+        raise UnregisteredEffectError(f"{path}: {error}") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -45,14 +52,36 @@ def printhead_of(data: Mapping[str, Any]) -> Printhead | AugmentedPrinthead:
         return base
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise ValueError('effects must be a list of {"id", "parameters"}.')
-    known = {effect.id: effect for effect in catalogue()}
-    for entry in entries:
-        check_name("the id of an effect", entry.get("id"), known)
-    effects = tuple((known[entry["id"]], _values(known[entry["id"]], entry.get("parameters"))) for entry in entries)
-    ids = [effect.id for effect, _ in effects]
+    found = [_effect(entry) for entry in entries]
+    ids = [effect.id for effect in found]
     if len(set(ids)) < len(ids):
         raise ValueError(f"effects must each be there once; got {', '.join(ids)}.")
-    return AugmentedPrinthead(base, effects, _gains(data.get("fit")), _order(data, ids))
+    values = [_values(effect, entry.get("parameters")) for effect, entry in zip(found, entries, strict=True)]
+    effects = tuple(zip(found, values, strict=True))
+    return AugmentedPrinthead(base, effects, _gains(data.get("fit")), _order(data, effects))
+
+
+def _effect(entry: Mapping[str, Any]) -> Effect:
+    """The effect of the catalogue with an entry's id; where the entry names a class, the registered one."""
+    known = {effect.id: effect for effect in catalogue()}
+    effect_id = entry.get("id")
+    if "class" not in entry:
+        own = next((effect for effect in known_effects() if effect.id == effect_id), None)
+        if own is not None and effect_id not in known:
+            raise ValueError(f'effect {effect_id!r} is not of the catalogue: it needs "class": "{own_class(own)}".')
+        check_name("the id of an effect", effect_id, known)
+        return known[str(effect_id)]
+    named = entry["class"]
+    if not isinstance(named, str) or not re.fullmatch(CLASS, named):
+        raise ValueError(f'the "class" of an effect must read module:Class; got {str(named)[:40]!r}.')
+    if not isinstance(effect_id, str):
+        raise ValueError(f"the id of an effect must be a text; got {str(effect_id)[:40]!r}.")
+    if effect_id in known:
+        raise ValueError(
+            f"effect {effect_id!r} is one of the catalogue, yet the class {named} is named. Give that class an id of "
+            "its own and write the file again."
+        )
+    return registered_effect(effect_id, named)
 
 
 def _values(effect: Effect, parameters: Any) -> dict[str, float]:
@@ -91,9 +120,9 @@ def _gains(fit: Any) -> dict[str, float]:
     return gains
 
 
-def _order(data: Mapping[str, Any], ids: list[str]) -> int:
+def _order(data: Mapping[str, Any], effects: Sequence[tuple[Effect, Values]]) -> int:
     order = data.get("order")
-    if order is None and not set(ids) & set(FOLLOW_THE_ORDER):
+    if order is None and not any(effect.depends_on_order for effect, _ in effects):
         return 1
     if isinstance(order, bool) or not isinstance(order, int) or order < 1:
         raise ValueError(

@@ -75,7 +75,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The page as text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    from inkjet_env.plant import catalogue
+    from inkjet_env.plant.registry import known_effects
 
     environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
@@ -101,7 +101,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         whole=svg_text(figures.view_figure(proof, models, whole, zoom)),
         zoom=svg_text(figures.view_figure(proof, models, zoom)),
         effects=[(named, parameter_rows(named)) for named in diagnosis.effects],
-        catalogue={effect.id: effect for effect in catalogue()},
+        catalogue={effect.id: effect for effect in known_effects()},
         uncertain={effect_id for group in diagnosis.candidates for effect_id in group},
         told={a.ids[0]: a for a in diagnosis.attributions if len(a.ids) == 1},
         main=held_out[0] if held_out else None,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.plant import Effect, Parameter, Plant, Shot, catalogue
-from inkjet_env.plant.effect import SCALES, coordinates, switched_off, values_at
+from inkjet_env.plant.effect import SCALES, complete, coordinates, switched_off, values_at
 from inkjet_env.printhead import Printhead
 
 STAGES = {
@@ -170,3 +170,47 @@ def test_an_effect_of_ones_own_works_in_the_plant_and_is_not_in_the_catalogue():
     assert own.signal(shot) == pytest.approx(0.5 * base.signal(shot))
     assert replace(own, effects=()).signal(shot) == pytest.approx(base.signal(shot))
     assert "inverted" not in {effect.id for effect in EFFECTS}
+
+
+def changed_by(effect, shot):
+    """How much the effect at full strength changes a recording, offset apart: RMS over the recording's own."""
+    plain = Plant(HEAD).signal(shot)
+    values = complete(effect, **effect.example_values(HEAD, largest=float(np.abs(plain).max())))
+    change = Plant(HEAD, effects=((effect, values),)).signal(shot) - plain
+    return np.std(change) / np.std(plain)
+
+
+def test_example_values_are_within_bounds_and_change_a_recording_by_some_per_cent(effect):
+    values = complete(effect, **effect.example_values(HEAD))
+    for parameter in effect.parameters:
+        assert parameter.low <= values[parameter.name] <= parameter.high
+    pulse = replace(shots_of(HEAD)[0], order=20)
+    held = Shot("strain_gauge", "demagnetised", 0.05, np.repeat([0.0, 90.0], [20, 380]), 20)
+    if effect.random:
+        assert np.ptp(effect.nuisances(values, pulse)) > 0
+    else:
+        assert 4e-3 < max(changed_by(effect, shot) for shot in (pulse, held)) < 0.25
+
+
+def test_a_random_effect_has_columns_to_fit_and_no_other_has(effect):
+    values = complete(effect, **effect.example_values(HEAD))
+    assert any(effect.nuisances(values, shot) is not None for shot in shots_of(HEAD)) == effect.random
+
+
+def test_an_effect_that_declares_it_changes_with_the_order_and_no_other_does(effect):
+    shot = shots_of(HEAD)[0]
+    early, late = (changed_by(effect, replace(shot, order=order)) for order in (2, 20))
+    assert (early != late) == effect.depends_on_order
+
+
+def test_an_effect_that_declares_it_needs_a_neighbour_and_no_other_hears_one(effect):
+    shot = replace(shots_of(HEAD)[0], order=20)
+    alone, beside = changed_by(effect, replace(shot, neighbour_V=None, kept={})), changed_by(effect, shot)
+    assert (alone != beside) == effect.needs_neighbour
+    if effect.needs_neighbour:
+        assert alone == 0
+
+
+def test_what_a_fresh_drive_cannot_show_is_not_predictable():
+    unpredictable = {effect.id for effect in EFFECTS if not effect.predictable}
+    assert unpredictable == {"mains_hum", "baseline_drift", "crosstalk"}

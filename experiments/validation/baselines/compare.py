@@ -55,6 +55,7 @@ from experiments.validation.baselines.base_fit import base_fit, base_of, over_no
 from experiments.validation.baselines.narx import with_network
 from experiments.validation.baselines.sindy import said, sparse_force
 from experiments.validation.diagnosis_study import Case, cases, recorded, told
+from experiments.validation.synthetic_campaigns import effect_named
 from inkjet_env.mismatch import Diagnosis, diagnose
 from inkjet_env.mismatch.selection.discrepancy_regression import flexible_residual
 from inkjet_env.mismatch.selection.hypotheses import base_hypothesis
@@ -64,8 +65,6 @@ from inkjet_env.reporting.tables import print_table
 from inkjet_env.storage import write_json
 
 PEERS = ("base", "base, as diagnosed", "pysindy", "narx", "flexible", "diagnosis")
-BY_CHANCE = ("mains_hum", "baseline_drift")
-"""Differ from recording to recording: nothing foretells them."""
 
 
 def verdict_on(groups: Sequence[Sequence[str]], truth: Sequence[str]) -> str:
@@ -186,7 +185,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     effects = [case.effects[0] for case in cases("single", 1) if case.strength == "strong"]
-    names = ["nothing", *(name for name in effects if name not in BY_CHANCE)]
+    names = ["nothing", *(name for name in effects if not effect_named(name).random)]
     parser.add_argument("planted", nargs="*", metavar="EFFECT", help="only these; all, and nothing, unless given")
     parser.add_argument("--folder", type=Path, action="append", default=[], help="of measured recordings")
     parser.add_argument("--json", type=Path, help="write the table there too")

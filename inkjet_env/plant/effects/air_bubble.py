@@ -48,6 +48,7 @@ class AirBubble(Effect):
     signature = "recordings before the onset fit the base model, those after it all show the same other resonances"
     confusable_with = ("thermal_drift", "second_mode")
     shown_by = "one recording repeated through the whole session"
+    depends_on_order = True
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         orders = sorted({shot.order for shot in shots if shot.fast})
@@ -65,6 +66,15 @@ class AirBubble(Effect):
             for onset in onsets
             for detuned, guess in ((1.0, 0.5), (0.0, 0.5), (0.0, 1.7))
         ]
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {
+            "onset_order": 14.5,
+            "frequency_change": -0.01,
+            "bubble_frequency_Hz": 0.6 * printhead.frequency_Hz,
+            "bubble_damping_ratio": 0.1,
+            "bubble_strength": 0.05,
+        }
 
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
         orders = sorted({shot.order for shot in shots if shot.fast})

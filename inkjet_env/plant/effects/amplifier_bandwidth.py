@@ -36,6 +36,9 @@ class AmplifierBandwidth(Effect):
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         return low_pass_starts(printhead)
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"bandwidth_Hz": 6 * printhead.frequency_Hz}
+
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 

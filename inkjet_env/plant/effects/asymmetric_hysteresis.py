@@ -58,6 +58,9 @@ class AsymmetricHysteresis(Effect):
         sizes = {"asymmetry": 0.03, "bending": 0.03, "arching": 0.03, "lean": 0.1, "tilt": 0.2}
         return [*(off | {name: size} for name, size in sizes.items()), off | {"asymmetry": 0.05} | knee]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"asymmetry": 0.03, "bending": 0.02}
+
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
         return {"knee_V": (0.0, 0.5 * printhead.full_scale_V)}
 

@@ -33,9 +33,13 @@ class BaselineDrift(Effect):
     signature = "there with zero drive; much slower than the resonance; repeats differ by it"
     confusable_with = ("mains_hum", "creep")
     shown_by = "recordings of zero drive, some at the session's start and some at its end"
+    random = True
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         return [{"amplitude": 1.0, "degree": float(degree)} for degree in DEGREES]
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"amplitude": 2.0 * noise_rms}
 
     def told(self, values: Values, unit: str = "V") -> str:
         return (

@@ -56,6 +56,9 @@ class Creep(Effect):
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         return [complete(self, creep_per_decade=0.02, onset_s=onset_s) for onset_s in (0.1, 0.01, 1.0)]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"creep_per_decade": 0.015, "onset_s": 0.1}
+
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
         slow = [shot for shot in shots if not shot.fast] or shots
         times_s = min(shot.step_s for shot in slow), max(shot.samples * shot.step_s for shot in slow)

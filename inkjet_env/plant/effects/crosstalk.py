@@ -50,6 +50,7 @@ class Crosstalk(Effect):
     signature = "coherent with the neighbour's drive; there while the head's own drive rests"
     confusable_with = ("feedthrough",)
     shown_by = "the neighbour alone driven, and both together (column neighbour_V)"
+    needs_neighbour = True
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         heard = [s for s in shots if s.channel != "drive_monitor" and s.neighbour_V is not None]
@@ -62,6 +63,9 @@ class Crosstalk(Effect):
             off | {"electrical": MIDDLING * answers / rises},
             off | {"direct": MIDDLING * answers / drives},
         ]
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"mechanical": 0.03}
 
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         neighbours = [shot.neighbour_V for shot in shots if shot.neighbour_V is not None]

@@ -40,6 +40,9 @@ class CubicStiffness(Effect):
         stiffening = shift * 8 / 3 / reach_V(printhead, shots) ** 2
         return [{"stiffening_per_V2": sign * stiffening} for sign in (1.0, -1.0)]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"stiffening_per_V2": 1.2e-6}
+
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 

@@ -51,6 +51,9 @@ class Feedthrough(Effect):
             {"capacitive_s": 0.0, "lossy": MIDDLING * size / drive, "lag_s": 0.0},
         ]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"capacitive_s": 0.01 * printhead.b1 / printhead.a0, "lossy": 2e-4}
+
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         if any(shot.channel == "self_sensing" and np.ptp(shot.drive_V) > 0 for shot in shots):
             return None

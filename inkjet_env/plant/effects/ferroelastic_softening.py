@@ -61,6 +61,9 @@ class FerroelasticSoftening(Effect):
         at_once = [complete(self, softening_per_V=shift / max(1.0, q), loss_ratio=q) for q in ratios]
         return [slips, *at_once]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"softening_per_V": 1.5e-4, "loss_ratio": 0.5}
+
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 

@@ -43,6 +43,7 @@ class MainsHum(Effect):
     signature = "there with zero drive; its phase is another in every recording, so repeats differ by it"
     confusable_with = ("baseline_drift",)
     shown_by = "a recording of zero drive over several periods of the mains"
+    random = True
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         seen = [float(line) for shot in shots for line in shot.kept.get("lines_Hz", ())]
@@ -57,6 +58,9 @@ class MainsHum(Effect):
             for multiples in (1, MULTIPLES)
             for f in guesses[:MOST_STARTS]
         ]
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"frequency_Hz": 0.9 * printhead.frequency_Hz, "multiples": 1.0, "amplitude": 2.0 * noise_rms}
 
     def told(self, values: Values, unit: str = "V") -> str:
         return (
@@ -75,6 +79,11 @@ class MainsHum(Effect):
         # Sampled less than twice a period, one may look like another, or like nothing.
         own = np.abs(np.diag(np.linalg.qr(waves, mode="r")))
         return waves[:, own > LEAST_OWN * np.sqrt(shot.samples)]
+
+    def random_amplitudes(self, count: int, rng: np.random.Generator) -> Real:
+        """Of length 1: as loud in every recording, in any phase."""
+        drawn: Real = rng.standard_normal(count)
+        return drawn / np.float64(np.linalg.norm(drawn))
 
 
 def _shows(shot: Shot, frequency_Hz: float) -> bool:

@@ -61,6 +61,9 @@ class MeniscusRefill(Effect):
                 found.append(off | swings)
         return found
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"recovery_s": 6 * (1 / printhead.frequency_Hz), "stiffness_change": 0.02}
+
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
         longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=1.0)
         shortest_s = 0.3 / printhead.frequency_Hz

@@ -38,6 +38,9 @@ class QuadraticDamping(Effect):
         damping = 0.1 * printhead.damping_ratio * 3 * math.pi / 4 / reach_V(printhead, shots)
         return [{"damping_per_V": damping}]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"damping_per_V": 2e-4}
+
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return too_slow(shots)
 

@@ -74,6 +74,9 @@ class RateDependentHysteresis(Effect):
         ]
         return [*grown, *others, off | {"relaxation_s": settling_s, "rate_V_s": highest}]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"growth": 0.06, "rate_V_s": 100.0}
+
     def told(self, values: Values, unit: str = "V") -> str:
         said = []
         growth = values["growth"] * math.log(10)

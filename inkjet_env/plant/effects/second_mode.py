@@ -67,6 +67,9 @@ class SecondMode(Effect):
             if guess * printhead.frequency_Hz < highest_Hz
         ]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"frequency_Hz": 1.7 * printhead.frequency_Hz, "damping_ratio": 0.04, "strength": 0.02}
+
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
         return {"frequency_Hz": resolved_Hz(shots)}
 

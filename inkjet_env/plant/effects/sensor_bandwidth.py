@@ -31,6 +31,9 @@ class SensorBandwidth(Effect):
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         return low_pass_starts(printhead)
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"bandwidth_Hz": 6 * printhead.frequency_Hz}
+
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return None if any(shot.fast for shot in shots) else "no recording is fast enough to show the resonance"
 

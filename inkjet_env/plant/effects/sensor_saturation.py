@@ -55,6 +55,9 @@ class SensorSaturation(Effect):
             for part, hardness in GUESSES
         ]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"limit": 0.75 * largest, "hardness": 6.0}
+
     def untestable(self, shots: Sequence[Shot]) -> str | None:
         return None if any(shot.fast for shot in shots) else "no recording is of a fast sensor"
 

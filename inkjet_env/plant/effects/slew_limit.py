@@ -58,6 +58,9 @@ class SlewLimit(Effect):
         lags_s = [lag / printhead.frequency_Hz for lag in LAGS]
         return [{"slew_rate_V_s": float(limit), "lag_s": lag_s} for lag_s in lags_s for limit in limits]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"slew_rate_V_s": 450.0 * printhead.frequency_Hz}
+
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
         steepest = max((float(np.abs(np.diff(s.drive_V)).max()) / s.step_s for s in shots if s.fast), default=0.0)
         return {"slew_rate_V_s": (1.0, LINEAR * steepest)} if steepest > 1.0 else {}

@@ -51,6 +51,7 @@ class ThermalDrift(Effect):
     signature = "width and pitch of the resonance follow the order of the recordings, whatever their drives"
     confusable_with = ("air_bubble", "meniscus_refill", "quadratic_damping")
     shown_by = "one recording repeated through the whole session, amplitudes in random order"
+    depends_on_order = True
 
     def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
         places = np.arange(1, KNOTS + 1) / KNOTS
@@ -61,6 +62,11 @@ class ThermalDrift(Effect):
             for name, size in (("frequency", 0.1 * printhead.damping_ratio), ("damping", 0.1))
             for course in courses
         ]
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        places = range(1, KNOTS + 1)
+        frequency = {f"frequency_{k}": -0.01 * k / KNOTS + 0.012 * k * (KNOTS - k) / KNOTS**2 for k in places}
+        return {"last_order": 29.0, **frequency, **{f"damping_{k}": -0.1 * k / KNOTS for k in places}}
 
     def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
         last = last_order(shots)

@@ -37,6 +37,9 @@ class TriggerDelay(Effect):
         sizes = {periods * period_s for periods in PERIODS} | {samples * step_s for samples in SAMPLES}
         return [{"delay_s": sign * size} for size in sorted(sizes - {0.0}) for sign in (1, -1)]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"delay_s": 0.03 * (1 / printhead.frequency_Hz)}
+
     def told(self, values: Values, unit: str = "V") -> str:
         delay_s = values["delay_s"]
         when = "later" if delay_s > 0 else "earlier"

@@ -65,6 +65,9 @@ class WaveEcho(Effect):
         delays_s = [guess * period_s for guess in GUESSES if guess * period_s < longest_s] or [longest_s / 2]
         return [complete(self, delay_s=delay_s, strength=0.03) for delay_s in delays_s]
 
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"delay_s": 2.6 * (1 / printhead.frequency_Hz), "strength": 0.06}
+
     def superposed(
         self, printhead: Printhead, shots: Sequence[Shot]
     ) -> tuple[list[dict[str, float]], list[dict[str, float]], csr_array]:
