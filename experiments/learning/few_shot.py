@@ -27,11 +27,11 @@ from experiments.learning.few_shot_tuners import (
 from experiments.learning.heads import TEST_SEED, Heads, Real
 from experiments.learning.repeated_training import (
     Arrays,
-    behind,
     best_costs_V,
     each,
     kept_arrays,
     kept_policy,
+    median_difference,
     median_of,
     over,
     run_command,
@@ -139,7 +139,7 @@ def study(
         row: dict[str, Any] = {"name": name, "learning": learning[name], "trainings": len(regret_V)}
         row["after"] = {str(count): median_of(regret_V[..., count - 1], rng) for count in counts}
         if name != REFERENCE:
-            row["behind"] = behind(regret_V[..., -1], regrets_V[REFERENCE][..., -1], rng)
+            row["behind"] = median_difference(regret_V[..., -1], regrets_V[REFERENCE][..., -1], rng)
         rows.append(row)
     content = {
         "format": FORMAT,

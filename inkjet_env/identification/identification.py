@@ -9,19 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from inkjet_env.estimate import Estimate
 from inkjet_env.identification.degree import DegreeChoice
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value and its 90 % confidence interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +65,7 @@ class Identification:
     ----------
     printhead : Printhead
     dynamics : dict of str to Estimate
-        ``a0, a1, b1``.
+        ``a0, a1, b1``, with 90 % confidence intervals.
     gains : dict of str to Estimate
         Of each channel: ``b1`` of self-sensing; units per hysteretic volt of strain gauge and displacement (``b0/a0``).
     offsets : dict of str to float

@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from inkjet_env.estimate import Estimate
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.covariance import Solution
 from inkjet_env.identification.degree import CHANCE_F
 from inkjet_env.identification.fit import Fit
-from inkjet_env.identification.identification import Estimate, Identification, Residual
+from inkjet_env.identification.identification import Identification, Residual
 from inkjet_env.identification.model import Model
 from inkjet_env.identification.starting_point import ringing_gain
 from inkjet_env.printhead import Printhead

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.identification.identification import Estimate
+from inkjet_env.estimate import Estimate
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.plant import Effect

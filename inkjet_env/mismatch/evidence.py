@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inkjet_env.identification.identification import Estimate
+from inkjet_env.estimate import Estimate
 from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.mismatch.diagnosis import Attribution, Named, Trace
 from inkjet_env.mismatch.fitting.joint_fit import JointFit

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from inkjet_env.identification import Estimate
+from inkjet_env.estimate import Estimate
 from inkjet_env.mismatch.settings import FORETOLD_POORLY, LEFT_OVER
 from inkjet_env.reporting import diagnosis_figures as figures
 from inkjet_env.reporting.diagnosis_figures import Row, augmented

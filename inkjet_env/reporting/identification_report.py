@@ -13,7 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from inkjet_env.identification import Estimate, Identification, NoiseModel, Residual
+from inkjet_env.estimate import Estimate
+from inkjet_env.identification import Identification, NoiseModel, Residual
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.reporting import identification_figures as figures
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, hertz, interval_text, short, unit_text

@@ -8,7 +8,7 @@ import pytest
 
 from inkjet_env import mismatch
 from inkjet_env.cli.drive_csv import read_drive
-from inkjet_env.identification import Estimate
+from inkjet_env.estimate import Estimate
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
 from inkjet_env.mismatch.diagnosis import Diagnosis, Named, Trace
 from inkjet_env.mismatch.localization.location import Location

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.identification import Estimate
+from inkjet_env.estimate import Estimate
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
 from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Named, Trace
 from inkjet_env.mismatch.localization.location import Location

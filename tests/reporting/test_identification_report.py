@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from inkjet_env.identification import Estimate, identify
+from inkjet_env.estimate import Estimate
+from inkjet_env.identification import identify
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
