@@ -4,8 +4,9 @@ from inkjet_env.estimate import Estimate
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.identification.degree import DegreeChoice
 from inkjet_env.identification.evaluate import Evaluation, evaluate
-from inkjet_env.identification.identification import Identification, Residual
+from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.identify import identify
+from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.noise import NoiseModel
 
 __all__ = [
@@ -13,8 +14,8 @@ __all__ = [
     "Estimate",
     "Evaluation",
     "Identification",
+    "ModelledRecording",
     "NoiseModel",
-    "Residual",
     "evaluate",
     "identify",
     "in_convention",

@@ -33,13 +33,15 @@ NOISE_TOLERANCE = 1.05
 residual."""
 
 
-class Fit:
+class CampaignFit:
     """One fit of a campaign, its branch law of one full scale; parameters as of `identify`.
 
     Attributes
     ----------
     all, train, gauge, fast : sequence of Measurement
         Every recording; those with fitted samples; of these, where the drive moves, the strain gauge's and the others.
+    orders : dict of str to int
+        When each recording was taken within the session, by its name.
     full_scale_V, reached_V : float
         Change of drive at ``x = 1``, and the largest that was fitted.
     noise : dict
@@ -69,6 +71,7 @@ class Fit:
     ) -> None:
         self.degree_given, self.degree_rule, self.valid_density = degree, degree_rule, valid_density
         self.all = measurements(campaign, held_out)
+        self.orders = {recording.name: recording.order for recording in campaign.recordings}
         self.notes: list[str] = []
         self.noise = noise_of(self.all)
         lost = {key: noise.lost for key, noise in self.noise.items()}
@@ -121,7 +124,7 @@ class Fit:
         return self.solution.chi_square + 2 * scale + CHANCE_F * self.solution.model.weights.size
 
     def widen(self) -> None:
-        """Fit again with channels whose residual exceeds their noise weighed by it, and intervals widened."""
+        """CampaignFit again with channels whose residual exceeds their noise weighed by it, and intervals widened."""
         self.loudness = {channel: rms for channel, rms in self.misfit.items() if rms > self._tolerance(channel)}
         if not self.loudness:
             return
