@@ -248,7 +248,7 @@ def perform(key: RunKey, settings: BenchSettings) -> Ended:
     asked.read(np.zeros((1, 7)), seed)  # nobody's run is charged with loading the compiled code
     if asked.has_gradient:
         asked.evaluate_with_gradient(np.zeros((1, 7)))
-    objective = asked.told(seed)
+    objective = asked.as_measured(seed)
     begin_s = time.perf_counter()
     try:
         budget = settings.budget_of(key.optimizer)

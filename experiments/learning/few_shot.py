@@ -17,7 +17,7 @@ import numpy as np
 from experiments.learning.few_shot_tuners import (
     SCRATCH,
     Agent,
-    Tuner,
+    TuningStrategy,
     for_all,
     kept_costs_V,
     lists,
@@ -76,7 +76,7 @@ def tested(
             names = TuneWaveformVectorEnv(1, tries=tries).tuning.observation_names()
             train = functools.partial(trained_agent, evaluations, tries, seed)
             policy = kept_policy(folder / f"{file}.npz", asked, train, names)
-            tuners: dict[str, Tuner] = {AGENT: Agent(policy)}
+            tuners: dict[str, TuningStrategy] = {AGENT: Agent(policy)}
             spent = int(policy.made["evaluations"])
         elif way == FOR_ALL:
             tuners, spent = for_all(heads, tries, seed)

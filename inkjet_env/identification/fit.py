@@ -13,7 +13,7 @@ from inkjet_env.identification.constrained import density_constraints
 from inkjet_env.identification.covariance import Solution
 from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE, DegreeChoice, choose_degree
 from inkjet_env.identification.linearised import linearised_blocks
-from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
+from inkjet_env.identification.measurements import RepeatedMeasurement, least_noise, measurements, noise_of
 from inkjet_env.identification.model import Fitted, Model
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.identification.separable import fit_everything
@@ -38,7 +38,7 @@ class CampaignFit:
 
     Attributes
     ----------
-    all, train, gauge, fast : sequence of Measurement
+    all, train, gauge, fast : sequence of RepeatedMeasurement
         Every recording; those with fitted samples; of these, where the drive moves, the strain gauge's and the others.
     orders : dict of str to int
         When each recording was taken within the session, by its name.
@@ -141,7 +141,7 @@ class CampaignFit:
         samples = sum(m.fitted for m in self.train if m.channel == channel)
         return NOISE_TOLERANCE + 3 / math.sqrt(2 * samples)
 
-    def fitted(self, chosen: Sequence[Measurement], degree: int) -> list[Fitted]:
+    def fitted(self, chosen: Sequence[RepeatedMeasurement], degree: int) -> list[Fitted]:
         """Recordings with their bases of one degree."""
         return [
             Fitted(
@@ -298,7 +298,7 @@ def _band_rms(fitted: Sequence[Fitted], model: Model) -> float:
     return math.sqrt(shared / power) if power > 0 else 1.0
 
 
-def _largest_change_V(measured: Sequence[Measurement]) -> float:
+def _largest_change_V(measured: Sequence[RepeatedMeasurement]) -> float:
     """The largest argument of the branch law, in volts, to three digits: a sampled sine misses its top by a hair.
 
     The virgin curve's is twice the drive; of a periodic drive only a level shows it, and self-sensing has none.
