@@ -6,8 +6,9 @@ import operator
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from inkjet_env.typing import Real
+Real = NDArray[np.float64]  # not from inkjet_env: whoever wants an optimiser alone imports no Gymnasium
 
 
 class Optimizer:

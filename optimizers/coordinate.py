@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from optimizers.base import Real, checked_count
-from optimizers.inverted import InvertedOptimizer
+from optimizers.callback import CallbackOptimizer
 
 FINEST = 1e-3
 """Half width of a scan, in parts of the box's, below which nobody reads a generator's display."""
@@ -13,7 +13,7 @@ DIGITS = 9
 """Points that agree so far are one; scans that share a value compute it differently."""
 
 
-class Coordinate(InvertedOptimizer):
+class Coordinate(CallbackOptimizer):
     """Coordinate search: a parameter is scanned, its best value kept, and the next one is scanned.
 
     The usual way to tune a jetting waveform: pulse widths and voltages one after another, a scan over the whole range

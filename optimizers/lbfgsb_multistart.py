@@ -5,10 +5,10 @@ from __future__ import annotations
 from scipy import optimize
 
 from optimizers.base import Real
-from optimizers.inverted import InvertedOptimizer
+from optimizers.callback import CallbackOptimizer
 
 
-class LbfgsbMultistart(InvertedOptimizer):
+class LbfgsbMultistart(CallbackOptimizer):
     """L-BFGS-B on the exact gradient from uniform random starts, one after the other, until the budget is spent.
 
     By `scipy.optimize.minimize`; Byrd, Lu, Nocedal & Zhu, SIAM J. Sci. Comput. 16 (1995) 1190. An evaluation gives

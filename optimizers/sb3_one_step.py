@@ -13,14 +13,14 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from optimizers.base import Real, checked_count
-from optimizers.inverted import InvertedOptimizer
+from optimizers.callback import CallbackOptimizer
 from optimizers.process_randomness import OwnRandomness
 
 
 class OneStepEnvs(VecEnv):
     """Side by side, tasks of one step: the action is a point, the reward minus its cost, the observation constant."""
 
-    def __init__(self, optimizer: InvertedOptimizer, tasks: int) -> None:
+    def __init__(self, optimizer: CallbackOptimizer, tasks: int) -> None:
         box = spaces.Box(-1.0, 1.0, (optimizer.dimension,), np.float32)
         super().__init__(tasks, spaces.Box(0.0, 1.0, (1,), np.float32), box)
         self._optimizer = optimizer
@@ -60,7 +60,7 @@ class OneStepEnvs(VecEnv):
         return [False] * self.num_envs
 
 
-class _OneStepLearner(InvertedOptimizer):
+class _OneStepLearner(CallbackOptimizer):
     """Training is the search: every training episode is an evaluation of the budget, and there are no others."""
 
     def __init__(self, dimension: int, budget: int, seed: int, *, tasks: int) -> None:

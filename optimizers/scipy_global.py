@@ -7,12 +7,12 @@ from typing import Any
 from scipy import optimize
 
 from optimizers.base import Real, checked_count
-from optimizers.inverted import InvertedOptimizer
+from optimizers.callback import CallbackOptimizer
 
 ENDLESS = 10**9
 
 
-class _ScipyOptimizer(InvertedOptimizer):
+class _ScipyOptimizer(CallbackOptimizer):
     def _cost(self, point: Real) -> float:
         return float(self.evaluate(point[None, :])[0])
 

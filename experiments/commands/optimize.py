@@ -145,7 +145,7 @@ def chosen_problem(
     from dataclasses import replace
 
     from experiments.benchmark.suite import problem
-    from inkjet_env.printhead.hysteresis import laps_before_recording
+    from inkjet_env.printhead.hysteresis import periods_before_recording
     from inkjet_env.printhead.printhead import check_window
 
     base = problem("nominal" if name is None else name)
@@ -157,7 +157,7 @@ def chosen_problem(
     if window_s is not None:
         changes["window_s"] = check_window(window_s)
     if initial_state is not None:
-        laps_before_recording(initial_state)  # raises where the name is unknown
+        periods_before_recording(initial_state)  # raises where the name is unknown
         changes["initial_state"] = initial_state
     return replace(base, name="custom", **changes) if changes else base
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from experiments.benchmark.metrics import Places, crossed_bootstrap
-from experiments.learning.heads import TEST_SEED, Heads, Real, drawn
+from experiments.learning.heads import TEST_SEED, Heads, drawn
 from experiments.learning.learners import LEARNERS, Begun, Table, one_waveform, table_of, tuned_costs_V
 from experiments.learning.repeated_training import (
     RESAMPLES,
@@ -38,6 +38,7 @@ from experiments.learning.repeated_training import (
     spread_of,
 )
 from inkjet_env.storage import json_text, write_atomically
+from inkjet_env.typing import Real
 
 FORMAT = "amortised/3"
 TITLE = "Learning over heads"

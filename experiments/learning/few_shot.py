@@ -24,7 +24,7 @@ from experiments.learning.few_shot_tuners import (
     scratch,
     trained_agent,
 )
-from experiments.learning.heads import TEST_SEED, Heads, Real
+from experiments.learning.heads import TEST_SEED, Heads
 from experiments.learning.repeated_training import (
     Arrays,
     best_costs_V,
@@ -40,6 +40,7 @@ from experiments.learning.repeated_training import (
 )
 from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
 from inkjet_env.storage import json_text, write_atomically
+from inkjet_env.typing import Real
 
 FORMAT = "few-tries/3"
 TITLE = "A few tries on an unknown head"

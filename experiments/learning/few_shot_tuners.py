@@ -9,12 +9,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.learning.heads import TRAIN_SEED, Heads, Real, drawn, stretched, the_task
+from experiments.learning.heads import TRAIN_SEED, Heads, drawn, stretched, the_task
 from experiments.learning.learners import HIDDEN, labelled, let_learn
 from experiments.learning.policies import Policy, policy_of_sb3
 from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_UPPER
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
-from inkjet_env.envs.tuning import TIME_SCALE_S
+from inkjet_env.envs.waveform_tuning_task import TIME_SCALE_S
+from inkjet_env.typing import Real
 
 MIDDLE = np.zeros((1, 4))
 """The middle of the heads, as the environment shows it: what waveforms of a list are made for."""

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from experiments.learning.heads import TRAIN_SEED, Heads, OneHead, Real, descended, drawn, stretched
+from experiments.learning.heads import TRAIN_SEED, Heads, OneHead, descended, drawn, stretched
 from experiments.learning.policies import Policy, policy_of_layers, policy_of_sb3
+from inkjet_env.typing import Real
 
 HIDDEN = (128, 128)
 LABELLING_STARTS = 4

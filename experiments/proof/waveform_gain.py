@@ -27,7 +27,7 @@ class Objective(Protocol):
 
 
 @dataclass(frozen=True)
-class OnThePlant:
+class PlantObjective:
     """The peak cost of the concealed plant itself.
 
     Attributes
@@ -58,7 +58,7 @@ def reoptimised(
         The concealed one.
     seed : int
     """
-    truly = OnThePlant(plant)
+    truly = PlantObjective(plant)
     first = searched(Problem("base", base), seed, ())
     found = {"base": first}
     for name, objective in (("augmented", Problem("augmented", augmented)), ("oracle", truly)):

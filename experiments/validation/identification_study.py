@@ -109,10 +109,10 @@ def unit_response(a0: float, a1: float, input_V: Real, recording: Recording) -> 
     from scipy.signal import cont2discrete, lfilter
 
     numerator, denominator, _ = cont2discrete(([1.0, 0.0], [1.0, a1, a0]), recording.step_s, method="foh")
-    laps = 1
+    warm_up_periods = 1
     if recording.initial_state == "periodic":
-        laps += math.ceil(2 * math.log(1e6) / a1 / (recording.step_s * input_V.size))
-    answer = lfilter(numerator[0], denominator, np.tile(input_V - input_V[0], laps))
+        warm_up_periods += math.ceil(2 * math.log(1e6) / a1 / (recording.step_s * input_V.size))
+    answer = lfilter(numerator[0], denominator, np.tile(input_V - input_V[0], warm_up_periods))
     return np.asarray(answer[-input_V.size :])
 
 

@@ -12,8 +12,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from inkjet_env.envs.bipolar_waveform import check_no_options, check_render_mode, warn_of_no_render_mode
-from inkjet_env.envs.many_heads import ManyHeads
-from inkjet_env.envs.tuning import Tuning
+from inkjet_env.envs.lockstep_vector_env import LockstepVectorEnv
+from inkjet_env.envs.waveform_tuning_task import WaveformTuningTask
 
 TRIES, PEAKS, NOISE_V = 10, 8, 0.05
 
@@ -70,7 +70,7 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         **options: Any,
     ) -> None:
         self.render_mode = _only_arrays(render_mode)
-        self.tuning = Tuning(1, tries, peaks, noise=noise, **options)
+        self.tuning = WaveformTuningTask(1, tries, peaks, noise=noise, **options)
         self.action_space = self.tuning.action_space()
         self.observation_space = self.tuning.observation_space()
         self._awaits_action = False
@@ -102,7 +102,7 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         return _pictures(self.tuning)[0]
 
 
-class TuneWaveformVectorEnv(ManyHeads):
+class TuneWaveformVectorEnv(LockstepVectorEnv):
     """N single environments, number for number; see `TuneWaveformEnv` and `BipolarWaveformVectorEnv`.
 
     All episodes end in the same step and the next ones begin in it. ``infos["final_obs"]`` and ``infos["final_info"]``
@@ -133,7 +133,7 @@ class TuneWaveformVectorEnv(ManyHeads):
         **options: Any,
     ) -> None:
         super().__init__(num_envs, render_mode)
-        self.tuning = Tuning(self.num_envs, tries, peaks, noise=noise, **options)
+        self.tuning = WaveformTuningTask(self.num_envs, tries, peaks, noise=noise, **options)
         self.single_action_space = self.tuning.action_space()
         self.single_observation_space = self.tuning.observation_space()
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -184,7 +184,7 @@ def _only_arrays(render_mode: str | None) -> str | None:
     return render_mode
 
 
-def _pictures(tuning: Tuning) -> tuple[NDArray[np.uint8], ...]:
+def _pictures(tuning: WaveformTuningTask) -> tuple[NDArray[np.uint8], ...]:
     from inkjet_env.envs.rendering import picture
 
     waveforms = tuning.task.bounds.from_unit(np.clip(tuning.fired, -1.0, 1.0)) if tuning.done else [None] * tuning.count

@@ -11,12 +11,12 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from inkjet_env.envs.bipolar_waveform import check_no_options, warn_of_no_render_mode
-from inkjet_env.envs.many_heads import ManyHeads
+from inkjet_env.envs.lockstep_vector_env import LockstepVectorEnv
 from inkjet_env.envs.task import make_task
 from inkjet_env.typing import Real
 
 
-class BipolarWaveformVectorEnv(ManyHeads):
+class BipolarWaveformVectorEnv(LockstepVectorEnv):
     """N single environments, number for number: seeded with ``s``, they are N environments seeded ``s … s + N − 1``.
 
     Every step ends all episodes and begins the next ones (autoreset in the same step). As Gymnasium does it, the ended

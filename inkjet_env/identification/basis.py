@@ -28,7 +28,7 @@ class DriveBasis:
     pieces : ndarray, shape (p, 6)
         Of the recorded lap; for a periodic drive with the way back from the last sample to the first.
     level_V : ndarray, shape (d,)
-        ``φ_j`` at the first sample: what the virgin curve, and the laps before, have left.
+        ``φ_j`` at the first sample: what the virgin curve, and the warm-up periods before it, have left.
     samples : int
     step_s : float
     initial_state : str

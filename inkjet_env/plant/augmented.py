@@ -17,7 +17,7 @@ from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
 from inkjet_env.printhead import PeakCost, Printhead, SampledResponse, Waveform, as_waveform_array, check_name
-from inkjet_env.printhead.hysteresis import laps_before_recording
+from inkjet_env.printhead.hysteresis import periods_before_recording
 from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, check_window
 from inkjet_env.printhead.sampled import check_samples
 from inkjet_env.storage import write_json
@@ -158,7 +158,7 @@ class AugmentedPrinthead:
         first = Shot("self_sensing", "demagnetised", step_s, at_nodes_V[::PARTS], self.order, parts=PARTS)
         first.kept["drive"] = at_nodes_V[: first.nodes]
         before = first
-        if laps_before_recording(initial_state) > 0:
+        if periods_before_recording(initial_state) > 0:
             before = replace(first, initial_state="periodic", kept={"drive": at_nodes_V})
         try:
             drive_V = plant.at_ceramic_V(before)

@@ -10,7 +10,9 @@ _jit = kernel_jit(__file__, fastmath={"reassoc"})
 
 
 @_jit
-def rated_plays(drive_V, measure, growth, widening_V, relaxation, thresholds_V, weights, laps, states_V, output_V):
+def rated_plays(
+    drive_V, measure, growth, widening_V, relaxation, thresholds_V, weights, warm_up_periods, states_V, output_V
+):
     """Weighted plays whose thresholds follow a measure of the rate and which may lag, from the demagnetised state.
 
     Parameters
@@ -24,7 +26,7 @@ def rated_plays(drive_V, measure, growth, widening_V, relaxation, thresholds_V, 
     relaxation : float
         Time constant, in steps, with which a play goes to where it should be; 0: at once.
     thresholds_V, weights : ndarray, shape (k,)
-    laps : int
+    warm_up_periods : int
         The last one stays.
     states_V : ndarray, shape (k,)
         Scratch.
@@ -33,7 +35,7 @@ def rated_plays(drive_V, measure, growth, widening_V, relaxation, thresholds_V, 
     """
     states_V[:] = 0.0
     output_V[0] = _played(drive_V[0], growth, widening_V, measure[0], thresholds_V, weights, states_V)
-    for _ in range(laps):
+    for _ in range(warm_up_periods):
         for i in range(1, drive_V.shape[0]):
             if relaxation > 0.0:
                 output_V[i] = _followed(
@@ -51,7 +53,7 @@ def rated_plays(drive_V, measure, growth, widening_V, relaxation, thresholds_V, 
                 output_V[i] = _played(drive_V[i], growth, widening_V, measure[i], thresholds_V, weights, states_V)
             else:
                 output_V[i] = output_V[i - 1]
-        if laps > 1:
+        if warm_up_periods > 1:
             output_V[0] = output_V[-1]  # a drive that repeats ends where it began
 
 
@@ -97,7 +99,7 @@ def _followed(u, later, growth, widening_V, measure, relaxation, thresholds_V, w
 
 
 @_jit
-def leaning_plays(drive_V, lean, tilt, thresholds_V, weights, laps, states_V, output_V):
+def leaning_plays(drive_V, lean, tilt, thresholds_V, weights, warm_up_periods, states_V, output_V):
     """Weighted plays between branches of unequal slopes, from the demagnetised state.
 
     Parameters
@@ -108,7 +110,7 @@ def leaning_plays(drive_V, lean, tilt, thresholds_V, weights, laps, states_V, ou
     tilt : float
         The same in proportion to the threshold r, per volt: ``(1 ± r tilt) u``.
     thresholds_V, weights : ndarray, shape (k,)
-    laps : int
+    warm_up_periods : int
         The last one stays.
     states_V : ndarray, shape (k,)
         Scratch.
@@ -116,7 +118,7 @@ def leaning_plays(drive_V, lean, tilt, thresholds_V, weights, laps, states_V, ou
         Filled; where the branches have crossed, a play follows ``u``.
     """
     states_V[:] = 0.0
-    for _ in range(laps):
+    for _ in range(warm_up_periods):
         for i in range(drive_V.shape[0]):
             u = drive_V[i]
             apart, less = lean * u, 1.0 - tilt * u
@@ -130,10 +132,10 @@ def leaning_plays(drive_V, lean, tilt, thresholds_V, weights, laps, states_V, ou
 
 
 @_jit
-def played(signal, threshold, laps, output):
+def played(signal, threshold, warm_up_periods, output):
     """One play of a signal, from a state of 0; the last lap stays."""
     w = 0.0
-    for _ in range(laps):
+    for _ in range(warm_up_periods):
         for i in range(signal.shape[0]):
             w = max(signal[i] - threshold, min(signal[i] + threshold, w))
             output[i] = w

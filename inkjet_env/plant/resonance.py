@@ -85,10 +85,10 @@ class Echo:
         lap_s = self.delay_s + self.second_delay_s
         around = heard(signal, lap_s, 2)
         total = wave = first + r2 / r1 * heard(signal, self.second_delay_s, 1) + 2 * r2 * around
-        laps = math.ceil(math.log(FAINT) / math.log(max(abs(r1 * r2), FAINT)))
+        warm_up_periods = math.ceil(math.log(FAINT) / math.log(max(abs(r1 * r2), FAINT)))
         if not periodic:
-            laps = min(laps, int(signal.size * step_s / lap_s))
-        for _ in range(laps):
+            warm_up_periods = min(warm_up_periods, int(signal.size * step_s / lap_s))
+        for _ in range(warm_up_periods):
             wave = r1 * r2 * heard(wave, lap_s, 2)
             total = total + wave
         return self.strength * total

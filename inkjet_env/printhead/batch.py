@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from inkjet_env.naming import check_name
 from inkjet_env.printhead import compiled, compiled_edges
 from inkjet_env.printhead.cost import PeakCost
-from inkjet_env.printhead.hysteresis import laps_before_recording
+from inkjet_env.printhead.hysteresis import periods_before_recording
 from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, Printhead, check_period, check_window
 from inkjet_env.printhead.waveform import Waveform, as_waveform_array
 from inkjet_env.typing import Real
@@ -125,7 +125,7 @@ def _cost_settings(cost: PeakCost) -> tuple[float, float, int, float, float]:
 
 def _memory(initial_state: str, hysteresis: str) -> tuple[int, bool]:
     check_name("hysteresis", hysteresis, ("full_memory", "one_point"))
-    return laps_before_recording(initial_state), hysteresis == "one_point"
+    return periods_before_recording(initial_state), hysteresis == "one_point"
 
 
 def _rows(heads: Printhead | Real, count: int) -> Real:
@@ -239,11 +239,11 @@ def peaks(
     hysteresis: str = "full_memory",
 ) -> tuple[Real, Real]:
     """Times in seconds and signed values in volts, shape (k,), of every extremum; as `Printhead.respond`, compiled."""
-    laps, one_point = _memory(initial_state, hysteresis)
+    warm_up_periods, one_point = _memory(initial_state, hysteresis)
     row, window = head_table(head)[0], check_window(window_s)
     knots_s, knots_V = waveform.knots()
     pieces = np.empty((40, 6))
-    found = compiled.branch_pieces(knots_V, head.full_scale_V, laps, one_point, np.empty(32), pieces)
+    found = compiled.branch_pieces(knots_V, head.full_scale_V, warm_up_periods, one_point, np.empty(32), pieces)
     scratch = np.empty(compiled_edges.MAX_DEGREE), np.empty(compiled_edges.SERIES_TERMS + 2), np.empty((64, 4))
     capacity = _capacity(row[None, :], waveform.duration_s, window)
     while True:

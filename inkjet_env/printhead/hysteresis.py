@@ -34,7 +34,7 @@ SMALLEST_CHANGE_V = 1e-30
 PIECE_FIELDS = ("segment", "start", "length", "x_start", "x_change", "scale_V")
 
 
-def laps_before_recording(initial_state: str) -> int:
+def periods_before_recording(initial_state: str) -> int:
     """Repetitions of the drive that bring the memory into ``initial_state``: 1 for periodic, 0 for demagnetised."""
     check_name("initial_state", initial_state, INITIAL_STATES)
     return 1 if initial_state == "periodic" else 0
@@ -202,10 +202,10 @@ class BranchLaw:
     def pieces(self, drive_V: ArrayLike, initial_state: str = "periodic", one_point: bool = False) -> Real:
         """`branch_pieces` of a drive given at its knots: array of shape (pieces, 6), columns `PIECE_FIELDS`."""
         drive = np.ascontiguousarray(drive_V, dtype=np.float64)
-        laps = laps_before_recording(initial_state)
+        warm_up_periods = periods_before_recording(initial_state)
         table = np.empty((4 * drive.size + 16, 6))
-        memory = np.empty((laps + 1) * drive.size + 2)
-        return table[: branch_pieces(drive, self.full_scale_V, laps, one_point, memory, table)]
+        memory = np.empty((warm_up_periods + 1) * drive.size + 2)
+        return table[: branch_pieces(drive, self.full_scale_V, warm_up_periods, one_point, memory, table)]
 
     def hysteretic_V(self, drive_V: ArrayLike, initial_state: str = "periodic", one_point: bool = False) -> Real:
         """Hysteretic drive in volts at the knots of a drive, shape (n,).
@@ -271,7 +271,7 @@ class PlayOperators:
         """Hysteretic drive in volts at the knots of a drive, shape (n,)."""
         drive = np.asarray(drive_V, dtype=np.float64)
         states = np.zeros_like(self.thresholds_V)
-        for _ in range(laps_before_recording(initial_state) + 1):
+        for _ in range(periods_before_recording(initial_state) + 1):
             output = np.empty_like(drive)
             for i, u in enumerate(drive):
                 states = np.maximum(u - self.thresholds_V, np.minimum(u + self.thresholds_V, states))
@@ -283,7 +283,7 @@ class PlayOperators:
         drive = np.asarray(drive_V, dtype=np.float64)
         r, states = self.thresholds_V, np.zeros_like(self.thresholds_V)
         rows: list[tuple[float, ...]] = []
-        for _ in range(laps_before_recording(initial_state) + 1):
+        for _ in range(periods_before_recording(initial_state) + 1):
             rows.clear()
             states = np.maximum(drive[0] - r, np.minimum(drive[0] + r, states))
             for segment, (u, target) in enumerate(itertools.pairwise(drive)):

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from inkjet_env.naming import check_name
 from inkjet_env.printhead.cost import PeakCost
-from inkjet_env.printhead.hysteresis import HYSTERESIS_MODELS, BranchLaw, PlayOperators, laps_before_recording
+from inkjet_env.printhead.hysteresis import HYSTERESIS_MODELS, BranchLaw, PlayOperators, periods_before_recording
 from inkjet_env.printhead.resonator import PiecewiseResponse, check_resonator
 from inkjet_env.printhead.waveform import Waveform
 from inkjet_env.storage import write_json
@@ -49,7 +49,7 @@ def check_period(period_s: float, duration_s: float, initial_state: str) -> floa
         raise ValueError(
             f"a waveform of {duration_s:g} s does not fit into a period of {period_s:g} s. Shorten it, or fire slower."
         )
-    if laps_before_recording(initial_state) == 0:
+    if periods_before_recording(initial_state) == 0:
         raise ValueError('period_s needs initial_state="periodic": only a repeated waveform has a steady state.')
     return float(period_s)
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from inkjet_env.naming import check_name
 from inkjet_env.printhead.cost import PeakCost
-from inkjet_env.printhead.hysteresis import laps_before_recording
+from inkjet_env.printhead.hysteresis import periods_before_recording
 from inkjet_env.printhead.printhead import Printhead, check_window
 from inkjet_env.printhead.resonator import pole
 from inkjet_env.printhead.waveform import LARGEST_DRIVE_V
@@ -122,8 +122,8 @@ def respond_sampled(
     time, drive = check_samples(time_s, drive_V)
     check_name("hysteresis", hysteresis, ("full_memory", "one_point"))
     check_name("ringing", ringing, RINGING)
-    laps = laps_before_recording(initial_state)
-    if ringing == "steady" and laps == 0:
+    warm_up_periods = periods_before_recording(initial_state)
+    if ringing == "steady" and warm_up_periods == 0:
         raise ValueError('ringing="steady" needs initial_state="periodic": only a repeated drive has a steady state.')
     head = batch.head_table(printhead)[0]
     scratch = (
@@ -134,8 +134,10 @@ def respond_sampled(
 
     def run(knots_s: Real, knots_V: Real, state: Real, window: float) -> tuple[Real, Real, Real, float]:
         pieces = np.empty((4 * drive.size + 32, 6))
-        memory = np.empty((laps + 1) * knots_V.size + 2)
-        found = compiled.branch_pieces(knots_V, printhead.full_scale_V, laps, hysteresis == "one_point", memory, pieces)
+        memory = np.empty((warm_up_periods + 1) * knots_V.size + 2)
+        found = compiled.branch_pieces(
+            knots_V, printhead.full_scale_V, warm_up_periods, hysteresis == "one_point", memory, pieces
+        )
         sensor, capacity, start = np.empty(knots_s.size), 2 * drive.size + 1024, state.copy()
         while True:
             state[:] = start

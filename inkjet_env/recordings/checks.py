@@ -10,7 +10,8 @@ import numpy as np
 
 from inkjet_env.printhead import nearest_name
 from inkjet_env.recordings.campaign import Campaign, Source
-from inkjet_env.recordings.recording import EXCITATIONS, Real, Recording, brief
+from inkjet_env.recordings.recording import EXCITATIONS, Recording, brief
+from inkjet_env.typing import Real
 
 LARGEST_DRIVE_V = 100.0
 UNREAL_DRIVE_V = 1000.0

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from inkjet_env.recordings.campaign import Campaign, Source
-from inkjet_env.recordings.recording import CampaignError, Real, Recording
+from inkjet_env.recordings.recording import CampaignError, Recording
 from inkjet_env.recordings.roles import candidates, guessed_roles, named_roles
 from inkjet_env.recordings.samples import Samples, uniform
 from inkjet_env.recordings.sheet import Sheet, read_sheet
 from inkjet_env.recordings.table import Layout, read_columns
+from inkjet_env.typing import Real
 
 _ARRAYS = {"drive": "drive_V", "sensor": "sensor", "monitor": "drive_monitor_V", "neighbour": "neighbour_V"}
 _BASES = {"drive": ("V",), "sensor": ("V", "um", "nm"), "monitor": ("V",), "neighbour": ("V",)}

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from inkjet_env.printhead import nearest_name
-from inkjet_env.recordings.recording import CampaignError, Real, brief
+from inkjet_env.recordings.recording import CampaignError, brief
 from inkjet_env.recordings.sheet import Sheet
+from inkjet_env.typing import Real
 
 ROLES = ("time", "drive", "sensor", "monitor", "neighbour")
 # In this order: "drive monitor" is a monitor.

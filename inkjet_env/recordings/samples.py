@@ -11,10 +11,11 @@ import numpy as np
 
 from inkjet_env.printhead import nearest_name
 from inkjet_env.recordings.campaign import Source
-from inkjet_env.recordings.recording import SENSOR_COLUMNS, CampaignError, Real, brief
+from inkjet_env.recordings.recording import SENSOR_COLUMNS, CampaignError, brief
 from inkjet_env.recordings.sampling import last_digit, uniform_times
 from inkjet_env.recordings.table import Layout, first_and_last_rows, read_columns, row_of_sample, split_cells
 from inkjet_env.recordings.units import Unit
+from inkjet_env.typing import Real
 
 OPTIONAL_COLUMNS = ("drive_monitor_V", "neighbour_V")
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inkjet_env.recordings.recording import LARGEST_JITTER, Real, uniform_grid
+from inkjet_env.recordings.recording import LARGEST_JITTER, uniform_grid
+from inkjet_env.typing import Real
 
 COARSEST_PRINT = 1e-3
 """Largest print step of times that are repaired, as a fraction of the recording; beyond, the step would be a guess."""

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from inkjet_env.recordings.recording import CampaignError, Real, brief
+from inkjet_env.recordings.recording import CampaignError, brief
+from inkjet_env.typing import Real
 
 TAIL_BYTES = 1 << 16
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from inkjet_env.recordings.recording import Real
+from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,12 @@ import json
 import math
 from dataclasses import replace
 from hashlib import sha256
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from experiments.benchmark.data import data_file
 from experiments.benchmark.problem import BEST_KNOWN_FILE, Problem, Spread
 from experiments.benchmark.single_run import Optimisation
 from experiments.benchmark.suite import VERSION, suite
@@ -147,6 +147,6 @@ def test_an_instance_does_not_change_without_another_version_of_the_suite():
 
 def test_what_is_recorded_of_the_suite_is_of_this_version():
     comparison = Path(__file__).parents[2] / "docs" / "comparison"
-    files = (resources.files("experiments") / BEST_KNOWN_FILE, comparison / "ranking.json", comparison / "beating.json")
+    files = (data_file(BEST_KNOWN_FILE), comparison / "ranking.json", comparison / "beating.json")
     for file in files:
         assert json.loads(file.read_text(encoding="utf-8"))["suite"] == VERSION, file.name

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.benchmark import entrants
+from experiments.benchmark.data import data_file
 from experiments.benchmark.regret import best_known_cost, scale_V
 from experiments.benchmark.run_files import RunKey, label_of
 from experiments.benchmark.runner import perform
@@ -71,7 +72,7 @@ def test_tuning_counts_what_it_spends_repeats_itself_and_keeps_the_defaults_wher
 
 
 def test_what_is_kept_is_of_optimizers_that_can_be_tuned():
-    file = entrants.resources.files("experiments") / entrants.TUNED_FILE
+    file = data_file(entrants.TUNED_FILE)
     kept = json.loads(file.read_text(encoding="utf-8"))["optimizers"]
     assert set(kept) <= set(tune_optimizers.SPACES)
     for name, entry in kept.items():

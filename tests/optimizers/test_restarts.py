@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import optimizers
-from optimizers.inverted import InvertedOptimizer
+from optimizers.callback import CallbackOptimizer
 from optimizers.loop import minimise
 
 
@@ -76,7 +76,7 @@ def test_direct_goes_on_where_its_rectangles_cannot_be_divided_further():
 def test_closing_ends_the_library_even_if_it_clings_to_its_objective():
     ended = []
 
-    class Clinging(InvertedOptimizer):
+    class Clinging(CallbackOptimizer):
         name = "clinging"
 
         def search(self):

@@ -104,7 +104,7 @@ def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0) ->
     end = lap(start)
     if periodic and end != start:
         start, end = end, lap(end)
-    if periodic and abs(end - start) > SETTLED * most:  # laps would pass before it has caught up
+    if periodic and abs(end - start) > SETTLED * most:  # many periods would pass before it has caught up
         low, high = (start, float(ends.max())) if end > start else (float(ends.min()), start)
         for _ in range(HALVINGS):  # a lap brings any two beginnings nearer: below the steady state it rises
             middle = 0.5 * (low + high)

@@ -25,7 +25,7 @@ LARGEST = 10.0
 MOST_TRIES, MOST_PEAKS = 10_000, 1000
 
 
-class Tuning:
+class WaveformTuningTask:
     """N heads on the bench, what was tried on each and what was read.
 
     Parameters

@@ -10,7 +10,7 @@ from greenlet import GreenletExit, getcurrent, greenlet
 from optimizers.base import Optimizer, Real
 
 
-class InvertedOptimizer(Optimizer):
+class CallbackOptimizer(Optimizer):
     """An optimiser around a library that calls its objective.
 
     The library runs on a stack of its own (a greenlet), which stands still inside `evaluate` until the costs are told.

@@ -15,7 +15,7 @@ from inkjet_env.envs.bipolar_waveform import BipolarWaveformEnv, check_render_mo
 from inkjet_env.typing import Real
 
 
-class ManyHeads(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
+class LockstepVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     """N heads, each with a random stream of its own; their episodes end together, and begin anew in the same step.
 
     Parameters

@@ -1,0 +1,145 @@
+"""Effects that are on together, with the vector of their parameters that a fit moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.plant.effect import Effect, Parameter, Values, coordinates, limits, parts_of, rest, values_at
+from inkjet_env.plant.shot import Shot
+from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
+
+SMALLEST_SCALE = 1e-6
+"""Least scale of a coordinate for a finite difference, as a share of the coordinate's range."""
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveEffects:
+    """Effects that are on together and the coordinates of all their parameters, one effect after another.
+
+    Parameters
+    ----------
+    effects : tuple of Effect
+        In the order in which they were switched on; each id once.
+    theta : ndarray, shape (k,)
+        Coordinates (see `Parameter.coordinate`): the parameter itself, its logarithm or its reciprocal.
+
+    Raises
+    ------
+    ValueError
+        ``theta`` does not have one coordinate for each parameter, or an id comes twice.
+    """
+
+    effects: tuple[Effect, ...] = ()
+    theta: Real = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        count = sum(len(effect.parameters) for effect in self.effects)
+        if self.theta.shape != (count,):
+            raise ValueError(
+                f"theta must have shape ({count},), one coordinate for each parameter of {', '.join(self.ids)}; "
+                f"got {self.theta.shape}."
+            )
+        if len(set(self.ids)) < len(self.ids):
+            raise ValueError(f"an effect can be on once only; got {', '.join(self.ids)}.")
+
+    @classmethod
+    def of(cls, pairs: Iterable[tuple[Effect, Values]]) -> ActiveEffects:
+        """Effects with their values.
+
+        Parameters
+        ----------
+        pairs : iterable of (Effect, mapping of str to float)
+            Each effect with the values of all its parameters, in their units.
+        """
+        chosen = tuple(pairs)
+        theta = np.concatenate([coordinates(effect, values) for effect, values in chosen] or [np.zeros(0)])
+        return cls(tuple(effect for effect, _ in chosen), theta)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of the effects, in their order."""
+        return tuple(effect.id for effect in self.effects)
+
+    @cached_property
+    def slices(self) -> Mapping[str, slice]:
+        """By effect's id, where its coordinates stand in ``theta``."""
+        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
+        return {e.id: slice(int(end) - len(e.parameters), int(end)) for e, end in zip(self.effects, ends, strict=True)}
+
+    @cached_property
+    def parameters(self) -> tuple[tuple[Effect, Parameter], ...]:
+        """Effect and parameter of each coordinate."""
+        return tuple((effect, parameter) for effect in self.effects for parameter in effect.parameters)
+
+    @cached_property
+    def pairs(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
+        """Each effect with its values, in the parameters' units."""
+        return tuple((effect, values_at(effect, self.theta_of(effect))) for effect in self.effects)
+
+    def theta_of(self, effect: Effect) -> Real:
+        """Coordinates of one of the effects, shape (number of its parameters,)."""
+        return self.theta[self.slices[effect.id]]
+
+    def at(self, theta: Real) -> ActiveEffects:
+        """The same effects at other coordinates, shape (k,)."""
+        return replace(self, theta=theta)
+
+    def stepped(self, place: int, step: float) -> ActiveEffects:
+        """The same effects with one coordinate moved by ``step``."""
+        theta = self.theta.copy()
+        theta[place] += step
+        return self.at(theta)
+
+    def plus(self, effect: Effect, values: Values) -> ActiveEffects:
+        """One more effect on, after the others."""
+        return ActiveEffects((*self.effects, effect), np.concatenate([self.theta, coordinates(effect, values)]))
+
+    def minus(self, effect: Effect) -> ActiveEffects:
+        """Without one of the effects."""
+        return ActiveEffects.of((e, v) for e, v in self.pairs if e.id != effect.id)
+
+    @property
+    def last(self) -> Effect:
+        """The effect that was switched on last."""
+        return self.effects[-1]
+
+    def parts(self, effect: Effect) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+        """Terms of an effect's law that are on and that are off: names of their parameters."""
+        return parts_of(effect, self.theta_of(effect))
+
+    def without_part(self, effect: Effect, part: Sequence[str]) -> ActiveEffects:
+        """The same with a term of an effect's law switched off."""
+        theta = self.theta.copy()
+        for place, parameter in enumerate(effect.parameters, start=self.slices[effect.id].start):
+            if parameter.name in part:
+                theta[place] = rest(effect, parameter)
+        return self.at(theta)
+
+    @cached_property
+    def off(self) -> NDArray[np.bool_]:
+        """Which coordinates belong to terms of the laws that are off, shape (k,)."""
+        result = np.zeros(self.theta.size, dtype=bool)
+        for effect in self.effects:
+            names = {name for part in self.parts(effect)[1] for name in part}
+            result[self.slices[effect.id]] = [p.name in names for p in effect.parameters]
+        return result
+
+    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> tuple[Real, Real]:
+        """Bounds of the coordinates on these recordings: lower and upper, shape (k,) each."""
+        ends = [limits(effect, printhead, shots) for effect in self.effects]
+        empty = [np.zeros(0)]
+        return np.concatenate([a for a, _ in ends] or empty), np.concatenate([b for _, b in ends] or empty)
+
+    def scale(self, place: int) -> float:
+        """Scale of a coordinate for a finite difference: its own size, or a small part of its range."""
+        parameter = self.parameters[place][1]
+        if parameter.scale == "log":
+            return 1.0
+        low, high = parameter.bounds
+        return max(abs(float(self.theta[place])), SMALLEST_SCALE * (high - low))
