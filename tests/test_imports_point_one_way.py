@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 TOPS = ("inkjet_env", "optimizers", "experiments")
-GROUND = ("inkjet_env.storage", "inkjet_env.naming", "inkjet_env.typing")
+GROUND = ("inkjet_env.storage", "inkjet_env.naming", "inkjet_env.typing", "inkjet_env.estimate")
 PRINTHEAD = (*GROUND, "inkjet_env.printhead")
 PLANT = (*PRINTHEAD, "inkjet_env.plant")
 RECORDINGS = (*PRINTHEAD, "inkjet_env.recordings")
@@ -31,6 +31,7 @@ ALLOWED = {
     "inkjet_env.storage": (),
     "inkjet_env.naming": (),
     "inkjet_env.typing": (),
+    "inkjet_env.estimate": (),
     "inkjet_env.progress": PRINTHEAD,
     "inkjet_env.printhead": GROUND,
     "inkjet_env.plant": PRINTHEAD,

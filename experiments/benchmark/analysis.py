@@ -1,4 +1,4 @@
-"""A finished comparison as numbers: for a family of problems, or all, and a budget, who is how good and how surely.
+"""A finished comparison as numbers: who is how good, on which problems, after how many evaluations, and how surely.
 
 Regrets of different problems are compared after division by the problem's own scale: what the best of 50 random
 waveforms is worse than the best known, on the average. Runs are resampled within each problem for what is said of these
@@ -7,29 +7,36 @@ problems; what is said of problems in general takes the problems as the sample. 
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-import optimizers
-from experiments.benchmark.entrants import entrant
-from experiments.benchmark.mean_ranks import ENOUGH_PROBLEMS, RESOLUTION_V, friedman_and_nemenyi, mean_ranks
+from experiments.benchmark.mean_ranks import (
+    ENOUGH_PROBLEMS,
+    RESOLUTION_V,
+    MeanRank,
+    friedman_and_nemenyi,
+    mean_rank_intervals,
+    mean_ranks,
+    median_interval,
+)
 from experiments.benchmark.metrics import (
-    Estimate,
     SignedRank,
     bayesian_signed_rank,
     expected_running_time,
     interquartile_mean,
     probability_of_improvement,
     running_time_distribution,
-    stratified,
+    stratified_bootstrap,
 )
-from experiments.benchmark.regret import best_known_cost, scale_V
+from experiments.benchmark.regret import best_known_cost, regrets_V, scale_V
 from experiments.benchmark.run_files import RunResult
 from experiments.benchmark.settings import BenchOutcome
 from experiments.benchmark.suite import family_of
+from inkjet_env.estimate import Estimate
 from inkjet_env.typing import Real
 
 BUDGETS = (50, 150, 2000, 20_000)
@@ -41,8 +48,6 @@ ALIKE = 0.01
 """Difference of median regrets, in the problem's scale, that does not matter."""
 REFERENCE = "pso"
 """The paper's optimiser, against which the others are held."""
-GRADIENT_COUNTS = {3: "which is its computing time here", 8: "which is what differences would take"}
-"""Evaluations that one with its gradient may also be counted as, and why."""
 RESAMPLES = 1000
 
 
@@ -92,15 +97,46 @@ class Standings:
     critical_difference: float
 
 
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """All optimisers on all problems after the whole budget, with the uncertainty that the runs leave.
+
+    Attributes
+    ----------
+    standings : Standings
+        Best first, with Friedman's and Nemenyi's numbers.
+    mean_ranks : mapping of str to MeanRank
+        By optimiser.
+    median_regrets_V : mapping of (str, str) to Estimate
+        By optimiser and problem: median final regret in volts with its 95 % interval. Only where it can be used.
+    """
+
+    standings: Standings
+    mean_ranks: Mapping[str, MeanRank]
+    median_regrets_V: Mapping[tuple[str, str], Estimate]
+
+    @property
+    def optimizers(self) -> tuple[str, ...]:
+        """From the best mean rank to the worst."""
+        return tuple(row.optimizer for row in self.standings.rows)
+
+
 class Comparison:
-    """The runs of a bench, ready to be asked.
+    """The runs of a finished bench, ranked: every number of its files, pages and tables comes from here.
 
     Parameters
     ----------
     outcome : BenchOutcome
+
+    Raises
+    ------
+    ValueError
+        No optimiser has a run of the whole budget.
     """
 
     def __init__(self, outcome: BenchOutcome) -> None:
+        if not any(result.budget == outcome.settings.budget for result in outcome.results):
+            raise ValueError(f"no optimiser of {outcome.folder} could be run, so there is nothing to compare.")
         self.outcome = outcome
         self.problems = outcome.settings.problems
         self.budgets = (*(b for b in BUDGETS if b < outcome.settings.budget), outcome.settings.budget)
@@ -115,14 +151,17 @@ class Comparison:
         """Problems of a family; all where it is "all"."""
         return tuple(name for name in self.problems if family in ("all", family_of(name)))
 
-    def regrets(self, optimizer: str, name: str, budget: int) -> Real:
-        """Regret after a budget, in the problem's scale, shape (runs,); infinite where it has no run so long."""
+    def regrets_V(self, optimizer: str, name: str, budget: int) -> Real:
+        """Regret in volts after a budget, shape (runs,); infinite where it has no run so long."""
         runs = self.runs.get((optimizer, name), [])
         if not runs or runs[0].budget < budget:
             return np.full(self.outcome.settings.repeats, math.inf)
-        kept = np.array([float(run.kept_V(budget)) for run in runs])
-        regrets_V = RESOLUTION_V * np.round((kept - best_known_cost(name)) / RESOLUTION_V)  # nearer than that is a tie
-        regrets: Real = regrets_V / scale_V(name)
+        return regrets_V(runs, budget)
+
+    def regrets(self, optimizer: str, name: str, budget: int) -> Real:
+        """The same in the problem's scale, shape (runs,); those within a microvolt are equal."""
+        rounded_V = RESOLUTION_V * np.round(self.regrets_V(optimizer, name, budget) / RESOLUTION_V)
+        regrets: Real = rounded_V / scale_V(name)
         return regrets
 
     def hits(self, optimizer: str, name: str, targets: Sequence[float] = TARGETS) -> Real:
@@ -151,7 +190,7 @@ class Comparison:
         if not runs:
             return Estimate(math.inf, math.nan, math.nan)
         budget = runs[0].budget
-        return stratified(lambda h: expected_running_time(h[..., 0], budget), [hits], rng, RESAMPLES)
+        return stratified_bootstrap(lambda h: expected_running_time(h[..., 0], budget), [hits], rng, RESAMPLES)
 
     def standings(self, family: str, budget: int) -> Standings:
         """Who is how good on a family after a budget; whoever asks is told the same."""
@@ -167,10 +206,9 @@ class Comparison:
             for optimizer in self.optimizers
         }
         used = {optimizer: values for optimizer, values in regrets.items() if np.isfinite(values).any()}
-        scales_V = np.array([scale_V(name) for name in problems])
-        medians = np.array([np.median(values, axis=0) * scales_V for values in used.values()])
-        ranks = dict(zip(used, mean_ranks(medians), strict=True))
-        p, difference = friedman_and_nemenyi(medians)
+        medians_V = np.array([[np.median(self.regrets_V(one, name, budget)) for name in problems] for one in used])
+        ranks = dict(zip(used, mean_ranks(medians_V), strict=True))
+        p, difference = friedman_and_nemenyi(medians_V)
         rows = []
         for optimizer, values in used.items():
             rows.append(self._row(optimizer, values, regrets.get(REFERENCE), float(ranks[optimizer]), rng))
@@ -186,115 +224,43 @@ class Comparison:
             shared = usable & np.isfinite(reference).all(axis=0)
             if shared.any():
                 mine, theirs = values[:, shared], reference[:, shared]
-                improvement = stratified(probability_of_improvement, [mine, theirs], rng, RESAMPLES)
+                improvement = stratified_bootstrap(probability_of_improvement, [mine, theirs], rng, RESAMPLES)
                 if shared.sum() >= ENOUGH_PROBLEMS:
                     signed_rank = bayesian_signed_rank(np.median(mine, axis=0), np.median(theirs, axis=0), ALIKE, rng)
         return Row(
             optimizer,
             int(usable.sum()),
-            stratified(interquartile_mean, [values], rng, RESAMPLES),
-            stratified(lambda x: np.mean(x <= SOLVED, axis=(-2, -1)), [values], rng, RESAMPLES),
+            stratified_bootstrap(interquartile_mean, [values], rng, RESAMPLES),
+            stratified_bootstrap(lambda x: np.mean(x <= SOLVED, axis=(-2, -1)), [values], rng, RESAMPLES),
             rank,
             improvement,
             signed_rank,
         )
 
-    def sentences(self, family: str, budget: int) -> tuple[str, ...]:
-        """What a reader may conclude, after a budget: of the best, of the paper's swarm, of it as printed."""
-        found = self.standings(family, budget)
-        by_name = {row.optimizer: row for row in found.rows}
-        swarm, printed = by_name.get(REFERENCE), by_name.get("pso-printed")
-        everywhere = [row for row in found.rows if row.applies == len(found.problems)]
-        best = (everywhere or found.rows)[0]
-        of = "" if best is found.rows[0] else " of those that can be used on all of these problems"
-        also = f" ({level})" if (level := _level_with(best, found)) else ""
-        where = "" if family == "all" else f" on the problems of the family {family}"
-        said = [
-            f"After {budget:,} evaluations{where} {best.optimizer}, the best by mean rank{of}{also}, leaves a regret "
-            f"of {_ranged(best.quality)} of the problems' scales (interquartile mean of all runs){self._against(best)}."
-            f"{_level_elsewhere(found, best)}{self._with_dearer_gradients(found)}"
-        ]
-        if swarm is not None and best is not swarm:
-            place = 1 + sum(row.rank < swarm.rank for row in found.rows)
-            also = f"{level}; " if (level := _level_with(swarm, found)) else ""
-            said.append(
-                f"The paper's method, a particle swarm, with random factors and the usual coefficients ({REFERENCE}), "
-                f"is at place {place} of {len(found.rows)} ({also}mean rank {swarm.rank:.1f}), with a regret of "
-                f"{_ranged(swarm.quality)}."
-            )
-        if printed is not None and swarm is not None and printed is not best:
-            said.append(
-                f"Without random factors, as the paper prints its equations (pso-printed), it leaves "
-                f"{_ranged(printed.quality)}{self._against(printed)}."
-            )
-        return tuple(said)
-
-    def _with_dearer_gradients(self, found: Standings) -> str:
-        """Where those who are given gradients would stand if these cost more, in words; nothing if nobody is."""
-        if found.budget < max(GRADIENT_COUNTS):
-            return ""
-        said = ""
-        for row in found.rows:
-            if optimizers.uses_gradient(entrant(row.optimizer).optimizer):
-                ranks = [
-                    f"{self._rank_at(found, row.optimizer, found.budget // count):.1f} if it counted as {count}, {why}"
-                    for count, why in GRADIENT_COUNTS.items()
-                ]
-                said += (
-                    f" {row.optimizer} is given exact gradients, each counted as one evaluation with its value; its "
-                    f"mean rank of {row.rank:.1f} would be {', and '.join(ranks)}."
-                )
-        return said
-
-    def _rank_at(self, found: Standings, optimizer: str, budget: int) -> float:
-        """Mean rank of an optimiser among the others if its runs had ended after fewer evaluations."""
+    def rank_if_ended_after(self, budget: int, optimizer: str, found: Standings) -> float:
+        """Mean rank of an optimiser among the others of a standing if its runs had ended after fewer evaluations."""
         names = [row.optimizer for row in found.rows]
-        medians = [
+        medians_V = [
             [
-                np.median(self.regrets(name, on, budget if name == optimizer else found.budget)) * scale_V(on)
+                np.median(self.regrets_V(name, on, budget if name == optimizer else found.budget))
                 for on in found.problems
             ]
             for name in names
         ]
-        return float(mean_ranks(medians)[names.index(optimizer)])
+        return float(mean_ranks(medians_V)[names.index(optimizer)])
 
-    @staticmethod
-    def _against(row: Row) -> str:
-        """How an optimiser stands to the reference, in words; nothing of the reference itself."""
-        if not math.isfinite(row.improvement.value):
-            return ""
-        rank = row.signed_rank
-        ends = (
-            f"; a run of it ends lower than one of {REFERENCE} with probability {_ranged(row.improvement, decimals=2)}"
-        )
-        if not math.isfinite(rank.first):
-            return ends
-        return (
-            f"{ends}, and over problems like these it is better with posterior probability {rank.first:.2f}, alike "
-            f"with {rank.alike:.2f}, worse with {rank.second:.2f}"
-        )
-
-
-def _level_with(row: Row, found: Standings) -> str:
-    """Who has the same mean rank, in words; empty where nobody has."""
-    level = [other.optimizer for other in found.rows if other is not row and other.rank == row.rank]
-    return f"level with {' and '.join(level)}" if level else ""
-
-
-def _level_elsewhere(found: Standings, best: Row) -> str:
-    """How many are level with the best if the problems are a sample, in words; nothing of too few problems."""
-    if not math.isfinite(found.critical_difference):
-        return ""
-    level = sum(row is not best and abs(row.rank - best.rank) < found.critical_difference for row in found.rows)
-    told = f"tell its mean rank of {best.rank:.1f} from those of"
-    told = f"cannot {told} {level} of the other {len(found.rows) - 1}" if level else f"{told} all others"
-    return f" As a sample of problems these {told} (Nemenyi's critical difference: {found.critical_difference:.1f})."
-
-
-def _ranged(estimate: Estimate, decimals: int | None = None) -> str:
-    """A number and its interval: two digits that count, or so many decimals."""
-    written = [
-        f"{value:.2g}" if decimals is None else f"{value:.{decimals}f}"
-        for value in (estimate.value, estimate.low, estimate.high)
-    ]
-    return f"{written[0]} ({written[1]} to {written[2]})"
+    @functools.cached_property
+    def ranking(self) -> Ranking:
+        """All optimisers of the whole budget on all problems, with the uncertainty that the runs leave."""
+        rng, budget = np.random.default_rng(self.outcome.settings.seed), self.outcome.settings.budget
+        standings = self.standings("all", budget)
+        ranked = {row.optimizer for row in standings.rows}
+        names = [name for name in self.optimizers if name in ranked]
+        final_V = {name: [self.regrets_V(name, on, budget) for on in self.problems] for name in names}
+        medians_V = {
+            (name, on): median_interval(final_V[name][k], rng)
+            for k, on in enumerate(self.problems)
+            for name in names
+            if (name, on) in self.runs
+        }
+        return Ranking(standings, mean_rank_intervals(final_V, rng), medians_V)

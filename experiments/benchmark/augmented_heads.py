@@ -17,8 +17,18 @@ FORMAT = "augmented_heads/1"
 
 
 @dataclass(frozen=True)
-class Concealed:
-    """A head to draw: an effect of the concealed plant, RMS of the mismatch over the noise, and the draw's seed."""
+class HeadDraw:
+    """Which head of the concealed plant to draw.
+
+    Parameters
+    ----------
+    effect : str
+        Id of its one effect.
+    strength : float
+        RMS of the mismatch over that of the noise.
+    seed : int
+        Of the draw.
+    """
 
     effect: str
     strength: float
@@ -26,9 +36,9 @@ class Concealed:
 
 
 HEADS = {
-    "augmented-mode": Concealed("second_mode", 8.0, 6),
-    "augmented-echo": Concealed("wave_echo", 8.0, 7),
-    "augmented-softening": Concealed("ferroelastic_softening", 8.0, 8),
+    "augmented-mode": HeadDraw("second_mode", 8.0, 6),
+    "augmented-echo": HeadDraw("wave_echo", 8.0, 7),
+    "augmented-softening": HeadDraw("ferroelastic_softening", 8.0, 8),
 }
 
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from inkjet_env.estimate import Estimate
 from inkjet_env.typing import Real
 
 Places = NDArray[np.int64]
@@ -24,15 +24,6 @@ RESAMPLES = 2000
 AT_ONCE = 100
 PRIOR_STRENGTH = 0.5
 """Of the pseudo-observation of no difference in `bayesian_signed_rank`, in observations; Benavoli et al.'s."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number and its 95 % interval; NaN where nothing tells."""
-
-    value: float
-    low: float
-    high: float
 
 
 def first_hits(best_so_far: ArrayLike, targets: ArrayLike) -> Real:
@@ -169,13 +160,13 @@ def performance_profile(scores: ArrayLike, levels: ArrayLike) -> Real:
     return running_time_distribution(scores, levels)
 
 
-def stratified(
+def stratified_bootstrap(
     statistic: Callable[..., Real],
     samples: Sequence[ArrayLike],
     rng: np.random.Generator,
     resamples: int = RESAMPLES,
 ) -> Estimate:
-    """A statistic of runs on given instances, with its percentile interval; runs are resampled within each instance.
+    """A statistic of runs on given instances and its 95 % percentile interval; runs are drawn within each instance.
 
     Parameters
     ----------
@@ -196,7 +187,7 @@ def stratified(
     return Estimate(value, float(low), float(high))
 
 
-def crossed(
+def crossed_bootstrap(
     statistic: Callable[..., float], shape: tuple[int, ...], rng: np.random.Generator, resamples: int = RESAMPLES
 ) -> Estimate:
     """A statistic of a table in which every row met every column, with an interval for other rows and other columns.
@@ -282,11 +273,3 @@ def bayesian_signed_rank(
     won = shares >= shares.max(axis=1, keepdims=True) - 1e-12
     first_, alike_, second_ = (won / won.sum(axis=1, keepdims=True)).mean(axis=0)
     return SignedRank(float(first_), float(alike_), float(second_))
-
-
-def as_json(estimate: Estimate) -> dict[str, Any]:
-    """An estimate as plain JSON values; what does not exist is null."""
-    return {
-        name: value if math.isfinite(value) else None
-        for name, value in (("value", estimate.value), ("low", estimate.low), ("high", estimate.high))
-    }

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from experiments.benchmark.analysis import REFERENCE, SOLVED, Comparison
+from experiments.benchmark.conclusions import ranking_sentences, standings_sentences
 from experiments.benchmark.entrants import entrant
 from experiments.benchmark.jetting import jetting
-from experiments.benchmark.metrics import as_json, performance_profile
-from experiments.benchmark.regret import best_known_cost, regret_quartiles, scale_V
+from experiments.benchmark.metrics import performance_profile
+from experiments.benchmark.regret import best_known_cost, regret_quartiles_V, scale_V
 from experiments.benchmark.run_files import RunKey, RunResult, read_seconds
 from experiments.benchmark.suite import VERSION, family_of, problem
 from experiments.execution.provenance import versions
@@ -25,14 +26,12 @@ COLOURS = (
 )  # fmt: skip
 
 
-def page(compared: Comparison, sentences: Sequence[str], run: RunKey, waveforms: str) -> str:
+def page(compared: Comparison, run: RunKey, waveforms: str) -> str:
     """The page as HTML.
 
     Parameters
     ----------
     compared : Comparison
-    sentences : sequence of str
-        What a reader may conclude of the whole; of what is looked at the page says it by itself.
     run : RunKey
         Whose waveforms are shown.
     waveforms : str
@@ -43,7 +42,7 @@ def page(compared: Comparison, sentences: Sequence[str], run: RunKey, waveforms:
 
     environment = Environment(loader=PackageLoader("experiments.benchmark"), autoescape=True, undefined=StrictUndefined)
     return environment.get_template("comparison.html").render(
-        sentences=sentences,
+        sentences=ranking_sentences(compared),
         run=run,
         waveforms=waveforms,
         settings=compared.outcome.settings,
@@ -112,9 +111,9 @@ def standings_json(compared: Comparison, family: str, budget: int) -> dict[str, 
             "optimizer": row.optimizer,
             "applies": row.applies,
             "rank": row.rank,
-            "quality": as_json(row.quality),
-            "solved": as_json(row.solved),
-            "improvement": as_json(row.improvement),
+            "quality": row.quality.as_json(),
+            "solved": row.solved.as_json(),
+            "improvement": row.improvement.as_json(),
             "signed_rank": None if math.isnan(row.signed_rank.first) else vars(row.signed_rank),
         }
         for row in found.rows
@@ -123,7 +122,7 @@ def standings_json(compared: Comparison, family: str, budget: int) -> dict[str, 
         "problems": len(found.problems),
         "friedman_p": _finite(found.friedman_p),
         "critical_difference": _finite(found.critical_difference),
-        "sentences": list(compared.sentences(family, budget)),
+        "sentences": list(standings_sentences(compared, family, budget)),
         "rows": rows,
     }
 
@@ -145,7 +144,7 @@ def _curves(compared: Comparison, name: str, evaluations: list[int]) -> dict[str
         runs = compared.runs.get((optimizer, name))
         if runs:
             reached = [count for count in evaluations if count <= runs[0].budget]
-            curves[optimizer] = regret_quartiles(runs, reached).tolist()
+            curves[optimizer] = regret_quartiles_V(runs, reached).tolist()
     return curves
 
 
@@ -159,7 +158,7 @@ def _physical(
         if not runs:
             continue
         times = {
-            "expected": as_json(compared.expected_time(optimizer, name, SOLVED, rng)),
+            "expected": compared.expected_time(optimizer, name, SOLVED, rng).as_json(),
             "spent": sum(run.budget for run in runs),
         }
         for budget in compared.budgets:

@@ -106,7 +106,7 @@ class Problem:
         within one period. 0: drops are far apart.
     spread : Spread, optional
         The waveform is judged on many heads about this one.
-    reading_V : float
+    measurement_noise_V : float
         Standard deviation of the error with which an optimiser is told each peak's height; see `read`. `evaluate` is
         free of it.
     """
@@ -119,24 +119,28 @@ class Problem:
     window_s: float = 350e-6
     jetting_Hz: float = 0.0
     spread: Spread | None = None
-    reading_V: float = 0.0
+    measurement_noise_V: float = 0.0
 
     def __post_init__(self) -> None:
-        if isinstance(self.printhead, AugmentedPrinthead) and (self.jetting_Hz or self.spread or self.reading_V):
-            raise ValueError("a printhead with effects is offered without jetting_Hz, spread and reading_V only.")
+        if isinstance(self.printhead, AugmentedPrinthead) and (
+            self.jetting_Hz or self.spread or self.measurement_noise_V
+        ):
+            raise ValueError(
+                "a printhead with effects is offered without jetting_Hz, spread and measurement_noise_V only."
+            )
         longest_s = sum(self.bounds.upper[2:])
         if longest_s * self.jetting_Hz > 1 + 1e-9:
             raise ValueError(
                 f"at {self.jetting_Hz:g} Hz the longest waveform, {longest_s:g} s, does not fit into a period. "
                 "Narrow the bounds of the durations."
             )
-        if sum(map(bool, (self.jetting_Hz, self.spread, self.reading_V))) > 1:
-            raise ValueError("jetting_Hz, spread and reading_V are not offered together; give one of them.")
+        if sum(map(bool, (self.jetting_Hz, self.spread, self.measurement_noise_V))) > 1:
+            raise ValueError("jetting_Hz, spread and measurement_noise_V are not offered together; give one of them.")
 
     @property
     def has_gradient(self) -> bool:
         """Whether an optimiser may have gradients: not of heads with effects, nor of readings."""
-        return not (isinstance(self.printhead, AugmentedPrinthead) or self.reading_V)
+        return not (isinstance(self.printhead, AugmentedPrinthead) or self.measurement_noise_V)
 
     @functools.cached_property
     def _heads(self) -> Real:
@@ -175,7 +179,7 @@ class Problem:
         """
         from inkjet_env.printhead import batch
 
-        if self.reading_V:
+        if self.measurement_noise_V:
             raise ValueError("readings of peaks have no gradients. Take an optimiser that needs none, as pso.")
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
         costs, gradients = batch.costs_and_gradients(**self._fired(waveforms))
@@ -201,21 +205,25 @@ class Problem:
         """
         from inkjet_env.envs.task import make_task
 
-        if not self.reading_V:
+        if not self.measurement_noise_V:
             return self.evaluate(points)
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
         task = make_task(
-            self.printhead, self.cost, noise=self.reading_V, initial_state=self.initial_state, window_s=self.window_s
+            self.printhead,
+            self.cost,
+            noise=self.measurement_noise_V,
+            initial_state=self.initial_state,
+            window_s=self.window_s,
         )
         numbers = range(first, first + len(waveforms))
         return task.measure(waveforms, task.heads([]), [np.random.default_rng([seed, k, 1]) for k in numbers])[0]
 
-    def told(self, seed: int, first: int = 0) -> Any:
+    def as_measured(self, seed: int, first: int = 0) -> Any:
         """What an optimiser is given in a run of that seed: this problem, or a rig that reads with errors.
 
         ``first``: how many evaluations the run has had before.
         """
-        return _Rig(self, seed, first) if self.reading_V else self
+        return _Rig(self, seed, first) if self.measurement_noise_V else self
 
     def respond(self, point: ArrayLike) -> Any:
         """Response of the nominal printhead, at rest before, to the waveform of one point in ``[-1, 1]``, shape (7,).
@@ -260,9 +268,11 @@ class Problem:
         cost: dict[str, Any] = {"A": self.cost.A, "B": self.cost.B, "effective": self.cost.effective}
         if math.isfinite(self.cost.enough_V):
             cost["enough_V"] = self.cost.enough_V
-        more: dict[str, Any] = {
-            name: getattr(self, name) for name in ("jetting_Hz", "reading_V") if getattr(self, name)
-        }
+        more: dict[str, Any] = {}
+        if self.jetting_Hz:
+            more["jetting_Hz"] = self.jetting_Hz
+        if self.measurement_noise_V:
+            more["reading_V"] = self.measurement_noise_V  # the key of files that are kept
         if self.spread:
             more["spread"] = asdict(self.spread)
         settings = {

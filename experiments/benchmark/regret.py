@@ -27,22 +27,25 @@ def best_known_cost(name: str) -> float:
     return known.cost
 
 
-def final_regrets(results: Sequence[RunResult]) -> dict[str, dict[str, Real]]:
-    """Final best cost − best known cost in volts: by optimiser and problem, one value a run, in the runs' order."""
-    found: dict[str, dict[str, list[float]]] = {}
-    for result in results:
-        regret = float(result.costs_V[-1]) - best_known_cost(result.key.problem)
-        found.setdefault(result.key.optimizer, {}).setdefault(result.key.problem, []).append(regret)
-    return {
-        optimizer: {name: np.array(values) for name, values in by_problem.items()}
-        for optimizer, by_problem in found.items()
-    }
+def regrets_V(runs: Sequence[RunResult], evaluations: ArrayLike) -> Real:
+    """Cost of what each run keeps after so many ``evaluations``, above the best known one, in volts.
+
+    Parameters
+    ----------
+    runs : sequence of RunResult
+    evaluations : array_like of int, any shape
+        At most a run's budget.
+
+    Returns
+    -------
+    ndarray, shape (runs, *evaluations.shape)
+    """
+    return np.array([run.kept_V(evaluations) - best_known_cost(run.key.problem) for run in runs])
 
 
-def regret_quartiles(results: Sequence[RunResult], evaluations: ArrayLike) -> Real:
-    """Quartiles over runs of the regret of what is kept, shape (3, n), in volts, after so many ``evaluations`` each."""
-    curves = [result.kept_V(evaluations) - best_known_cost(result.key.problem) for result in results]
-    return np.percentile(curves, [25, 50, 75], axis=0)
+def regret_quartiles_V(runs: Sequence[RunResult], evaluations: ArrayLike) -> Real:
+    """Quartiles over the runs of `regrets_V`, shape (3, *evaluations.shape), in volts."""
+    return np.percentile(regrets_V(runs, evaluations), [25, 50, 75], axis=0)
 
 
 @functools.cache

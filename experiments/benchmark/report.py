@@ -10,14 +10,14 @@ import csv
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
 from experiments.benchmark import page
 from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.mean_ranks import Summary
+from experiments.benchmark.conclusions import ranking_sentences, standings_sentences
 from experiments.benchmark.run_files import RunResult
-from experiments.benchmark.settings import BenchOutcome
 from experiments.benchmark.suite import VERSION, problem
 from inkjet_env.reporting import plotting
 from inkjet_env.storage import json_text, write_atomically
@@ -31,7 +31,7 @@ CSV_COLUMNS = (
 )
 
 
-def write_report(outcome: BenchOutcome, summary: Summary) -> tuple[Path, dict[str, Any]]:
+def write_report(compared: Comparison) -> tuple[Path, dict[str, Any]]:
     """Write report.html, ranking.csv and ranking.json into the results folder.
 
     Returns
@@ -40,58 +40,63 @@ def write_report(outcome: BenchOutcome, summary: Summary) -> tuple[Path, dict[st
     ranking : dict
         What ranking.json holds; under "sentences", what a reader may conclude.
     """
-    compared = Comparison(outcome)
-    ranking = ranking_json(compared, summary)
-    write_atomically(outcome.folder / "ranking.csv", ranking_csv(summary))
-    write_atomically(outcome.folder / "ranking.json", json_text(ranking))
-    file = outcome.folder / "report.html"
-    settings = outcome.settings
-    shown = "nominal" if "nominal" in settings.problems else settings.problems[0]
-    runs = [r for r in outcome.results if (r.key.optimizer, r.key.problem) == (summary.winner, shown)]
-    run = median_run(runs or outcome.results)
+    folder, problems = compared.outcome.folder, compared.problems
+    ranking = ranking_json(compared)
+    write_atomically(folder / "ranking.csv", ranking_csv(compared))
+    write_atomically(folder / "ranking.json", json_text(ranking))
+    file = folder / "report.html"
+    shown = "nominal" if "nominal" in problems else problems[0]
+    runs = compared.runs.get((compared.ranking.optimizers[0], shown))
+    run = median_run(runs or compared.outcome.results)
     waveforms = plotting.svg_text(before_after_figure(run))
-    write_atomically(file, page.page(compared, summary.sentences, run.key, waveforms))
+    write_atomically(file, page.page(compared, run.key, waveforms))
     return file, ranking
 
 
-def ranking_json(compared: Comparison, summary: Summary) -> dict[str, Any]:
+def ranking_json(compared: Comparison) -> dict[str, Any]:
     """The ranking after the whole budget, and who is how good after each, as plain JSON values.
 
     Numbers that do not exist are null.
     """
-    outcome = compared.outcome
-    settings = outcome.settings
+    settings, ranking = compared.outcome.settings, compared.ranking
     return {
         "format": RANKING_FORMAT,
         "suite": VERSION,
         "settings": settings.to_json(),
-        "sentences": [*compared.sentences("all", compared.budgets[-1]), *summary.sentences],
+        "sentences": [
+            *standings_sentences(compared, "all", compared.budgets[-1]),
+            *ranking_sentences(compared),
+        ],
         "problems": [page.problem_json(name) for name in compared.problems],
         "entrants": [page.entrant_json(name, settings.budget_of(name)) for name in compared.optimizers],
         "standings": {str(b): page.standings_json(compared, "all", b) for b in compared.budgets},
-        "friedman_p": _number(summary.friedman_p),
-        "critical_difference": _number(summary.critical_difference),
-        "ranking": [
-            {
-                "optimizer": standing.optimizer,
-                "mean_rank": standing.mean_rank,
-                "low": standing.low,
-                "high": standing.high,
-                "tied_with_winner": standing.tied_with_winner,
-                "problems": {
-                    name: {
-                        "runs": score.runs,
-                        "median_regret_V": score.regret.value,
-                        "low": _number(score.regret.low),
-                        "high": _number(score.regret.high),
-                    }
-                    for name in outcome.settings.problems
-                    if (score := summary.score(standing.optimizer, name)) is not None
-                },
+        "friedman_p": _number(ranking.standings.friedman_p),
+        "critical_difference": _number(ranking.standings.critical_difference),
+        "ranking": [_ranked_json(compared, optimizer) for optimizer in ranking.optimizers],
+        "unavailable": compared.outcome.unavailable,
+    }
+
+
+def _ranked_json(compared: Comparison, optimizer: str) -> dict[str, Any]:
+    """Mean rank of one optimiser, and its median regret on every problem that it can be used on."""
+    mean_rank = compared.ranking.mean_ranks[optimizer]
+    problems = {}
+    for name in compared.problems:
+        if (optimizer, name) in compared.runs:
+            regret = compared.ranking.median_regrets_V[optimizer, name]
+            problems[name] = {
+                "runs": len(compared.runs[optimizer, name]),
+                "median_regret_V": regret.value,
+                "low": _number(regret.low),
+                "high": _number(regret.high),
             }
-            for standing in summary.standings
-        ],
-        "unavailable": outcome.unavailable,
+    return {
+        "optimizer": optimizer,
+        "mean_rank": mean_rank.estimate.value,
+        "low": mean_rank.estimate.low,
+        "high": mean_rank.estimate.high,
+        "tied_with_winner": mean_rank.tied_with_winner,
+        "problems": problems,
     }
 
 
@@ -99,17 +104,17 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def ranking_csv(summary: Summary) -> str:
+def ranking_csv(compared: Comparison) -> str:
     """The ranking as CSV, one line for each optimiser and problem, the best optimiser first."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
-    for standing in summary.standings:
-        rank = (standing.mean_rank, standing.low, standing.high)
-        for score in summary.scores:
-            if score.optimizer == standing.optimizer:
-                regret = (score.regret.value, score.regret.low, score.regret.high)
-                writer.writerow([standing.optimizer, *rank, score.problem, score.runs, *regret])
+    for optimizer in compared.ranking.optimizers:
+        rank = astuple(compared.ranking.mean_ranks[optimizer].estimate)
+        for name in compared.problems:
+            if runs := compared.runs.get((optimizer, name)):
+                regret = astuple(compared.ranking.median_regrets_V[optimizer, name])
+                writer.writerow([optimizer, *rank, name, len(runs), *regret])
     return text.getvalue()
 
 

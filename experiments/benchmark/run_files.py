@@ -92,7 +92,7 @@ class RunResult:
         better = np.flatnonzero(np.concatenate([[True], told_V[1:] < best[:-1]]))
         kept = points[better]
         of = problem(key.problem)
-        costs_V = of.evaluate(kept) if of.reading_V else told_V[better].copy()
+        costs_V = of.evaluate(kept) if of.measurement_noise_V else told_V[better].copy()
         return cls(key, len(told_V), better + 1, told_V[better].copy(), costs_V, kept)
 
     def kept_V(self, evaluations: ArrayLike) -> Real:
@@ -269,7 +269,7 @@ def _what_is_wrong(run: RunResult, seed: int) -> str:
     again_V = of.evaluate(run.points)
     if difference := _first_other(again_V, run.costs_V, counts):
         return difference
-    if of.reading_V:
+    if of.measurement_noise_V:
         each = zip(run.points, counts, strict=True)
         again_V = np.array([of.read(point, seed, int(k) - 1)[0] for point, k in each])
     return _first_other(again_V, run.told_V, counts)

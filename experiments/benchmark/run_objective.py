@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from experiments.benchmark.run_files import RunKey
 from experiments.benchmark.suite import problem
-
-Real = NDArray[np.float64]
+from inkjet_env.typing import Real
 
 
 class ObjectiveFailedError(RuntimeError):
@@ -33,7 +29,7 @@ class RunObjective:
         self.key, self.seed = key, seed
         self.count = 0
         asked = problem(key.problem)
-        told = asked.told(seed)
+        told = asked.as_measured(seed)
         self.evaluate = self._watched(told, "evaluate")
         if asked.has_gradient:
             self.evaluate_with_gradient = self._watched(told, "evaluate_with_gradient")
@@ -60,7 +56,7 @@ class RunObjective:
     def _first_failure(self, name: str, points: Real) -> str:
         """The first of these points at which the objective fails alone; all of them where it fails at none alone."""
         for k, point in enumerate(points):
-            alone = problem(self.key.problem).told(self.seed, self.count + k)
+            alone = problem(self.key.problem).as_measured(self.seed, self.count + k)
             try:
                 getattr(alone, name)(point[None])
             except Exception:

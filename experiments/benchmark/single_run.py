@@ -74,7 +74,7 @@ class Optimisation:
         try:
             with shown_progress(self.optimizer, self.budget) as progress:
                 return minimise(
-                    self.problem.told(self.seed, done),
+                    self.problem.as_measured(self.seed, done),
                     optimizer,
                     self.budget,
                     recorded=recorded,

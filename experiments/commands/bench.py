@@ -67,12 +67,11 @@ def bench(
     except KeyboardInterrupt:
         print(f"Interrupted; finished runs are kept in {results}. The same command goes on.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
-    from experiments.benchmark.mean_ranks import summarise
+    from experiments.benchmark.analysis import Comparison
     from experiments.benchmark.report import write_report
     from inkjet_env.storage import write_json
 
-    summary = summarise(outcome)
-    page, ranking = write_report(outcome, summary)
+    page, ranking = write_report(Comparison(outcome))
     if json is not None:
         write_json(json, ranking)
     if str(json) != "-":

@@ -20,17 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmark.metrics import Places, as_json, crossed
+from experiments.benchmark.metrics import Places, crossed_bootstrap
 from experiments.learning.heads import TEST_SEED, Heads, drawn
 from experiments.learning.learners import LEARNERS, Begun, Table, one_waveform, table_of, tuned_costs_V
 from experiments.learning.repeated_training import (
     RESAMPLES,
     Arrays,
-    behind,
     best_costs_V,
     each,
     kept_arrays,
     kept_policy,
+    median_difference,
     median_of,
     over,
     run_command,
@@ -133,10 +133,10 @@ def told(results: Sequence[TuningResult], rng: np.random.Generator) -> list[dict
             if np.isfinite(regrets_V).all():
                 row[label] = median_of(regrets_V, rng)
                 if one.name != REFERENCE and REFERENCE in seen:
-                    row["behind"][label] = behind(regrets_V, seen[REFERENCE][label], rng)
+                    row["behind"][label] = median_difference(regrets_V, seen[REFERENCE][label], rng)
         if row["trained"]:
             evens = functools.partial(break_even, one, scratch, BUDGETS[0])
-            row["break_even_heads"] = as_json(crossed(evens, one.at_once_V.shape, rng, RESAMPLES))
+            row["break_even_heads"] = crossed_bootstrap(evens, one.at_once_V.shape, rng, RESAMPLES).as_json()
             row["against"] = soonest(scratch, row[str(BUDGETS[0])]["value"], every_head)[1]
             row["at_most_heads"] = one.trained.mean() / (one.curves_V.shape[-1] + 1 - BUDGETS[0])
         rows.append(row)

@@ -17,7 +17,7 @@ import numpy as np
 from experiments.learning.few_shot_tuners import (
     SCRATCH,
     Agent,
-    Tuner,
+    TuningStrategy,
     for_all,
     kept_costs_V,
     lists,
@@ -27,11 +27,11 @@ from experiments.learning.few_shot_tuners import (
 from experiments.learning.heads import TEST_SEED, Heads
 from experiments.learning.repeated_training import (
     Arrays,
-    behind,
     best_costs_V,
     each,
     kept_arrays,
     kept_policy,
+    median_difference,
     median_of,
     over,
     run_command,
@@ -77,7 +77,7 @@ def tested(
             names = TuneWaveformVectorEnv(1, tries=tries).tuning.observation_names()
             train = functools.partial(trained_agent, evaluations, tries, seed)
             policy = kept_policy(folder / f"{file}.npz", asked, train, names)
-            tuners: dict[str, Tuner] = {AGENT: Agent(policy)}
+            tuners: dict[str, TuningStrategy] = {AGENT: Agent(policy)}
             spent = int(policy.made["evaluations"])
         elif way == FOR_ALL:
             tuners, spent = for_all(heads, tries, seed)
@@ -140,7 +140,7 @@ def study(
         row: dict[str, Any] = {"name": name, "learning": learning[name], "trainings": len(regret_V)}
         row["after"] = {str(count): median_of(regret_V[..., count - 1], rng) for count in counts}
         if name != REFERENCE:
-            row["behind"] = behind(regret_V[..., -1], regrets_V[REFERENCE][..., -1], rng)
+            row["behind"] = median_difference(regret_V[..., -1], regrets_V[REFERENCE][..., -1], rng)
         rows.append(row)
     content = {
         "format": FORMAT,

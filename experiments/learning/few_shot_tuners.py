@@ -34,8 +34,8 @@ PULSE = np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0])
 """The shortest pulse of the box, after which a head rings freely."""
 
 
-class Tuner(Protocol):
-    """Whoever tunes N heads side by side."""
+class TuningStrategy(Protocol):
+    """How N heads are tuned side by side: the next waveform of each, from what its last ones cost."""
 
     def fire(self, observations: NDArray[np.float32]) -> Real:
         """Actions for the next try, shape (n, 7)."""
@@ -96,7 +96,7 @@ class Agent:
         """It will see them."""
 
 
-class OneForAll:
+class ConstantWaveform:
     """The same waveform whatever the head, again and again."""
 
     def __init__(self, point: Real) -> None:
@@ -110,7 +110,7 @@ class OneForAll:
         """It does not listen."""
 
 
-class Listed:
+class FixedSequence:
     """The waveforms of a list, one after the other; or a pulse first, and they are stretched to the period that rings.
 
     Parameters
@@ -218,7 +218,7 @@ def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
     return policy_of_sb3(model, made, names)
 
 
-def kept_costs_V(tuner: Tuner, heads: int, tries: int, seed: int) -> Real:
+def kept_costs_V(tuner: TuningStrategy, heads: int, tries: int, seed: int) -> Real:
     """True cost of the waveform kept after each try, shape (heads, tries); the same heads for the same seed."""
     envs = TuneWaveformVectorEnv(heads, tries=tries)
     observations, _ = envs.reset(seed=seed)
@@ -231,23 +231,23 @@ def kept_costs_V(tuner: Tuner, heads: int, tries: int, seed: int) -> Real:
     return kept
 
 
-def scratch(name: str, heads: int, tries: int, seed: int) -> dict[str, Tuner]:
+def scratch(name: str, heads: int, tries: int, seed: int) -> dict[str, TuningStrategy]:
     """One of `SCRATCH` for so many heads."""
     of, options = SCRATCH[name]
     return {name: Optimisers(of, heads, tries, seed, **options)}
 
 
-def for_all(heads: int, tries: int, seed: int) -> tuple[dict[str, Tuner], int]:
+def for_all(heads: int, tries: int, seed: int) -> tuple[dict[str, TuningStrategy], int]:
     """The waveform for all and CMA-ES from there, and the evaluations that it took to find."""
     point, spent = one_for_all(seed)
     near = Optimisers("cma-es", heads, tries, seed, start=point.tolist(), first_step=NEAR)
-    return {"one for all": OneForAll(point), "cma-es from one for all": near}, spent
+    return {"one for all": ConstantWaveform(point), "cma-es from one for all": near}, spent
 
 
-def lists(tries: int, seed: int) -> tuple[dict[str, Tuner], int]:
+def lists(tries: int, seed: int) -> tuple[dict[str, TuningStrategy], int]:
     """A list as it is, and one that is stretched to the period that rings after a pulse; and what either took."""
     observations, points, spent = labelled(LISTED, seed)
     plain, more = best_list(observations, points, tries, stretch=False)
     stretching, _ = best_list(observations, points, tries, stretch=True)
     names = TuneWaveformVectorEnv(1, tries=tries).tuning.observation_names()
-    return {"list": Listed(plain), "list, stretched": Listed(stretching, names)}, spent + more
+    return {"list": FixedSequence(plain), "list, stretched": FixedSequence(stretching, names)}, spent + more

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.benchmark.metrics import Places, as_json, crossed
+from experiments.benchmark.metrics import Places, crossed_bootstrap
 from experiments.execution.cluster import ClusterError, run_each, workers_of
 from experiments.execution.provenance import code_digest, first_difference, versions
 from experiments.learning.heads import Heads, descended
@@ -171,11 +171,11 @@ def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any,
 def median_of(regrets_V: Real, rng: np.random.Generator) -> dict[str, Any]:
     """The median of regrets, shape (trainings, heads), with its interval, and that of each training by itself."""
 
-    found = crossed(functools.partial(_median, regrets_V), regrets_V.shape, rng, RESAMPLES)
-    return as_json(found) | {"each": np.median(regrets_V, axis=1).tolist()}
+    found = crossed_bootstrap(functools.partial(_median, regrets_V), regrets_V.shape, rng, RESAMPLES)
+    return found.as_json() | {"each": np.median(regrets_V, axis=1).tolist()}
 
 
-def behind(regrets_V: Real, reference_V: Real, rng: np.random.Generator) -> dict[str, Any]:
+def median_difference(regrets_V: Real, reference_V: Real, rng: np.random.Generator) -> dict[str, Any]:
     """By how much one median is higher than another on the same heads, with the interval of that difference.
 
     Parameters
@@ -188,7 +188,7 @@ def behind(regrets_V: Real, reference_V: Real, rng: np.random.Generator) -> dict
     def difference(mine: Places, theirs: Places, heads: Places) -> float:
         return _median(regrets_V, mine, heads) - _median(reference_V, theirs, heads)
 
-    return as_json(crossed(difference, (len(regrets_V), *reference_V.shape), rng, RESAMPLES))
+    return crossed_bootstrap(difference, (len(regrets_V), *reference_V.shape), rng, RESAMPLES).as_json()
 
 
 def _median(values: Real, trainings: Places, heads: Places) -> float:

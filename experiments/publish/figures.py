@@ -55,7 +55,7 @@ def published_hysteresis() -> Figure:
     from matplotlib.figure import Figure
 
     found, _ = published_loop()
-    loop = next(r for r in found.residuals if r.channel == "strain_gauge")
+    loop = next(r for r in found.recordings if r.channel == "strain_gauge")
     swing = float(np.ptp(loop.measured))
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     against, around, left = figure.subplots(1, 3)
@@ -68,10 +68,10 @@ def published_hysteresis() -> Figure:
     )
     against.set(xlabel="degree n of Q", ylabel="squared error / noise", title="B  error against degree")
     around.plot(loop.drive_V, loop.measured, ".", ms=7, color="#c9c9c9", label="measured")
-    around.plot(loop.drive_V, loop.modelled, color=plotting.AFTER, lw=1.4, label="branch law of degree 8")
+    around.plot(loop.drive_V, loop.modelled["base"], color=plotting.AFTER, lw=1.4, label="branch law of degree 8")
     around.set(xlabel="drive (V)", ylabel="strain gauge (V)", title="C  90 sin t loop")
     around.legend(frameon=False, loc="upper left")
-    left.plot(loop.time_s, 100 * loop.difference / swing, color=plotting.AFTER, lw=0.8)
+    left.plot(loop.time_s, 100 * loop.residual() / swing, color=plotting.AFTER, lw=0.8)
     left.set(xlabel="time (s)", ylabel="measured − modelled (% of swing)", title="D  what the model leaves")
     return figure
 

@@ -214,9 +214,9 @@ def _print_published() -> None:
     print("A published: ", published.tolist())
     difference = np.abs(found.printhead.branch_law.Q(x) - Printhead.published().branch_law.Q(x)).max()
     residual, noise = found.rms("strain_gauge", held_out=False)
-    loop = next(r for r in found.residuals if r.channel == "strain_gauge")
+    loop = next(r for r in found.recordings if r.channel == "strain_gauge")
     print(f"largest difference of Q: {100 * difference:.3f} % of the swing")
-    largest, rms, floor = np.array([np.abs(loop.difference).max(), residual, noise]) * 100 / np.ptp(loop.measured)
+    largest, rms, floor = np.array([np.abs(loop.residual()).max(), residual, noise]) * 100 / np.ptp(loop.measured)
     print(f"loop, what the model leaves: at most {largest:.2f} %, RMS {rms:.3f} % of the swing; noise {floor:.3f} %")
 
 
@@ -260,14 +260,14 @@ def _print_measured(folder: Path) -> None:
         head = found.printhead
         print(
             f"{title}: resonance {head.frequency_Hz:.0f} Hz, damping ratio {head.damping_ratio:.3f}, degree "
-            f"{len(head.coefficients) - 1}; noise at rest {found.residuals[0].noise_rms:.3f} um"
+            f"{len(head.coefficients) - 1}; noise at rest {found.recordings[0].noise_rms:.3f} um"
         )
-        for r in found.residuals:
-            parts = [(word, r.rms_of(flag)) for word, flag in (("fitted", False), ("held out", True))]
+        for r in found.recordings:
+            parts = [(word, r.rms(held_out=flag)) for word, flag in (("fitted", False), ("held out", True))]
             told = ", ".join(f"{rms:.3f} um {word}" for word, rms in parts if not math.isnan(rms))
-            print(f"  {r.name}: {told}; at most {np.abs(r.difference).max():.2f} um")
-    alone = found.residuals[0]
-    after = alone.difference[int(np.argmax(alone.drive_V != 0)) :]
+            print(f"  {r.name}: {told}; at most {np.abs(r.residual()).max():.2f} um")
+    alone = found.recordings[0]
+    after = alone.residual()[int(np.argmax(alone.drive_V != 0)) :]
     lines = np.abs(np.fft.rfft(after - after.mean()))
     strongest = float(np.fft.rfftfreq(after.size, alone.step_s)[np.argmax(lines)])
     print(f"strongest line in what the ring-down alone leaves: {strongest:.0f} Hz")

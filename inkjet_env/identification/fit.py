@@ -13,7 +13,7 @@ from inkjet_env.identification.constrained import density_constraints
 from inkjet_env.identification.covariance import Solution
 from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE, DegreeChoice, choose_degree
 from inkjet_env.identification.linearised import linearised_blocks
-from inkjet_env.identification.measurements import Measurement, least_noise, measurements, noise_of
+from inkjet_env.identification.measurements import RepeatedMeasurement, least_noise, measurements, noise_of
 from inkjet_env.identification.model import Fitted, Model
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.identification.separable import fit_everything
@@ -33,13 +33,15 @@ NOISE_TOLERANCE = 1.05
 residual."""
 
 
-class Fit:
+class CampaignFit:
     """One fit of a campaign, its branch law of one full scale; parameters as of `identify`.
 
     Attributes
     ----------
-    all, train, gauge, fast : sequence of Measurement
+    all, train, gauge, fast : sequence of RepeatedMeasurement
         Every recording; those with fitted samples; of these, where the drive moves, the strain gauge's and the others.
+    orders : dict of str to int
+        When each recording was taken within the session, by its name.
     full_scale_V, reached_V : float
         Change of drive at ``x = 1``, and the largest that was fitted.
     noise : dict
@@ -69,6 +71,7 @@ class Fit:
     ) -> None:
         self.degree_given, self.degree_rule, self.valid_density = degree, degree_rule, valid_density
         self.all = measurements(campaign, held_out)
+        self.orders = {recording.name: recording.order for recording in campaign.recordings}
         self.notes: list[str] = []
         self.noise = noise_of(self.all)
         lost = {key: noise.lost for key, noise in self.noise.items()}
@@ -121,7 +124,7 @@ class Fit:
         return self.solution.chi_square + 2 * scale + CHANCE_F * self.solution.model.weights.size
 
     def widen(self) -> None:
-        """Fit again with channels whose residual exceeds their noise weighed by it, and intervals widened."""
+        """CampaignFit again with channels whose residual exceeds their noise weighed by it, and intervals widened."""
         self.loudness = {channel: rms for channel, rms in self.misfit.items() if rms > self._tolerance(channel)}
         if not self.loudness:
             return
@@ -138,7 +141,7 @@ class Fit:
         samples = sum(m.fitted for m in self.train if m.channel == channel)
         return NOISE_TOLERANCE + 3 / math.sqrt(2 * samples)
 
-    def fitted(self, chosen: Sequence[Measurement], degree: int) -> list[Fitted]:
+    def fitted(self, chosen: Sequence[RepeatedMeasurement], degree: int) -> list[Fitted]:
         """Recordings with their bases of one degree."""
         return [
             Fitted(
@@ -295,7 +298,7 @@ def _band_rms(fitted: Sequence[Fitted], model: Model) -> float:
     return math.sqrt(shared / power) if power > 0 else 1.0
 
 
-def _largest_change_V(measured: Sequence[Measurement]) -> float:
+def _largest_change_V(measured: Sequence[RepeatedMeasurement]) -> float:
     """The largest argument of the branch law, in volts, to three digits: a sampled sine misses its top by a hair.
 
     The virgin curve's is twice the drive; of a periodic drive only a level shows it, and self-sensing has none.

@@ -1,4 +1,4 @@
-"""What an identification gives: a printhead, intervals, and the residual of every recording."""
+"""What an identification gives: a printhead, intervals, and every recording beside what the model makes of it."""
 
 from __future__ import annotations
 
@@ -7,62 +7,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
+from inkjet_env.estimate import Estimate
 from inkjet_env.identification.degree import DegreeChoice
+from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value and its 90 % confidence interval."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, eq=False)
-class Residual:
-    """What a recording shows beyond the model: arrays of shape (n,), in the channel's unit."""
-
-    name: str
-    channel: str
-    unit: str
-    step_s: float
-    drive_V: Real
-    measured: Real
-    modelled: Real
-    fitted: int
-    noise_rms: float
-
-    @property
-    def time_s(self) -> Real:
-        """From the first sample on."""
-        return np.arange(self.measured.size, dtype=np.float64) * np.float64(self.step_s)
-
-    @property
-    def difference(self) -> Real:
-        """Measured minus modelled."""
-        left: Real = self.measured - self.modelled
-        return left
-
-    @property
-    def held_out(self) -> bool:
-        """Whether any of it was kept from the fit."""
-        return self.fitted < self.measured.size
-
-    @property
-    def rms(self) -> float:
-        """Of the difference over what was held out, or over all of a recording that was fitted whole."""
-        return self.rms_of(self.held_out)
-
-    def rms_of(self, held_out: bool) -> float:
-        """Of the difference over what was held out, or over what was fitted; NaN where there is no such part."""
-        part = self.difference[self.fitted :] if held_out else self.difference[: self.fitted]
-        return float(np.sqrt(np.mean(part**2))) if part.size else math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +23,7 @@ class Identification:
     ----------
     printhead : Printhead
     dynamics : dict of str to Estimate
-        ``a0, a1, b1``.
+        ``a0, a1, b1``, with 90 % confidence intervals.
     gains : dict of str to Estimate
         Of each channel: ``b1`` of self-sensing; units per hysteretic volt of strain gauge and displacement (``b0/a0``).
     offsets : dict of str to float
@@ -86,8 +36,8 @@ class Identification:
         Error against degree on all recordings together.
     noise : dict
         Noise models by channel and sampling step.
-    residuals : tuple of Residual
-        One a recording.
+    recordings : tuple of ModelledRecording
+        All of the channels that the model has, by name.
     misfit : dict of str to float
         Of each channel: root mean square of the whitened residual of the fit; 1 is the noise.
     notes : tuple of str
@@ -102,7 +52,7 @@ class Identification:
     degree: DegreeChoice
     joint_degree: DegreeChoice
     noise: Mapping[tuple[str, float], NoiseModel]
-    residuals: tuple[Residual, ...]
+    recordings: tuple[ModelledRecording, ...]
     misfit: Mapping[str, float]
     notes: tuple[str, ...]
 
@@ -112,18 +62,18 @@ class Identification:
         return next(c for c in ("strain_gauge", "displacement", "self_sensing") if c in self.gains)
 
     @property
-    def heldout(self) -> tuple[Residual, ...]:
+    def heldout(self) -> tuple[ModelledRecording, ...]:
         """Recordings, or ends of recordings, that no fit has seen."""
-        return tuple(r for r in self.residuals if r.held_out)
+        return tuple(r for r in self.recordings if r.held_out)
 
     def unit(self, channel: str) -> str:
         """Unit of a channel's signal: V or um."""
-        return next(r.unit for r in self.residuals if r.channel == channel)
+        return next(r.unit for r in self.recordings if r.channel == channel)
 
     def rms(self, channel: str, held_out: bool) -> tuple[float, float]:
         """Root mean square of a channel's residual, and of its noise, over held-out or fitted recordings."""
-        mine = [r for r in self.residuals if r.channel == channel and not math.isnan(r.rms_of(held_out))]
-        return _pooled(r.rms_of(held_out) for r in mine), _pooled(r.noise_rms for r in mine)
+        mine = [r for r in self.recordings if r.channel == channel and not math.isnan(r.rms(held_out=held_out))]
+        return _pooled(r.rms(held_out=held_out) for r in mine), _pooled(r.noise_rms for r in mine)
 
     def fit_json(self) -> dict[str, Any]:
         """The entry "fit" of ``printhead.json``.

@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE
-from inkjet_env.identification.fit import Fit
+from inkjet_env.identification.fit import CampaignFit
 from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.outcome import outcome_of
 from inkjet_env.printhead import check_name
@@ -68,8 +68,10 @@ def identify(
     if full_scale_V is not None and not 1e-3 <= full_scale_V <= 1e6:
         raise ValueError(f"full_scale_V must be a voltage of 1e-3 to 1e6 V; got {full_scale_V!r}.")
 
-    def begun(swing_V: float | None, recorded: Campaign = campaign) -> Fit:
-        return Fit(recorded, degree, degree_rule, valid_density, swing_V, held_out, progress or (lambda _: None))
+    def begun(swing_V: float | None, recorded: Campaign = campaign) -> CampaignFit:
+        return CampaignFit(
+            recorded, degree, degree_rule, valid_density, swing_V, held_out, progress or (lambda _: None)
+        )
 
     with threadpool_limits(1):  # its matrices are small: threads would but wait for each other
         fit = begun(full_scale_V)
@@ -114,7 +116,8 @@ def doubtful_states(campaign: Campaign, held_out: Sequence[str] | None = None) -
         return None
     with threadpool_limits(1):
         fit, again = (
-            Fit(c, None, "flattening", False, None, held_out, lambda _: None) for c in (campaign, _repeating(campaign))
+            CampaignFit(c, None, "flattening", False, None, held_out, lambda _: None)
+            for c in (campaign, _repeating(campaign))
         )
         fit.solve()
         return _doubt(fit, again)
@@ -128,13 +131,13 @@ def _repeating(campaign: Campaign) -> Campaign:
     return replace(campaign, recordings=recordings)
 
 
-def _left(fit: Fit) -> float:
+def _left(fit: CampaignFit) -> float:
     """Root mean square of what is left of the fast recordings, in units of their own swing; the geometric mean."""
     shares = [fit.misfit[m.channel] * fit.noise[m.noise_key].rms / float(np.std(m.mean)) for m in fit.fast]
     return math.exp(float(np.mean(np.log(shares))))
 
 
-def _doubt(fit: Fit, again: Fit) -> str | None:
+def _doubt(fit: CampaignFit, again: CampaignFit) -> str | None:
     """What to say where a fit of repeated drives, not solved yet, explains more than one of unknown states."""
     again.solve(fit.solution.model)
     ratio = _left(fit) / _left(again)

@@ -22,7 +22,7 @@ HELD_OUT_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Measurement:
+class RepeatedMeasurement:
     """One drive and what a channel showed of it, once or several times.
 
     Attributes
@@ -65,7 +65,7 @@ class Measurement:
         return self.channel, float(f"{self.step_s:.4g}")
 
 
-def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> tuple[Measurement, ...]:
+def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> tuple[RepeatedMeasurement, ...]:
     """Gather the recordings of a campaign by channel and drive, and put some aside.
 
     Parameters
@@ -108,7 +108,7 @@ def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> t
     return tuple(result)
 
 
-def _gathered(campaign: Campaign) -> list[Measurement]:
+def _gathered(campaign: Campaign) -> list[RepeatedMeasurement]:
     units: dict[str, str] = {}
     groups: dict[tuple, list[Recording]] = {}
     for recording in campaign.recordings:
@@ -128,7 +128,7 @@ def _gathered(campaign: Campaign) -> list[Measurement]:
         )
         groups.setdefault(key, []).append(recording)
     return [
-        Measurement(
+        RepeatedMeasurement(
             channel=first.channel,
             unit=units[first.channel],
             initial_state=first.initial_state,
@@ -143,7 +143,7 @@ def _gathered(campaign: Campaign) -> list[Measurement]:
     ]
 
 
-def _every_fourth(gathered: Sequence[Measurement]) -> set[str]:
+def _every_fourth(gathered: Sequence[RepeatedMeasurement]) -> set[str]:
     chosen: set[str] = set()
     for channel in sorted({m.channel for m in gathered}):
         moving = [m for m in gathered if m.channel == channel and not m.still]
@@ -159,8 +159,8 @@ def _every_fourth(gathered: Sequence[Measurement]) -> set[str]:
     return chosen
 
 
-def noise_of(gathered: Sequence[Measurement]) -> dict[tuple[str, float], NoiseModel]:
-    """Noise models by `Measurement.noise_key`, from what tells nothing of the head; absent where there is nothing such.
+def noise_of(gathered: Sequence[RepeatedMeasurement]) -> dict[tuple[str, float], NoiseModel]:
+    """Noise models by `RepeatedMeasurement.noise_key`, from what tells nothing of the head; absent without such.
 
     From repeats and recordings at rest; where there are none, from what comes before the drive's first change; else the
     channel's noise at the nearest sampling step. Held-out recordings take part.
@@ -195,14 +195,14 @@ def noise_of(gathered: Sequence[Measurement]) -> dict[tuple[str, float], NoiseMo
     return models
 
 
-def _rest_before(measurement: Measurement) -> int:
+def _rest_before(measurement: RepeatedMeasurement) -> int:
     """Samples before a demagnetised head is first driven."""
     if measurement.initial_state != "demagnetised" or measurement.drive_V[0] != 0:
         return 0
     return int(np.argmax(measurement.drive_V != 0))
 
 
-def least_noise(gathered: Sequence[Measurement]) -> dict[str, float]:
+def least_noise(gathered: Sequence[RepeatedMeasurement]) -> dict[str, float]:
     """By channel, the RMS below which nothing can be told: the converter's step / √12, or 1e-7 of the strongest signal.
 
     The step is the least difference between values that occur, where they are visibly apart.

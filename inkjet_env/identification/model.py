@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from inkjet_env.identification.basis import DriveBasis
-from inkjet_env.identification.measurements import Measurement
+from inkjet_env.identification.measurements import RepeatedMeasurement
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.typing import Real
 
@@ -18,7 +18,7 @@ from inkjet_env.typing import Real
 class Fitted:
     """One drive, its repeats' mean, and how to weigh it."""
 
-    measurement: Measurement
+    measurement: RepeatedMeasurement
     basis: DriveBasis
     noise: NoiseModel
     loudness: float = 1.0
@@ -55,7 +55,7 @@ class Model:
     ratios: Mapping[str, float]
     offsets: Mapping[str, float]
 
-    def predicted(self, measurement: Measurement, basis: DriveBasis, noise: NoiseModel | None = None) -> Real:
+    def predicted(self, measurement: RepeatedMeasurement, basis: DriveBasis, noise: NoiseModel | None = None) -> Real:
         """Free-run signal at every sample, shape (n,).
 
         A free initial state is estimated from the recording itself, whitened by ``noise`` where given.
@@ -71,7 +71,7 @@ class Model:
         return signal
 
 
-def has_free_state(measurement: Measurement) -> bool:
+def has_free_state(measurement: RepeatedMeasurement) -> bool:
     """Whether the resonator's initial state is a nuisance of this recording."""
     return measurement.initial_state == "free" and measurement.channel != "strain_gauge"
 

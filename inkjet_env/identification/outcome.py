@@ -1,4 +1,4 @@
-"""What is made of a fit: the printhead, its intervals, the residual of every recording, and what a reader must know."""
+"""What is made of a fit: the printhead, its intervals, recordings beside the model, and what a reader must know."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from inkjet_env.estimate import Estimate
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.covariance import Solution
 from inkjet_env.identification.degree import CHANCE_F
-from inkjet_env.identification.fit import Fit
-from inkjet_env.identification.identification import Estimate, Identification, Residual
+from inkjet_env.identification.fit import CampaignFit
+from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.model import Model
+from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.starting_point import ringing_gain
 from inkjet_env.printhead import Printhead
 
@@ -30,7 +32,7 @@ NOTHING_RINGS = (
 )
 
 
-def outcome_of(fit: Fit) -> Identification:
+def outcome_of(fit: CampaignFit) -> Identification:
     """The identification that a solved fit comes to.
 
     Raises
@@ -71,13 +73,13 @@ def outcome_of(fit: Fit) -> Identification:
         fit.alone,
         fit.joint,
         fit.noise,
-        _residuals(fit, model),
+        _modelled_recordings(fit, model),
         fit.misfit,
         (*fit.notes, *_notes(fit, printhead, gains)),
     )
 
 
-def _gain_of_reference(fit: Fit, model: Model) -> float:
+def _gain_of_reference(fit: CampaignFit, model: Model) -> float:
     """Of the law's swing over the convention's."""
     swing = float(model.weights.sum())
     if not math.isfinite(swing) or abs(swing) < 1e-12 * float(np.abs(model.weights).sum()):
@@ -85,7 +87,7 @@ def _gain_of_reference(fit: Fit, model: Model) -> float:
     return swing / conventional_swing(fit.full_scale_V)
 
 
-def _chi_square(fit: Fit, model: Model) -> float:
+def _chi_square(fit: CampaignFit, model: Model) -> float:
     """Of the whitened residuals of the fitted samples."""
     total = 0.0
     for f in fit.fitted(fit.train, model.weights.size):
@@ -94,7 +96,7 @@ def _chi_square(fit: Fit, model: Model) -> float:
     return total
 
 
-def _gains(fit: Fit, model: Model, richer: Solution, gain_of_reference: float) -> dict[str, Estimate]:
+def _gains(fit: CampaignFit, model: Model, richer: Solution, gain_of_reference: float) -> dict[str, Estimate]:
     """Of each channel, with the errors of the richer fit."""
     swings = np.array([float(name.startswith("w")) for name in richer.names])
     gains = {}
@@ -122,7 +124,7 @@ def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:
     return estimates
 
 
-def _notes(fit: Fit, printhead: Printhead, gains: Mapping[str, Estimate]) -> list[str]:
+def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]) -> list[str]:
     """What a reader must know of the outcome, in sentences."""
     notes = []
     if "self_sensing" not in gains:
@@ -162,9 +164,9 @@ def _notes(fit: Fit, printhead: Printhead, gains: Mapping[str, Estimate]) -> lis
     return notes
 
 
-def _residuals(fit: Fit, model: Model) -> tuple[Residual, ...]:
+def _modelled_recordings(fit: CampaignFit, model: Model) -> tuple[ModelledRecording, ...]:
     """One a recording of the channels that the model has, by name."""
-    rows: list[Residual] = []
+    rows: list[ModelledRecording] = []
     for m in fit.all:
         if m.channel not in model.ratios:
             continue
@@ -172,7 +174,18 @@ def _residuals(fit: Fit, model: Model) -> tuple[Residual, ...]:
         modelled = model.predicted(m, basis)
         rms = fit.noise[m.noise_key].rms if m.noise_key in fit.noise else math.nan
         rows.extend(
-            Residual(name, m.channel, m.unit, m.step_s, m.drive_V, signal, modelled, m.fitted, rms)
+            ModelledRecording(
+                name=name,
+                channel=m.channel,
+                unit=m.unit,
+                order=fit.orders[name],
+                step_s=m.step_s,
+                drive_V=m.drive_V,
+                measured=signal,
+                modelled={"base": modelled},
+                fitted=m.fitted,
+                noise_rms=rms,
+            )
             for name, signal in zip(m.names, m.signals, strict=True)
         )
     return tuple(sorted(rows, key=lambda r: r.name))

@@ -15,7 +15,15 @@ from threadpoolctl import threadpool_limits
 from inkjet_env.identification.identify import doubtful_states
 from inkjet_env.mismatch.design.next_experiment import next_experiment
 from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, Named
-from inkjet_env.mismatch.evidence import chance_of, closest, closure_of, compared, named_effects, share_left, traces_of
+from inkjet_env.mismatch.evidence import (
+    chance_of,
+    closest,
+    closure_of,
+    compared,
+    modelled_recordings,
+    named_effects,
+    share_left,
+)
 from inkjet_env.mismatch.fitting.base_model import MOST_PARTS, base_model
 from inkjet_env.mismatch.fitting.base_parameters import in_convention
 from inkjet_env.mismatch.fitting.checkpoint import Kept
@@ -333,8 +341,8 @@ class _Work:
         base = base_hypothesis(joint)
         # the base model has no effects by chance either
         bare = JointFit(joint.observed, joint.noise, joint.base.head) if standing else joint
-        traces = traces_of(bare, joint, chosen, flexible)
-        closure = closure_of(traces)
+        recordings = modelled_recordings(bare, joint, chosen, flexible)
+        closure = closure_of(recordings)
         share = share_left(base_hypothesis(bare), chosen, flexible)
         groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
         groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
@@ -394,7 +402,7 @@ class _Work:
         groups = [] if verdict == "unknown" else groups
         return Diagnosis(
             self.campaign.name, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(groups),
-            location, traces, closure, share, listed, untestable, following, correction, head.printhead, gains, offsets,
-            joint.base.head.printhead, dynamics(stands), tuple(self.notes),
+            location, recordings, closure, share, listed, untestable, following, correction, head.printhead, gains,
+            offsets, joint.base.head.printhead, dynamics(stands), tuple(self.notes),
             time.perf_counter() - self.started, self.stages,
         )  # fmt: skip

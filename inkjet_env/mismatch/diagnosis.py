@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.identification.identification import Estimate
+from inkjet_env.estimate import Estimate
+from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.plant import Effect
@@ -85,34 +86,6 @@ class Attribution:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
-    """One recording with what the base model and the augmented one make of it, in the channel's unit; arrays (n,)."""
-
-    name: str
-    channel: str
-    unit: str
-    order: int
-    step_s: float
-    drive_V: Real
-    measured: Real
-    base: Real
-    augmented: Real
-    fitted: int
-    noise_rms: float
-
-    @property
-    def held_out(self) -> bool:
-        """Whether any of it was kept from every fit and choice."""
-        return self.fitted < self.measured.size
-
-    def rms(self, which: str, held_out: bool) -> float:
-        """RMS of measured minus ``which`` ("base" or "augmented") over what was held out, or fitted; NaN of nothing."""
-        rows = slice(self.fitted, None) if held_out else slice(0, self.fitted)
-        left = (self.measured - getattr(self, which))[rows]
-        return float(np.sqrt(np.mean(left**2))) if left.size else math.nan
-
-
-@dataclass(frozen=True, eq=False)
 class Correction:
     """A flexible model of what no effect explains: it corrects, it does not explain.
 
@@ -146,7 +119,8 @@ class Diagnosis:
     candidates : tuple of tuple of str
         Groups of effects that these recordings cannot tell apart.
     location : Location
-    traces : tuple of Trace
+    recordings : tuple of ModelledRecording
+        With the signals of the "base" and of the "augmented" model.
     closure : float
         Share of the base model's held-out mean square beyond noise that the augmented model removes; NaN where there
         is none to remove.
@@ -177,7 +151,7 @@ class Diagnosis:
     effects: tuple[Named, ...]
     candidates: tuple[tuple[str, ...], ...]
     location: Location
-    traces: tuple[Trace, ...]
+    recordings: tuple[ModelledRecording, ...]
     closure: float
     left_over: float
     attributions: tuple[Attribution, ...]
@@ -198,18 +172,18 @@ class Diagnosis:
 
         ``which``: "base", "augmented" or "noise".
         """
-        mine = [t for t in self.traces if t.held_out and t.channel == self.main_channel]
+        mine = [r for r in self.recordings if r.held_out and r.channel == self.main_channel]
         if not mine:
             return math.nan
-        rows = [t.measured.size - t.fitted for t in mine]
-        sizes = [t.noise_rms if which == "noise" else t.rms(which, held_out=True) for t in mine]
+        rows = [r.measured.size - r.fitted for r in mine]
+        sizes = [r.noise_rms if which == "noise" else r.rms(which, held_out=True) for r in mine]
         per_volt = 1.0 if mine[0].unit == "V" else abs(self.gains[self.main_channel])
         return float(np.sqrt(np.average(np.square(sizes), weights=rows))) / per_volt
 
     @property
     def main_channel(self) -> str:
         """The fast channel that the figures are of."""
-        present = {t.channel for t in self.traces}
+        present = {r.channel for r in self.recordings}
         return next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in present)
 
     def as_json(self, drive_csv: str | None = None) -> dict[str, Any]:
@@ -250,7 +224,7 @@ class Diagnosis:
                 "augmented_heldout_rms_V": _finite(self.heldout_rms("augmented")),
                 "closure": _finite(self.closure),
                 "left_over": self.left_over,
-                "heldout": [t.name for t in self.traces if t.held_out],
+                "heldout": [r.name for r in self.recordings if r.held_out],
             },
             "next_experiment": None
             if self.next_experiment is None
@@ -275,7 +249,7 @@ class Diagnosis:
         """The augmented model as ``printhead/1``, effects with their intervals; the base model where none was found."""
         from inkjet_env.plant.augmented import AugmentedPrinthead
 
-        units = {trace.channel: trace.unit for trace in self.traces}
+        units = {r.channel: r.unit for r in self.recordings}
         channels = {
             channel: {"unit": units[channel], "gain": {"value": gain}, "offset": self.offsets.get(channel, 0.0)}
             for channel, gain in self.gains.items()
@@ -288,7 +262,7 @@ class Diagnosis:
             return self.base_printhead.as_json(dynamics, {k: v for k, v in fit.items() if k not in of_another})
         values = tuple((e.effect, dict(e.values)) for e in self.effects)
         intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in self.effects}
-        last = max(trace.order for trace in self.traces)
+        last = max(r.order for r in self.recordings)
         augmented = AugmentedPrinthead(self.printhead, values, self.gains, last)
         return augmented.as_json(dynamics, fit, effect_intervals=intervals)
 

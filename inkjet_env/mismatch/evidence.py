@@ -8,9 +8,10 @@ from contextlib import suppress
 
 import numpy as np
 
-from inkjet_env.identification.identification import Estimate
+from inkjet_env.estimate import Estimate
+from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.outcome import QUANTILE_90
-from inkjet_env.mismatch.diagnosis import Attribution, Named, Trace
+from inkjet_env.mismatch.diagnosis import Attribution, Named
 from inkjet_env.mismatch.fitting.joint_fit import JointFit
 from inkjet_env.mismatch.selection.discrepancy_regression import Flexible
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
@@ -33,13 +34,15 @@ NOT_CONVERGED = (
 """Said after an effect whose values are no minimum."""
 
 
-def traces_of(bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Flexible) -> tuple[Trace, ...]:
+def modelled_recordings(
+    bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Flexible
+) -> tuple[ModelledRecording, ...]:
     """Every recording with what the base model, without effects by chance, and the chosen hypothesis make of it."""
     # Where nothing tells the noise, it is at most what the flexible model leaves of what is left.
     most = math.sqrt(1 - min(max(flexible.share, 0.0), 1.0))
     base, augmented = bare.modelled(bare.base), joint.modelled(chosen.fit)
     return tuple(
-        Trace(
+        ModelledRecording(
             o.name,
             o.channel,
             o.unit,
@@ -47,8 +50,7 @@ def traces_of(bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Fle
             o.shot.step_s,
             o.shot.drive_V,
             o.measured,
-            base[o.name],
-            augmented[o.name],
+            {"base": base[o.name], "augmented": augmented[o.name]},
             o.fitted,
             joint.noise.models[o.noise_key].rms * (1.0 if joint.noise.known(o) else most),
         )
@@ -57,14 +59,14 @@ def traces_of(bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Fle
     )
 
 
-def closure_of(traces: Sequence[Trace]) -> float:
+def closure_of(recordings: Sequence[ModelledRecording]) -> float:
     """Over held-out recordings of all channels, each in units of its noise."""
     before = after = samples = 0.0
-    for t in traces:
-        rows = t.measured.size - t.fitted
-        if rows and t.noise_rms > 0:
-            before += rows * (t.rms("base", True) / t.noise_rms) ** 2
-            after += rows * (t.rms("augmented", True) / t.noise_rms) ** 2
+    for r in recordings:
+        rows = r.measured.size - r.fitted
+        if rows and r.noise_rms > 0:
+            before += rows * (r.rms("base", held_out=True) / r.noise_rms) ** 2
+            after += rows * (r.rms("augmented", held_out=True) / r.noise_rms) ** 2
             samples += rows
     if not samples or before - samples < LEAST_EXCESS * samples + SURE * math.sqrt(2 * samples):
         return math.nan

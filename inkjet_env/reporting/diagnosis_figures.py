@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from inkjet_env.identification import Residual
 from inkjet_env.reporting import plotting
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
 from inkjet_env.reporting.identification_figures import BAND, amplitude_densities, draw_line, time_scale
@@ -18,8 +17,8 @@ from inkjet_env.typing import Real
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from inkjet_env.identification import ModelledRecording
     from inkjet_env.mismatch.design.next_experiment import NextExperiment
-    from inkjet_env.mismatch.diagnosis import Trace
 
 
 WIDTH = 5.4
@@ -71,39 +70,41 @@ class Row:
         return (self.base**2 - self.augmented**2) / beyond if beyond > 0.1 * self.noise**2 else math.nan
 
 
-def augmented(traces: Sequence[Trace]) -> bool:
+def augmented(recordings: Sequence[ModelledRecording]) -> bool:
     """Whether the augmented model is another than the base model on any of these recordings."""
-    return any(not np.array_equal(t.base, t.augmented) for t in traces)
+    return any(not np.array_equal(r.modelled["base"], r.modelled["augmented"]) for r in recordings)
 
 
-def view_figure(trace: Trace, models: Mapping[str, Real], samples: slice, zoom: slice | None = None) -> Figure:
+def view_figure(
+    recording: ModelledRecording, models: Mapping[str, Real], samples: slice, zoom: slice | None = None
+) -> Figure:
     """Drive, signal and what the models leave of some samples of a recording; the stretch ``zoom`` is shaded.
 
     Parameters
     ----------
-    trace : Trace
+    recording : ModelledRecording
     models : mapping of str to ndarray, shape (n,)
         Signals by "base", "augmented", "corrected"; drawn in that order.
     samples, zoom : slice
     """
     figure, axes = plotting.new_figure(WIDTH, 5.4, nrows=3, sharex=True, height_ratios=[1, 2, 2])
-    time_s = sample_times_s(trace.measured.size, trace.step_s)
+    time_s = sample_times_s(recording.measured.size, recording.step_s)
     seconds, time_unit = time_scale(float(np.ptp(time_s[samples])))
-    time, unit = time_s / seconds, unit_text(trace.unit)
-    draw_line(axes[0], time[samples], trace.drive_V[samples], color=plotting.GREY, lw=1.2)
-    draw_line(axes[1], time[samples], trace.measured[samples], color=MEASURED, lw=3.4, label="measured")
-    if math.isfinite(trace.noise_rms):
-        band = 2 * trace.noise_rms
+    time, unit = time_s / seconds, unit_text(recording.unit)
+    draw_line(axes[0], time[samples], recording.drive_V[samples], color=plotting.GREY, lw=1.2)
+    draw_line(axes[1], time[samples], recording.measured[samples], color=MEASURED, lw=3.4, label="measured")
+    if math.isfinite(recording.noise_rms):
+        band = 2 * recording.noise_rms
         axes[2].axhspan(-band, band, color=BAND, lw=0, zorder=0.5, label="± 2 × noise")
     for which, modelled in models.items():
         style: Any = {"color": COLOURS[which], "label": LABELS[which] if len(models) > 1 else "model"}
         draw_line(axes[1], time[samples], modelled[samples], lw=0.9, **style)
-        draw_line(axes[2], time[samples], (trace.measured - modelled)[samples], lw=0.8, **style)
+        draw_line(axes[2], time[samples], (recording.measured - modelled)[samples], lw=0.8, **style)
     if zoom is not None:
         for panel in axes:
             panel.axvspan(time[zoom.start], time[zoom.stop - 1], color=SHADE, lw=0, zorder=0)
     axes[0].set_ylabel("drive (V)")
-    axes[1].set_ylabel(f"{CHANNEL_WORDS[trace.channel]} ({unit})")
+    axes[1].set_ylabel(f"{CHANNEL_WORDS[recording.channel]} ({unit})")
     axes[2].set_ylabel(f"measured −\nmodelled ({unit})")
     axes[2].set_xlabel(f"time ({time_unit})")
     legend = {label: line for panel in axes[1:] for line, label in zip(*panel.get_legend_handles_labels(), strict=True)}
@@ -137,35 +138,34 @@ def fits_figure(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def spectrum_figure(traces: Sequence[Trace]) -> Figure:
+def spectrum_figure(recordings: Sequence[ModelledRecording]) -> Figure:
     """Amplitude density of what base and augmented model leave, together over recordings of a channel, and noise."""
     figure, axes = plotting.new_figure(WIDTH, 3.4)
-    frequency, base, after, noise = left_densities(traces)
+    frequency, base, after, noise = left_densities(recordings)
     scale, unit = next(((s, u) for s, u in ((1e6, "MHz"), (1e3, "kHz")) if frequency[-1] > 10 * s), (1.0, "Hz"))
     axes.plot(frequency / scale, noise, "--", color=NOISE, lw=1.2, label="noise, if white")
     axes.plot(frequency / scale, base, color=BASE, lw=1.3, label=LABELS["base"])
-    if augmented(traces):
+    if augmented(recordings):
         axes.plot(frequency / scale, after, color=AUGMENTED, lw=1.1, label=LABELS["augmented"])
     axes.set(xscale="log", yscale="log")
     _plain_log_ticks(axes.xaxis, *(frequency[[0, -1]] / scale))
     _log_ticks_in_powers(axes.yaxis, *axes.get_ylim())
     axes.set_xlabel(f"frequency ({unit})")
-    axes.set_ylabel(f"left of {CHANNEL_WORDS[traces[0].channel]}\n({unit_text(traces[0].unit)}/√Hz)")
+    axes.set_ylabel(f"left of {CHANNEL_WORDS[recordings[0].channel]}\n({unit_text(recordings[0].unit)}/√Hz)")
     _above(figure, *axes.get_legend_handles_labels())
     return figure
 
 
-def left_densities(traces: Sequence[Trace]) -> tuple[Real, Real, Real, Real]:
+def left_densities(recordings: Sequence[ModelledRecording]) -> tuple[Real, Real, Real, Real]:
     """Frequencies in Hz, and amplitude densities of what base and augmented model leave, and of white noise.
 
     Root of the mean power over all lines of all recordings in each of `BINS` stretches of frequency, empty ones left
     out.
     """
     lines = []
-    for t in traces:
-        seen = Residual(t.name, t.channel, t.unit, t.step_s, t.drive_V, t.measured, t.base, t.fitted, t.noise_rms)
-        frequency, base, after = amplitude_densities(seen, t.measured - t.base, t.measured - t.augmented)
-        noise = np.full(frequency.size, math.sqrt(2 * t.step_s) * t.noise_rms)
+    for r in recordings:
+        frequency, base, after = amplitude_densities(r, r.residual("base"), r.residual("augmented"))
+        noise = np.full(frequency.size, math.sqrt(2 * r.step_s) * r.noise_rms)
         lines.append(np.stack([frequency, base, after, noise])[:, 1:])
     frequency, *densities = np.concatenate(lines, axis=1)
     edges = np.geomspace(frequency.min(), frequency.max() * (1 + 1e-9), BINS + 1)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from inkjet_env.identification import Estimate
+from inkjet_env.estimate import Estimate
 from inkjet_env.mismatch.settings import FORETOLD_POORLY, LEFT_OVER
 from inkjet_env.reporting import diagnosis_figures as figures
 from inkjet_env.reporting.diagnosis_figures import Row, augmented
@@ -33,7 +33,8 @@ from inkjet_env.storage import write_atomically
 from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
-    from inkjet_env.mismatch.diagnosis import Diagnosis, Named, Trace
+    from inkjet_env.identification import ModelledRecording
+    from inkjet_env.mismatch.diagnosis import Diagnosis, Named
 
 
 PERIODS_SHOWN = 6
@@ -80,7 +81,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
     environment.filters |= {"share": share_text, "hertz": hertz, "number": number, "probability": probability}
-    proof = proof_trace(diagnosis)
+    proof = proof_recording(diagnosis)
     models = models_of(proof, diagnosis)
     zoom = zoom_of(proof, models, diagnosis.printhead.frequency_Hz)
     whole = slice(0, proof.measured.size)
@@ -92,10 +93,10 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         diagnosis=diagnosis,
         verdict=VERDICT_WORDS[diagnosis.verdict],
         headline=diagnosis.headline.rstrip("."),
-        augmented=augmented(diagnosis.traces),
+        augmented=augmented(diagnosis.recordings),
         explained=diagnosis.left_over <= LEFT_OVER,
         foretold=not diagnosis.closure < FORETOLD_POORLY,
-        heldout=[t.name for t in diagnosis.traces if t.held_out and t.channel == diagnosis.main_channel],
+        heldout=[r.name for r in diagnosis.recordings if r.held_out and r.channel == diagnosis.main_channel],
         proof=proof,
         models=models,
         whole=svg_text(figures.view_figure(proof, models, whole, zoom)),
@@ -109,7 +110,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         conditions=conditions,
         fits=[svg_text(figures.fits_figure(rows)) for rows in shown_conditions(conditions)],
         most_conditions=MOST_CONDITIONS,
-        spectra=[svg_text(figures.spectrum_figure(traces)) for traces in spectrum_traces(diagnosis)],
+        spectra=[svg_text(figures.spectrum_figure(recordings)) for recordings in spectrum_recordings(diagnosis)],
         views=view_tables(diagnosis),
         found_ids={e.effect.id for e in diagnosis.effects},
         next_picture=svg_text(figures.next_figure(experiment)) if experiment and len(experiment.drive_V) > 1 else None,
@@ -119,44 +120,46 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     )
 
 
-def proof_trace(diagnosis: Diagnosis) -> Trace:
+def proof_recording(diagnosis: Diagnosis) -> ModelledRecording:
     """The recording that shows best what the verdict rests on: held out where one is, of a drive that moves.
 
     Where the augmented model is another than the base model, the one whose likelihood gains most; else the one that is
     farthest from its noise.
     """
-    changed = augmented(diagnosis.traces)
+    changed = augmented(diagnosis.recordings)
 
-    def evidence(trace: Trace) -> float:
-        rows = slice(trace.fitted, None) if trace.held_out else slice(None)
-        noise = trace.noise_rms if trace.noise_rms > 0 else 1.0
-        squares = ((trace.measured - trace.base)[rows] / noise) ** 2
+    def evidence(recording: ModelledRecording) -> float:
+        rows = slice(recording.fitted, None) if recording.held_out else slice(None)
+        noise = recording.noise_rms if recording.noise_rms > 0 else 1.0
+        squares = (recording.residual("base")[rows] / noise) ** 2
         if changed:
-            squares = squares - ((trace.measured - trace.augmented)[rows] / noise) ** 2
+            squares = squares - (recording.residual("augmented")[rows] / noise) ** 2
         return float(np.sum(squares))
 
-    moving = [t for t in diagnosis.traces if np.ptp(t.drive_V) > 0] or list(diagnosis.traces)
-    return max(moving, key=lambda t: (t.held_out, evidence(t)))
+    moving = [r for r in diagnosis.recordings if np.ptp(r.drive_V) > 0] or list(diagnosis.recordings)
+    return max(moving, key=lambda r: (r.held_out, evidence(r)))
 
 
-def models_of(trace: Trace, diagnosis: Diagnosis) -> dict[str, Real]:
+def models_of(recording: ModelledRecording, diagnosis: Diagnosis) -> dict[str, Real]:
     """The signals that are worth drawing: the base model's, and those of the models that differ from it."""
-    models = {"base": trace.base}
-    if augmented([trace]):
-        models["augmented"] = trace.augmented
-    if diagnosis.correction is not None and trace.name in diagnosis.correction.modelled:
-        models["corrected"] = trace.augmented + diagnosis.correction.modelled[trace.name]
+    models = {"base": recording.modelled["base"]}
+    if augmented([recording]):
+        models["augmented"] = recording.modelled["augmented"]
+    if diagnosis.correction is not None and recording.name in diagnosis.correction.modelled:
+        models["corrected"] = recording.modelled["augmented"] + diagnosis.correction.modelled[recording.name]
     return models
 
 
-def zoom_of(trace: Trace, models: Mapping[str, Real], frequency_Hz: float) -> slice:
+def zoom_of(recording: ModelledRecording, models: Mapping[str, Real], frequency_Hz: float) -> slice:
     """Where the best model differs most from the base model, or the base model from what was measured."""
-    n = trace.measured.size
-    periods = round(PERIODS_SHOWN / (frequency_Hz * trace.step_s)) if trace.channel != "strain_gauge" else n // 6
+    n = recording.measured.size
+    periods = (
+        round(PERIODS_SHOWN / (frequency_Hz * recording.step_s)) if recording.channel != "strain_gauge" else n // 6
+    )
     width = min(max(periods, FEWEST_SHOWN), n)
-    other = trace.measured if len(models) == 1 else list(models.values())[-1]
-    power = np.concatenate([[0.0], np.cumsum((other - trace.base) ** 2)])
-    first = trace.fitted if trace.held_out and n - trace.fitted >= width else 0
+    other = recording.measured if len(models) == 1 else list(models.values())[-1]
+    power = np.concatenate([[0.0], np.cumsum((other - recording.modelled["base"]) ** 2)])
+    first = recording.fitted if recording.held_out and n - recording.fitted >= width else 0
     start = first + int(np.argmax(power[first + width :] - power[first : n - width + 1]))
     half = (power[start] + power[start + width]) / 2
     start = min(max(int(np.searchsorted(power, half)) - 1 - width // 4, 0), n - width)  # what came before is seen too
@@ -172,36 +175,36 @@ def parameter_rows(named: Named) -> list[tuple[str, str, str, str, str]]:
     ]
 
 
-def pooled_row(label: str, traces: Sequence[Trace], held_out: bool) -> Row:
+def pooled_row(label: str, recordings: Sequence[ModelledRecording], held_out: bool) -> Row:
     """Root mean squares over recordings of one channel, of what was held out or fitted."""
-    weights = np.array([t.measured.size - t.fitted if held_out else t.fitted for t in traces], dtype=np.float64)
+    weights = np.array([r.measured.size - r.fitted if held_out else r.fitted for r in recordings], dtype=np.float64)
 
     def pooled(values: Sequence[float]) -> float:
         return math.sqrt(float(np.average(np.square(values), weights=weights)))
 
     return Row(
         label,
-        traces[0].channel,
-        traces[0].unit,
+        recordings[0].channel,
+        recordings[0].unit,
         held_out,
-        tuple(t.name for t in traces),
-        (min(float(t.drive_V.min()) for t in traces), max(float(t.drive_V.max()) for t in traces)),
-        pooled([t.noise_rms for t in traces]),
-        pooled([t.rms("base", held_out) for t in traces]),
-        pooled([t.rms("augmented", held_out) for t in traces]),
+        tuple(r.name for r in recordings),
+        (min(float(r.drive_V.min()) for r in recordings), max(float(r.drive_V.max()) for r in recordings)),
+        pooled([r.noise_rms for r in recordings]),
+        pooled([r.rms("base", held_out) for r in recordings]),
+        pooled([r.rms("augmented", held_out) for r in recordings]),
     )
 
 
-def _having(traces: Sequence[Trace], held_out: bool) -> list[Trace]:
+def _having(recordings: Sequence[ModelledRecording], held_out: bool) -> list[ModelledRecording]:
     """Those of which anything was held out, or fitted."""
-    return [t for t in traces if (t.held_out if held_out else t.fitted > 0)]
+    return [r for r in recordings if (r.held_out if held_out else r.fitted > 0)]
 
 
 def channel_rows(diagnosis: Diagnosis) -> list[Row]:
     """The fit of each channel before and after: held-out recordings, then fitted ones."""
     rows = []
     for channel in CHANNEL_WORDS:
-        mine = [t for t in diagnosis.traces if t.channel == channel]
+        mine = [r for r in diagnosis.recordings if r.channel == channel]
         rows += [
             pooled_row(CHANNEL_WORDS[channel], some, held_out)
             for held_out in (True, False)
@@ -217,15 +220,15 @@ def condition_rows(diagnosis: Diagnosis) -> list[tuple[Row, list[Row]]]:
     """
     found = []
     for channel in CHANNEL_WORDS:
-        by_drive: dict[tuple[float, bytes], list[Trace]] = {}
-        for trace in diagnosis.traces:
-            if trace.channel == channel:
-                by_drive.setdefault((trace.step_s, trace.drive_V.tobytes()), []).append(trace)
+        by_drive: dict[tuple[float, bytes], list[ModelledRecording]] = {}
+        for recording in diagnosis.recordings:
+            if recording.channel == channel:
+                by_drive.setdefault((recording.step_s, recording.drive_V.tobytes()), []).append(recording)
         for held_out in (True, False):
-            for traces in by_drive.values():
-                if some := _having(traces, held_out):
+            for recordings in by_drive.values():
+                if some := _having(recordings, held_out):
                     label = some[0].name if len(some) == 1 else f"{some[0].name} + {len(some) - 1} more"
-                    each = [pooled_row(t.name, [t], held_out) for t in some] if len(some) > 1 else []
+                    each = [pooled_row(r.name, [r], held_out) for r in some] if len(some) > 1 else []
                     found.append((pooled_row(label, some, held_out), each))
     return found
 
@@ -241,13 +244,13 @@ def shown_conditions(conditions: Sequence[tuple[Row, list[Row]]]) -> list[list[R
     return pictures
 
 
-def spectrum_traces(diagnosis: Diagnosis) -> list[list[Trace]]:
+def spectrum_recordings(diagnosis: Diagnosis) -> list[list[ModelledRecording]]:
     """Recordings whose spectra are shown together: of each channel the held-out ones under a drive, else all."""
     chosen = []
     for channel in CHANNEL_WORDS:
-        mine = [t for t in diagnosis.traces if t.channel == channel and np.ptp(t.drive_V) > 0]
+        mine = [r for r in diagnosis.recordings if r.channel == channel and np.ptp(r.drive_V) > 0]
         if mine:
-            chosen.append([t for t in mine if t.held_out] or mine)
+            chosen.append([r for r in mine if r.held_out] or mine)
     return chosen
 
 
@@ -281,12 +284,12 @@ def _decades(ratio: float) -> float:
 
 def noise_rows(diagnosis: Diagnosis) -> list[tuple[str, str, float, int, str]]:
     """Channel, sampling step, RMS, number of recordings and unit of each noise."""
-    groups: dict[tuple[str, str], list[Trace]] = {}
-    for trace in diagnosis.traces:
-        step = " ".join(engineering(Estimate(trace.step_s, trace.step_s, trace.step_s), "s")[::2])
-        groups.setdefault((CHANNEL_WORDS[trace.channel], step), []).append(trace)
+    groups: dict[tuple[str, str], list[ModelledRecording]] = {}
+    for recording in diagnosis.recordings:
+        step = " ".join(engineering(Estimate(recording.step_s, recording.step_s, recording.step_s), "s")[::2])
+        groups.setdefault((CHANNEL_WORDS[recording.channel], step), []).append(recording)
     return [
-        (channel, step, float(np.sqrt(np.mean([t.noise_rms**2 for t in some]))), len(some), unit_text(some[0].unit))
+        (channel, step, float(np.sqrt(np.mean([r.noise_rms**2 for r in some]))), len(some), unit_text(some[0].unit))
         for (channel, step), some in groups.items()
     ]
 

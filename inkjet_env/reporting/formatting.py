@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from inkjet_env.identification.identification import Estimate
+from inkjet_env.estimate import Estimate
 
 FLOOR_V = 1e-6
 LONGEST_NAME = 24

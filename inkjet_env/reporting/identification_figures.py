@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from inkjet_env.identification import Identification, NoiseModel, Residual
+from inkjet_env.identification import Identification, ModelledRecording, NoiseModel
 from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.reporting import plotting
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
@@ -42,7 +42,7 @@ MARKERS = {"self_sensing": "o", "strain_gauge": "s", "displacement": "^"}
 class Part:
     """Samples of a recording that were all fitted, or all held out."""
 
-    residual: Residual
+    recording: ModelledRecording
     samples: slice
     held_out: bool
 
@@ -54,45 +54,45 @@ class Part:
     @property
     def rms(self) -> float:
         """Of measured minus modelled, in the channel's unit."""
-        return float(np.sqrt(np.mean(self.residual.difference[self.samples] ** 2)))
+        return float(np.sqrt(np.mean(self.recording.residual()[self.samples] ** 2)))
 
     @property
     def over_noise(self) -> float:
         """The same as a multiple of the noise; NaN where that is unknown."""
-        noise = self.residual.noise_rms
+        noise = self.recording.noise_rms
         return self.rms / noise if noise > 0 else math.nan
 
     @property
     def share(self) -> float:
         """The same as a share of the measured signal's RMS about its mean; NaN of a signal that stands still."""
-        signal = float(np.std(self.residual.measured[self.samples]))
-        return self.rms / signal if signal > 0 and np.ptp(self.residual.drive_V) > 0 else math.nan
+        signal = float(np.std(self.recording.measured[self.samples]))
+        return self.rms / signal if signal > 0 and np.ptp(self.recording.drive_V) > 0 else math.nan
 
 
-def parts_of(residual: Residual) -> list[Part]:
+def parts_of(recording: ModelledRecording) -> list[Part]:
     """The fitted and the held-out part of a recording; one where it was treated whole."""
-    n, fitted = residual.measured.size, residual.fitted
+    n, fitted = recording.measured.size, recording.fitted
     pieces = [(slice(0, fitted), False)] * (fitted > 0) + [(slice(fitted, n), True)] * (fitted < n)
-    return [Part(residual, samples, held_out) for samples, held_out in pieces]
+    return [Part(recording, samples, held_out) for samples, held_out in pieces]
 
 
-def loop_figure(residual: Residual) -> Figure:
+def loop_figure(recording: ModelledRecording) -> Figure:
     """One recording against time and against the drive, measured and modelled; differences beneath."""
     figure, axes = plotting.new_figure(10, 5.0, nrows=2, ncols=2, sharex="col", height_ratios=[3, 1.6])
-    seconds, time_unit = time_scale(residual.measured.size * residual.step_s)
-    unit = unit_text(residual.unit)
-    swing = float(np.ptp(residual.modelled))
-    for column, x in enumerate((residual.time_s / seconds, residual.drive_V)):
-        draw_line(axes[0, column], x, residual.measured, color=MEASURED, lw=3.0, label="measured")
-        draw_line(axes[0, column], x, residual.modelled, color=MODELLED, lw=0.8, label="modelled")
-        axes[0, column].set_ylabel(f"{CHANNEL_WORDS[residual.channel]} ({unit})")
-    time_s = residual.time_s / seconds
-    _noise_band(axes[1, 0], residual)
-    draw_line(axes[1, 0], time_s, residual.difference, color=LEFT, lw=0.8)
-    draw_line(axes[1, 1], residual.drive_V, 100 * residual.difference / swing, color=LEFT, lw=0.8)
-    if 0 < residual.fitted < residual.measured.size:
+    seconds, time_unit = time_scale(recording.measured.size * recording.step_s)
+    unit = unit_text(recording.unit)
+    swing = float(np.ptp(recording.modelled["base"]))
+    for column, x in enumerate((recording.time_s / seconds, recording.drive_V)):
+        draw_line(axes[0, column], x, recording.measured, color=MEASURED, lw=3.0, label="measured")
+        draw_line(axes[0, column], x, recording.modelled["base"], color=MODELLED, lw=0.8, label="modelled")
+        axes[0, column].set_ylabel(f"{CHANNEL_WORDS[recording.channel]} ({unit})")
+    time_s = recording.time_s / seconds
+    _noise_band(axes[1, 0], recording)
+    draw_line(axes[1, 0], time_s, recording.residual(), color=LEFT, lw=0.8)
+    draw_line(axes[1, 1], recording.drive_V, 100 * recording.residual() / swing, color=LEFT, lw=0.8)
+    if 0 < recording.fitted < recording.measured.size:
         for panel in axes[:, 0]:
-            panel.axvspan(time_s[residual.fitted], time_s[-1], color=HELD_OUT, alpha=0.12, lw=0, label="held out")
+            panel.axvspan(time_s[recording.fitted], time_s[-1], color=HELD_OUT, alpha=0.12, lw=0, label="held out")
     axes[1, 0].set_ylabel(f"measured −\nmodelled ({unit})")
     axes[1, 1].set_ylabel("measured −\nmodelled (% of swing)")
     axes[1, 0].set_xlabel(f"time ({time_unit})")
@@ -186,32 +186,32 @@ def ringing_figure(views: Sequence[Part]) -> Figure:
         height_ratios=[1, 2, 1.4],
     )
     for column, view in zip(axes.T, views, strict=True):
-        residual, where = view.residual, view.samples
-        seconds, time_unit = time_scale(float(np.ptp(residual.time_s[where])))
-        time = residual.time_s[where] / seconds
-        draw_line(column[0], time, residual.drive_V[where], color=plotting.GREY, lw=1.2)
-        draw_line(column[1], time, residual.measured[where], color=MEASURED, lw=2.6, label="measured")
-        draw_line(column[1], time, residual.modelled[where], color=MODELLED, lw=0.8, label="modelled")
-        _noise_band(column[2], residual)
-        draw_line(column[2], time, residual.difference[where], color=LEFT, lw=0.7)
+        recording, where = view.recording, view.samples
+        seconds, time_unit = time_scale(float(np.ptp(recording.time_s[where])))
+        time = recording.time_s[where] / seconds
+        draw_line(column[0], time, recording.drive_V[where], color=plotting.GREY, lw=1.2)
+        draw_line(column[1], time, recording.measured[where], color=MEASURED, lw=2.6, label="measured")
+        draw_line(column[1], time, recording.modelled["base"][where], color=MODELLED, lw=0.8, label="modelled")
+        _noise_band(column[2], recording)
+        draw_line(column[2], time, recording.residual()[where], color=LEFT, lw=0.7)
         ratio = f", residual here {view.over_noise:.3g} × noise" if math.isfinite(view.over_noise) else ""
-        title = f"{short_name(residual.name)}\n{view.role}{ratio}"
+        title = f"{short_name(recording.name)}\n{view.role}{ratio}"
         column[0].set_title(title, fontsize=9, parse_math=False)
         column[2].set_xlabel(f"time ({time_unit})")
-    unit = unit_text(views[0].residual.unit)
+    unit = unit_text(views[0].recording.unit)
     axes[0, 0].set_ylabel("drive (V)")
-    axes[1, 0].set_ylabel(f"{CHANNEL_WORDS[views[0].residual.channel]} ({unit})")
+    axes[1, 0].set_ylabel(f"{CHANNEL_WORDS[views[0].recording.channel]} ({unit})")
     axes[2, 0].set_ylabel(f"measured −\nmodelled ({unit})")
     figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False)
     figure.align_ylabels()
     return figure
 
 
-def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
+def spectrum_figure(recording: ModelledRecording, noise: NoiseModel | None) -> Figure:
     """Amplitude densities of a recording, measured and modelled, of what is left, and of the noise."""
     figure, axes = plotting.new_figure(10, 4.2)
-    signals = (residual.drive_V, residual.measured, residual.modelled, residual.difference)
-    frequency, drive, measured, modelled, left = amplitude_densities(residual, *signals)
+    signals = (recording.drive_V, recording.measured, recording.modelled["base"], recording.residual())
+    frequency, drive, measured, modelled, left = amplitude_densities(recording, *signals)
     scale, unit = (1e3, "kHz") if frequency[-1] > 1e4 else (1.0, "Hz")
     excited = drive > POWER_SHOWN * drive[1:].max()
     excited[0] = False
@@ -222,27 +222,28 @@ def spectrum_figure(residual: Residual, noise: NoiseModel | None) -> Figure:
     mean = np.sqrt(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
     axes.plot(frequency[edges[:-1]] / scale, mean, color=LEFT, lw=1.0, label="measured − modelled")
     if noise is not None:
-        density = np.sqrt(noise.spectrum(frequency[1:], residual.step_s))
+        density = np.sqrt(noise.spectrum(frequency[1:], recording.step_s))
         axes.plot(frequency[1:] / scale, density, "--", color=NOISE, lw=1.6, label="noise model")
     axes.set(xscale="log", yscale="log")
     axes.set_xlabel(f"frequency ({unit})")
-    axes.set_ylabel(f"amplitude density ({unit_text(residual.unit)}/√Hz)")
+    axes.set_ylabel(f"amplitude density ({unit_text(recording.unit)}/√Hz)")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
     return figure
 
 
-def amplitude_densities(residual: Residual, *signals: Real) -> tuple[Real, ...]:
+def amplitude_densities(recording: ModelledRecording, *signals: Real) -> tuple[Real, ...]:
     """Frequencies in Hz, and the root of each signal's one-sided power density in its unit / √Hz.
 
     Of the recording as one period where its end leads on to its start, else through a Hann window.
     """
-    n = residual.measured.size
+    n = recording.measured.size
     closed = all(
-        abs(2 * x[-1] - x[-2] - x[0]) <= LARGEST_GAP * np.ptp(x) for x in (residual.drive_V, residual.modelled)
+        abs(2 * x[-1] - x[-2] - x[0]) <= LARGEST_GAP * np.ptp(x)
+        for x in (recording.drive_V, recording.modelled["base"])
     )
     window = np.ones(n) if closed else np.hanning(n + 1)[:n]
-    scale = math.sqrt(2 * residual.step_s / float(window @ window))
-    frequency = np.asarray(np.fft.rfftfreq(n, residual.step_s), dtype=np.float64)
+    scale = math.sqrt(2 * recording.step_s / float(window @ window))
+    frequency = np.asarray(np.fft.rfftfreq(n, recording.step_s), dtype=np.float64)
     return frequency, *(scale * np.abs(np.fft.rfft((x - x.mean()) * window)) for x in signals)
 
 
@@ -252,7 +253,7 @@ def residuals_figure(parts: Sequence[Part]) -> Figure:
     figure, axes = plotting.new_figure(10, 3.6)
     kinds = [(channel, held_out) for channel in CHANNEL_WORDS for held_out in (False, True)]
     for channel, held_out in kinds:
-        at = [i for i, p in enumerate(known) if (p.residual.channel, p.held_out) == (channel, held_out)]
+        at = [i for i, p in enumerate(known) if (p.recording.channel, p.held_out) == (channel, held_out)]
         if at:
             colour, label = (HELD_OUT, "held out") if held_out else (FITTED, "fitted")
             ratios = [known[i].over_noise for i in at]
@@ -264,7 +265,7 @@ def residuals_figure(parts: Sequence[Part]) -> Figure:
     axes.set(xlim=(-1, max(len(known), 12)), ylim=(min(*ratios, 0.85) / 1.1, max(*ratios, 1.2) * 1.1))
     _log_ticks(axes)
     every = -(-len(known) // MOST_LABELS) or 1
-    names = [short_name(part.residual.name) for part in known[::every]]
+    names = [short_name(part.recording.name) for part in known[::every]]
     axes.set_xticks(range(0, len(known), every), names, rotation=90, fontsize=7, parse_math=False)
     axes.set_xlabel("recording")
     axes.set_ylabel("RMS residual / RMS noise")
@@ -280,9 +281,9 @@ def time_scale(span_s: float) -> tuple[float, str]:
     return 1e-6, "µs"
 
 
-def _noise_band(axes: Axes, residual: Residual) -> None:
-    if math.isfinite(residual.noise_rms):
-        axes.axhspan(-2 * residual.noise_rms, 2 * residual.noise_rms, color=BAND, lw=0, label="± 2 × noise")
+def _noise_band(axes: Axes, recording: ModelledRecording) -> None:
+    if math.isfinite(recording.noise_rms):
+        axes.axhspan(-2 * recording.noise_rms, 2 * recording.noise_rms, color=BAND, lw=0, label="± 2 × noise")
 
 
 def draw_line(axes: Axes, x: Real, y: Real, **style: Any) -> None:

@@ -13,7 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from inkjet_env.identification import Estimate, Identification, NoiseModel, Residual
+from inkjet_env.estimate import Estimate
+from inkjet_env.identification import Identification, ModelledRecording, NoiseModel
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.reporting import identification_figures as figures
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, hertz, interval_text, short, unit_text
@@ -60,7 +61,7 @@ def identification_html(campaign_name: str, identification: Identification) -> s
 
     environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
-    parts = [part for residual in identification.residuals for part in parts_of(residual)]
+    parts = [part for recording in identification.recordings for part in parts_of(recording)]
     loops = loop_recordings(identification)
     fast = fast_recordings(identification)
     broadest = broadest_recording(fast)
@@ -81,7 +82,7 @@ def identification_html(campaign_name: str, identification: Identification) -> s
         broadest=broadest,
         spectrum=svg_text(figures.spectrum_figure(broadest, noise_of(broadest, identification))),
         parts=parts,
-        units={r.channel: unit_text(r.unit) for r in identification.residuals},
+        units={r.channel: unit_text(r.unit) for r in identification.recordings},
         residuals=svg_text(figures.residuals_figure(parts)),
         explained=EXPLAINED,
     )
@@ -98,7 +99,7 @@ def headline(identification: Identification) -> str:
     if not ratios:
         return found + f"how well the model explains the {whose} cannot be told, since their noise is not known"
     worst = max(ratios, key=lambda channel: ratios[channel])
-    mine = [r for r in identification.residuals if r.channel == worst and r.held_out == held_out]
+    mine = [r for r in identification.recordings if r.channel == worst and r.held_out == held_out]
     signal = math.sqrt(float(np.mean([np.var(r.measured[parts_of(r)[-1].samples]) for r in mine])))
     share = f"{100 * pooled[worst][0] / signal:.2g}\u00a0% of their signal" if signal > 0 else "all of their signal"
     theirs = whose if len(ratios) == 1 else f"{whose} of {CHANNEL_WORDS[worst]}"
@@ -133,14 +134,14 @@ def worst_recording(parts: Sequence[Part]) -> Part | None:
     return max(known, key=lambda part: part.over_noise, default=None)
 
 
-def loop_recordings(identification: Identification) -> list[Residual]:
+def loop_recordings(identification: Identification) -> list[ModelledRecording]:
     """The widest plain loop, and the richest nested ones, of the channel that shows the hysteresis.
 
     None of self-sensing, which shows the rate of the deflection, nor of drives that turn too often to be followed.
     """
     if identification.hysteresis_channel == "self_sensing":
         return []
-    mine = [r for r in identification.residuals if r.channel == identification.hysteresis_channel]
+    mine = [r for r in identification.recordings if r.channel == identification.hysteresis_channel]
     turns = {r.name: len(turning_points(r.drive_V)) for r in mine}
     mine = [r for r in mine if np.ptp(r.drive_V) > 0 and turns[r.name] <= MOST_REVERSALS]
     if not mine:
@@ -160,15 +161,15 @@ def measured_branches(identification: Identification, heading: int) -> tuple[Rea
     """
     law, channel = identification.printhead.branch_law, identification.hysteresis_channel
     at, off = [np.zeros(0)], [np.zeros(0)]
-    for residual in identification.residuals:
-        if residual.channel != channel or channel == "self_sensing" or np.ptp(residual.drive_V) == 0:
+    for recording in identification.recordings:
+        if recording.channel != channel or channel == "self_sensing" or np.ptp(recording.drive_V) == 0:
             continue
-        drive, gain = residual.drive_V, identification.gains[channel].value
+        drive, gain = recording.drive_V, identification.gains[channel].value
         for start, end in branches(drive):
             if heading * (drive[end] - drive[start]) > 0:
                 moving = start + 1 + np.flatnonzero(np.diff(drive[start : end + 1]))
                 at.append(np.abs(drive[moving] - drive[start]) / law.full_scale_V)
-                off.append(heading * residual.difference[moving] / (gain * law.full_scale_V))
+                off.append(heading * recording.residual()[moving] / (gain * law.full_scale_V))
     return np.concatenate(at), np.concatenate(off)
 
 
@@ -196,52 +197,52 @@ def turning_points(drive_V: Real) -> list[int]:
     return [int(k) for k in moving[1:][up[1:] != up[:-1]]]
 
 
-def fast_recordings(identification: Identification) -> list[Residual]:
+def fast_recordings(identification: Identification) -> list[ModelledRecording]:
     """Recordings of self-sensing, or of displacement where there is none, whose drive moves."""
     channel = "self_sensing" if "self_sensing" in identification.gains else "displacement"
-    return [r for r in identification.residuals if r.channel == channel and np.ptp(r.drive_V) > 0]
+    return [r for r in identification.recordings if r.channel == channel and np.ptp(r.drive_V) > 0]
 
 
-def ringing_views(fast: Sequence[Residual], frequency_Hz: float) -> list[Part]:
+def ringing_views(fast: Sequence[ModelledRecording], frequency_Hz: float) -> list[Part]:
     """What is drawn of the ringing: held-out pulses first, each drive once, the steepest edge of a long recording."""
     views: list[Part] = []
     drives: set[bytes] = set()
-    for residual in sorted(fast, key=lambda r: (not r.held_out, not _pulsed(r), -np.ptp(r.drive_V))):
-        if residual.drive_V.tobytes() in drives:
+    for recording in sorted(fast, key=lambda r: (not r.held_out, not _pulsed(r), -np.ptp(r.drive_V))):
+        if recording.drive_V.tobytes() in drives:
             continue
-        drives.add(residual.drive_V.tobytes())
-        most = max(round(PERIODS_SHOWN / (frequency_Hz * residual.step_s)), 60)
-        for part in parts_of(residual):
+        drives.add(recording.drive_V.tobytes())
+        most = max(round(PERIODS_SHOWN / (frequency_Hz * recording.step_s)), 60)
+        for part in parts_of(recording):
             first, last = part.samples.start, part.samples.stop
-            steepest = first + int(np.argmax(np.abs(np.diff(residual.drive_V[part.samples]))))
+            steepest = first + int(np.argmax(np.abs(np.diff(recording.drive_V[part.samples]))))
             if last - first > most:
                 first = min(max(first, steepest - most // 10), last - most)
-            views.append(Part(residual, slice(first, min(first + most, last)), part.held_out))
+            views.append(Part(recording, slice(first, min(first + most, last)), part.held_out))
     return views[:MOST_VIEWS]
 
 
-def _pulsed(residual: Residual) -> bool:
-    return bool(np.mean(np.diff(residual.drive_V) == 0) > 0.5)
+def _pulsed(recording: ModelledRecording) -> bool:
+    return bool(np.mean(np.diff(recording.drive_V) == 0) > 0.5)
 
 
-def broadest_recording(fast: Sequence[Residual]) -> Residual:
+def broadest_recording(fast: Sequence[ModelledRecording]) -> ModelledRecording:
     """The recording whose drive spreads its power over most hertz; held out and strong where several do."""
     width = {}
-    for residual in fast:
-        frequency, density = figures.amplitude_densities(residual, residual.drive_V)
+    for recording in fast:
+        frequency, density = figures.amplitude_densities(recording, recording.drive_V)
         below = np.cumsum(density**2) / np.sum(density**2)
         first, last = np.searchsorted(below, (0.05, 0.95))
-        width[residual.name] = frequency[last] - frequency[first]
+        width[recording.name] = frequency[last] - frequency[first]
     broad = [r for r in fast if width[r.name] >= 0.9 * max(width.values())]
     return max(broad, key=lambda r: (r.held_out, np.ptp(r.drive_V)))
 
 
-def noise_of(residual: Residual, identification: Identification) -> NoiseModel | None:
+def noise_of(recording: ModelledRecording, identification: Identification) -> NoiseModel | None:
     """The noise model of a recording's channel at the nearest sampling step; None where there is none."""
-    known = {step: model for (channel, step), model in identification.noise.items() if channel == residual.channel}
+    known = {step: model for (channel, step), model in identification.noise.items() if channel == recording.channel}
     if not known:
         return None
-    return known[min(known, key=lambda step: abs(math.log(step / residual.step_s)))]
+    return known[min(known, key=lambda step: abs(math.log(step / recording.step_s)))]
 
 
 def parameter_rows(identification: Identification) -> list[tuple[str, str, str, str, str]]:
@@ -261,7 +262,7 @@ def parameter_rows(identification: Identification) -> list[tuple[str, str, str, 
         ("a1", a1, "1/s", "of the same"),
         ("b1", identification.dynamics["b1"], "1/s", b1),
     ]
-    units = {residual.channel: unit_text(residual.unit) for residual in identification.residuals}
+    units = {recording.channel: unit_text(recording.unit) for recording in identification.recordings}
     for channel, gain in identification.gains.items():
         if channel != "self_sensing":  # whose gain is b1
             rows.append(("gain", gain, f"{units[channel]}/V", f"{CHANNEL_WORDS[channel]}: per hysteretic volt"))

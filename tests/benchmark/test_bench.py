@@ -13,7 +13,7 @@ import pytest
 
 from experiments.benchmark import runner
 from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.mean_ranks import summarise
+from experiments.benchmark.conclusions import ranking_sentences
 from experiments.benchmark.page import page_data
 from experiments.benchmark.problem import Problem
 from experiments.benchmark.report import ranking_csv, ranking_json, write_report
@@ -49,7 +49,7 @@ def finished(tmp_path_factory):
     """A small bench, done."""
     folder = tmp_path_factory.mktemp("bench") / "results"
     outcome = run_bench(small_settings(), folder, workers=1)
-    write_report(outcome, summarise(outcome))
+    write_report(Comparison(outcome))
     return outcome
 
 
@@ -146,10 +146,9 @@ def test_an_optimizer_of_shorter_runs_is_compared_as_far_as_they_go(monkeypatch,
     assert [run.budget for run in outcome.results] == [90, 90, 60, 60]
     labels = [label_of(key, settings.to_json())["budget"] for key in keys]
     assert labels == [90, 90, 60, 60]
-    summary = summarise(outcome)
-    assert [standing.optimizer for standing in summary.standings] == ["pso"]
-    assert "not in this ranking: random (60 evaluations)." in " ".join(summary.sentences)
     compared = Comparison(outcome)
+    assert compared.ranking.optimizers == ("pso",)
+    assert "not in this ranking: random (60 evaluations)." in " ".join(ranking_sentences(compared))
     for budget, there in ((50, {"pso", "random"}), (90, {"pso"})):
         rows = compared.standings("all", budget).rows
         assert {row.optimizer for row in rows} == there
@@ -366,7 +365,7 @@ def test_an_optimiser_that_breaks_down_is_reported_and_not_scored(tmp_path, monk
     outcome = run_bench(small_settings(), tmp_path / "r", workers=1)
     assert outcome.unavailable == {"pso": "too old"}
     assert {r.key.optimizer for r in outcome.results} == {"random"}
-    page = write_report(outcome, summarise(outcome))[0].read_text()
+    page = write_report(Comparison(outcome))[0].read_text()
     assert "too old" in page
 
 
@@ -484,9 +483,13 @@ def test_an_optimiser_that_needs_gradients_is_left_out_where_there_are_none(tmp_
     assert [key for key in (r.key for r in outcome.results) if key.problem != "nominal"] == [
         RunKey("random", "reading-200mV", repeat) for repeat in range(2)
     ]
-    summary = summarise(outcome)
-    assert summary.score("lbfgsb-multistart", "reading-200mV") is None
-    page, ranking = write_report(outcome, summary)
+    compared = Comparison(outcome)
+    assert set(compared.ranking.median_regrets_V) == {
+        ("lbfgsb-multistart", "nominal"),
+        ("random", "nominal"),
+        ("random", "reading-200mV"),
+    }
+    page, ranking = write_report(compared)
     assert "–" in page.read_text()
     json.dumps(ranking, allow_nan=False)
     told, true = ([getattr(r, part)[-1] for r in outcome.results[-2:]] for part in ("told_V", "costs_V"))
@@ -494,14 +497,14 @@ def test_an_optimiser_that_needs_gradients_is_left_out_where_there_are_none(tmp_
 
 
 def test_tables_for_machines_agree_with_each_other(finished):
-    summary = summarise(finished)
-    lines = ranking_csv(summary).splitlines()
-    found = ranking_json(Comparison(finished), summary)
+    compared = Comparison(finished)
+    lines = ranking_csv(compared).splitlines()
+    found = ranking_json(compared)
     assert found["format"] == "ranking/1"
     assert len(lines) == 1 + 2 * 1
     best = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
     first = found["ranking"][0]
-    assert best["optimizer"] == first["optimizer"] == summary.winner
+    assert best["optimizer"] == first["optimizer"] == compared.ranking.optimizers[0]
     assert float(best["median_regret_V"]) == first["problems"]["nominal"]["median_regret_V"]
     json.dumps(found, allow_nan=False)
 

@@ -37,7 +37,7 @@ def test_recorded_cost_is_the_cost_of_the_recorded_waveform(name):
 def test_no_small_step_improves_the_recorded_waveform(name, size):
     solved, rng = problem(name), np.random.default_rng(7)
     best = solved.bounds.to_unit(solved.best_known.waveform)
-    tries = 4000 if solved.has_gradient or solved.reading_V else 400  # heads with effects are slow
+    tries = 4000 if solved.has_gradient or solved.measurement_noise_V else 400  # heads with effects are slow
     moves = size * rng.standard_normal((tries, 7)) * (rng.random((tries, 7)) < 0.5)
     costs = solved.evaluate(np.clip(best + moves, -1, 1))
     within_V = 1e-4 if solved.spread else 1e-6  # a mean over heads breaks wherever one of them does
@@ -47,7 +47,7 @@ def test_no_small_step_improves_the_recorded_waveform(name, size):
 @pytest.mark.parametrize("name", suite())
 def test_the_recorded_waveform_costs_the_same_wherever_rounding_takes_it(name):
     """It does not lie on a break; the search looked at the corners of a box, this looks within and on its faces."""
-    known, solved = problem(name).best_known, replace(problem(name), reading_V=0.0)
+    known, solved = problem(name).best_known, replace(problem(name), measurement_noise_V=0.0)
     rng, best = np.random.default_rng(3), solved.bounds.to_unit(known.waveform)
     moves = 1e-11 * np.clip(rng.uniform(-1.5, 1.5, (64, 7)), -1, 1)
     assert solved.evaluate(np.clip(best + moves, -1, 1)).max() <= known.cost + 1e-6

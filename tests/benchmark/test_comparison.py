@@ -6,6 +6,7 @@ import pytest
 
 from experiments.benchmark import analysis
 from experiments.benchmark.analysis import Comparison
+from experiments.benchmark.conclusions import standings_sentences
 from experiments.benchmark.regret import scale_V
 from experiments.benchmark.run_files import RunKey, RunResult
 from experiments.benchmark.settings import BenchOutcome, BenchSettings
@@ -69,7 +70,7 @@ def test_three_sentences_say_what_one_may_conclude_each_with_its_interval(tmp_pa
         for optimizer, end in ends.items()
     }
     del curves["lbfgsb-multistart"]["damping-0.02"]  # as if it could not be used there
-    best, swarm, printed = Comparison(an_outcome(tmp_path, curves, problems, 2)).sentences("all", 2)
+    best, swarm, printed = standings_sentences(Comparison(an_outcome(tmp_path, curves, problems, 2)), "all", 2)
     assert best.startswith(
         "After 2 evaluations cma-es, the best by mean rank of those that can be used on all of these"
     )
@@ -84,7 +85,7 @@ def test_three_sentences_say_what_one_may_conclude_each_with_its_interval(tmp_pa
 def test_one_problem_tells_nothing_of_others_and_who_is_level_is_told(tmp_path):
     level = {"nominal": [[1.0, 0.1, 0.1]] * 4}
     curves = {"pso": {"nominal": [[1.0, 0.6, 0.6]] * 4}, "pso-printed": level, "cma-es": level}
-    said = Comparison(an_outcome(tmp_path, curves, ("nominal",))).sentences("all", 3)
+    said = standings_sentences(Comparison(an_outcome(tmp_path, curves, ("nominal",))), "all", 3)
     assert len(said) == 2  # of the printed swarm it is told in the first
     assert "pso-printed, the best by mean rank (level with cma-es), leaves" in said[0]
     assert "lower than one of pso with probability 1.00" in said[0]
@@ -98,14 +99,14 @@ def test_who_is_level_with_the_best_is_told_even_if_he_cannot_be_used_everywhere
         "cma-es": {name: [[1.0, end]] * 4 for name, end in zip(problems, (0.5, 0.1), strict=True)},
         "lbfgsb-multistart": {problems[0]: [[1.0, 0.01]] * 4},
     }
-    said = Comparison(an_outcome(tmp_path, curves, problems, 2)).sentences("all", 2)
+    said = standings_sentences(Comparison(an_outcome(tmp_path, curves, problems, 2)), "all", 2)
     assert "cma-es, the best by mean rank (level with lbfgsb-multistart), leaves" in said[0]
 
 
 def test_who_is_level_with_the_swarm_is_told_with_its_place(tmp_path):
     level = {"nominal": [[1.0, 0.6]] * 4}
     curves = {"random": level, "cma-es": {"nominal": [[1.0, 0.1]] * 4}, "pso": level}
-    said = Comparison(an_outcome(tmp_path, curves, ("nominal",), 2)).sentences("all", 2)
+    said = standings_sentences(Comparison(an_outcome(tmp_path, curves, ("nominal",), 2)), "all", 2)
     assert "(pso), is at place 2 of 3 (level with random; mean rank 2.5), with" in said[1]
 
 
@@ -113,7 +114,7 @@ def test_who_is_told_from_all_others_is_told_so(tmp_path):
     problems = tuple(suite())[:16]
     ends = {"cma-es": 0.1, "random": 0.5, "sobol": 0.9}
     curves = {one: {name: [[1.0, end]] * 3 for name in problems} for one, end in ends.items()}
-    first = Comparison(an_outcome(tmp_path, curves, problems, 2)).sentences("all", 2)[0]
+    first = standings_sentences(Comparison(an_outcome(tmp_path, curves, problems, 2)), "all", 2)[0]
     assert re.search(
         r"As a sample of problems these tell its mean rank of 1\.\d from those of all others \(Nemenyi", first
     )
@@ -125,7 +126,7 @@ def test_dearer_gradients_shorten_the_runs_of_those_who_use_them(tmp_path):
         "lbfgsb-multistart": dict.fromkeys(PROBLEMS, falling),
         "random": {name: [[0.5] * 9] * 4 for name in PROBLEMS},
     }
-    first = Comparison(an_outcome(tmp_path, curves, budget=9)).sentences("all", 9)[0]
+    first = standings_sentences(Comparison(an_outcome(tmp_path, curves, budget=9)), "all", 9)[0]
     assert "its mean rank of 1.0 would be 2.0 if it counted as 3" in first
     assert "and 2.0 if it counted as 8" in first
 

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
+from experiments.benchmark.analysis import Comparison
 from experiments.benchmark.entrants import entrant
-from experiments.benchmark.mean_ranks import summarise
 from experiments.benchmark.regret import best_known_cost
 from experiments.benchmark.report import write_report
 from experiments.benchmark.runner import run_bench
@@ -20,7 +20,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("document")
     settings = BenchSettings(("nominal", "reading-50mV"), ("pso", "lbfgsb-multistart", "pso-tuned"), 2, 60)
     outcome = run_bench(settings, folder, workers=1)
-    write_report(outcome, summarise(outcome))
+    write_report(Comparison(outcome))
     return folder
 
 

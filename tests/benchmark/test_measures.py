@@ -51,7 +51,7 @@ def test_probability_of_improvement_is_the_mean_mann_whitney_statistic():
 def test_intervals_resample_within_instances():
     """Instances differ by far more than runs; an interval that mixed them would be a hundred times wider."""
     scores = 100.0 * np.arange(8) + RNG(4).standard_normal((12, 8))
-    found = metrics.stratified(lambda x: x.mean(axis=(-2, -1)), [scores], RNG(5))
+    found = metrics.stratified_bootstrap(lambda x: x.mean(axis=(-2, -1)), [scores], RNG(5))
     assert found.low < found.value < found.high
     assert found.high - found.low == pytest.approx(2 * 1.96 / math.sqrt(96), rel=0.3)
 
@@ -59,7 +59,7 @@ def test_intervals_resample_within_instances():
 def test_intervals_cover_about_as_often_as_they_say():
     rng, covered = RNG(6), 0
     for _ in range(120):
-        found = metrics.stratified(lambda x: x.mean(axis=(-2, -1)), [rng.standard_normal((15, 3))], rng, 400)
+        found = metrics.stratified_bootstrap(lambda x: x.mean(axis=(-2, -1)), [rng.standard_normal((15, 3))], rng, 400)
         covered += found.low <= 0 <= found.high
     assert 0.86 <= covered / 120 <= 1.0
 
@@ -67,7 +67,9 @@ def test_intervals_cover_about_as_often_as_they_say():
 def test_an_interval_over_rows_is_students_however_many_columns_repeat_it():
     """Rows that are alike in every column are a sample of their own number, not of all cells."""
     values = np.tile(RNG(9).standard_normal(8)[:, None], (1, 50))
-    found = metrics.crossed(lambda rows, columns: values[np.ix_(rows, columns)].mean(), values.shape, RNG(10), 20_000)
+    found = metrics.crossed_bootstrap(
+        lambda rows, columns: values[np.ix_(rows, columns)].mean(), values.shape, RNG(10), 20_000
+    )
     half = t.ppf(0.975, 7) * values[:, 0].std(ddof=1) / math.sqrt(8)
     assert found.value == pytest.approx(values.mean())
     assert found.high - found.low == pytest.approx(2 * half, rel=0.1)
@@ -75,7 +77,9 @@ def test_an_interval_over_rows_is_students_however_many_columns_repeat_it():
 
 def test_one_row_has_an_interval_over_columns():
     values = RNG(11).standard_normal((1, 60))
-    found = metrics.crossed(lambda rows, columns: values[np.ix_(rows, columns)].mean(), values.shape, RNG(12), 4000)
+    found = metrics.crossed_bootstrap(
+        lambda rows, columns: values[np.ix_(rows, columns)].mean(), values.shape, RNG(12), 4000
+    )
     half = t.ppf(0.975, 59) * values.std(ddof=1) / math.sqrt(60)
     assert found.high - found.low == pytest.approx(2 * half, rel=0.1)
 
@@ -86,14 +90,16 @@ def test_intervals_over_ten_trainings_and_forty_heads_cover_another_of_each(spre
     for _ in range(100):
         noise = 0.5 * rng.standard_normal((10, 40))
         values = np.exp(spread * rng.standard_normal((10, 1)) + rng.standard_normal(40) + noise)
-        found = metrics.crossed(lambda r, c, v=values: float(np.median(v[np.ix_(r, c)])), values.shape, rng, 600)
+        found = metrics.crossed_bootstrap(
+            lambda r, c, v=values: float(np.median(v[np.ix_(r, c)])), values.shape, rng, 600
+        )
         covered += found.low <= 1.0 <= found.high
     assert covered >= 90
 
 
 def test_an_interval_whose_resamples_may_fail_has_no_upper_end():
     hits = np.array([[30.0], [math.inf], [math.inf], [math.inf]])
-    found = metrics.stratified(lambda h: metrics.expected_running_time(h[..., 0], 100), [hits], RNG(7), 500)
+    found = metrics.stratified_bootstrap(lambda h: metrics.expected_running_time(h[..., 0], 100), [hits], RNG(7), 500)
     assert found.high == math.inf
     assert found.low < found.value
 

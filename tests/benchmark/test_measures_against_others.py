@@ -106,7 +106,7 @@ def test_aggregates_are_those_that_rliable_defines(runs, instances):
 def test_stratified_intervals_are_those_that_rliable_draws():
     """Its bootstrap draws runs anew for every task, independently, and takes percentiles."""
     scores = np.random.default_rng(3).lognormal(0.0, 1.0, (25, 26))
-    found = metrics.stratified(metrics.interquartile_mean, [scores], np.random.default_rng(4), 4000)
+    found = metrics.stratified_bootstrap(metrics.interquartile_mean, [scores], np.random.default_rng(4), 4000)
     rng = np.random.default_rng(5)
     drawn = []
     for _ in range(4000):

@@ -63,7 +63,7 @@ def test_gradients_of_several_drops_or_heads_equal_differences(problem):
 
 
 def test_a_reading_hangs_on_the_run_and_the_number_of_the_evaluation_alone():
-    noisy = Problem("noisy", reading_V=0.2)
+    noisy = Problem("noisy", measurement_noise_V=0.2)
     together = noisy.read(POINTS, seed=5)
     apart = np.concatenate([noisy.read(POINTS[:7], 5), noisy.read(POINTS[7:], 5, first=7)])
     assert (together == apart).all()
@@ -84,13 +84,13 @@ def test_readings_and_an_optimizer_of_the_same_seed_draw_different_numbers():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("inkjet_env.envs.task.make_task", lambda *given, **named: Seen())
-        Problem("noisy", reading_V=0.2).read(POINTS[:3], seed=5)
+        Problem("noisy", measurement_noise_V=0.2).read(POINTS[:3], seed=5)
     assert not set(seen) & set(np.random.default_rng(5).random(100))
 
 
 def test_readings_scatter_about_the_cost_as_the_errors_of_the_peaks_do():
     """Peaks far above the noise: the effective one weighs 5, the next 5, the others 1 each."""
-    noisy = Problem("noisy", cost=PeakCost(-5, 5, "first"), reading_V=1e-3, window_s=60e-6)
+    noisy = Problem("noisy", cost=PeakCost(-5, 5, "first"), measurement_noise_V=1e-3, window_s=60e-6)
     point = noisy.bounds.to_unit([100, -100, 1e-6, 12e-6, 5e-6, 12e-6, 5e-6])
     peaks = noisy.respond(point).peaks_V
     assert np.abs(peaks).min() > 0.1
@@ -102,7 +102,7 @@ def test_readings_scatter_about_the_cost_as_the_errors_of_the_peaks_do():
 
 @pytest.mark.parametrize(
     "problem",
-    [TRAIN, LOT, Problem("noisy", reading_V=0.1), Problem("drop", cost=PeakCost(-50, 5, enough_V=4.0))],
+    [TRAIN, LOT, Problem("noisy", measurement_noise_V=0.1), Problem("drop", cost=PeakCost(-50, 5, enough_V=4.0))],
     ids=lambda problem: problem.name,
 )
 def test_settings_rebuild_what_is_new_in_a_problem(problem):
@@ -113,17 +113,17 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(ValueError, match="does not fit into a period"):
         Problem("train", jetting_Hz=20e3)
     with pytest.raises(ValueError, match="not offered together"):
-        replace(LOT, reading_V=0.1)
+        replace(LOT, measurement_noise_V=0.1)
     with pytest.raises(ValueError, match="readings of peaks have no gradients"):
-        Problem("noisy", reading_V=0.1).evaluate_with_gradient(POINTS)
+        Problem("noisy", measurement_noise_V=0.1).evaluate_with_gradient(POINTS)
     with pytest.raises(ValueError, match=r"Did you mean 'worst'\?"):
         Spread(judged="wurst")
-    assert not Problem("noisy", reading_V=0.1).has_gradient
+    assert not Problem("noisy", measurement_noise_V=0.1).has_gradient
     assert TRAIN.has_gradient
 
 
 def test_a_run_is_told_readings_and_goes_on_with_the_same_ones():
-    noisy = Problem("noisy", reading_V=0.2)
+    noisy = Problem("noisy", measurement_noise_V=0.2)
     plan = Optimisation(noisy, "pso", 120, 3)
     whole = plan.carry_out()
     assert (whole.costs == noisy.read(whole.points, 3)).all()
@@ -135,7 +135,7 @@ def test_a_run_is_told_readings_and_goes_on_with_the_same_ones():
 
 def test_a_rig_that_reads_has_no_gradients():
     with pytest.raises(AttributeError):
-        Problem("noisy", reading_V=0.2).told(0).evaluate_with_gradient(POINTS)
+        Problem("noisy", measurement_noise_V=0.2).as_measured(0).evaluate_with_gradient(POINTS)
 
 
 def test_an_instance_does_not_change_without_another_version_of_the_suite():

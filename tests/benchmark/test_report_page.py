@@ -5,8 +5,8 @@ import re
 
 import pytest
 
+from experiments.benchmark.analysis import Comparison
 from experiments.benchmark.entrants import entrant
-from experiments.benchmark.mean_ranks import summarise
 from experiments.benchmark.report import write_report
 from experiments.benchmark.runner import run_bench
 from experiments.benchmark.settings import BenchSettings
@@ -21,7 +21,7 @@ def report(tmp_path_factory):
     """The page of a small comparison."""
     folder = tmp_path_factory.mktemp("bench") / "results"
     outcome = run_bench(BenchSettings(PROBLEMS, OPTIMIZERS, repeats=3, budget=200), folder, workers=1)
-    return write_report(outcome, summarise(outcome))[0]
+    return write_report(Comparison(outcome))[0]
 
 
 def test_the_page_loads_nothing_and_holds_what_it_shows(report):

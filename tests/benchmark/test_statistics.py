@@ -2,10 +2,13 @@ import numpy as np
 import pytest
 
 from experiments.benchmark import mean_ranks
-from experiments.benchmark.regret import regret_quartiles
+from experiments.benchmark.analysis import Comparison
+from experiments.benchmark.conclusions import ranking_sentences
+from experiments.benchmark.regret import regret_quartiles_V
 from experiments.benchmark.run_files import RunKey, RunResult
 from experiments.benchmark.settings import BenchOutcome, BenchSettings
 from experiments.benchmark.suite import problem
+from inkjet_env.estimate import Estimate
 
 
 def a_result(optimizer, regrets, repeat, name="nominal"):
@@ -36,7 +39,7 @@ def test_less_than_a_microvolt_does_not_decide_a_rank():
 
 def test_median_interval_of_equal_runs_is_a_point_and_of_one_run_unknown():
     rng = np.random.default_rng(0)
-    assert mean_ranks.median_interval([2.0, 2.0, 2.0], rng) == mean_ranks.Interval(2.0, 2.0, 2.0)
+    assert mean_ranks.median_interval([2.0, 2.0, 2.0], rng) == Estimate(2.0, 2.0, 2.0)
     assert np.isnan(mean_ranks.median_interval([2.0], rng).low)
 
 
@@ -50,7 +53,7 @@ def test_median_interval_covers_the_true_median_about_as_often_as_it_says():
 
 def test_best_so_far_quartiles_are_those_of_the_running_minimum():
     runs = [a_result("pso", costs, i) for i, costs in enumerate([[5, 7, 1], [9, 2, 4], [6, 6, 6]])]
-    found = regret_quartiles(runs, [1, 2, 3])
+    found = regret_quartiles_V(runs, [1, 2, 3])
     np.testing.assert_allclose(found[1], [6, 5, 2], atol=1e-9)  # medians of 5 9 6, 5 2 6, 1 2 6
     np.testing.assert_allclose(found[0], [5.5, 3.5, 1.5], atol=1e-9)
 
@@ -60,15 +63,16 @@ def test_equal_optimisers_are_never_told_apart():
     wrong = 0
     for _ in range(12):
         regrets = {name: rng.exponential(size=(3, 15)) for name in "abcd"}
-        wrong += sum(not s.tied_with_winner for s in mean_ranks.standings(regrets, rng))
+        wrong += sum(not rank.tied_with_winner for rank in mean_ranks.mean_rank_intervals(regrets, rng).values())
     assert wrong <= 1
 
 
 def test_a_better_optimiser_is_told_from_a_worse_one():
     rng = np.random.default_rng(3)
     regrets = {"bad": 5 + rng.exponential(size=(3, 15)), "good": rng.exponential(size=(3, 15))}
-    good, bad = mean_ranks.standings(regrets, rng)
-    assert (good.optimizer, good.mean_rank, bad.tied_with_winner) == ("good", 1.0, False)
+    found = mean_ranks.mean_rank_intervals(regrets, rng)
+    assert (found["good"].estimate, found["good"].tied_with_winner) == (Estimate(1.0, 1.0, 1.0), True)
+    assert (found["bad"].estimate, found["bad"].tied_with_winner) == (Estimate(2.0, 2.0, 2.0), False)
 
 
 def test_nemenyi_difference_is_the_tabulated_one():
@@ -87,20 +91,27 @@ def test_sentences_say_which_optimisers_are_level(tmp_path):
         "sobol": 0.05 + rng.permutation(even),  # worse than random, by a tenth of what single runs differ by
         "random": rng.permutation(even),
     }
-    said = mean_ranks.summarise(an_outcome(tmp_path, regrets)).sentences
-    assert "has the best mean rank" in said[0]
-    assert ("sobol cannot be told from it" in said[1]) or ("random cannot be told from it" in said[1])
-    said = mean_ranks.summarise(an_outcome(tmp_path, regrets)).sentences
+    said = ranking_sentences(Comparison(an_outcome(tmp_path, regrets)))
     assert "random has the best mean rank (1.00 of 4)" in said[0]
     assert said[1] == "On these problems sobol cannot be told from it; the others rank behind it (95 %)."
 
 
 def test_few_runs_are_not_called_a_proof(tmp_path):
-    said = mean_ranks.summarise(an_outcome(tmp_path, {"random": [1.0, 2.0], "sobol": [5.0, 6.0]})).sentences
+    said = ranking_sentences(Comparison(an_outcome(tmp_path, {"random": [1.0, 2.0], "sobol": [5.0, 6.0]})))
     assert "So few runs tell no optimiser from another" in said[1]
 
 
 def test_a_comparison_in_which_nothing_ran_is_refused(tmp_path):
     outcome = BenchOutcome(BenchSettings(("nominal",), ("pso",)), tmp_path, [], {"pso": "broken"})
     with pytest.raises(ValueError, match=r"no optimiser of .* could be run"):
-        mean_ranks.summarise(outcome)
+        Comparison(outcome)
+
+
+def test_the_ranking_and_the_standings_are_one(tmp_path):
+    """Medians of two runs, where rounding to a microvolt before the median would rank otherwise than after it."""
+    regrets = {"pso": [0.4e-6, 1.4e-6], "cma-es": [1.0e-6, 1.0e-6], "random": [1.0, 2.0]}
+    compared = Comparison(an_outcome(tmp_path, regrets))
+    rows = compared.standings("all", 1).rows
+    assert compared.ranking.optimizers == tuple(row.optimizer for row in rows)
+    assert {row.optimizer: row.rank for row in rows} == {"pso": 1.5, "cma-es": 1.5, "random": 3.0}
+    assert all(compared.ranking.mean_ranks[row.optimizer].estimate.value == row.rank for row in rows)

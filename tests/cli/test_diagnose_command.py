@@ -8,9 +8,10 @@ import pytest
 
 from inkjet_env import mismatch
 from inkjet_env.cli.drive_csv import read_drive
-from inkjet_env.identification import Estimate
+from inkjet_env.estimate import Estimate
+from inkjet_env.identification import ModelledRecording
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
-from inkjet_env.mismatch.diagnosis import Diagnosis, Named, Trace
+from inkjet_env.mismatch.diagnosis import Diagnosis, Named
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.plant import Plant, Shot, catalogue
 from inkjet_env.plant.effect import complete
@@ -48,13 +49,13 @@ def found(campaign):
     """A verdict with everything that can be written: an effect with an open interval, and a next experiment."""
     effect = EFFECTS["sensor_bandwidth"]
     values = {"bandwidth_Hz": 9e5, "second_order": 0.0}
-    traces = []
+    recordings = []
     for recording in campaign.recordings:
         shot = Shot(recording.channel, recording.initial_state, recording.time_s[1], recording.drive_V)
         base, after = (Plant(HEAD, effects=on).signal(shot) for on in ((), ((effect, values),)))
         fitted = 0 if recording.name == "r002" else base.size
-        traces.append(
-            Trace(
+        recordings.append(
+            ModelledRecording(
                 recording.name,
                 recording.channel,
                 "V",
@@ -62,8 +63,7 @@ def found(campaign):
                 recording.time_s[1],
                 recording.drive_V,
                 recording.sensor + after - base,
-                base,
-                after,
+                {"base": base, "augmented": after},
                 fitted,
                 0.05,
             )
@@ -84,7 +84,7 @@ def found(campaign):
         ),
         candidates=(("sensor_bandwidth", "amplifier_bandwidth"),),
         location=Location(sentence="On the edges."),
-        traces=tuple(traces),
+        recordings=tuple(recordings),
         closure=0.93,
         left_over=0.0,
         attributions=(),
@@ -208,8 +208,8 @@ def test_the_printhead_that_is_written_answers_with_its_effects(made_by_hand, fo
     assert written["effects"] == [{"id": "sensor_bandwidth", "parameters": parameters}]
     assert written["fit"]["channels"]["self_sensing"]["gain"]["value"] == HEAD.b1
     read = read_printhead(tmp_path / "head.json")
-    trace = found.traces[0]
-    shot = Shot(trace.channel, "periodic", trace.step_s, trace.drive_V)
+    recording = found.recordings[0]
+    shot = Shot(recording.channel, "periodic", recording.step_s, recording.drive_V)
     on = ((EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": 9e5, "second_order": 0.0}),)
     np.testing.assert_allclose(read.plant.signal(shot), Plant(HEAD, effects=on).signal(shot), atol=1e-9)
     status, out, err = inkjet("evaluate", "campaign", "--printhead", "head.json", "--json", "-")

@@ -16,10 +16,10 @@ def test_an_identified_head_leaves_what_its_identification_says(published_campai
     evaluations, refitted = evaluate(published_campaign, published_found.printhead, gains)
     assert refitted == ()
     assert [e.recording.name for e in evaluations] == [r.name for r in published_campaign.recordings]
-    told = {residual.name: residual for residual in published_found.residuals}
+    told = {recording.name: recording for recording in published_found.recordings}
     for e in evaluations:
         # The offset is fitted to all recordings here, there to those that are not held out.
-        assert e.rms == pytest.approx(told[e.recording.name].rms, rel=2e-3)
+        assert e.rms == pytest.approx(told[e.recording.name].rms(), rel=2e-3)
 
 
 def test_only_the_gain_that_a_printhead_does_not_have_is_fitted():

@@ -73,8 +73,8 @@ def test_another_head_is_found(other_found, other_head):
 
 def test_held_out_recordings_are_explained_to_their_noise(other_found):
     assert {r.channel for r in other_found.heldout} == {"strain_gauge", "self_sensing"}
-    for residual in other_found.heldout:
-        assert residual.rms == pytest.approx(residual.noise_rms, rel=0.1)
+    for recording in other_found.heldout:
+        assert recording.rms() == pytest.approx(recording.noise_rms, rel=0.1)
 
 
 def test_a_head_is_found_from_self_sensing_alone(other_campaign, other_head):
@@ -164,10 +164,10 @@ def test_an_unknown_initial_state_is_fitted_along(other_head):
     campaign = Campaign("free", tuple(recordings))
     found = identify(campaign, degree=4)
     assert_found(found, other_head, largest=3, q_error=2e-2)
-    for residual in found.residuals:
-        assert residual.rms == pytest.approx(0.01, rel=0.15)
+    for recording in found.recordings:
+        assert recording.rms() == pytest.approx(0.01, rel=0.15)
     resting = replace(campaign, recordings=tuple(replace(r, initial_state="demagnetised") for r in recordings))
-    assert identify(resting, degree=4).heldout[0].rms > 0.1
+    assert identify(resting, degree=4).heldout[0].rms() > 0.1
 
 
 def test_a_campaign_without_noise_gives_the_head_to_many_digits():

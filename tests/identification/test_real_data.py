@@ -38,7 +38,7 @@ def test_a_measured_piezo_actuator_is_predicted_to_a_hundredth_of_its_stroke():
     found = identify(campaign, held_out=["sine-3"])
     (held_out,) = found.heldout
     assert held_out.name == "sine-3"
-    assert held_out.rms < 0.0105 * np.std(held_out.measured)
+    assert held_out.rms() < 0.0105 * np.std(held_out.measured)
     assert any(note.startswith("displacement: the residual is") for note in found.notes)  # creep, and more
 
 
@@ -47,7 +47,7 @@ def test_the_measured_silverbox_is_predicted_to_millivolts():
     kept = Campaign(campaign.name, campaign.recordings[3:])
     found = identify(kept, held_out=["m08"])
     (held_out,) = found.heldout
-    assert held_out.rms < 7e-3
-    assert np.std(held_out.measured) > 7 * held_out.rms
+    assert held_out.rms() < 7e-3
+    assert np.std(held_out.measured) > 7 * held_out.rms()
     # Built for 68.6 Hz.
     assert np.sqrt(found.dynamics["a0"].value) / (2 * np.pi) == pytest.approx(69, abs=2)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.identification.basis import drive_basis
-from inkjet_env.identification.measurements import Measurement
+from inkjet_env.identification.measurements import RepeatedMeasurement
 from inkjet_env.identification.model import Fitted, Model, channels_of
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.identification.separable import fit_everything
@@ -61,7 +61,7 @@ def recorded(rng, channels=tuple(NOISE_MODELS)):
         signals = tuple(clean + noise_of(channel, rng, SAMPLES) for _ in range(repeats))
         unit = "um" if channel == "displacement" else "V"
         names = tuple(f"r{i}-{k}" for k in range(repeats))
-        measurement = Measurement(channel, unit, state, drive_V, STEP_S, signals, names, SAMPLES)
+        measurement = RepeatedMeasurement(channel, unit, state, drive_V, STEP_S, signals, names, SAMPLES)
         fitted.append(Fitted(measurement, basis, NOISE_MODELS[channel]))
     return fitted
 

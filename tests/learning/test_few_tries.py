@@ -11,8 +11,8 @@ from experiments.learning.few_shot_tuners import (
     MIDDLE,
     PULSE,
     Agent,
-    Listed,
-    OneForAll,
+    ConstantWaveform,
+    FixedSequence,
     Optimisers,
     best_list,
     kept_costs_V,
@@ -45,7 +45,7 @@ def test_the_heads_on_the_bench_are_those_whose_best_is_searched_for():
 
 
 def test_the_same_waveform_again_gains_nothing():
-    kept = kept_costs_V(OneForAll(np.full(7, 0.3)), 5, 4, SEED)
+    kept = kept_costs_V(ConstantWaveform(np.full(7, 0.3)), 5, 4, SEED)
     assert (np.diff(kept, axis=1) <= 0).all()  # nothing but nothing itself may be given up for it
     costs = heads_on_the_bench(5, SEED).evaluate(np.tile(np.float32(0.3).astype(float), (5, 7)))
     for row, cost in zip(kept, costs, strict=True):
@@ -79,7 +79,7 @@ def test_a_list_is_stretched_to_the_resonance_that_rings():
     points = np.array([[0.8, -0.8, -0.9, -0.2, -0.5, -0.3, -0.6], [0.7, -0.8, -0.9, -0.3, -0.5, -0.3, -0.6]])
     envs = TuneWaveformVectorEnv(5)
     observations, _ = envs.reset(seed=SEED)
-    tuner = Listed(points, names)
+    tuner = FixedSequence(points, names)
     first = tuner.fire(observations)
     assert (first == PULSE).all()
     observations, *_ = envs.step(first.astype(np.float32))
@@ -88,7 +88,7 @@ def test_a_list_is_stretched_to_the_resonance_that_rings():
     truly[:, 0] = envs.tuning.contexts[:, 0]
     np.testing.assert_allclose(second, stretched(points[[0] * 5], MIDDLE, truly), atol=0.01)
     np.testing.assert_allclose(third, stretched(points[[1] * 5], MIDDLE, truly), atol=0.01)
-    plain = Listed(points)
+    plain = FixedSequence(points)
     plain.fire(observations)
     assert (plain.fire(observations) == points[1]).all()
 

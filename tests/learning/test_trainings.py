@@ -115,7 +115,7 @@ def test_a_difference_on_the_same_heads_is_told_finer_than_two_medians():
     rng = np.random.default_rng(0)
     heads_V = 3 * rng.standard_normal(80)
     mine, theirs = heads_V + 1 + 0.1 * rng.standard_normal((8, 80)), heads_V + 0.1 * rng.standard_normal((3, 80))
-    apart = repeated_training.behind(mine, theirs, rng)
+    apart = repeated_training.median_difference(mine, theirs, rng)
     single = repeated_training.median_of(mine, rng)
     assert apart["low"] < 1 < apart["high"]
     assert apart["high"] - apart["low"] < 0.3 * (single["high"] - single["low"])

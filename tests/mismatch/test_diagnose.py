@@ -197,7 +197,7 @@ def test_the_voltage_at_the_head_tells_the_amplifiers_apart(name, diagnosed):
     found = diagnosed(name, monitored=True)
     assert (found.verdict, ids(found), found.candidates) == ("named", [name], ())
     assert found.next_experiment is None
-    assert all("monitor" not in trace.name for trace in found.traces)
+    assert all("monitor" not in recording.name for recording in found.recordings)
 
 
 def test_a_probe_that_is_half_a_per_cent_off_is_no_mismatch(recorded, head, effects):
@@ -303,7 +303,7 @@ def test_the_verdict_in_json_has_what_was_agreed(verdict, diagnosed):
     assert {*figures, "closure", "heldout"} <= fit.keys()
     assert all(fit[name] > 0 for name in figures)
     assert (fit["closure"] is None) == (verdict == "none")
-    names = {trace.name for trace in found.traces}
+    names = {recording.name for recording in found.recordings}
     assert fit["heldout"]
     assert set(fit["heldout"]) < names
     following = written["next_experiment"]

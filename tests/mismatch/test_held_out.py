@@ -27,7 +27,7 @@ def test_a_recording_that_was_held_out_tells_no_fit(recorded, head, effects):
     for first, second in zip(one.attributions, two.attributions, strict=True):
         assert (second.ids, second.told) == (first.ids, first.told)
         assert second.gain == pytest.approx(first.gain, rel=1e-9)
-    assert [t.name for t in one.traces if t.held_out] == [name]
+    assert [r.name for r in one.recordings if r.held_out] == [name]
     assert one.closure > 0.9 > two.closure
 
 
@@ -55,8 +55,8 @@ def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_not
         assert (other.ids, other.gain) == (one.ids, pytest.approx(one.gain, rel=1e-6))
     # what is left standing is the base model whole: its law, its gains and its offsets
     plant = Plant(vetoed.printhead, vetoed.gains, vetoed.offsets)
-    for o, trace in zip(observe(held_out_from(turned, same)), vetoed.traces, strict=True):
-        np.testing.assert_allclose(plant.signal(o.shot), trace.base, atol=1e-3)
+    for o, recording in zip(observe(held_out_from(turned, same)), vetoed.recordings, strict=True):
+        np.testing.assert_allclose(plant.signal(o.shot), recording.modelled["base"], atol=1e-3)
 
 
 def test_what_came_where_all_was_held_out_keeps_its_name_and_says_that_it_was_foretold_worse(

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.identification import Estimate
+from inkjet_env.estimate import Estimate
+from inkjet_env.identification import ModelledRecording
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
-from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Named, Trace
+from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Named
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.plant import Plant, Shot, catalogue
 from inkjet_env.printhead import Printhead
@@ -19,7 +20,7 @@ from inkjet_env.reporting.diagnosis_report import (
     diagnosis_html,
     models_of,
     parameter_rows,
-    proof_trace,
+    proof_recording,
     view_tables,
     write_diagnosis_report,
     zoom_of,
@@ -49,7 +50,7 @@ def named():
     """Feedthrough in a small virtual campaign; the base model is the head without it."""
     battery = [line for line in default_battery() if line.label in LABELS[line.channel]]
     noisy, calm = (record_campaign(HEAD, 1, battery=battery, snr_dB=snr_dB) for snr_dB in (50, math.inf))
-    traces = []
+    recordings = []
     for recording, silent in zip(noisy.recordings, calm.recordings, strict=True):
         added = shown_by_effect(recording)
         noise = [
@@ -57,8 +58,8 @@ def named():
             for r, s in zip(noisy.recordings, calm.recordings, strict=True)
             if r.channel == recording.channel
         ]
-        traces.append(
-            Trace(
+        recordings.append(
+            ModelledRecording(
                 recording.name,
                 recording.channel,
                 "V",
@@ -66,8 +67,7 @@ def named():
                 recording.time_s[1] - recording.time_s[0],
                 recording.drive_V,
                 recording.sensor + added,
-                silent.sensor,
-                silent.sensor + added,
+                {"base": silent.sensor, "augmented": silent.sensor + added},
                 0 if recording.drive_V.tobytes() in HELD_OUT else recording.drive_V.size,
                 float(np.std(np.concatenate(noise))),
             )
@@ -95,7 +95,7 @@ def named():
         location=Location(
             ("r005", "r007"), ((1e-6, 3e-6),), ((9e4, 1.1e5),), ((60, 100),), "On the edges of the drive.", tables
         ),
-        traces=tuple(traces),
+        recordings=tuple(recordings),
         closure=0.9712,
         left_over=0.0,
         attributions=(
@@ -122,19 +122,22 @@ def named():
 @pytest.fixture(scope="module")
 def one(named):
     """The same with a single recording, held out."""
-    return replace(named, traces=tuple(t for t in named.traces if t.held_out))
+    return replace(named, recordings=tuple(r for r in named.recordings if r.held_out))
 
 
 @pytest.fixture(scope="module")
 def diagnoses(named):
     """One of each verdict."""
-    calm = tuple(replace(t, measured=t.measured - t.augmented + t.base, augmented=t.base) for t in named.traces)
-    same = tuple(replace(t, augmented=t.base) for t in named.traces)
+    same = tuple(replace(r, modelled=dict.fromkeys(r.modelled, r.modelled["base"])) for r in named.recordings)
+    calm = tuple(
+        replace(alike, measured=r.residual("augmented") + r.modelled["base"])
+        for alike, r in zip(same, named.recordings, strict=True)
+    )
     drive = tuple(np.repeat([0.0, 80.0, 0.0], (40, 200, 400)))
     experiment = NextExperiment(
         "Record the voltage at the head along with the drive.", "self_sensing", "periodic", 1e-7, drive, 84.0
     )
-    flexible = {t.name: 0.6 * (t.measured - t.base) for t in named.traces if t.channel == "self_sensing"}
+    flexible = {r.name: 0.6 * r.residual("base") for r in named.recordings if r.channel == "self_sensing"}
     nothing = {"effects": (), "closure": math.nan, "attributions": ()}
     return {
         "named": named,
@@ -151,7 +154,7 @@ def diagnoses(named):
             verdict="unknown",
             headline="Structure is left that no effect of the catalogue explains.",
             effects=(),
-            traces=same,
+            recordings=same,
             closure=0.0,
             correction=Correction(0.84, 410.0, 30.0, flexible),
         ),
@@ -159,7 +162,7 @@ def diagnoses(named):
             named,
             verdict="none",
             headline="The base model explains the recordings to their noise",
-            traces=calm,
+            recordings=calm,
             location=Location(),
             **nothing,
         ),
@@ -199,7 +202,7 @@ def test_the_verdict_comes_first_in_plain_words(any_of_them):
 def test_every_recording_hypothesis_and_note_is_on_the_page(any_of_them):
     diagnosis, page = any_of_them
     text = text_of(page)
-    assert all(re.search(rf"\b{t.name}\b", text) for t in diagnosis.traces)
+    assert all(re.search(rf"\b{r.name}\b", text) for r in diagnosis.recordings)
     assert all(" + ".join(a.ids) in text and a.told in text for a in diagnosis.attributions)
     assert all(note in text for note in diagnosis.notes)
     assert all(stage in text for stage in diagnosis.stages)
@@ -252,8 +255,8 @@ def test_candidates_are_told_with_what_sets_them_apart(diagnoses, pages):
 
 def test_only_a_model_with_effects_is_called_augmented(diagnoses, pages):
     for verdict, found in diagnoses.items():
-        assert augmented(found.traces) == (verdict in ("named", "set"))
-        assert ("Fit before and after" in pages[verdict]) == augmented(found.traces)
+        assert augmented(found.recordings) == (verdict in ("named", "set"))
+        assert ("Fit before and after" in pages[verdict]) == augmented(found.recordings)
 
 
 def test_the_same_diagnosis_gives_the_same_page(one):
@@ -261,9 +264,9 @@ def test_the_same_diagnosis_gives_the_same_page(one):
 
 
 def test_special_characters_are_escaped_and_harm_no_picture(tmp_path, one):
-    strange = tuple(replace(t, name=f"{t.name}$\\frac$<i>&") for t in one.traces)
+    strange = tuple(replace(r, name=f"{r.name}$\\frac$<i>&") for r in one.recordings)
     path = tmp_path / "page.html"
-    write_diagnosis_report(path, replace(one, campaign="<script>alert(1)</script>", traces=strange))
+    write_diagnosis_report(path, replace(one, campaign="<script>alert(1)</script>", recordings=strange))
     page = path.read_text(encoding="utf-8")
     assert list(tmp_path.iterdir()) == [path]
     assert "<script" not in page
@@ -272,49 +275,49 @@ def test_special_characters_are_escaped_and_harm_no_picture(tmp_path, one):
 
 
 def test_the_proof_is_the_held_out_recording_that_gains_most(named):
-    proof = proof_trace(named)
+    proof = proof_recording(named)
     assert proof.held_out
 
-    def gain(t):
-        return np.sum((t.measured - t.base) ** 2 - (t.measured - t.augmented) ** 2) / t.noise_rms**2
+    def gain(r):
+        return np.sum(r.residual("base") ** 2 - r.residual("augmented") ** 2) / r.noise_rms**2
 
-    assert gain(proof) == max(gain(t) for t in named.traces if t.held_out)
+    assert gain(proof) == max(gain(r) for r in named.recordings if r.held_out)
 
 
 def test_without_held_out_recordings_the_page_says_so(one):
-    seen = tuple(replace(t, fitted=t.measured.size) for t in one.traces)
-    text = text_of(diagnosis_html(replace(one, traces=seen)))
+    seen = tuple(replace(r, fitted=r.measured.size) for r in one.recordings)
+    text = text_of(diagnosis_html(replace(one, recordings=seen)))
     assert "No recording was held out" in text
     assert "fitted (none was held out)" in text
 
 
 def test_the_zoom_holds_the_largest_difference_and_six_periods(named):
-    trace = proof_trace(named)
-    for where in (0, 700, trace.measured.size - 1):
-        after = trace.base.copy()
+    recording = proof_recording(named)
+    for where in (0, 700, recording.measured.size - 1):
+        after = recording.modelled["base"].copy()
         after[where] += 1.0
-        models = {"base": trace.base, "augmented": after}
-        zoom = zoom_of(trace, models, HEAD.frequency_Hz)
+        models = {"base": recording.modelled["base"], "augmented": after}
+        zoom = zoom_of(recording, models, HEAD.frequency_Hz)
         assert zoom.start <= where < zoom.stop
         assert zoom.start >= 0
-        assert zoom.stop <= trace.measured.size
-        assert (zoom.stop - zoom.start) * trace.step_s == pytest.approx(6 / HEAD.frequency_Hz, rel=0.01)
+        assert zoom.stop <= recording.measured.size
+        assert (zoom.stop - zoom.start) * recording.step_s == pytest.approx(6 / HEAD.frequency_Hz, rel=0.01)
 
 
 def test_a_flexible_correction_is_drawn_upon_the_augmented_model(diagnoses):
     found = diagnoses["unknown"]
-    trace = proof_trace(found)
-    models = models_of(trace, found)
+    recording = proof_recording(found)
+    models = models_of(recording, found)
     assert list(models) == ["base", "corrected"]
-    left = np.std(trace.measured - models["corrected"])
-    assert left == pytest.approx(0.4 * np.std(trace.measured - trace.base), rel=1e-6)
+    left = np.std(recording.measured - models["corrected"])
+    assert left == pytest.approx(0.4 * np.std(recording.residual("base")), rel=1e-6)
 
 
 def test_rows_of_a_channel_pool_its_recordings(named):
     for row in channel_rows(named):
-        mine = [t for t in named.traces if t.channel == row.channel and t.held_out == row.held_out]
-        assert row.names == tuple(t.name for t in mine)
-        every = np.concatenate([t.measured - t.base for t in mine])
+        mine = [r for r in named.recordings if r.channel == row.channel and r.held_out == row.held_out]
+        assert row.names == tuple(r.name for r in mine)
+        every = np.concatenate([r.residual("base") for r in mine])
         assert row.base == pytest.approx(np.sqrt(np.mean(every**2)))
     row = next(r for r in channel_rows(named) if r.held_out)
     assert row.base == pytest.approx(named.heldout_rms("base"))
@@ -324,8 +327,10 @@ def test_rows_of_a_channel_pool_its_recordings(named):
 
 def test_the_first_line_says_what_is_left_in_the_channels_unit(named):
     """As the table below it does; not in the volts of a displacement's gain."""
-    moved = [replace(t, channel="displacement", unit="um") if t.channel == "self_sensing" else t for t in named.traces]
-    found = replace(named, traces=tuple(moved), gains={"displacement": 0.02, "strain_gauge": 0.01})
+    moved = [
+        replace(r, channel="displacement", unit="um") if r.channel == "self_sensing" else r for r in named.recordings
+    ]
+    found = replace(named, recordings=tuple(moved), gains={"displacement": 0.02, "strain_gauge": 0.01})
     row = next(r for r in channel_rows(found) if r.held_out and r.channel == "displacement")
     said = f"{short(row.base)} µm (RMS) before, {short(row.augmented)} µm after, noise {short(row.noise)} µm."
     assert said in diagnosis_html(found)
@@ -337,8 +342,8 @@ def test_a_recording_that_leaves_noise_alone_has_no_closure(diagnoses):
 
 def test_repeats_share_a_condition_and_every_sample_is_in_one(named):
     conditions = condition_rows(named)
-    assert sorted(name for row, _ in conditions for name in row.names) == sorted(t.name for t in named.traces)
-    drives = {t.name: t.drive_V.tobytes() for t in named.traces}
+    assert sorted(name for row, _ in conditions for name in row.names) == sorted(r.name for r in named.recordings)
+    drives = {r.name: r.drive_V.tobytes() for r in named.recordings}
     for row, each in conditions:
         assert len({drives[name] for name in row.names}) == 1
         assert len(each) == (len(row.names) if len(row.names) > 1 else 0)
@@ -346,18 +351,19 @@ def test_repeats_share_a_condition_and_every_sample_is_in_one(named):
 
 
 def test_a_recording_whose_end_is_held_out_is_shown_in_both_parts(one):
-    (trace,) = one.traces
-    half = replace(one, traces=(replace(trace, fitted=trace.measured.size // 2),))
+    (recording,) = one.recordings
+    half = replace(one, recordings=(replace(recording, fitted=recording.measured.size // 2),))
     (first, _), (second, _) = condition_rows(half)
     assert (first.role, second.role) == ("held out", "fitted")
-    assert first.base**2 + second.base**2 == pytest.approx(2 * np.mean((trace.measured - trace.base) ** 2))
+    assert first.base**2 + second.base**2 == pytest.approx(2 * np.mean((recording.residual("base")) ** 2))
     assert "held out from sample" in diagnosis_html(half)
 
 
 def test_densities_hold_the_power_that_is_left(one):
-    (trace,) = one.traces
-    white = np.random.default_rng(3).normal(0, trace.noise_rms, trace.measured.size)
-    loud = replace(trace, measured=trace.augmented + white, base=trace.augmented + 3 * white)
+    (recording,) = one.recordings
+    white = np.random.default_rng(3).normal(0, recording.noise_rms, recording.measured.size)
+    after = recording.modelled["augmented"]
+    loud = replace(recording, measured=after + white, modelled={"base": after + 3 * white, "augmented": after})
     frequency, base, after, noise = left_densities([loud, loud])
     assert np.all(np.diff(frequency) > 0)
     high = frequency > 0.2 * frequency[-1]  # many lines a stretch

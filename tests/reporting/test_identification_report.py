@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from inkjet_env.identification import Estimate, identify
+from inkjet_env.estimate import Estimate
+from inkjet_env.identification import identify
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
@@ -84,8 +85,8 @@ def test_the_page_stands_alone(any_of_them):
 def test_the_page_names_every_recording_every_note_and_every_number(any_of_them):
     identification, page = any_of_them
     cells = re.findall(r"<td[^>]*>([^<]*)</td>", page)
-    for residual in identification.residuals:
-        assert cells.count(residual.name) == 2 if 0 < residual.fitted < residual.measured.size else 1
+    for recording in identification.recordings:
+        assert cells.count(recording.name) == 2 if 0 < recording.fitted < recording.measured.size else 1
     for _, value, interval, *_ in parameter_rows(identification):
         assert value in cells
         assert interval in cells
@@ -128,8 +129,8 @@ def test_a_good_fit_is_called_good_and_a_bad_one_bad(everything, one_displacemen
     bad = headline(one_displacement)
     assert "does not explain the held-out recordings" in bad
     ratio = float(re.search(r"is ([\d.]+) times", bad).group(1))
-    (residual,) = one_displacement.residuals
-    assert ratio == pytest.approx(residual.rms / residual.noise_rms, rel=0.01)
+    (recording,) = one_displacement.recordings
+    assert ratio == pytest.approx(recording.rms() / recording.noise_rms, rel=0.01)
 
 
 def test_a_residual_that_has_the_noises_size_but_not_its_spectrum_is_told(everything):
@@ -151,20 +152,20 @@ def test_noise_that_only_the_fit_shows_proves_nothing(everything):
 
 
 def test_unknown_noise_is_a_dash_and_no_crash(one_displacement):
-    silent = tuple(replace(residual, noise_rms=math.nan) for residual in one_displacement.residuals)
-    changed = replace(one_displacement, residuals=silent, noise={})
+    silent = tuple(replace(recording, noise_rms=math.nan) for recording in one_displacement.recordings)
+    changed = replace(one_displacement, recordings=silent, noise={})
     assert "their noise is not known" in headline(changed)
     assert "<td>–</td>" in identification_html("x", changed)
 
 
 def test_without_held_out_recordings_the_headline_says_so(everything):
-    seen = tuple(replace(residual, fitted=residual.measured.size) for residual in everything.residuals)
-    assert "the fitted recordings (none was held out)" in headline(replace(everything, residuals=seen))
+    seen = tuple(replace(recording, fitted=recording.measured.size) for recording in everything.recordings)
+    assert "the fitted recordings (none was held out)" in headline(replace(everything, recordings=seen))
 
 
 def test_special_characters_are_escaped_and_harm_no_picture(tmp_path, one_displacement):
-    (residual,) = one_displacement.residuals
-    strange = replace(one_displacement, residuals=(replace(residual, name="a$\\frac$<i>&"),))
+    (recording,) = one_displacement.recordings
+    strange = replace(one_displacement, recordings=(replace(recording, name="a$\\frac$<i>&"),))
     path = tmp_path / "page.html"
     write_identification_report(path, "<script>alert(1)</script> & 'Söhne'", strange)
     assert list(tmp_path.iterdir()) == [path]
@@ -180,7 +181,7 @@ def test_a_page_that_cannot_be_made_leaves_the_old_one(tmp_path, one_displacemen
     path = tmp_path / "page.html"
     path.write_text("before")
     with pytest.raises(ValueError):
-        write_identification_report(path, "x", replace(one_displacement, residuals=()))
+        write_identification_report(path, "x", replace(one_displacement, recordings=()))
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -228,11 +229,11 @@ def test_loops_are_the_plain_one_and_the_nested_ones(everything, self_sensing_on
 
 
 def test_ringing_shows_held_out_first_and_no_drive_twice(everything):
-    fast = [r for r in everything.residuals if r.channel == "self_sensing" and np.ptp(r.drive_V) > 0]
+    fast = [r for r in everything.recordings if r.channel == "self_sensing" and np.ptp(r.drive_V) > 0]
     views = ringing_views(fast, HEAD.frequency_Hz)
     assert len(views) == 3
     assert views[0].held_out
-    assert len({view.residual.drive_V.tobytes() for view in views}) == 3
+    assert len({view.recording.drive_V.tobytes() for view in views}) == 3
     assert [view.held_out for view in views] == sorted((view.held_out for view in views), reverse=True)
 
 
@@ -264,34 +265,34 @@ def test_settings_tell_the_degree_by_every_rule(pages):
 
 
 def test_a_partly_held_out_recording_is_shown_in_both_parts(one_displacement):
-    (residual,) = one_displacement.residuals
-    fitted, held_out = parts_of(residual)
+    (recording,) = one_displacement.recordings
+    fitted, held_out = parts_of(recording)
     assert (fitted.role, held_out.role) == ("fitted", "held out")
-    assert fitted.samples.stop == held_out.samples.start == residual.fitted
-    assert held_out.rms == pytest.approx(residual.rms)
-    views = ringing_views([residual], HEAD.frequency_Hz)
+    assert fitted.samples.stop == held_out.samples.start == recording.fitted
+    assert held_out.rms == pytest.approx(recording.rms())
+    views = ringing_views([recording], HEAD.frequency_Hz)
     assert [view.held_out for view in views] == [False, True]
-    edge = int(np.argmax(np.abs(np.diff(residual.drive_V))))
+    edge = int(np.argmax(np.abs(np.diff(recording.drive_V))))
     assert views[0].samples.start <= edge < views[0].samples.stop
 
 
 def test_a_spectrum_holds_the_signals_power(everything):
-    residual = next(r for r in everything.residuals if np.ptp(r.drive_V) == 100 and r.measured.size == 4000)
-    frequency, density = amplitude_densities(residual, residual.measured)
-    assert np.sum(density[:-1] ** 2) * frequency[1] == pytest.approx(np.var(residual.measured), rel=1e-3)
+    recording = next(r for r in everything.recordings if np.ptp(r.drive_V) == 100 and r.measured.size == 4000)
+    frequency, density = amplitude_densities(recording, recording.measured)
+    assert np.sum(density[:-1] ** 2) * frequency[1] == pytest.approx(np.var(recording.measured), rel=1e-3)
 
 
 def test_the_broadest_recording_is_no_step(everything):
-    fast = [r for r in everything.residuals if r.channel == "self_sensing" and np.ptp(r.drive_V) > 0]
+    fast = [r for r in everything.recordings if r.channel == "self_sensing" and np.ptp(r.drive_V) > 0]
     assert broadest_recording(fast).measured.size == 4000  # the multisine
 
 
 def test_the_noise_model_is_drawn_as_loud_as_the_noise(one_displacement):
-    (residual,) = one_displacement.residuals
-    frequency = np.linspace(0, 0.5 / residual.step_s, 4001)[1:]
-    density = noise_of(residual, one_displacement).spectrum(frequency, residual.step_s)
+    (recording,) = one_displacement.recordings
+    frequency = np.linspace(0, 0.5 / recording.step_s, 4001)[1:]
+    density = noise_of(recording, one_displacement).spectrum(frequency, recording.step_s)
     assert one_displacement.misfit["displacement"] > 2
-    assert math.sqrt(density.mean() * frequency[-1]) == pytest.approx(residual.noise_rms, rel=0.2)
+    assert math.sqrt(density.mean() * frequency[-1]) == pytest.approx(recording.noise_rms, rel=0.2)
     assert noise_of(SimpleNamespace(channel="strain_gauge", step_s=1.0), one_displacement) is None
 
 

@@ -26,8 +26,8 @@ def test_one_loop_of_the_published_head_needs_degree_eight_and_gives_its_law_bac
     x = np.linspace(0, 1, 101)
     difference = found.printhead.branch_law.Q(x) - Printhead.published().branch_law.Q(x)
     assert np.abs(difference).max() < 1e-3  # the paper reaches 2e-2
-    residual = next(r for r in found.residuals if r.channel == "strain_gauge")
-    assert residual.rms < 2e-3 * np.ptp(residual.measured)
+    recording = next(r for r in found.recordings if r.channel == "strain_gauge")
+    assert recording.rms() < 2e-3 * np.ptp(recording.measured)
 
 
 def test_random_heads_are_found_again():

@@ -69,7 +69,7 @@ def attempt(name: str, method: str, seconds: float) -> Attempt:
     from experiments.benchmark.studies.search_best_known import polished, settled
     from optimizers.loop import minimise
 
-    of = replace(problem(name), reading_V=0.0)  # what is best does not hang on how it is read
+    of = replace(problem(name), measurement_noise_V=0.0)  # what is best does not hang on how it is read
     if optimizers.uses_gradient(method) and not of.has_gradient:
         method = WITHOUT_GRADIENT
     of.evaluate([[0.0] * 7])

@@ -10,12 +10,12 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from experiments.benchmark.augmented_heads import FILE, FORMAT, HEADS, Concealed
+from experiments.benchmark.augmented_heads import FILE, FORMAT, HEADS, HeadDraw
 from experiments.benchmark.data import data_file
 from inkjet_env.storage import write_json
 
 
-def found(concealed: Concealed) -> dict[str, Any]:
+def found(draw: HeadDraw) -> dict[str, Any]:
     """The ``printhead/1`` that the diagnosis of a campaign of that head ends with.
 
     Raises
@@ -29,22 +29,22 @@ def found(concealed: Concealed) -> dict[str, Any]:
     from inkjet_env.mismatch import diagnose
     from inkjet_env.recordings import read_campaign
 
-    plant = build(Case(0, concealed.seed, "effect", (concealed.effect,), concealed.strength))
+    plant = build(Case(0, draw.seed, "effect", (draw.effect,), draw.strength))
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "campaign"
         plant.write(folder, "campaign")
         diagnosis = diagnose(read_campaign(folder), rng=np.random.default_rng(0))
     named = [found.effect.id for found in diagnosis.effects]
-    if diagnosis.verdict != "named" or named != [concealed.effect]:
-        raise ValueError(f"{concealed.effect} was found as {diagnosis.verdict} {named}. Draw another head.")
+    if diagnosis.verdict != "named" or named != [draw.effect]:
+        raise ValueError(f"{draw.effect} was found as {diagnosis.verdict} {named}. Draw another head.")
     return diagnosis.augmented_json()
 
 
 def main() -> None:
     """Draw, record, diagnose, keep."""
     heads = {}
-    for name, concealed in HEADS.items():
-        heads[name] = found(concealed)
+    for name, draw in HEADS.items():
+        heads[name] = found(draw)
         print(f"{name}: {heads[name]['effects']}", flush=True)
     write_json(data_file(FILE), {"format": FORMAT, "heads": heads})
 

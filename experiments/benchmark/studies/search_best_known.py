@@ -194,7 +194,7 @@ def search(
 ) -> dict[str, Any]:
     """Search one problem, on from the best waveform known if there is one: the entry of `best_known.json`."""
     settings = problem.settings()
-    problem = replace(problem, reading_V=0.0)  # what is best does not hang on how it is read
+    problem = replace(problem, measurement_noise_V=0.0)  # what is best does not hang on how it is read
     rng = np.random.default_rng(seed)
     effort = USUAL if problem.has_gradient and not problem.spread else WHERE_SLOW
     descents = [

@@ -47,12 +47,12 @@ def base_of(found: Diagnosis, campaign: Campaign) -> Head:
     plant = Plant(found.base_printhead, {"self_sensing": found.base_printhead.b1})
     shots = {o.name: o.shot for o in observe(campaign)}
     gains, offsets = {}, {}
-    for channel in sorted({trace.channel for trace in found.traces}):
-        mine = [trace for trace in found.traces if trace.channel == channel]
-        shown = np.concatenate([plant.motion(shots[t.name].drive_at_nodes_V, shots[t.name]) for t in mine])
+    for channel in sorted({recording.channel for recording in found.recordings}):
+        mine = [recording for recording in found.recordings if recording.channel == channel]
+        shown = np.concatenate([plant.motion(shots[r.name].drive_at_nodes_V, shots[r.name]) for r in mine])
         size = float(np.abs(shown).max())
         table = np.column_stack([shown / size, np.ones(shown.size)])
-        gain, offset = np.linalg.lstsq(table, np.concatenate([t.base for t in mine]), rcond=None)[0]
+        gain, offset = np.linalg.lstsq(table, np.concatenate([r.modelled["base"] for r in mine]), rcond=None)[0]
         gains[channel], offsets[channel] = float(gain) / size, float(offset)
     return Head(found.base_printhead, gains, offsets)
 

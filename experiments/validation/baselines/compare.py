@@ -84,7 +84,7 @@ def compared(campaign: Campaign, found: Diagnosis, seed: int) -> dict[str, Any]:
     modelled = joint.modelled(joint.base)
     sparse, network = dict(modelled), dict(modelled)
     terms: dict[str, tuple[str, ...]] = {}
-    for channel in sorted({trace.channel for trace in found.traces}):
+    for channel in sorted({recording.channel for recording in found.recordings}):
         if not put_aside(joint, channel)[1]:
             continue  # too few recordings to choose by: nothing is added
         force = sparse_force(joint, channel)
@@ -97,11 +97,15 @@ def compared(campaign: Campaign, found: Diagnosis, seed: int) -> dict[str, Any]:
     first = next(o for o in joint.observed if o.channel == found.main_channel)
     errors = {
         "base": over_noise(joint, modelled),
-        "base, as diagnosed": over_noise(joint, {trace.name: trace.base for trace in found.traces}),
+        "base, as diagnosed": over_noise(
+            joint, {recording.name: recording.modelled["base"] for recording in found.recordings}
+        ),
         "pysindy": over_noise(joint, sparse),
         "narx": over_noise(joint, network),
         "flexible": float(np.sqrt(np.mean(np.concatenate(left) ** 2))),
-        "diagnosis": over_noise(joint, {trace.name: trace.augmented for trace in found.traces}),
+        "diagnosis": over_noise(
+            joint, {recording.name: recording.modelled["augmented"] for recording in found.recordings}
+        ),
     }
     return {
         "over_noise": {peer: error if math.isfinite(error) else None for peer, error in errors.items()},

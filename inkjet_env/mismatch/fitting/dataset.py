@@ -267,11 +267,11 @@ def _rest_before(observed: Observed) -> int:
 
 def _least(observed: Sequence[Observed]) -> dict[str, float]:
     """By channel, the RMS below which nothing can be told."""
-    from inkjet_env.identification.measurements import Measurement
+    from inkjet_env.identification.measurements import RepeatedMeasurement
 
     return least_noise(
         [
-            Measurement(
+            RepeatedMeasurement(
                 o.channel,
                 o.unit,
                 o.shot.initial_state,

@@ -89,11 +89,11 @@ def test_the_base_fit_leaves_what_an_identification_leaves(recorded):
     observed = observe(campaign)
     joint = JointFit(observed, Noise(found.noise, dict.fromkeys(found.noise, 1)), head)
     modelled = joint.modelled(joint.base)
-    for residual, o in zip(found.residuals, observed, strict=True):
-        assert residual.name == o.name
-        assert residual.fitted == o.fitted
-        apart = modelled[o.name] - residual.modelled
-        assert np.sqrt(np.mean(apart**2)) < 0.03 * residual.noise_rms  # nodes between samples against exact solutions
+    for recording, o in zip(found.recordings, observed, strict=True):
+        assert recording.name == o.name
+        assert recording.fitted == o.fitted
+        apart = modelled[o.name] - recording.modelled["base"]
+        assert np.sqrt(np.mean(apart**2)) < 0.03 * recording.noise_rms  # nodes between samples against exact solutions
 
 
 def test_noise_alone_leaves_as_much_as_noise_less_the_parameters(plain):

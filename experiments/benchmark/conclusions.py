@@ -1,0 +1,145 @@
+"""What a reader may conclude from a comparison, in sentences made from its numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import optimizers
+from experiments.benchmark.analysis import REFERENCE, Comparison, Row, Standings
+from experiments.benchmark.entrants import entrant
+from inkjet_env.estimate import Estimate
+
+GRADIENT_COUNTS = {3: "which is its computing time here", 8: "which is what differences would take"}
+"""Evaluations that one with its gradient may also be counted as, and why."""
+FEW_RUNS = 5
+"""Fewer runs of each optimiser on each problem tell none from another."""
+SIGNIFICANT = 0.05
+"""Friedman's p value below which the optimisers are said to differ."""
+
+
+def standings_sentences(compared: Comparison, family: str, budget: int) -> tuple[str, ...]:
+    """What a reader may conclude, after a budget: of the best, of the paper's swarm, of it as printed."""
+    found = compared.standings(family, budget)
+    by_name = {row.optimizer: row for row in found.rows}
+    swarm, printed = by_name.get(REFERENCE), by_name.get("pso-printed")
+    everywhere = [row for row in found.rows if row.applies == len(found.problems)]
+    best = (everywhere or found.rows)[0]
+    of = "" if best is found.rows[0] else " of those that can be used on all of these problems"
+    also = f" ({level})" if (level := _level_with(best, found)) else ""
+    where = "" if family == "all" else f" on the problems of the family {family}"
+    said = [
+        f"After {budget:,} evaluations{where} {best.optimizer}, the best by mean rank{of}{also}, leaves a regret "
+        f"of {_ranged(best.quality)} of the problems' scales (interquartile mean of all runs){_against(best)}."
+        f"{_level_elsewhere(found, best)}{_with_dearer_gradients(compared, found)}"
+    ]
+    if swarm is not None and best is not swarm:
+        place = 1 + sum(row.rank < swarm.rank for row in found.rows)
+        also = f"{level}; " if (level := _level_with(swarm, found)) else ""
+        said.append(
+            f"The paper's method, a particle swarm, with random factors and the usual coefficients ({REFERENCE}), "
+            f"is at place {place} of {len(found.rows)} ({also}mean rank {swarm.rank:.1f}), with a regret of "
+            f"{_ranged(swarm.quality)}."
+        )
+    if printed is not None and swarm is not None and printed is not best:
+        said.append(
+            f"Without random factors, as the paper prints its equations (pso-printed), it leaves "
+            f"{_ranged(printed.quality)}{_against(printed)}."
+        )
+    return tuple(said)
+
+
+def _with_dearer_gradients(compared: Comparison, found: Standings) -> str:
+    """Where those who are given gradients would stand if these cost more, in words; nothing if nobody is."""
+    if found.budget < max(GRADIENT_COUNTS):
+        return ""
+    said = ""
+    for row in found.rows:
+        if optimizers.uses_gradient(entrant(row.optimizer).optimizer):
+            ranks = []
+            for count, why in GRADIENT_COUNTS.items():
+                rank = compared.rank_if_ended_after(found.budget // count, row.optimizer, found)
+                ranks.append(f"{rank:.1f} if it counted as {count}, {why}")
+            said += (
+                f" {row.optimizer} is given exact gradients, each counted as one evaluation with its value; its "
+                f"mean rank of {row.rank:.1f} would be {', and '.join(ranks)}."
+            )
+    return said
+
+
+def _against(row: Row) -> str:
+    """How an optimiser stands to the reference, in words; nothing of the reference itself."""
+    if not math.isfinite(row.improvement.value):
+        return ""
+    rank = row.signed_rank
+    ends = f"; a run of it ends lower than one of {REFERENCE} with probability {_ranged(row.improvement, decimals=2)}"
+    if not math.isfinite(rank.first):
+        return ends
+    return (
+        f"{ends}, and over problems like these it is better with posterior probability {rank.first:.2f}, alike "
+        f"with {rank.alike:.2f}, worse with {rank.second:.2f}"
+    )
+
+
+def _level_with(row: Row, found: Standings) -> str:
+    """Who has the same mean rank, in words; empty where nobody has."""
+    level = [other.optimizer for other in found.rows if other is not row and other.rank == row.rank]
+    return f"level with {' and '.join(level)}" if level else ""
+
+
+def _level_elsewhere(found: Standings, best: Row) -> str:
+    """How many are level with the best if the problems are a sample, in words; nothing of too few problems."""
+    if not math.isfinite(found.critical_difference):
+        return ""
+    level = sum(row is not best and abs(row.rank - best.rank) < found.critical_difference for row in found.rows)
+    tell = f"tell its mean rank of {best.rank:.1f} from those of"
+    tell = f"cannot {tell} {level} of the other {len(found.rows) - 1}" if level else f"{tell} all others"
+    return f" As a sample of problems these {tell} (Nemenyi's critical difference: {found.critical_difference:.1f})."
+
+
+def _ranged(estimate: Estimate, decimals: int | None = None) -> str:
+    """A number and its interval: two digits that count, or so many decimals."""
+    written = [
+        f"{value:.2g}" if decimals is None else f"{value:.{decimals}f}"
+        for value in (estimate.value, estimate.low, estimate.high)
+    ]
+    return f"{written[0]} ({written[1]} to {written[2]})"
+
+
+def ranking_sentences(compared: Comparison) -> tuple[str, ...]:
+    """What the ranking after the whole budget allows one to say: of the winner, of who is tied with it, of problems."""
+    settings, ranking = compared.outcome.settings, compared.ranking
+    winner, *others = ranking.optimizers
+    said = [
+        f"With {settings.budget:,} evaluations a run, {winner} has the best mean rank "
+        f"({ranking.mean_ranks[winner].estimate.value:.2f} of {1 + len(others)}) over "
+        f"{_count(len(settings.problems), 'problem')}, {_count(settings.repeats, 'run')} each."
+    ]
+    tied = [name for name in others if ranking.mean_ranks[name].tied_with_winner]
+    if settings.repeats < FEW_RUNS:
+        said.append("So few runs tell no optimiser from another with any confidence; repeat more often.")
+    elif tied:
+        rest = "" if len(tied) == len(others) else "; the others rank behind it"
+        said.append(f"On these problems {_listed(tied)} cannot be told from it{rest} (95 %).")
+    elif others:
+        said.append("On these problems every other optimiser ranks behind it (95 %).")
+    shorter = [name for name in settings.optimizers if settings.budget_of(name) < settings.budget]
+    if shorter:
+        lengths = ", ".join(f"{name} ({settings.budget_of(name):,} evaluations)" for name in shorter)
+        said.append(f"Compared up to the end of their shorter runs only, and not in this ranking: {lengths}.")
+    p = ranking.standings.friedman_p
+    if math.isfinite(p):
+        said.append(
+            f"Taken as a sample of problems, these {len(settings.problems)} say that the optimisers "
+            f"{'differ' if p < SIGNIFICANT else 'do not differ significantly'} (Friedman, p = {p:.2g}). "
+            "Problems that are variants of one another are a smaller sample than they count."
+        )
+    return tuple(said)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
