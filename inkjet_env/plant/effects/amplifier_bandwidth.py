@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from numpy import float64
-from numpy.typing import NDArray
-
 from inkjet_env.plant.bandwidth import BANDWIDTH, SECOND_ORDER, low_pass_starts
 from inkjet_env.plant.effect import Effect, Values
 from inkjet_env.plant.low_pass import low_passed, time_constant_s
@@ -15,8 +12,7 @@ from inkjet_env.plant.resonance import too_slow
 from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
-
-Real = NDArray[float64]
+from inkjet_env.typing import Real
 
 
 class AmplifierBandwidth(Effect):
