@@ -40,7 +40,7 @@ class TuningStrategy(Protocol):
     def fire(self, observations: NDArray[np.float32]) -> Real:
         """Actions for the next try, shape (n, 7)."""
 
-    def told(self, readings: Real) -> None:
+    def tell(self, readings: Real) -> None:
         """Costs as they were read, shape (n,)."""
 
 
@@ -74,7 +74,7 @@ class Optimisers:
                 self.waiting[k].extend(self.asked[k])
         return np.array([waiting.popleft() for waiting in self.waiting])
 
-    def told(self, readings: Real) -> None:
+    def tell(self, readings: Real) -> None:
         """Each is told once all that it asked for has been read."""
         for k, optimizer in enumerate(self.each):
             self.read[k].append(float(readings[k]))
@@ -92,7 +92,7 @@ class Agent:
         """What it does where it sees that."""
         return self.policy.act(observations)
 
-    def told(self, readings: Real) -> None:
+    def tell(self, readings: Real) -> None:
         """It will see them."""
 
 
@@ -106,7 +106,7 @@ class ConstantWaveform:
         """That waveform."""
         return np.tile(self.point, (len(observations), 1))
 
-    def told(self, readings: Real) -> None:
+    def tell(self, readings: Real) -> None:
         """It does not listen."""
 
 
@@ -137,7 +137,7 @@ class FixedSequence:
             return np.tile(PULSE, (len(observations), 1))
         return stretched(np.tile(self.points[number - 1], (len(observations), 1)), MIDDLE, self.heads)
 
-    def told(self, readings: Real) -> None:
+    def tell(self, readings: Real) -> None:
         """It does not listen to costs."""
 
     def _read(self, times_s: Real) -> Real:
@@ -227,7 +227,7 @@ def kept_costs_V(tuner: TuningStrategy, heads: int, tries: int, seed: int) -> Re
         actions = np.asarray(tuner.fire(observations), dtype=np.float32)
         observations, _, _, _, infos = envs.step(actions)
         kept[:, k] = infos["kept_cost"]
-        tuner.told(infos["reading"])
+        tuner.tell(infos["reading"])
     return kept
 
 

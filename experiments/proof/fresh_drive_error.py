@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Printhead
@@ -49,9 +49,9 @@ class Model:
         FloatingPointError
             A motion that grows without bound.
         """
-        parts = 2 * max(1, math.ceil(NODES_A_PERIOD * self.plant.printhead.frequency_Hz * step_s / 2))
-        parts = parts if channel != "strain_gauge" else 2
-        return self.plant.signal(Shot(channel, initial_state, step_s, drive_V, self.order, parts=parts))
+        substeps = 2 * max(1, math.ceil(NODES_A_PERIOD * self.plant.printhead.frequency_Hz * step_s / 2))
+        substeps = substeps if channel != "strain_gauge" else 2
+        return self.plant.signal(Excitation(channel, initial_state, step_s, drive_V, self.order, substeps=substeps))
 
 
 def model_of(data: Mapping[str, Any]) -> Model:

@@ -12,7 +12,7 @@ from experiments.execution.provenance import code_digest, versions
 from experiments.proof.corpus import STAGES
 from experiments.proof.criteria import Figure, counted, estimated, finite
 from experiments.proof.sealing import JUDGE_SOURCES
-from experiments.validation.verdict_scores import OUTCOMES, Told, confusion, f1
+from experiments.validation.verdict_scores import OUTCOMES, VerdictRecord, confusion, f1
 
 if TYPE_CHECKING:
     from experiments.proof.protocol import Outcome
@@ -30,16 +30,16 @@ NEVER_RIGHT = "outside the catalogue"
 Case = Mapping[str, Any]
 
 
-def told(case: Case) -> Told:
+def verdict_record(case: Case) -> VerdictRecord:
     """What was said of a case."""
     draw, verdict = case["draw"], case["answer"]["verdict"]
     truth = frozenset(draw["effects"]) if draw["family"] in ("effect", "pair") else frozenset[str]()
     if draw["family"] in ("outside", "base"):
         truth = frozenset([NEVER_RIGHT])
     if verdict is None:
-        return Told(truth, "refused", frozenset())
+        return VerdictRecord(truth, "refused", frozenset())
     found = frozenset(effect["id"] for effect in verdict["effects"])
-    return Told(truth, verdict["verdict"], found, tuple(frozenset(group) for group in verdict["candidates"]))
+    return VerdictRecord(truth, verdict["verdict"], found, tuple(frozenset(group) for group in verdict["candidates"]))
 
 
 def score(outcome: Outcome) -> dict[str, Any]:
@@ -81,17 +81,17 @@ def of(cases: Sequence[Case], family: str, strengths: Sequence[str] = (), meagre
 
 def alarm(case: Case) -> bool:
     """Whether anything was found."""
-    return told(case).verdict in ALARMS
+    return verdict_record(case).verdict in ALARMS
 
 
 def right(case: Case) -> bool:
     """Whether the truth was named, or is what a set holds."""
-    return told(case).judged in ("right", "in the set")
+    return verdict_record(case).judged in ("right", "in the set")
 
 
 def wrong(case: Case) -> bool:
     """Whether something was named, and nothing of it is there."""
-    return told(case).judged == "wrong"
+    return verdict_record(case).judged == "wrong"
 
 
 def table(cases: Sequence[Case]) -> list[Figure]:
@@ -99,13 +99,13 @@ def table(cases: Sequence[Case]) -> list[Figure]:
     null, clear, faint = of(cases, "null"), of(cases, "effect", CLEAR), of(cases, "effect", ["faint"])
     outside, base, pairs = of(cases, "outside"), of(cases, "base"), of(cases, "pair")
     meagre = [case for case in cases if case["draw"]["meagre"]]
-    said = [told(case) for case in clear]
+    said = [verdict_record(case) for case in clear]
     sizes = [float(_size(one)) for one in said if one.verdict in ("named", "set")]
     closed = [row["closure"] for row in closures(cases)]
     held_out = [
         value
         for case in clear
-        if (value := _held_out_closure(case)) is not None and told(case).verdict in ("named", "set")
+        if (value := _held_out_closure(case)) is not None and verdict_record(case).verdict in ("named", "set")
     ]
     known, heads = parameters(cases), worth(cases)["heads"]
     shares = [_won_back([head]) for head in heads if head["base"] - head["oracle"] > LEAST_ORACLE * abs(head["base"])]
@@ -114,17 +114,21 @@ def table(cases: Sequence[Case]) -> list[Figure]:
         counted("false alarms where nothing is concealed", [alarm(c) for c in null], most=MOST_ALARMS),
         counted("detected, strong and medium", [alarm(c) for c in clear], least=0.95),
         counted("right name or right set", [right(c) for c in clear], least=0.90),
-        counted("right name alone", [told(c).judged == "right" for c in clear]),
-        counted("right in part: something else named too", [told(c).judged == "partly" for c in clear]),
+        counted("right name alone", [verdict_record(c).judged == "right" for c in clear]),
+        counted("right in part: something else named too", [verdict_record(c).judged == "partly" for c in clear]),
         estimated("mean size of a set", sizes, _mean, most=1.5),
         counted("confidently wrong, inside the catalogue", [wrong(c) for c in clear], most=0.03),
         counted("confidently wrong, outside the catalogue", [wrong(c) for c in outside], most=0.10),
-        counted("outside the catalogue told as unknown", [told(c).verdict == "unknown" for c in outside], least=0.80),
+        counted(
+            "outside the catalogue told as unknown",
+            [verdict_record(c).verdict == "unknown" for c in outside],
+            least=0.80,
+        ),
         counted("outside the catalogue, noticed at all", [alarm(c) for c in outside]),
         estimated("median closure on drives nobody saw", closed, _median, least=0.9),
         estimated("10th percentile of that closure", closed, _tenth, least=0.6),
         estimated("median closure as the diagnosis tells it", held_out, _median),
-        estimated("F1 of two effects at once", [told(c) for c in pairs], f1, least=0.8),
+        estimated("F1 of two effects at once", [verdict_record(c) for c in pairs], f1, least=0.8),
         counted("90 % intervals that hold the truth", [bool(row["inside"]) for row in known], least=0.85, most=0.95),
         estimated("median error of a parameter", [row["error"] for row in known], _median, kind="share"),
         *(_located(clear, place) for place in PLACES),
@@ -152,7 +156,7 @@ def _tenth(values: Sequence[float]) -> float:
     return float(np.percentile(values, 10))
 
 
-def _size(one: Told) -> int:
+def _size(one: VerdictRecord) -> int:
     """Number of effects that a verdict leaves open in the place of one: 1 where it is named."""
     return max([1, *(len(group) for group in one.candidates)]) if one.verdict == "set" else 1
 
@@ -179,7 +183,7 @@ def closures(cases: Sequence[Case]) -> list[dict[str, Any]]:
         {
             "effect": case["draw"]["effects"][0],
             "strength": case["draw"]["strength"],
-            "judged": told(case).judged,
+            "judged": verdict_record(case).judged,
             "closure": case["judged"]["closure"],
         }
         for case in of(cases, "effect", CLEAR)
@@ -229,11 +233,11 @@ def curve(cases: Sequence[Case]) -> list[dict[str, Any]]:
 
 def matrix(cases: Sequence[Case]) -> dict[str, dict[str, int]]:
     """What was concealed against what was said: nothing, strong and medium effects, outside families, other laws."""
-    mine = [told(case) for case in (*of(cases, "null"), *of(cases, "effect", CLEAR))]
+    mine = [verdict_record(case) for case in (*of(cases, "null"), *of(cases, "effect", CLEAR))]
     rows = confusion(mine, list(STAGES))
     for case in (*of(cases, "outside"), *of(cases, "base")):
         row = rows.setdefault(case["draw"]["effects"][0], dict.fromkeys((*STAGES, *OUTCOMES), 0))
-        row[told(case).column] += 1
+        row[verdict_record(case).column] += 1
     return rows
 
 
@@ -287,7 +291,7 @@ def misses(cases: Sequence[Case]) -> list[dict[str, Any]]:
     """Every case of which something else was said than the truth, for whoever wants to look."""
     rows = []
     for case in cases:
-        draw, one = case["draw"], told(case)
+        draw, one = case["draw"], verdict_record(case)
         fine = right(case) or (draw["family"] in ("outside", "base") and one.verdict == "unknown")
         fine = fine or (draw["family"] in ("base",) and one.verdict == "none")
         if not fine:

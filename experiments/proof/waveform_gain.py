@@ -64,12 +64,12 @@ def reoptimised(
     for name, objective in (("augmented", Problem("augmented", augmented)), ("oracle", truly)):
         found[name] = searched(objective, seed, (first,))
     costs = {name: float(truly.evaluate(point)[0]) for name, point in found.items()}
-    foretold = {
+    predicted = {
         "base": float(Problem("base", base).evaluate(first)[0]),
         "augmented": float(Problem("augmented", augmented).evaluate(found["augmented"])[0]),
     }
     waveforms = {name: Bounds().from_unit(point).tolist() for name, point in found.items()}
-    return {**costs, "foretold": foretold, "waveforms": waveforms}
+    return {**costs, "foretold": predicted, "waveforms": waveforms}
 
 
 def searched(objective: Objective, seed: int, known: Sequence[Real]) -> Real:

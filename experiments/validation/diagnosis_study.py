@@ -21,7 +21,7 @@ import numpy as np
 
 from experiments.execution.provenance import code_digest, first_difference, versions
 from experiments.validation.synthetic_campaigns import MEDIUM, STRONG, effect_named, planted, record_planted
-from experiments.validation.verdict_scores import OUTCOMES, Told, confusion, f1, share
+from experiments.validation.verdict_scores import OUTCOMES, VerdictRecord, confusion, f1, share
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import diagnose
 from inkjet_env.plant import Effect, catalogue
@@ -214,10 +214,10 @@ def _made_by(row: dict[str, Any]) -> dict[str, Any]:
     return dict(row.get("made", {"code": "unknown"}))
 
 
-def told(row: dict[str, Any]) -> Told:
+def verdict_record(row: dict[str, Any]) -> VerdictRecord:
     """What a line says."""
     groups = tuple(frozenset(group) for group in row.get("candidates", []))
-    return Told(frozenset(row["effects"]), row["verdict"], frozenset(row["found"]), groups)
+    return VerdictRecord(frozenset(row["effects"]), row["verdict"], frozenset(row["found"]), groups)
 
 
 def summary() -> None:
@@ -245,16 +245,16 @@ def _print_part(part: str, mine: list[dict[str, Any]]) -> None:
     print(f"\n{part}: {len(mine)} campaigns")
     for strength in sorted({row["strength"] for row in mine}):
         these = [row for row in mine if row["strength"] == strength]
-        print(f"  {strength}: {dict(Counter(told(row).judged for row in these))}")
+        print(f"  {strength}: {dict(Counter(verdict_record(row).judged for row in these))}")
         for row in these:
-            if told(row).judged not in ("right", "in the set"):
+            if verdict_record(row).judged not in ("right", "in the set"):
                 said = "+".join(row["found"]) or row["headline"][:60]
                 hidden = "+".join(row["effects"]) or "nothing"
                 print(f"    {hidden} ({row['seed']}): {row['verdict']} {said} {row.get('candidates', '')}")
         if part == "single":
-            _print_confusion([told(row) for row in these])
+            _print_confusion([verdict_record(row) for row in these])
     if part == "pairs":
-        print(f"  F1: {f1(told(row) for row in mine):.3f}")
+        print(f"  F1: {f1(verdict_record(row) for row in mine):.3f}")
     closures = [row["closure"] for row in mine if row.get("closure") is not None and row["verdict"] == "named"]
     if closures:
         print(f"  closure, named: median {np.median(closures):.3f}, 10th percentile {np.quantile(closures, 0.1):.3f}")
@@ -267,7 +267,7 @@ def _print_part(part: str, mine: list[dict[str, Any]]) -> None:
     print(f"  seconds: median {np.median(seconds):.1f}, most {max(seconds):.1f}")
 
 
-def _print_confusion(these: list[Told]) -> None:
+def _print_confusion(these: list[VerdictRecord]) -> None:
     """Rows: hidden. Columns: said, by the effects' numbers."""
     names = [effect.id for effect in catalogue()]
     table = confusion(these, names)

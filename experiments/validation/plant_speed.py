@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from experiments.validation.simulator_speed import best_seconds
-from inkjet_env.plant import Plant, Resonance, Shot
+from inkjet_env.plant import Excitation, Plant, Resonance
 from inkjet_env.plant.effects.cubic_stiffness import CubicStiffness
 from inkjet_env.plant.effects.second_mode import SecondMode
 from inkjet_env.plant.effects.wave_echo import WaveEcho
@@ -53,22 +53,22 @@ class Rival:
         return self.seconds / self.plant_seconds
 
 
-def standard_shot(head: Printhead, initial_state: str) -> Shot:
+def standard_shot(head: Printhead, initial_state: str) -> Excitation:
     """A bipolar pulse, 20 periods long, whose corners are samples."""
     corners = [0, 10, 65, 95, 160, 180]
     drive_V = np.interp(np.arange(SAMPLES), corners, [0.0, 90.0, 90.0, -80.0, -80.0, 0.0])
-    return Shot("self_sensing", initial_state, 1 / (SAMPLES_A_PERIOD * head.frequency_Hz), drive_V)
+    return Excitation("self_sensing", initial_state, 1 / (SAMPLES_A_PERIOD * head.frequency_Hz), drive_V)
 
 
-def integrated(method: str, rtol: float, head: Printhead, shot: Shot) -> Real:
+def integrated(method: str, rtol: float, head: Printhead, excitation: Excitation) -> Real:
     """Speed at the samples over ``a0``, by `scipy.integrate.solve_ivp` from corner to corner of the drive."""
     from scipy.integrate import solve_ivp
 
     a0, a1, k = head.a0, head.a1, STIFFENING_PER_V2
-    drive_V, step_s = shot.drive_V, shot.step_s
+    drive_V, step_s = excitation.drive_V, excitation.step_s
     bends = np.flatnonzero(np.abs(np.diff(drive_V, 2)) > 1e-9) + 1
-    state, speed = np.zeros(2), np.zeros(shot.samples)
-    for begin, end in zip([0, *bends], [*bends, shot.samples - 1], strict=True):
+    state, speed = np.zeros(2), np.zeros(excitation.samples)
+    for begin, end in zip([0, *bends], [*bends, excitation.samples - 1], strict=True):
         level, rate = drive_V[begin], (drive_V[end] - drive_V[begin]) / ((end - begin) * step_s)
 
         def slopes(t: float, y: Real, level: float = level, rate: float = rate) -> list[float]:
@@ -85,38 +85,38 @@ def integrated(method: str, rtol: float, head: Printhead, shot: Shot) -> Real:
 
 def rivals(head: Printhead) -> list[Rival]:
     """The plant's resonator against SciPy's integrators, each at the accuracy of the plant."""
-    shot = standard_shot(head, "demagnetised")
+    excitation = standard_shot(head, "demagnetised")
     base = Resonance(head.a0, head.a1, head.a0)
-    resonance = CubicStiffness().resonator({"stiffening_per_V2": STIFFENING_PER_V2}, base, shot)
-    drive_V = shot.drive_at_nodes_V
-    exact = integrated("DOP853", FINEST, head, shot)
+    resonance = CubicStiffness().resonator({"stiffening_per_V2": STIFFENING_PER_V2}, base, excitation)
+    drive_V = excitation.drive_at_nodes_V
+    exact = integrated("DOP853", FINEST, head, excitation)
 
     def error(signal: Real) -> float:
         return float(np.abs(signal - exact).max() / np.abs(exact).max())
 
-    plant_error = error(resonance.motion(drive_V, shot))
+    plant_error = error(resonance.motion(drive_V, excitation))
 
     def ours() -> None:
         for _ in range(CALLS):  # as in a fit, one after another
-            resonance.motion(drive_V, shot)
+            resonance.motion(drive_V, excitation)
 
     found = []
     for method in ("RK45", "DOP853", "LSODA"):
-        rtol = next((r for r in LADDER if error(integrated(method, r, head, shot)) <= plant_error), LADDER[-1])
-        theirs = partial(integrated, method, rtol, head, shot)
+        rtol = next((r for r in LADDER if error(integrated(method, r, head, excitation)) <= plant_error), LADDER[-1])
+        theirs = partial(integrated, method, rtol, head, excitation)
         seconds = best_seconds({"plant": ours, method: theirs}, REPETITIONS)
-        error_there = error(integrated(method, rtol, head, shot))
+        error_there = error(integrated(method, rtol, head, excitation))
         found.append(Rival(method, rtol, error_there, plant_error, seconds[method], seconds["plant"] / CALLS))
     return found
 
 
 def costs(head: Printhead) -> dict[str, float]:
     """Nanoseconds a sample of the whole plant by what is on, in steady state under a repeated pulse."""
-    shot = standard_shot(head, "periodic")
+    excitation = standard_shot(head, "periodic")
     plants = {"base": Plant(head)}
     for effect in EFFECTS:
-        plants[effect.id] = Plant(head, effects=((effect, effect.starts(head, [shot])[-1]),))
-    calls: dict[str, Callable[[], Any]] = {name: partial(plant.signal, shot) for name, plant in plants.items()}
+        plants[effect.id] = Plant(head, effects=((effect, effect.starts(head, [excitation])[-1]),))
+    calls: dict[str, Callable[[], Any]] = {name: partial(plant.signal, excitation) for name, plant in plants.items()}
     return {name: 1e9 * seconds / SAMPLES for name, seconds in best_seconds(calls, 200).items()}
 
 

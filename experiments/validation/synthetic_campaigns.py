@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from inkjet_env.plant import Effect, Plant, Shot, Values, catalogue
+from inkjet_env.plant import Effect, Excitation, Plant, Values, catalogue
 from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
@@ -28,7 +28,7 @@ LINES = (
 """Of the default battery, each once, but for `TWICE`."""
 TWICE = ("trapezoid-60V", "bipolar-full")
 SNR_dB = 50.0
-PARTS = 16
+SUBSTEPS = 16
 """Nodes a sample: more than the diagnosis uses, so that its simulation's error is part of what is tried."""
 GAUGE_GAIN = 0.02
 """Volts of the strain gauge's bridge per hysteretic volt."""
@@ -80,36 +80,41 @@ def record_planted(
     chosen = [lines[i] for i in rng.permutation(len(lines))]
     offsets = {"strain_gauge": 0.05, "self_sensing": -0.1}
     gains = {"strain_gauge": GAUGE_GAIN}
-    shots = [
-        Shot(
+    excitations = [
+        Excitation(
             line.channel, line.initial_state, line.step_s, line.drive_V, order,
-            _neighbour(line, rng) if needs_neighbour and line.channel == "self_sensing" else None, PARTS,
+            _neighbour(line, rng) if needs_neighbour and line.channel == "self_sensing" else None, SUBSTEPS,
         )
         for order, line in enumerate(chosen, start=1)
     ]  # fmt: skip
-    plain = [Plant(printhead, gains, offsets).signal(shot) for shot in shots]
+    plain = [Plant(printhead, gains, offsets).signal(excitation) for excitation in excitations]
     largest: dict[str, float] = {}
     sigma: dict[str, float] = {}
     for channel in offsets:
-        mine = [signal for signal, shot in zip(plain, shots, strict=True) if shot.channel == channel]
+        mine = [signal for signal, excitation in zip(plain, excitations, strict=True) if excitation.channel == channel]
         largest[channel] = max(float(np.abs(signal - offsets[channel]).max()) for signal in mine)
         sigma[channel] = max(float(np.std(signal)) for signal in mine) * 10 ** (-snr_dB / 20)
     effects = [(effect, _levelled(effect, values, printhead, largest)) for effect, values in effects]
     plant = Plant(printhead, gains, offsets, tuple(effects))
     recordings = []
     first: dict[tuple[str, str], str] = {}
-    for line, shot in zip(chosen, shots, strict=True):
-        name = f"r{shot.order:03d}"
-        noise: Real = np.asarray(sigma[shot.channel] * rng.standard_normal(shot.samples), dtype=np.float64)
+    for line, excitation in zip(chosen, excitations, strict=True):
+        name = f"r{excitation.order:03d}"
+        noise: Real = np.asarray(sigma[excitation.channel] * rng.standard_normal(excitation.samples), dtype=np.float64)
         for effect, values in effects:
-            noise = np.asarray(noise + sigma[shot.channel] * _by_chance(effect, values, shot, rng), dtype=np.float64)
+            noise = np.asarray(
+                noise + sigma[excitation.channel] * _by_chance(effect, values, excitation, rng), dtype=np.float64
+            )
         monitor = None
         if monitored:
-            monitor = shot.sampled(plant.at_ceramic_V(shot)) + 0.05 * rng.standard_normal(shot.samples)
+            monitor = excitation.sampled(plant.at_ceramic_V(excitation)) + 0.05 * rng.standard_normal(
+                excitation.samples
+            )
         recordings.append(
             Recording(
-                name, line.time_s, line.drive_V, plant.signal(shot) + noise, "V", line.channel, line.excitation,
-                line.initial_state, shot.order, first.get((line.channel, line.label)), {}, monitor, shot.neighbour_V,
+                name, line.time_s, line.drive_V, plant.signal(excitation) + noise, "V", line.channel, line.excitation,
+                line.initial_state, excitation.order, first.get((line.channel, line.label)), {}, monitor,
+                excitation.neighbour_V,
             )
         )  # fmt: skip
         first.setdefault((line.channel, line.label), name)
@@ -136,11 +141,11 @@ def _neighbour(line: DriveLine, rng: np.random.Generator) -> Real:
     return np.interp(np.arange(n), at, [0.0, 0.0, level, level, 0.0])
 
 
-def _by_chance(effect: Effect, values: Mapping[str, float], shot: Shot, rng: np.random.Generator) -> Real:
+def _by_chance(effect: Effect, values: Mapping[str, float], excitation: Excitation, rng: np.random.Generator) -> Real:
     """What differs from recording to recording, in standard deviations of the noise for an amplitude of 1."""
-    columns = effect.nuisances(values, shot)
+    columns = effect.random_effect_basis(values, excitation)
     if columns is None:
-        return np.zeros(shot.samples)
+        return np.zeros(excitation.samples)
     drawn: Real = values[effect.strengths[0]] * (columns @ effect.random_amplitudes(columns.shape[1], rng))
     return drawn
 

@@ -10,7 +10,7 @@ OUTCOMES = ("none", "set", "wrong set", "unknown", "several", "refused")
 
 
 @dataclass(frozen=True)
-class Told:
+class VerdictRecord:
     """What a diagnosis said of a campaign, and what was hidden in it.
 
     Attributes
@@ -58,7 +58,7 @@ class Told:
         return self.verdict
 
 
-def confusion(told: Iterable[Told], effects: Sequence[str]) -> dict[str, dict[str, int]]:
+def confusion(told: Iterable[VerdictRecord], effects: Sequence[str]) -> dict[str, dict[str, int]]:
     """Counts by hidden effect and by what was said, for campaigns with nothing or one thing hidden."""
     columns = (*effects, *OUTCOMES)
     table = {row: dict.fromkeys(columns, 0) for row in ("nothing", *effects)}
@@ -68,7 +68,7 @@ def confusion(told: Iterable[Told], effects: Sequence[str]) -> dict[str, dict[st
     return table
 
 
-def f1(told: Iterable[Told]) -> float:
+def f1(told: Iterable[VerdictRecord]) -> float:
     """Harmonic mean of precision and recall of effect names, all campaigns together; unknown and none name nothing."""
     hits = named = hidden = 0
     for one in told:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inkjet_env.identification.basis import drive_basis, free_ringing
-from inkjet_env.plant import Plant, Shot
+from inkjet_env.plant import Excitation, Plant
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
@@ -147,11 +147,14 @@ def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gai
     Where the gain is None it is fitted first, as if the sensor's effects were in proportion to it.
     """
     plant = Plant(head.printhead, {recordings[0].channel: 1.0 if gain is None else gain}, effects=head.effects)
-    shots = [_shot(recording, plant) for recording in recordings]
+    excitations = [_shot(recording, plant) for recording in recordings]
     small_V = 1e-4 * head.printhead.full_scale_V
     for _ in range(MOST_ROUNDS):
-        shapes = [plant.signal(shot) for shot in shots]
-        slopes = [_start_slopes(plant, shot, shape, small_V) for shot, shape in zip(shots, shapes, strict=True)]
+        shapes = [plant.signal(excitation) for excitation in excitations]
+        slopes = [
+            _start_slopes(plant, excitation, shape, small_V)
+            for excitation, shape in zip(excitations, shapes, strict=True)
+        ]
         states = [np.linalg.qr(slope).Q for slope in slopes]
         if gain is None:
             return _with_effects(recordings, head, _fitted_along(recordings, shapes, states, None)[1])
@@ -161,17 +164,17 @@ def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gai
             if slope.size:
                 moved = _scale(found.recording) * (found.modelled - found.offset) - shapes[i]
                 change = np.linalg.lstsq(slope, moved, rcond=None)[0]
-                x, p = shots[i].start
-                shots[i] = replace(shots[i], start=(x + float(change[0]), p + float(change[1])))
+                x, p = excitations[i].start
+                excitations[i] = replace(excitations[i], start=(x + float(change[0]), p + float(change[1])))
                 changes.append(float(np.abs(change).max()))
         if max(changes, default=0.0) <= SETTLED * head.printhead.full_scale_V:
             break
     return evaluations
 
 
-def _shot(recording: Recording, plant: Plant) -> Shot:
+def _shot(recording: Recording, plant: Plant) -> Excitation:
     """A recording as the plant sees it; a free resonator begins at rest under the drive's first value."""
-    shot = Shot(
+    excitation = Excitation(
         recording.channel,
         recording.initial_state,
         recording.step_s,
@@ -179,15 +182,15 @@ def _shot(recording: Recording, plant: Plant) -> Shot:
         recording.order,
         recording.neighbour_V,
     )
-    if shot.initial_state != "free":
-        return shot
-    return replace(shot, start=(float(plant.hysteretic_V(plant.at_ceramic_V(shot), shot)[0]), 0.0))
+    if excitation.initial_state != "free":
+        return excitation
+    return replace(excitation, start=(float(plant.hysteretic_V(plant.at_ceramic_V(excitation), excitation)[0]), 0.0))
 
 
-def _start_slopes(plant: Plant, shot: Shot, signal: Real, small_V: float) -> Real:
+def _start_slopes(plant: Plant, excitation: Excitation, signal: Real, small_V: float) -> Real:
     """How the signal changes with a free initial state, shape (n, 2), per volt; no columns where it is known."""
-    if shot.initial_state != "free" or not shot.fast:
-        return np.zeros((shot.samples, 0))
-    x, p = shot.start
-    moved = [plant.signal(replace(shot, start=start)) for start in ((x + small_V, p), (x, p + small_V))]
+    if excitation.initial_state != "free" or not excitation.fast:
+        return np.zeros((excitation.samples, 0))
+    x, p = excitation.start
+    moved = [plant.signal(replace(excitation, start=start)) for start in ((x + small_V, p), (x, p + small_V))]
     return np.column_stack([(other - signal) / small_V for other in moved])

@@ -46,7 +46,7 @@ def identify(
         Of the branch law, 1 … 12; chosen by ``degree_rule`` unless given.
     degree_rule : {"flattening", "strain_gauge", "held_out"}
         The last degree that lowers the error of all recordings together by more than chance; of the strain gauge's
-        loops alone, as in the paper; the least degree that foretells loops held out one after another as well as any.
+        loops alone, as in the paper; the least degree that predicts loops held out one after another as well as any.
     valid_density : bool
         Whether to enforce ``p(r) ≥ 0``.
     full_scale_V : float, optional

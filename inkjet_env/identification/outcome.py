@@ -160,7 +160,7 @@ def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]
         names = " and ".join(partly[0].names)
         notes.append(f"Too few recordings to hold one out whole; the last quarter of {names} was held out.")
     elif all(m.fitted for m in fit.all if m.channel != "strain_gauge"):
-        notes.append("No fast recording was held out, so nothing here tells how well others are foretold.")
+        notes.append("No fast recording was held out, so nothing here tells how well others are predicted.")
     return notes
 
 

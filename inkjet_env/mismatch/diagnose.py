@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from inkjet_env.identification.identify import doubtful_states
 from inkjet_env.mismatch.design.next_experiment import next_experiment
-from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, Named
+from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, NamedEffect
 from inkjet_env.mismatch.evidence import (
     chance_of,
     closest,
@@ -24,23 +24,23 @@ from inkjet_env.mismatch.evidence import (
     named_effects,
     share_left,
 )
-from inkjet_env.mismatch.fitting.base_model import MOST_PARTS, base_model
+from inkjet_env.mismatch.fitting.base_model import MOST_SUBSTEPS, base_model
 from inkjet_env.mismatch.fitting.base_parameters import in_convention
-from inkjet_env.mismatch.fitting.checkpoint import Kept
-from inkjet_env.mismatch.fitting.dataset import Observed, finer, noise_seen, observe
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.headline import headline
 from inkjet_env.mismatch.localization.locate import locate
 from inkjet_env.mismatch.selection.base_intervals import dynamics
-from inkjet_env.mismatch.selection.discrepancy_regression import Flexible, flexible_residual
-from inkjet_env.mismatch.selection.held_out_refit import against_the_base_model, borne_out
+from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression, discrepancy_regression
+from inkjet_env.mismatch.selection.held_out_refit import explains_held_out_after_refit, held_out_misfits
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
-from inkjet_env.mismatch.selection.random_effects import ByChance, by_chance, without
+from inkjet_env.mismatch.selection.random_effects import RandomEffect, detect_random_effects, without
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
 from inkjet_env.mismatch.selection.stepwise import LEAST_IF_LARGE, Selection, leftover, select, supported
-from inkjet_env.mismatch.selection.truncated_law import straight_beyond
-from inkjet_env.mismatch.settings import FORETOLD_POORLY, LEFT_OVER, MOST_ALIKE
+from inkjet_env.mismatch.selection.truncated_law import fit_truncated_law
+from inkjet_env.mismatch.settings import LEFT_OVER, MOST_ALIKE, PREDICTED_POORLY
 from inkjet_env.plant import Effect, catalogue
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.printhead import Printhead
@@ -49,7 +49,7 @@ from inkjet_env.typing import Real
 
 FINE_ENOUGH = 0.5
 """Standard errors of a parameter by which the simulation may be wrong."""
-SURELY_FORETOLD = 2.0
+SURELY_PREDICTED = 2.0
 """Standard errors by which a flexible model must do better on held-out recordings to be offered as a correction."""
 AS_WELL = 0.5
 """Share of what effects explain, from which on a bend of the law that explains it is tried in their place."""
@@ -99,38 +99,38 @@ def diagnose(
     twice = [name for name, count in Counter(effect.id for effect in catalogued).items() if count > 1]
     if twice:
         raise ValueError(f"effects must have ids of their own; {twice[0]!r} comes twice. Rename one.")
-    kept = Kept(keep, catalogued)
+    checkpoint = FitCheckpoint(keep, catalogued)
     work = _Work(
         campaign,
         catalogued,
         np.random.default_rng(rng),
-        Crew(workers),
+        ProcessPool(workers),
         progress or (lambda _: None),
-        kept,
+        checkpoint,
     )
     with threadpool_limits(1):  # linear algebra is small here, and the processes have the cores
         found = work.diagnosis(printhead, held_out)
-    kept.clear()
+    checkpoint.clear()
     return found
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
+class _Candidate:
     """What one base model's residuals told."""
 
-    joint: JointFit
-    standing: list[ByChance]
+    joint: OutputErrorFit
+    random_effects: list[RandomEffect]
     selection: Selection
 
-    def score(self, on: JointFit) -> float:
+    def score(self, on: OutputErrorFit) -> float:
         """Log-likelihood of the fitted recordings by another's noise, less what is free by Schwarz's criterion."""
         chosen = self.selection.chosen
         modelled, told = self.joint.modelled(chosen.fit), chosen.fit.with_values
-        left = on.stacked({o.name: o.measured - modelled[o.name] for o in on.observed})
+        residuals = on.stacked({o.name: o.measured - modelled[o.name] for o in on.observed})
         amplitudes = [self.joint.chance(o, told) for o in on.seen]
-        free = chosen.free + sum(len(s.values) for s in self.standing)
+        free = chosen.free + sum(len(s.values) for s in self.random_effects)
         free += sum(columns.shape[1] for columns in amplitudes if columns is not None)
-        return -0.5 * float(left @ left) - 0.5 * free * math.log(left.size)
+        return -0.5 * float(residuals @ residuals) - 0.5 * free * math.log(residuals.size)
 
 
 class _Work:
@@ -141,11 +141,11 @@ class _Work:
         campaign: Campaign,
         effects: Sequence[Effect],
         rng: np.random.Generator,
-        crew: Crew,
+        pool: ProcessPool,
         progress: Callable[[str], None],
-        kept: Kept,
+        checkpoint: FitCheckpoint,
     ) -> None:
-        self.campaign, self.rng, self.crew, self.progress, self.kept = campaign, rng, crew, progress, kept
+        self.campaign, self.rng, self.pool, self.progress, self.checkpoint = campaign, rng, pool, progress, checkpoint
         self.started = self.last = time.perf_counter()
         self.stages: dict[str, float] = {}
         self.notes: list[str] = []
@@ -162,59 +162,59 @@ class _Work:
     def diagnosis(self, printhead: Printhead | None, held_out: Sequence[str] | None) -> Diagnosis:
         """All steps in order."""
         observed = observe(self.campaign, held_out)
-        shots = [o.shot for o in observed if o.channel != "drive_monitor"]
-        untestable = {e.id: reason for e in self.effects if (reason := e.untestable(shots)) is not None}
+        excitations = [o.excitation for o in observed if o.channel != "drive_monitor"]
+        untestable = {e.id: reason for e in self.effects if (reason := e.untestable(excitations)) is not None}
         testable = [e for e in self.effects if e.id not in untestable]
         by_accident = [e for e in testable if e.random]
         lawful = [e for e in testable if e not in by_accident]
         self.progress("the base model")
         joint = base_model(self.campaign, observed, printhead, held_out, self.progress)
         self.notes.extend(joint.noise.notes)
-        if not any(o.fitted < o.shot.samples for o in observed):
+        if not any(o.fitted < o.excitation.samples for o in observed):
             self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
         self.doubt = doubtful_states(self.campaign, held_out)
         self.took("base model")
-        told = self.told(joint, by_accident, lawful)
+        told = self.candidate(joint, by_accident, lawful)
         if (other := self.with_another_law(joint, told)) is not None:
             self.progress("the same with a law that goes straight beyond a smaller swing")
-            again = self.told(other, by_accident, lawful)
+            again = self.candidate(other, by_accident, lawful)
             if again.score(joint) - 0.5 * math.log(joint.ends[-1]) > told.score(joint):
                 told = again
-        joint, standing, selection = told.joint, told.standing, told.selection
-        joint, chosen = self.polished(joint, selection.chosen, standing)
+        joint, random_effects, selection = told.joint, told.random_effects, told.selection
+        joint, chosen = self.polished(joint, selection.chosen, random_effects)
         if chosen.ids and self.quieter(joint, selection.chosen.joint):
             # With what was found the noise is seen to be less: is there more to be found?
             _, selection = self.selected(joint, lawful)
-            joint, chosen = self.polished(joint, selection.chosen, standing)
+            joint, chosen = self.polished(joint, selection.chosen, random_effects)
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
             chosen = base_hypothesis(joint)  # finer nodes, or another noise, made it vanish
         self.took("selection")
         self.progress("what is left over")
-        flexible = flexible_residual(chosen)
+        discrepancy = discrepancy_regression(chosen)
         self.took("flexible model")
-        return self.verdict(joint, chosen, selection, standing, flexible, untestable)
+        return self.verdict(joint, chosen, selection, random_effects, discrepancy, untestable)
 
-    def told(self, joint: JointFit, by_accident: Sequence[Effect], lawful: Sequence[Effect]) -> _Told:
+    def candidate(self, joint: OutputErrorFit, by_accident: Sequence[Effect], lawful: Sequence[Effect]) -> _Candidate:
         """What differs from recording to recording, and what by a law, told from one base model."""
-        standing: list[ByChance] = []
+        random_effects: list[RandomEffect] = []
         if by_accident:
             self.progress("what differs from recording to recording")
             resting = [o for o in joint.observed if o.at_rest]
-            joint, standing = self.with_chance(joint, by_accident, resting, standing)
+            joint, random_effects = self.with_chance(joint, by_accident, resting, random_effects)
             self.took("chance")
         found, selection = self.selected(joint, lawful)
         nothing = not selection.chosen.ids
         if by_accident and (nothing or not leftover(selection.chosen, found, self.rng)):
-            exact, chosen = self.polished(joint, selection.chosen, standing)
+            exact, chosen = self.polished(joint, selection.chosen, random_effects)
             trusted = [o for o in joint.observed if nothing or o.fitted]  # in the others, what was chosen may do badly
-            again, more = self.with_chance(exact, by_accident, trusted, standing, chosen)
+            again, more = self.with_chance(exact, by_accident, trusted, random_effects, chosen)
             self.took("chance")
-            if more is not standing:
-                joint, standing = again, more
+            if more is not random_effects:
+                joint, random_effects = again, more
                 found, selection = self.selected(joint, lawful)
-        return _Told(joint, standing, selection)
+        return _Candidate(joint, random_effects, selection)
 
-    def with_another_law(self, joint: JointFit, told: _Told) -> JointFit | None:
+    def with_another_law(self, joint: OutputErrorFit, told: _Candidate) -> OutputErrorFit | None:
         """The base model with a law that goes straight from some swing on, where that could be what was told instead.
 
         Either what was told leaves a bend of the law, which then is a good part of what it leaves beyond noise, or the
@@ -222,40 +222,42 @@ class _Work:
         """
         chosen = told.selection.chosen
         good_part = 0.5 * LEAST_IF_LARGE * chosen.excess if chosen.noise_known else 0.0
-        bent = straight_beyond(told.joint, chosen, good_part)
-        if bent is None and (chosen.ids or told.standing):
-            bent = straight_beyond(joint, base_hypothesis(joint), AS_WELL * (told.score(joint) + joint.base.nll))
+        bent = fit_truncated_law(told.joint, chosen, good_part)
+        if bent is None and (chosen.ids or told.random_effects):
+            bent = fit_truncated_law(joint, base_hypothesis(joint), AS_WELL * (told.score(joint) + joint.base.nll))
         self.took("base model")
         if bent is None:
             return None
         modelled = bent.modelled(bent.base)
-        left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
-        return JointFit(joint.observed, noise_seen(joint.observed, left, dict(joint.noise.models)), bent.base.head)
+        residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
+        return OutputErrorFit(
+            joint.observed, noise_seen(joint.observed, residuals, dict(joint.noise.models)), bent.base.head
+        )
 
     @staticmethod
     def less_chance(
-        observed: Sequence[Observed], left: dict[str, Real], standing: Sequence[ByChance]
+        observed: Sequence[ObservedRecording], residuals: dict[str, Real], random_effects: Sequence[RandomEffect]
     ) -> dict[str, Real]:
         """Residuals with what the standing effects can explain taken out."""
-        for one in standing:
-            left = without(one.effect, one.values, observed, left)
-        return left
+        for one in random_effects:
+            residuals = without(one.effect, one.values, observed, residuals)
+        return residuals
 
     def with_chance(
         self,
-        joint: JointFit,
+        joint: OutputErrorFit,
         effects: Sequence[Effect],
-        chosen: Sequence[Observed],
-        standing: list[ByChance],
+        chosen: Sequence[ObservedRecording],
+        random_effects: list[RandomEffect],
         beside: Hypothesis | None = None,
-    ) -> tuple[JointFit, list[ByChance]]:
+    ) -> tuple[OutputErrorFit, list[RandomEffect]]:
         """The joint fit with whatever effects by chance these recordings show; the same where they show none more."""
         for _ in range(2):
             fit = joint.base if beside is None else beside.fit
             modelled = joint.modelled(fit)
-            left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
-            here = [e for e in effects if e.id not in {s.effect.id for s in standing}]
-            found = by_chance(chosen, left, joint.noise, here, fit.head.printhead) if chosen else []
+            residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
+            here = [e for e in effects if e.id not in {s.effect.id for s in random_effects}]
+            found = detect_random_effects(chosen, residuals, joint.noise, here, fit.head.printhead) if chosen else []
             if not found:
                 break
             best = found[0]
@@ -269,24 +271,24 @@ class _Work:
                 )
             )
             self.rivals[best.effect.id] = rivals
-            standing = [*standing, best]
+            random_effects = [*random_effects, best]
             noise = noise_seen(
-                joint.observed, self.less_chance(joint.observed, left, standing), dict(joint.noise.models)
+                joint.observed, self.less_chance(joint.observed, residuals, random_effects), dict(joint.noise.models)
             )
-            joint = JointFit(joint.observed, noise, joint.start, [(s.effect, s.values) for s in standing])
-        return joint, standing
+            joint = OutputErrorFit(joint.observed, noise, joint.start, [(s.effect, s.values) for s in random_effects])
+        return joint, random_effects
 
-    def selected(self, joint: JointFit, effects: Sequence[Effect]) -> tuple[Signatures, Selection]:
+    def selected(self, joint: OutputErrorFit, effects: Sequence[Effect]) -> tuple[Signatures, Selection]:
         """Signatures and selection on one noise."""
-        found = signatures(joint, effects, self.crew, self.progress)
+        found = signatures(joint, effects, self.pool, self.progress)
         self.took("signatures")
-        selection = select(joint, effects, found, self.crew, self.rng, self.progress, self.kept)
+        selection = select(joint, effects, found, self.pool, self.rng, self.progress, self.checkpoint)
         self.took("selection")
         return found, selection
 
     def polished(
-        self, joint: JointFit, chosen: Hypothesis, standing: Sequence[ByChance]
-    ) -> tuple[JointFit, Hypothesis]:
+        self, joint: OutputErrorFit, chosen: Hypothesis, random_effects: Sequence[RandomEffect]
+    ) -> tuple[OutputErrorFit, Hypothesis]:
         """The chosen hypothesis fitted again: its own noise, its law scaled as by convention, on nodes fine enough.
 
         Where a fit cannot go on so, it is left where it was, as one that has not converged.
@@ -296,32 +298,33 @@ class _Work:
         before = joint
         while True:
             modelled = joint.modelled(chosen.fit)
-            left = {o.name: o.measured - modelled[o.name] for o in joint.observed}
-            left = self.less_chance(joint.observed, left, standing)
-            noise = noise_seen(joint.observed, left, {})
+            residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
+            residuals = self.less_chance(joint.observed, residuals, random_effects)
+            noise = noise_seen(joint.observed, residuals, {})
             base = in_convention(joint.base.head)
-            joint = JointFit(joint.observed, noise, base, joint.standing)
+            joint = OutputErrorFit(joint.observed, noise, base, joint.random_effects)
             near = joint.near(replace(chosen.fit, head=in_convention(chosen.fit.head)))
             try:
-                chosen = settled(joint, near.fit(chosen.fit.effects, chosen.fit.point))
+                chosen = settled(joint, near.fit(chosen.fit.effects, chosen.fit.theta))
             except NUMERICAL:
                 return before, replace(chosen, fit=replace(chosen.fit, converged=False))
-            parts = joint.observed[0].shot.parts
+            substeps = joint.observed[0].excitation.substeps
             error = joint.numerical_error(chosen.fit)
-            if error < FINE_ENOUGH or parts >= MOST_PARTS or math.isinf(error):
+            if error < FINE_ENOUGH or substeps >= MOST_SUBSTEPS or math.isinf(error):
                 break
             before = joint
-            joint = JointFit(finer(joint.observed, 2 * parts), noise, base, joint.standing)
+            joint = OutputErrorFit(finer(joint.observed, 2 * substeps), noise, base, joint.random_effects)
         if math.isinf(error):
-            self.notes.append(f"On more than {parts} nodes a sample the simulation of what was found has no answer.")
+            self.notes.append(f"On more than {substeps} nodes a sample the simulation of what was found has no answer.")
         elif error >= FINE_ENOUGH:
             self.notes.append(
-                f"The simulation's own error is {error:.2g} standard errors of a parameter at {parts} nodes a sample."
+                f"The simulation's own error is {error:.2g} standard errors of a parameter at {substeps} nodes a "
+                "sample."
             )
         return joint, chosen
 
     @staticmethod
-    def quieter(new: JointFit, old: JointFit) -> bool:
+    def quieter(new: OutputErrorFit, old: OutputErrorFit) -> bool:
         """Whether the noise of any channel turned out much less."""
         return any(
             new.noise.models[key].rms < 0.7 * old.noise.models[key].rms
@@ -330,29 +333,31 @@ class _Work:
 
     def verdict(
         self,
-        joint: JointFit,
+        joint: OutputErrorFit,
         chosen: Hypothesis,
         selection: Selection,
-        standing: Sequence[ByChance],
-        flexible: Flexible,
+        random_effects: Sequence[RandomEffect],
+        discrepancy: DiscrepancyRegression,
         untestable: dict[str, str],
     ) -> Diagnosis:
         """Put everything together."""
         base = base_hypothesis(joint)
         # the base model has no effects by chance either
-        bare = JointFit(joint.observed, joint.noise, joint.base.head) if standing else joint
-        recordings = modelled_recordings(bare, joint, chosen, flexible)
+        bare = OutputErrorFit(joint.observed, joint.noise, joint.base.head) if random_effects else joint
+        recordings = modelled_recordings(bare, joint, chosen, discrepancy)
         closure = closure_of(recordings)
-        share = share_left(base_hypothesis(bare), chosen, flexible)
+        share = share_left(base_hypothesis(bare), chosen, discrepancy)
         groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
-        groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in standing if self.rivals.get(s.effect.id)]
-        anything = bool(chosen.ids or standing)
+        groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in random_effects if self.rivals.get(s.effect.id)]
+        anything = bool(chosen.ids or random_effects)
         refuted = (
-            bool(chosen.ids) and closure < FORETOLD_POORLY and not borne_out(joint, chosen, self.crew, self.progress)
+            bool(chosen.ids)
+            and closure < PREDICTED_POORLY
+            and not explains_held_out_after_refit(joint, chosen, self.pool, self.progress)
         )
         vague = max(map(len, groups), default=0) > MOST_ALIKE
-        # the base model was checked on what was fitted alone: does it stand where it foretold badly?
-        unseen = () if anything or math.isnan(closure) else against_the_base_model(joint)
+        # the base model was checked on what was fitted alone: does it stand where it predicted badly?
+        unseen = () if anything or math.isnan(closure) else held_out_misfits(joint)
         if share > LEFT_OVER or refuted or vague or unseen or self.doubt:
             verdict = "unknown"
         elif not anything:
@@ -365,19 +370,19 @@ class _Work:
         units = {o.channel: o.unit for o in joint.observed if o.channel != "drive_monitor"}
         named = [
             *(
-                Named(
-                    s.effect, s.effect.told(s.values, units[s.channel]), s.gain,
-                    chance_of(s.gain, len(s.values), max(o.shot.samples for o in joint.observed)),
+                NamedEffect(
+                    s.effect, s.effect.description(s.values, units[s.channel]), s.gain,
+                    chance_of(s.gain, len(s.values), max(o.excitation.samples for o in joint.observed)),
                     s.estimates, s.values, units[s.channel],
                 )
-                for s in standing
+                for s in random_effects
             ),
             *named_effects(joint, chosen, selection),
         ]  # fmt: skip
         listed = compared(selection)
         correction = None
-        if verdict == "unknown" and flexible.foretold > SURELY_FORETOLD * flexible.error:
-            correction = Correction(flexible.share, flexible.foretold, flexible.error, flexible.modelled)
+        if verdict == "unknown" and discrepancy.predicted > SURELY_PREDICTED * discrepancy.error:
+            correction = Correction(discrepancy.share, discrepancy.predicted, discrepancy.error, discrepancy.modelled)
         fits = [chosen.fit]
         for group in groups if verdict == "set" else ():
             ids = set(chosen.ids)

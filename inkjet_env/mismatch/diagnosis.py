@@ -22,7 +22,7 @@ VERDICTS = ("none", "named", "set", "unknown")
 
 
 @dataclass(frozen=True, eq=False)
-class Named:
+class NamedEffect:
     """An effect that was found.
 
     Attributes
@@ -57,7 +57,7 @@ class Named:
 
 
 @dataclass(frozen=True, eq=False)
-class Attribution:
+class HypothesisScore:
     """How well one hypothesis explains what the base model leaves.
 
     Attributes
@@ -66,23 +66,23 @@ class Attribution:
         Of the effects that are on together.
     gain : float
         Of the log-likelihood of the fitted recordings over the base model's.
-    foretold, foretold_error : float
+    predicted, predicted_error : float
         The same for recordings left out, condition by condition, and its standard error.
     share : float
         Of the mismatch that the best hypothesis of all explains, how much this one does: 0 … 1.
     cosine : float
         Of its signature with the winner's, base parameters projected out; NaN where there is no single winner.
-    told : str
+    description : str
         The effects with their values, in words.
     """
 
     ids: tuple[str, ...]
     gain: float
-    foretold: float
-    foretold_error: float
+    predicted: float
+    predicted_error: float
     share: float
     cosine: float
-    told: str
+    description: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +148,13 @@ class Diagnosis:
     campaign: str
     verdict: str
     headline: str
-    effects: tuple[Named, ...]
+    effects: tuple[NamedEffect, ...]
     candidates: tuple[tuple[str, ...], ...]
     location: Location
     recordings: tuple[ModelledRecording, ...]
     closure: float
     left_over: float
-    attributions: tuple[Attribution, ...]
+    attributions: tuple[HypothesisScore, ...]
     untestable: Mapping[str, str]
     next_experiment: NextExperiment | None
     correction: Correction | None
@@ -233,8 +233,8 @@ class Diagnosis:
                 {
                     "ids": list(a.ids),
                     "delta_nll": a.gain,
-                    "foretold": _finite(a.foretold),
-                    "foretold_error": _finite(a.foretold_error),
+                    "foretold": _finite(a.predicted),
+                    "foretold_error": _finite(a.predicted_error),
                     "share": _finite(a.share),
                     "cosine": _finite(a.cosine),
                 }

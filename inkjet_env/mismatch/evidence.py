@@ -11,9 +11,9 @@ import numpy as np
 from inkjet_env.estimate import Estimate
 from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.outcome import QUANTILE_90
-from inkjet_env.mismatch.diagnosis import Attribution, Named
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.mismatch.selection.discrepancy_regression import Flexible
+from inkjet_env.mismatch.diagnosis import HypothesisScore, NamedEffect
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.stepwise import Selection, cosine
 from inkjet_env.mismatch.settings import LEAST_EXCESS, SURE
@@ -24,8 +24,8 @@ from inkjet_env.typing import Real
 
 LEAST_ALIKE = 5
 """Recordings of one noise, of which most tell how loud it is."""
-LEAST_FORETOLD = 8.0
-"""Of the log-likelihood, for what a flexible model foretells to count."""
+LEAST_PREDICTED = 8.0
+"""Of the log-likelihood, for what a flexible model predicts to count."""
 MOST_COMPARED = 24
 """Hypotheses that a diagnosis lists."""
 NOT_CONVERGED = (
@@ -35,20 +35,20 @@ NOT_CONVERGED = (
 
 
 def modelled_recordings(
-    bare: JointFit, joint: JointFit, chosen: Hypothesis, flexible: Flexible
+    bare: OutputErrorFit, joint: OutputErrorFit, chosen: Hypothesis, discrepancy: DiscrepancyRegression
 ) -> tuple[ModelledRecording, ...]:
     """Every recording with what the base model, without effects by chance, and the chosen hypothesis make of it."""
     # Where nothing tells the noise, it is at most what the flexible model leaves of what is left.
-    most = math.sqrt(1 - min(max(flexible.share, 0.0), 1.0))
+    most = math.sqrt(1 - min(max(discrepancy.share, 0.0), 1.0))
     base, augmented = bare.modelled(bare.base), joint.modelled(chosen.fit)
     return tuple(
         ModelledRecording(
             o.name,
             o.channel,
             o.unit,
-            o.shot.order,
-            o.shot.step_s,
-            o.shot.drive_V,
+            o.excitation.order,
+            o.excitation.step_s,
+            o.excitation.drive_V,
             o.measured,
             {"base": base[o.name], "augmented": augmented[o.name]},
             o.fitted,
@@ -73,11 +73,11 @@ def closure_of(recordings: Sequence[ModelledRecording]) -> float:
     return (before - after) / (before - samples)
 
 
-def share_left(base: Hypothesis, chosen: Hypothesis, flexible: Flexible) -> float:
+def share_left(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> float:
     """Share of the base model's mismatch that is left beyond noise; 0 where it is not surely there."""
-    known, unknown = _beyond_noise(base, chosen), _foretold_beyond(base, chosen, flexible)
-    left, mismatch = known[0] + unknown[0], known[1] + unknown[1]
-    share = left / max(mismatch, left) if left > 0 else 0.0
+    known, unknown = _beyond_noise(base, chosen), _predicted_beyond(base, chosen, discrepancy)
+    residuals, mismatch = known[0] + unknown[0], known[1] + unknown[1]
+    share = residuals / max(mismatch, residuals) if residuals > 0 else 0.0
     return max(share, _unevenly(base, chosen)) if chosen.ids else share
 
 
@@ -91,10 +91,10 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
         return 0.0, 0.0
     told = sum(joint.noise.samples[key] for key in sorted({o.noise_key for o in joint.seen if o.name in known}))
     doubt = math.sqrt(2 * rows + 2 * rows**2 / max(told, 1))
-    left = float(np.sum(chosen.left[keep] ** 2)) - rows + chosen.columns.shape[1]
-    mismatch = float(np.sum(base.left[keep] ** 2)) - rows + base.columns.shape[1]
-    sure = left > SURE * doubt and left > LEAST_EXCESS * rows
-    return (left if sure else 0.0), mismatch
+    residuals = float(np.sum(chosen.residuals[keep] ** 2)) - rows + chosen.columns.shape[1]
+    mismatch = float(np.sum(base.residuals[keep] ** 2)) - rows + base.columns.shape[1]
+    sure = residuals > SURE * doubt and residuals > LEAST_EXCESS * rows
+    return (residuals if sure else 0.0), mismatch
 
 
 def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
@@ -103,7 +103,7 @@ def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
     How loud the noise is cancels: it may be known less well than what is left is large. A probe at the head does not
     count: no effect touches it, and what its converter rounds differs with the drive.
     """
-    joint, left, mismatch = base.joint, 0.0, 0.0
+    joint, residuals, mismatch = base.joint, 0.0, 0.0
     of_the_head = [o for o in joint.seen if joint.noise.known(o) and o.channel != "drive_monitor"]
     for key in sorted({o.noise_key for o in of_the_head}):
         mine = [o for o in of_the_head if o.noise_key == key]
@@ -111,50 +111,50 @@ def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
             continue
         rows = np.array([o.fitted for o in mine])
         before, after = (
-            np.array([float(np.mean(h.fit.left[o.name][: o.fitted] ** 2)) for o in mine]) for h in (base, chosen)
+            np.array([float(np.mean(h.fit.residuals[o.name][: o.fitted] ** 2)) for o in mine]) for h in (base, chosen)
         )
         usual = float(np.median(after))
         more = after - usual
         sure = more > SURE * usual * np.sqrt(2 / rows + np.pi / rows.sum())
-        left += float(np.sum((more * rows)[sure]))
+        residuals += float(np.sum((more * rows)[sure]))
         mismatch += float(np.sum((before - usual) * rows))
-    return left / max(mismatch, left) if left > 0 else 0.0
+    return residuals / max(mismatch, residuals) if residuals > 0 else 0.0
 
 
-def _foretold_beyond(base: Hypothesis, chosen: Hypothesis, flexible: Flexible) -> tuple[float, float]:
-    """The same where it is not: what is left was taken for noise, so only what a flexible model foretells counts."""
-    gain = error = power = left = mismatch = 0.0
+def _predicted_beyond(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> tuple[float, float]:
+    """The same where it is not: what is left was taken for noise, so only what a flexible model predicts counts."""
+    gain = error = power = residuals = mismatch = 0.0
     for o in base.joint.observed:
         if base.joint.noise.known(o):
             continue
         seen, unseen = o.rows(held_out=False), o.rows(held_out=True)
-        after, added = chosen.fit.left[o.name][unseen], flexible.modelled[o.name][unseen]
+        after, added = chosen.fit.residuals[o.name][unseen], discrepancy.modelled[o.name][unseen]
         gain += 0.5 * float(after @ after - (after - added) @ (after - added))
         error += float(added @ added)
         power += float(after @ after)
-        left += float(np.sum(chosen.fit.left[o.name][seen] ** 2))
-        mismatch += float(np.sum(base.fit.left[o.name][seen] ** 2))
-    sure = gain > LEAST_FORETOLD + 2 * math.sqrt(error)
-    return (2 * gain / power * left if sure else 0.0), mismatch
+        residuals += float(np.sum(chosen.fit.residuals[o.name][seen] ** 2))
+        mismatch += float(np.sum(base.fit.residuals[o.name][seen] ** 2))
+    sure = gain > LEAST_PREDICTED + 2 * math.sqrt(error)
+    return (2 * gain / power * residuals if sure else 0.0), mismatch
 
 
-def compared(selection: Selection) -> tuple[Attribution, ...]:
+def compared(selection: Selection) -> tuple[HypothesisScore, ...]:
     """How well each hypothesis does, best first."""
     rows = []
     most = max((h.gain for h in selection.compared), default=0.0)
     best = selection.chosen
     for h in selection.compared[:MOST_COMPARED]:
         start = base_hypothesis(h.joint)
-        gains, errors = start.foretold.gains_of(h.foretold)
+        gains, errors = start.predicted.log_likelihood_gain(h.predicted)
         rows.append(
-            Attribution(
+            HypothesisScore(
                 h.ids,
                 h.gain,
                 float(gains.sum()),
                 float(np.sqrt(np.sum(errors**2))),
                 h.gain / most if most > 0 else 0.0,
                 cosine(start, best, h) if best.ids else math.nan,
-                " ".join(e.told(v, _signal_unit(h.joint)) for e, v in h.fit.with_values),
+                " ".join(e.description(v, _signal_unit(h.joint)) for e, v in h.fit.with_values),
             )
         )
     return tuple(rows)
@@ -174,13 +174,13 @@ def closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], fl
 def _errors(chosen: Hypothesis) -> Real:
     """Standard errors of the point, shape (k,), widened where more than noise is left."""
     q, _ = chosen.joint.basis
-    slopes = chosen.fit.slopes - q @ (q.T @ chosen.fit.slopes)
-    size = np.linalg.norm(slopes, axis=0)
-    told = size > 1e-9 * np.maximum(np.linalg.norm(chosen.fit.slopes, axis=0), 1e-300)
+    jacobian = chosen.fit.jacobian - q @ (q.T @ chosen.fit.jacobian)
+    size = np.linalg.norm(jacobian, axis=0)
+    told = size > 1e-9 * np.maximum(np.linalg.norm(chosen.fit.jacobian, axis=0), 1e-300)
     errors: Real = np.full(size.size, np.inf)
-    columns = slopes[:, told] / size[told]
+    columns = jacobian[:, told] / size[told]
     inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-12)
-    loud = max(1.0, 2 * chosen.fit.nll / max(chosen.left.size - chosen.columns.shape[1], 1))
+    loud = max(1.0, 2 * chosen.fit.nll / max(chosen.residuals.size - chosen.columns.shape[1], 1))
     errors[told] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[told]
     return errors
 
@@ -194,9 +194,9 @@ def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estim
     return {name: 0.0 if name in vain else value for name, value in values.items()}
 
 
-def _signal_unit(joint: JointFit) -> str:
+def _signal_unit(joint: OutputErrorFit) -> str:
     """Of a fast sensor's signal, where there is one."""
-    return next((o.unit for o in joint.observed if o.shot.fast), joint.observed[0].unit)
+    return next((o.unit for o in joint.observed if o.excitation.fast), joint.observed[0].unit)
 
 
 def chance_of(gain: float, parameters: int, tried: int) -> float:
@@ -209,7 +209,7 @@ def chance_of(gain: float, parameters: int, tried: int) -> float:
     return min(1.0, tried * float(gammaincc(parameters / 2, max(gain, 0.0))))
 
 
-def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> list[Named]:
+def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selection) -> list[NamedEffect]:
     """The chosen effects with intervals and evidence; without the parameters of whatever of their laws is off.
 
     Where the fit has not converged, its sensitivities tell nothing of how far the values may be off: intervals are
@@ -225,24 +225,24 @@ def named_effects(joint: JointFit, chosen: Hypothesis, selection: Selection) -> 
         rest = [(e, v) for e, v in chosen.fit.with_values if e is not effect]
         smaller = base_hypothesis(joint)
         if rest:
-            point = np.concatenate([coordinates(e, v) for e, v in rest])
+            theta = np.concatenate([coordinates(e, v) for e, v in rest])
             with suppress(*NUMERICAL):
-                smaller = Hypothesis(joint.fit([e for e, _ in rest], point, chosen.fit.head), joint)
+                smaller = Hypothesis(joint.fit([e for e, _ in rest], theta, chosen.fit.head), joint)
         estimates = {}
         for k, p in enumerate(effect.parameters, start=at):
             if idle[k] and lower[k] < upper[k]:
                 continue
             reach = QUANTILE_90 * errors[k]
-            ends = [p.value(float(np.clip(chosen.fit.point[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
+            ends = [p.value(float(np.clip(chosen.fit.theta[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
             if not chosen.fit.converged:
                 ends = [-math.inf, math.inf]
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
         gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[at : at + count]))
         p_value = selection.p_values.get(effect.id, chance_of(gain, free, len(selection.compared)))
         unit = _signal_unit(joint)
-        sentence = effect.told(_surely(effect, values, estimates), unit)
+        sentence = effect.description(_surely(effect, values, estimates), unit)
         if not chosen.fit.converged:
             sentence = f"{sentence} {NOT_CONVERGED}"
-        result.append(Named(effect, sentence, gain, p_value, estimates, values, unit))
+        result.append(NamedEffect(effect, sentence, gain, p_value, estimates, values, unit))
         at += count
     return result

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from inkjet_env.mismatch.diagnosis import Named
+from inkjet_env.mismatch.diagnosis import NamedEffect
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.settings import LEFT_OVER, MOST_ALIKE
 from inkjet_env.plant.wording import percent, span_told
@@ -15,7 +15,7 @@ MOST_BANDS, MOST_NAMED = 2, 3
 
 def headline(
     verdict: str,
-    named: Sequence[Named],
+    named: Sequence[NamedEffect],
     groups: Sequence[tuple[str, ...]],
     closure: float,
     left_over: float,
@@ -71,7 +71,7 @@ def headline(
     return " ".join([most.sentence, *_explained("It", [n.effect.id for n in others], closure)])
 
 
-def _by_weight(named: Sequence[Named]) -> list[Named]:
+def _by_weight(named: Sequence[NamedEffect]) -> list[NamedEffect]:
     return sorted(named, key=lambda n: -n.delta_nll)
 
 
@@ -79,7 +79,7 @@ def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
     """How much of the mismatch is explained, and what else is there; nothing where there is nothing to say."""
     if closure < 0:
         also = f"Besides, there is {_joined(others, 'and')}; r" if others else "R"
-        return [f"{also}ecordings held out were foretold worse for it, yet agree once they are fitted too."]
+        return [f"{also}ecordings held out were predicted worse for it, yet agree once they are fitted too."]
     share = "" if math.isnan(closure) else f"{percent(closure, 3)} of what the base model missed"
     if others:
         also = f"Besides, there is {_joined(others, 'and')}"

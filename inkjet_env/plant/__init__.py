@@ -3,21 +3,21 @@
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.effects import catalogue
 from inkjet_env.plant.errors import EffectError, SimulationError
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.registry import register
 from inkjet_env.plant.resonance import Echo, Force, Mode, Resonance, compiled_force
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
 
 __all__ = [
     "Echo",
     "Effect",
     "EffectError",
+    "Excitation",
     "Force",
     "Mode",
     "Parameter",
     "Plant",
     "Resonance",
-    "Shot",
     "SimulationError",
     "Values",
     "catalogue",

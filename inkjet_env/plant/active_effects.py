@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.plant.effect import Effect, Parameter, Values, coordinates, limits, parts_of, rest, values_at
-from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.effect import Effect, Parameter, Values, coordinates, limits, rest, terms_of, values_at
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -109,15 +109,15 @@ class ActiveEffects:
         """The effect that was switched on last."""
         return self.effects[-1]
 
-    def parts(self, effect: Effect) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+    def terms(self, effect: Effect) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
         """Terms of an effect's law that are on and that are off: names of their parameters."""
-        return parts_of(effect, self.theta_of(effect))
+        return terms_of(effect, self.theta_of(effect))
 
-    def without_part(self, effect: Effect, part: Sequence[str]) -> ActiveEffects:
+    def without_term(self, effect: Effect, term: Sequence[str]) -> ActiveEffects:
         """The same with a term of an effect's law switched off."""
         theta = self.theta.copy()
         for place, parameter in enumerate(effect.parameters, start=self.slices[effect.id].start):
-            if parameter.name in part:
+            if parameter.name in term:
                 theta[place] = rest(effect, parameter)
         return self.at(theta)
 
@@ -126,13 +126,13 @@ class ActiveEffects:
         """Which coordinates belong to terms of the laws that are off, shape (k,)."""
         result = np.zeros(self.theta.size, dtype=bool)
         for effect in self.effects:
-            names = {name for part in self.parts(effect)[1] for name in part}
+            names = {name for term in self.terms(effect)[1] for name in term}
             result[self.slices[effect.id]] = [p.name in names for p in effect.parameters]
         return result
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> tuple[Real, Real]:
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> tuple[Real, Real]:
         """Bounds of the coordinates on these recordings: lower and upper, shape (k,) each."""
-        ends = [limits(effect, printhead, shots) for effect in self.effects]
+        ends = [limits(effect, printhead, excitations) for effect in self.effects]
         empty = [np.zeros(0)]
         return np.concatenate([a for a, _ in ends] or empty), np.concatenate([b for _, b in ends] or empty)
 

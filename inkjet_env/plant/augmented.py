@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inkjet_env.plant.effect import Effect, Values, complete
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.extrema import extrema
 from inkjet_env.plant.registry import own_class
 from inkjet_env.plant.resonance import Resonance
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
 from inkjet_env.printhead import PeakCost, Printhead, SampledResponse, Waveform, as_waveform_array, check_name
 from inkjet_env.printhead.hysteresis import periods_before_recording
@@ -27,7 +27,7 @@ from inkjet_env.typing import Real
 STEPS_A_PERIOD = 200
 STEPS_A_WINDOW = 1000
 MOST_STEPS = 2_000_000
-PARTS = 2
+SUBSTEPS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class AugmentedPrinthead:
         knots_s, knots_V = waveform.knots()
         step_s = self._step_s(window_s)
         steps = _steps(max(window_s, waveform.duration_s), step_s)
-        times_s = np.arange(steps * PARTS) * (step_s / PARTS)
+        times_s = np.arange(steps * SUBSTEPS) * (step_s / SUBSTEPS)
         at_nodes_V = waveform.drive_V(times_s)
         at_nodes_V[0] = 0.0  # a jump at the start begins there
         hysteretic_V, sensor_V = self._answer(at_nodes_V, step_s, initial_state)
@@ -129,7 +129,7 @@ class AugmentedPrinthead:
         step_s = sampling_s / math.ceil(sampling_s / self._step_s(end_s))  # so that uniform samples are on the grid
         back_s = since[-1] - since[-2]
         steps = _steps(end_s + back_s, step_s)
-        times_s = np.arange(steps * PARTS) * (step_s / PARTS)
+        times_s = np.arange(steps * SUBSTEPS) * (step_s / SUBSTEPS)
         last_s = max(end_s, float(times_s[-1]) - back_s)
         at_nodes_V = np.interp(times_s, [*since, last_s, last_s + back_s], [*drive, drive[-1], drive[0]])
         _, sensor_V = self._answer(at_nodes_V, step_s, initial_state)
@@ -156,11 +156,13 @@ class AugmentedPrinthead:
     def _answer(self, at_nodes_V: Real, step_s: float, initial_state: str) -> tuple[Real, Real]:
         """Hysteretic drive since the start, and the self-sensed signal, both shape (steps,)."""
         plant = self.plant
-        first = Shot("self_sensing", "demagnetised", step_s, at_nodes_V[::PARTS], self.order, parts=PARTS)
-        first.kept["drive"] = at_nodes_V[: first.nodes]
+        first = Excitation(
+            "self_sensing", "demagnetised", step_s, at_nodes_V[::SUBSTEPS], self.order, substeps=SUBSTEPS
+        )
+        first.cache["drive"] = at_nodes_V[: first.nodes]
         before = first
         if periods_before_recording(initial_state) > 0:
-            before = replace(first, initial_state="periodic", kept={"drive": at_nodes_V})
+            before = replace(first, initial_state="periodic", cache={"drive": at_nodes_V})
         try:
             drive_V = plant.at_ceramic_V(before)
             # a copy: of the drive as asked, the powers of the law would be kept, which costs more and serves fits

@@ -126,7 +126,7 @@ def forced_motion(
 ):
     """`linear_motion` with forces that depend on the motion and a stiffness that depends on time.
 
-    The forces are taken as quadratic in time: through the step's end, as foretold by the line through the two values
+    The forces are taken as quadratic in time: through the step's end, as predicted by the line through the two values
     before, its beginning, and the step before; one evaluation a step, third order.
 
     Parameters

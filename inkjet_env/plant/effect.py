@@ -12,8 +12,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from inkjet_env.plant.errors import answerable, blamed
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import Resonance
-from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -22,7 +22,7 @@ Values = Mapping[str, float]
 
 STAGES = ("drive", "hysteresis", "resonator", "sensing")
 SCALES = ("linear", "log", "reciprocal")
-METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "told", *STAGES, "nuisances")
+METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "description", *STAGES, "random_effect_basis")
 """Of an effect, which it may override."""
 
 
@@ -101,10 +101,10 @@ class Effect:
     parameters : tuple of Parameter
     strengths : tuple of str
         Names of the parameters that are zero (or infinite) when the effect is off.
-    parts : tuple of tuple of str
+    terms : tuple of tuple of str
         Strengths that come and go together, where each is not a law by itself; shapes that do.
     plain_leaves : float
-        Share of the mismatch that the law must leave before parts that its start has off are let in.
+        Share of the mismatch that the law must leave before terms that its start has off are let in.
     signature : str
         What sets it apart.
     confusable_with : tuple of str
@@ -125,7 +125,7 @@ class Effect:
     source: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]]
     strengths: ClassVar[tuple[str, ...]]
-    parts: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    terms: ClassVar[tuple[tuple[str, ...], ...]] = ()
     plain_leaves: ClassVar[float] = 0.0
     signature: ClassVar[str] = ""
     confusable_with: ClassVar[tuple[str, ...]] = ()
@@ -137,9 +137,9 @@ class Effect:
     def random(self) -> bool:
         """Whether it differs at random from recording to recording, so that its amplitudes are fitted to each one.
 
-        True of an effect with `nuisances`. A class may declare ``random = True`` or ``random = False`` itself.
+        True of an effect with `random_effect_basis`. A class may declare ``random = True`` or ``False`` itself.
         """
-        return type(self).nuisances is not Effect.nuisances
+        return type(self).random_effect_basis is not Effect.random_effect_basis
 
     @property
     def predictable(self) -> bool:
@@ -158,7 +158,7 @@ class Effect:
             if isinstance(method, FunctionType) and (owner is cls or not issubclass(owner, Effect)):
                 setattr(cls, name, answerable(method, name))
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         """Starting points for a fit on these shots: complete values of middling strength, one for each guess of shape.
 
         Of an effect with several strengths each gets starts of its own, with the others off.
@@ -187,10 +187,10 @@ class Effect:
         """
         step_s = 1 / (100 * printhead.frequency_Hz)
         pulse_V = np.interp(np.arange(2000), [0, 10, 65, 95, 160, 180], [0.0, 90.0, 90.0, -80.0, -80.0, 0.0])
-        return dict(self.starts(printhead, [Shot("self_sensing", "demagnetised", step_s, pulse_V)])[0])
+        return dict(self.starts(printhead, [Excitation("self_sensing", "demagnetised", step_s, pulse_V)])[0])
 
     def superposed(
-        self, printhead: Printhead, shots: Sequence[Shot]
+        self, printhead: Printhead, excitations: Sequence[Excitation]
     ) -> tuple[list[dict[str, float]], list[dict[str, float]], csr_array] | None:
         """Starting points of the whole law where what it adds is nearly a sum of what its plain law adds.
 
@@ -199,51 +199,55 @@ class Effect:
         """
         return None
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
         """Narrower bounds of some parameters, by name: beyond them these shots would show something else."""
         return {}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         """Why these shots cannot show the effect, as the end of a sentence after "because"; None where they can."""
         return None
 
-    def changes(self, name: str, shot: Shot, values: Values) -> bool:
+    def changes(self, name: str, excitation: Excitation, values: Values) -> bool:
         """Whether a parameter can change anything in a shot; where not, no simulation is spent on it."""
         return True
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         """The effect with its values, in plain words for a reader who knows printheads and not this program.
 
         ``unit``: of the sensor's signal.
         """
         return self.sentence
 
-    def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
+    def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         """Voltage at the ceramic from what came so far, both at the nodes."""
         return drive_V
 
-    def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+    def hysteresis(
+        self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
         """Hysteretic drive from what the law gives for the voltage at the ceramic, all at the nodes."""
         return hysteretic_V
 
-    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+    def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
         """How the head rings in this shot."""
         return resonance
 
-    def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+    def sensing(
+        self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
         """The sensor's signal, offset included, at the samples; the voltage at the ceramic is given at the nodes."""
         return signal
 
-    def nuisances(self, values: Values, shot: Shot) -> Real | None:
+    def random_effect_basis(self, values: Values, excitation: Excitation) -> Real | None:
         """Columns, shape (n, k), of what differs from recording to recording by chance: the phase of a hum.
 
         Their amplitudes are fitted to each recording by itself, so that such an effect explains a recording, but no
-        simulation foretells it. None where there are no such.
+        simulation predicts it. None where there are no such.
         """
         return None
 
     def random_amplitudes(self, count: int, rng: np.random.Generator) -> Real:
-        """Amplitudes of the columns of `nuisances` in one recording, shape (count,), drawn for a strength of 1.
+        """Amplitudes of `random_effect_basis` in one recording, shape (count,), drawn for a strength of 1.
 
         A synthetic campaign multiplies them by the first of the ``strengths``.
         """
@@ -256,9 +260,9 @@ def coordinates(effect: Effect, values: Values) -> Real:
         return np.array([p.coordinate(values[p.name]) for p in effect.parameters])
 
 
-def limits(effect: Effect, printhead: Printhead, shots: Sequence[Shot]) -> tuple[Real, Real]:
+def limits(effect: Effect, printhead: Printhead, excitations: Sequence[Excitation]) -> tuple[Real, Real]:
     """Bounds of what is fitted of an effect in these shots: lower and upper, shape (k,) each."""
-    narrower = effect.bounds(printhead, shots)
+    narrower = effect.bounds(printhead, excitations)
     ends = []
     with blamed(effect, "a bound of its parameters"):
         for p in effect.parameters:
@@ -293,19 +297,19 @@ def complete(effect: Effect, **given: float) -> dict[str, float]:
     return {name: values[name] for name in names}
 
 
-def parts_of(effect: Effect, point: Real) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+def terms_of(effect: Effect, point: Real) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
     """Parts of an effect's law that are on and that are not, at what is fitted, shape (k,): names of parameters.
 
-    A part is some strengths, off where they are all exactly nothing, or a shape, off where it is plain.
+    A term is some strengths, off where they are all exactly nothing, or a shape, off where it is plain.
     """
     at = dict(zip((p.name for p in effect.parameters), point, strict=True))
-    strengths = effect.parts or tuple((name,) for name in effect.strengths)
-    named = {name for part in strengths for name in part}
+    strengths = effect.terms or tuple((name,) for name in effect.strengths)
+    named = {name for term in strengths for name in term}
     shapes = tuple((p.name,) for p in effect.parameters if p.plain is not None and p.name not in named)
     on: list[tuple[str, ...]] = []
     off: list[tuple[str, ...]] = []
-    for part in (*strengths, *shapes):
-        (off if all(at[p.name] == rest(effect, p) for p in effect.parameters if p.name in part) else on).append(part)
+    for term in (*strengths, *shapes):
+        (off if all(at[p.name] == rest(effect, p) for p in effect.parameters if p.name in term) else on).append(term)
     return on, off
 
 

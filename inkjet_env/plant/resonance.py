@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.plant.errors import SimulationError
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.lag import lag_weights, lap_loss
-from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.resonator import pole
 from inkjet_env.typing import Real
@@ -171,7 +171,7 @@ class Resonance:
         """With a further relative change of stiffness, shape (nodes,)."""
         return replace(self, softening=change if self.softening is None else self.softening + change)
 
-    def refilled(self, hysteretic_V: Real, shot: Shot) -> Resonance:
+    def refilled(self, hysteretic_V: Real, excitation: Excitation) -> Resonance:
         """With the change of stiffness that the refills make of this hysteretic drive in their place."""
         if not self.refills:
             return self
@@ -179,24 +179,26 @@ class Resonance:
         from inkjet_env.plant.low_pass import low_passed
 
         self._check_that_it_rings()
-        ends = np.ascontiguousarray(np.append(hysteretic_V, hysteretic_V[0]) if shot.periodic else hysteretic_V)
+        ends = np.ascontiguousarray(np.append(hysteretic_V, hysteretic_V[0]) if excitation.periodic else hysteretic_V)
         lam, omega0 = pole(self.a0, self.a1), math.sqrt(self.a0)
-        h = 2 * shot.node_step_s
+        h = 2 * excitation.node_step_s
         deflection, speed = np.empty(ends.size // 2 + 1), np.empty(ends.size // 2 + 1)
         state = amplitude(lam, float(ends[0]) * self.drive_a0 / self.a0, 0.0)
-        for lap in range(1 + shot.periodic):
+        for lap in range(1 + excitation.periodic):
             end = compiled.linear_motion(ends, lam, self.drive_a0 / lam.imag, h, 1, state, deflection, speed)
-            if lap == 0 and shot.periodic:
-                state += (end - state) / complex(-np.expm1(lam * shot.step_s * shot.samples))
+            if lap == 0 and excitation.periodic:
+                state += (end - state) / complex(-np.expm1(lam * excitation.step_s * excitation.samples))
         flow = np.interp(np.arange(hysteretic_V.size), 2 * np.arange(speed.size), np.abs(speed)) / (FLOW_V * omega0)
         changed = replace(self, refills=())
         for refill in self.refills:
             pushed = flow**refill.power
-            drawn = low_passed(pushed, refill.recovery_s, refill.second_order, shot.node_step_s, shot.periodic)
+            drawn = low_passed(
+                pushed, refill.recovery_s, refill.second_order, excitation.node_step_s, excitation.periodic
+            )
             changed = changed.with_softening(refill.change * drawn)
         return changed
 
-    def motion(self, hysteretic_V: Real, shot: Shot) -> Real:
+    def motion(self, hysteretic_V: Real, excitation: Excitation) -> Real:
         """What the channel shows of the motion, in hysteretic volts, at the samples, shape (n,).
 
         Displacement: the deflection. Self-sensing: the speed over ``drive_a0``, in volt seconds, so that the gain is
@@ -207,13 +209,13 @@ class Resonance:
         SimulationError
             It grows without bound, never settles under a repeated drive, or has no rest under the drive at the start.
         """
-        shown = 1 if shot.channel == "self_sensing" else 0
-        own = replace(self, modes=(), echoes=()).refilled(hysteretic_V, shot)
-        first = own._one_mode(hysteretic_V, shot)
+        shown = 1 if excitation.channel == "self_sensing" else 0
+        own = replace(self, modes=(), echoes=()).refilled(hysteretic_V, excitation)
+        first = own._one_mode(hysteretic_V, excitation)
         total = first[shown]
         for mode in self.modes:
             other = Resonance(mode.a0, mode.a1, mode.a0)
-            second = other._one_mode(hysteretic_V, replace(shot, start=(0.0, 0.0)))
+            second = other._one_mode(hysteretic_V, replace(excitation, start=(0.0, 0.0)))
             total = total + mode.strength * second[shown]
             if mode.exchange:
                 turned = other._turned(second)[shown] - own._turned(first)[shown]
@@ -222,31 +224,31 @@ class Resonance:
             total = total / self.drive_a0
         moved = total
         for echo in self.echoes:
-            total = total + echo.of(moved, shot.step_s, shot.periodic)
+            total = total + echo.of(moved, excitation.step_s, excitation.periodic)
         return total
 
     def _check_that_it_rings(self) -> None:
         if not (self.a0 > 0 and self.a1 > 0 and self.a1**2 < 4 * self.a0):
             raise SimulationError("a resonator that does not ring.")
 
-    def _one_mode(self, hysteretic_V: Real, shot: Shot) -> tuple[Real, Real]:
+    def _one_mode(self, hysteretic_V: Real, excitation: Excitation) -> tuple[Real, Real]:
         """Deflection in volts and its speed in V/s at the samples."""
         from inkjet_env.plant import compiled
 
         self._check_that_it_rings()
-        ends = np.append(hysteretic_V, hysteretic_V[0]) if shot.periodic else hysteretic_V
-        n = shot.samples + shot.periodic
+        ends = np.append(hysteretic_V, hysteretic_V[0]) if excitation.periodic else hysteretic_V
+        n = excitation.samples + excitation.periodic
         deflection, speed = np.empty(n), np.empty(n)
         lam = pole(self.a0, self.a1)
         gain = self.drive_a0 / lam.imag
-        h = 2 * shot.node_step_s
+        h = 2 * excitation.node_step_s
         ends = np.ascontiguousarray(ends)
-        pairs_a_sample = shot.parts // 2
+        pairs_a_sample = excitation.substeps // 2
 
-        rest = amplitude(lam, self._rest_V(float(ends[0]), shot.periodic), 0.0)
+        rest = amplitude(lam, self._rest_V(float(ends[0]), excitation.periodic), 0.0)
         state = rest
-        if shot.initial_state == "free":
-            state += amplitude(lam, shot.start[0], shot.start[1] * math.sqrt(self.a0))
+        if excitation.initial_state == "free":
+            state += amplitude(lam, excitation.start[0], excitation.start[1] * math.sqrt(self.a0))
         if self.linear:
 
             def run(start: complex) -> complex:
@@ -269,8 +271,10 @@ class Resonance:
                 )  # fmt: skip
 
         end = run(state)
-        if shot.periodic:
-            lap = complex(-np.expm1(lam * shot.step_s * shot.samples))  # what a lap takes away from a change, linearly
+        if excitation.periodic:
+            lap = complex(
+                -np.expm1(lam * excitation.step_s * excitation.samples)
+            )  # what a lap takes away from a change, linearly
             for _ in range(MOST_LAPS):
                 state += (end - state) / lap
                 end = run(state)
@@ -280,7 +284,7 @@ class Resonance:
                 raise SimulationError("no steady state under the repeated drive.")
         if not np.isfinite(end):
             raise SimulationError("the motion grows without bound.")
-        return deflection[: shot.samples], speed[: shot.samples]
+        return deflection[: excitation.samples], speed[: excitation.samples]
 
     def _turned(self, motion: tuple[Real, Real]) -> tuple[Real, Real]:
         """Of a mode's deflection and speed: the speed over ``drive_a0``, and its derivative less the drive."""
@@ -377,26 +381,26 @@ def returned(signal: Real, samples: float, periodic: bool, ends: int = 0, loss_s
     return result
 
 
-def too_slow(shots: Sequence[Shot]) -> str | None:
+def too_slow(excitations: Sequence[Excitation]) -> str | None:
     """Why shots show nothing of the resonator, as the end of a sentence after "because"; None where they do."""
-    if any(shot.fast for shot in shots):
+    if any(excitation.fast for excitation in excitations):
         return None
     return "every recording is of the strain gauge, which is too slow to show the head ringing"
 
 
-def reach_V(printhead: Printhead, shots: Sequence[Shot]) -> float:
+def reach_V(printhead: Printhead, excitations: Sequence[Excitation]) -> float:
     """How far the head deflects in these shots, at most, in hysteretic volts; 1 V where no shot moves it.
 
     The width of the hysteresis is left out.
     """
     law = printhead.branch_law
     reach = 0.0
-    for shot in shots:
-        drive_V = shot.drive_at_nodes_V
+    for excitation in excitations:
+        drive_V = excitation.drive_at_nodes_V
         swing = float(np.ptp(drive_V))
-        if shot.fast and swing > 0:
+        if excitation.fast and swing > 0:
             slope = float(law.Q(swing / law.full_scale_V)) * law.full_scale_V / swing
             rings = Resonance(printhead.a0, printhead.a1, printhead.a0)
-            deflection = rings.motion(slope * drive_V, replace(shot, channel="displacement"))
+            deflection = rings.motion(slope * drive_V, replace(excitation, channel="displacement"))
             reach = max(reach, float(np.abs(deflection).max()))
     return reach or 1.0

@@ -9,8 +9,8 @@ import numpy as np
 
 from inkjet_env.plant.effect import Effect, Values
 from inkjet_env.plant.errors import EffectError
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import Resonance
-from inkjet_env.plant.shot import Shot
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -44,7 +44,7 @@ class Plant:
             return self.printhead.b1
         return self.gains.get(channel, 1.0)
 
-    def signal(self, shot: Shot) -> Real:
+    def signal(self, excitation: Excitation) -> Real:
         """What the sensor shows, at the samples, shape (n,), in the channel's unit; free of noise.
 
         Raises
@@ -53,48 +53,52 @@ class Plant:
             A motion that grows without bound, that never settles under the repeated drive, or that has no rest under
             the drive at the start.
         """
-        drive_V = self.at_ceramic_V(shot)
-        if shot.channel == "drive_monitor":
-            return self.gain(shot.channel) * shot.sampled(drive_V) + self.offsets.get(shot.channel, 0.0)
-        signal = self.gain(shot.channel) * self.motion(drive_V, shot) + self.offsets.get(shot.channel, 0.0)
+        drive_V = self.at_ceramic_V(excitation)
+        if excitation.channel == "drive_monitor":
+            return self.gain(excitation.channel) * excitation.sampled(drive_V) + self.offsets.get(
+                excitation.channel, 0.0
+            )
+        signal = self.gain(excitation.channel) * self.motion(drive_V, excitation) + self.offsets.get(
+            excitation.channel, 0.0
+        )
         for effect, values in self.of("sensing"):
-            signal = _like(signal, effect.sensing(values, signal, drive_V, self.printhead, shot), effect)
+            signal = _like(signal, effect.sensing(values, signal, drive_V, self.printhead, excitation), effect)
         return signal
 
-    def at_ceramic_V(self, shot: Shot) -> Real:
+    def at_ceramic_V(self, excitation: Excitation) -> Real:
         """Voltage at the ceramic, at the nodes."""
-        drive_V = shot.drive_at_nodes_V
+        drive_V = excitation.drive_at_nodes_V
         for effect, values in self.of("drive"):
-            drive_V = _like(drive_V, effect.drive(values, drive_V, shot), effect)
+            drive_V = _like(drive_V, effect.drive(values, drive_V, excitation), effect)
         return drive_V
 
-    def motion(self, drive_V: Real, shot: Shot) -> Real:
+    def motion(self, drive_V: Real, excitation: Excitation) -> Real:
         """What a channel shows of the motion, for a gain of 1 and no offset, at the samples."""
-        hysteretic_V = self.hysteretic_V(drive_V, shot)
-        if not shot.fast:
-            return shot.sampled(hysteretic_V)
+        hysteretic_V = self.hysteretic_V(drive_V, excitation)
+        if not excitation.fast:
+            return excitation.sampled(hysteretic_V)
         resonance = Resonance(self.printhead.a0, self.printhead.a1, self.printhead.a0)
         for effect, values in self.of("resonator"):
-            resonance = effect.resonator(values, resonance, shot)
+            resonance = effect.resonator(values, resonance, excitation)
             if not isinstance(resonance, Resonance):
                 got = type(resonance).__name__
                 raise EffectError(
                     f"effect {effect.id!r}: its resonator() must return a Resonance; got {got}. Mend the effect."
                 )
-        return resonance.motion(hysteretic_V, shot)
+        return resonance.motion(hysteretic_V, excitation)
 
-    def motion_of_power(self, power: int, shot: Shot) -> Real:
+    def motion_of_power(self, power: int, excitation: Excitation) -> Real:
         """`motion` of the base model under one power of the law alone (0: the first), for a coefficient of 1."""
-        levels = np.ascontiguousarray(law_powers(self.printhead, shot)[:, power])
-        if not shot.fast:
-            return shot.sampled(levels)
-        return Resonance(self.printhead.a0, self.printhead.a1, self.printhead.a0).motion(levels, shot)
+        levels = np.ascontiguousarray(law_powers(self.printhead, excitation)[:, power])
+        if not excitation.fast:
+            return excitation.sampled(levels)
+        return Resonance(self.printhead.a0, self.printhead.a1, self.printhead.a0).motion(levels, excitation)
 
-    def hysteretic_V(self, drive_V: Real, shot: Shot) -> Real:
+    def hysteretic_V(self, drive_V: Real, excitation: Excitation) -> Real:
         """Hysteretic drive at the nodes."""
-        hysteretic_V = law_levels(drive_V, self.printhead, shot)
+        hysteretic_V = law_levels(drive_V, self.printhead, excitation)
         for effect, values in self.of("hysteresis"):
-            changed_V = effect.hysteresis(values, hysteretic_V, drive_V, self.printhead, shot)
+            changed_V = effect.hysteresis(values, hysteretic_V, drive_V, self.printhead, excitation)
             hysteretic_V = _like(hysteretic_V, changed_V, effect)
         return hysteretic_V
 
@@ -113,22 +117,24 @@ def _like(before: Real, after: Real, effect: Effect) -> Real:
     return after
 
 
-def law_levels(drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+def law_levels(drive_V: Real, printhead: Printhead, excitation: Excitation) -> Real:
     """What the branch law gives for a voltage at the nodes."""
     law = printhead.branch_law.ascending
-    if drive_V is not shot.drive_at_nodes_V:
-        return _levels(drive_V, printhead.full_scale_V, law[None, :], shot.periodic)[:, 0]
-    levels: Real = law_powers(printhead, shot) @ law[1:]
+    if drive_V is not excitation.drive_at_nodes_V:
+        return _levels(drive_V, printhead.full_scale_V, law[None, :], excitation.periodic)[:, 0]
+    levels: Real = law_powers(printhead, excitation) @ law[1:]
     return levels
 
 
-def law_powers(printhead: Printhead, shot: Shot) -> Real:
+def law_powers(printhead: Printhead, excitation: Excitation) -> Real:
     """What each power of the branch law gives for the drive as asked, shape (nodes, degree); kept with the shot."""
     degree = len(printhead.coefficients) - 1
     key = ("powers", printhead.full_scale_V, degree)
-    if key not in shot.kept:
-        shot.kept[key] = _levels(shot.drive_at_nodes_V, printhead.full_scale_V, np.eye(degree + 1)[1:], shot.periodic)
-    powers: Real = shot.kept[key]
+    if key not in excitation.cache:
+        excitation.cache[key] = _levels(
+            excitation.drive_at_nodes_V, printhead.full_scale_V, np.eye(degree + 1)[1:], excitation.periodic
+        )
+    powers: Real = excitation.cache[key]
     return powers
 
 

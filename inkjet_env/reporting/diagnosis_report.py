@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from inkjet_env.estimate import Estimate
-from inkjet_env.mismatch.settings import FORETOLD_POORLY, LEFT_OVER
+from inkjet_env.mismatch.settings import LEFT_OVER, PREDICTED_POORLY
 from inkjet_env.reporting import diagnosis_figures as figures
 from inkjet_env.reporting.diagnosis_figures import Row, augmented
 from inkjet_env.reporting.formatting import (
@@ -34,7 +34,7 @@ from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
     from inkjet_env.identification import ModelledRecording
-    from inkjet_env.mismatch.diagnosis import Diagnosis, Named
+    from inkjet_env.mismatch.diagnosis import Diagnosis, NamedEffect
 
 
 PERIODS_SHOWN = 6
@@ -95,7 +95,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         headline=diagnosis.headline.rstrip("."),
         augmented=augmented(diagnosis.recordings),
         explained=diagnosis.left_over <= LEFT_OVER,
-        foretold=not diagnosis.closure < FORETOLD_POORLY,
+        predicted=not diagnosis.closure < PREDICTED_POORLY,
         heldout=[r.name for r in diagnosis.recordings if r.held_out and r.channel == diagnosis.main_channel],
         proof=proof,
         models=models,
@@ -166,7 +166,7 @@ def zoom_of(recording: ModelledRecording, models: Mapping[str, Real], frequency_
     return slice(start, start + width)
 
 
-def parameter_rows(named: Named) -> list[tuple[str, str, str, str, str]]:
+def parameter_rows(named: NamedEffect) -> list[tuple[str, str, str, str, str]]:
     """Name, value, 90 % interval, unit and meaning of an effect's parameters."""
     known = {p.name: p for p in named.effect.parameters}
     return [

@@ -69,7 +69,7 @@ class Part:
         return self.rms / signal if signal > 0 and np.ptp(self.recording.drive_V) > 0 else math.nan
 
 
-def parts_of(recording: ModelledRecording) -> list[Part]:
+def terms_of(recording: ModelledRecording) -> list[Part]:
     """The fitted and the held-out part of a recording; one where it was treated whole."""
     n, fitted = recording.measured.size, recording.fitted
     pieces = [(slice(0, fitted), False)] * (fitted > 0) + [(slice(fitted, n), True)] * (fitted < n)

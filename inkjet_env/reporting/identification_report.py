@@ -18,7 +18,7 @@ from inkjet_env.identification import Identification, ModelledRecording, NoiseMo
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.reporting import identification_figures as figures
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, hertz, interval_text, short, unit_text
-from inkjet_env.reporting.identification_figures import Part, parts_of
+from inkjet_env.reporting.identification_figures import Part, terms_of
 from inkjet_env.reporting.plotting import svg_text
 from inkjet_env.storage import write_atomically
 from inkjet_env.typing import Real
@@ -61,7 +61,7 @@ def identification_html(campaign_name: str, identification: Identification) -> s
 
     environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
-    parts = [part for recording in identification.recordings for part in parts_of(recording)]
+    parts = [part for recording in identification.recordings for part in terms_of(recording)]
     loops = loop_recordings(identification)
     fast = fast_recordings(identification)
     broadest = broadest_recording(fast)
@@ -100,7 +100,7 @@ def headline(identification: Identification) -> str:
         return found + f"how well the model explains the {whose} cannot be told, since their noise is not known"
     worst = max(ratios, key=lambda channel: ratios[channel])
     mine = [r for r in identification.recordings if r.channel == worst and r.held_out == held_out]
-    signal = math.sqrt(float(np.mean([np.var(r.measured[parts_of(r)[-1].samples]) for r in mine])))
+    signal = math.sqrt(float(np.mean([np.var(r.measured[terms_of(r)[-1].samples]) for r in mine])))
     share = f"{100 * pooled[worst][0] / signal:.2g}\u00a0% of their signal" if signal > 0 else "all of their signal"
     theirs = whose if len(ratios) == 1 else f"{whose} of {CHANNEL_WORDS[worst]}"
     if any(m.source == RESIDUAL for (channel, _), m in identification.noise.items() if channel == worst):
@@ -212,7 +212,7 @@ def ringing_views(fast: Sequence[ModelledRecording], frequency_Hz: float) -> lis
             continue
         drives.add(recording.drive_V.tobytes())
         most = max(round(PERIODS_SHOWN / (frequency_Hz * recording.step_s)), 60)
-        for part in parts_of(recording):
+        for part in terms_of(recording):
             first, last = part.samples.start, part.samples.stop
             steepest = first + int(np.argmax(np.abs(np.diff(recording.drive_V[part.samples]))))
             if last - first > most:

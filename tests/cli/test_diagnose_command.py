@@ -11,9 +11,9 @@ from inkjet_env.cli.drive_csv import read_drive
 from inkjet_env.estimate import Estimate
 from inkjet_env.identification import ModelledRecording
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
-from inkjet_env.mismatch.diagnosis import Diagnosis, Named
+from inkjet_env.mismatch.diagnosis import Diagnosis, NamedEffect
 from inkjet_env.mismatch.localization.location import Location
-from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.effect import complete
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Printhead
@@ -51,8 +51,8 @@ def found(campaign):
     values = {"bandwidth_Hz": 9e5, "second_order": 0.0}
     recordings = []
     for recording in campaign.recordings:
-        shot = Shot(recording.channel, recording.initial_state, recording.time_s[1], recording.drive_V)
-        base, after = (Plant(HEAD, effects=on).signal(shot) for on in ((), ((effect, values),)))
+        excitation = Excitation(recording.channel, recording.initial_state, recording.time_s[1], recording.drive_V)
+        base, after = (Plant(HEAD, effects=on).signal(excitation) for on in ((), ((effect, values),)))
         fitted = 0 if recording.name == "r002" else base.size
         recordings.append(
             ModelledRecording(
@@ -73,9 +73,9 @@ def found(campaign):
         verdict="set",
         headline="These recordings cannot tell apart: the sensing or the driving amplifier",
         effects=(
-            Named(
+            NamedEffect(
                 effect,
-                effect.told(values),
+                effect.description(values),
                 40.0,
                 0.005,
                 {"bandwidth_Hz": Estimate(9e5, 6e5, math.inf), "second_order": Estimate(0.0, 0.0, 0.2)},
@@ -124,8 +124,8 @@ def test_a_campaign_leads_to_a_verdict_a_page_and_a_printhead(planted, campaign,
     on = tuple((EFFECTS[name], complete(EFFECTS[name], capacitive_s=2e-8)) for name in planted)
     changed = []
     for recording in campaign.recordings:
-        shot = Shot(recording.channel, recording.initial_state, recording.time_s[1], recording.drive_V)
-        added = Plant(HEAD, effects=on).signal(shot) - Plant(HEAD).signal(shot)
+        excitation = Excitation(recording.channel, recording.initial_state, recording.time_s[1], recording.drive_V)
+        added = Plant(HEAD, effects=on).signal(excitation) - Plant(HEAD).signal(excitation)
         changed.append(replace(recording, sensor=recording.sensor + added))
     write_campaign(tmp_path / "campaign", Campaign("head-17", tuple(changed)))
     arguments = ("--json", "found.json", "--report", "page.html", "--printhead-out", "head.json")
@@ -209,9 +209,9 @@ def test_the_printhead_that_is_written_answers_with_its_effects(made_by_hand, fo
     assert written["fit"]["channels"]["self_sensing"]["gain"]["value"] == HEAD.b1
     read = read_printhead(tmp_path / "head.json")
     recording = found.recordings[0]
-    shot = Shot(recording.channel, "periodic", recording.step_s, recording.drive_V)
+    excitation = Excitation(recording.channel, "periodic", recording.step_s, recording.drive_V)
     on = ((EFFECTS["sensor_bandwidth"], {"bandwidth_Hz": 9e5, "second_order": 0.0}),)
-    np.testing.assert_allclose(read.plant.signal(shot), Plant(HEAD, effects=on).signal(shot), atol=1e-9)
+    np.testing.assert_allclose(read.plant.signal(excitation), Plant(HEAD, effects=on).signal(excitation), atol=1e-9)
     status, out, err = inkjet("evaluate", "campaign", "--printhead", "head.json", "--json", "-")
     assert status == 0, err
     assert json.loads(out)["format"] == "evaluation/1"
@@ -222,7 +222,7 @@ def test_a_law_of_which_parts_are_off_is_written_whole(found, tmp_path):
     effect = EFFECTS["ferroelastic_softening"]
     values = complete(effect, rayleigh_per_V=1.3e-4, power=0.15, loss_ratio=10.0)
     told = {"rayleigh_per_V": Estimate(1.3e-4, 1.2e-4, 1.4e-4), "power": Estimate(0.15, 0.14, 0.16)}
-    named = Named(effect, effect.told(values), 40.0, 0.005, told, values)
+    named = NamedEffect(effect, effect.description(values), 40.0, 0.005, told, values)
     write_json(tmp_path / "head.json", replace(found, effects=(named,)).augmented_json())
     ((_, read),) = read_printhead(tmp_path / "head.json").effects
     assert read == values

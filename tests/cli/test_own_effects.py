@@ -10,7 +10,7 @@ import pytest
 
 import inkjet_env
 from inkjet_env.cli.app import main
-from inkjet_env.plant import Plant, Shot, registry
+from inkjet_env.plant import Excitation, Plant, registry
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Printhead, Waveform
 from inkjet_env.recordings import Campaign, Recording, write_campaign
@@ -77,8 +77,8 @@ def recorded(effect):
     for order, label in enumerate(LINES, start=1):
         line = battery[label]
         drive_V, time_s = line.drive_V[:SAMPLES], line.step_s * np.arange(SAMPLES)
-        shot = Shot("self_sensing", line.initial_state, line.step_s, drive_V, order, parts=8)
-        signal = plant.signal(shot) + 0.02 * rng.standard_normal(SAMPLES)
+        excitation = Excitation("self_sensing", line.initial_state, line.step_s, drive_V, order, substeps=8)
+        signal = plant.signal(excitation) + 0.02 * rng.standard_normal(SAMPLES)
         yield Recording(
             f"r{order}", time_s, drive_V, signal, "V", "self_sensing", initial_state=line.initial_state, order=order
         )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.identification import evaluate
-from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead
@@ -22,14 +22,14 @@ CUBIC = EFFECTS["cubic_stiffness"]
 
 
 def recorded(effects, channel="self_sensing", initial_state="demagnetised", gain=1.0, offset=0.0, start=(0.0, 0.0)):
-    shot = Shot(channel, initial_state, STEP_S, DRIVE_V, start=start)
-    signal = Plant(HEAD, {channel: gain}, {channel: offset}, effects).signal(shot)
+    excitation = Excitation(channel, initial_state, STEP_S, DRIVE_V, start=start)
+    signal = Plant(HEAD, {channel: gain}, {channel: offset}, effects).signal(excitation)
     unit = "V" if channel == "self_sensing" else "um"
     return Recording("r", TIME_S, DRIVE_V, signal, unit, channel, initial_state=initial_state)
 
 
 def middling(effect):
-    return effect.starts(HEAD, [Shot("self_sensing", "demagnetised", STEP_S, DRIVE_V)])[0]
+    return effect.starts(HEAD, [Excitation("self_sensing", "demagnetised", STEP_S, DRIVE_V)])[0]
 
 
 def test_without_effects_the_evaluation_is_the_base_heads():

@@ -9,7 +9,7 @@ from experiments.validation.synthetic_campaigns import planted, record_planted
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import noise_seen, observe
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead
@@ -63,11 +63,11 @@ def _true_head(campaign):
     return Head(HEAD, *({c: v for c, v in of.items() if c in present} for of in (gains, offsets)))
 
 
-def _fitted(campaign, held_out=None, standing=()):
+def _fitted(campaign, held_out=None, random_effects=()):
     """The base model, begun at the true head, on a campaign with its own noise."""
     observed, head = observe(campaign, held_out), _true_head(campaign)
-    left = {o.name: o.measured - head.plant().signal(o.shot) for o in observed}
-    return JointFit(observed, noise_seen(observed, left, {}), head, standing)
+    residuals = {o.name: o.measured - head.plant().signal(o.excitation) for o in observed}
+    return OutputErrorFit(observed, noise_seen(observed, residuals, {}), head, random_effects)
 
 
 @pytest.fixture(scope="session")

@@ -28,13 +28,13 @@ class WindUp(Effect):
     parameters = (Parameter("leak_per_s", "1/s", -1e6, 1e6),)
     strengths = ("leak_per_s",)
 
-    def starts(self, printhead, shots):
+    def starts(self, printhead, excitations):
         return [{"leak_per_s": 0.05 * printhead.frequency_Hz}]
 
-    def sensing(self, values, signal, drive_V, printhead, shot):
-        if shot.channel != "self_sensing":
+    def sensing(self, values, signal, drive_V, printhead, excitation):
+        if excitation.channel != "self_sensing":
             return signal
-        return signal + values["leak_per_s"] * shot.step_s * np.cumsum(signal - signal.mean())
+        return signal + values["leak_per_s"] * excitation.step_s * np.cumsum(signal - signal.mean())
 
 
 @pytest.fixture(scope="session")
@@ -224,7 +224,9 @@ def with_wind_up(campaign, true_head, leak_per_s):
     for o, recording in zip(observe(campaign), campaign.recordings, strict=True):
         plain = Plant(head.printhead, head.gains, head.offsets)
         leaking = plain.with_effects([(WindUp(), {"leak_per_s": leak_per_s})])
-        recordings.append(replace(recording, sensor=recording.sensor + leaking.signal(o.shot) - plain.signal(o.shot)))
+        recordings.append(
+            replace(recording, sensor=recording.sensor + leaking.signal(o.excitation) - plain.signal(o.excitation))
+        )
     return Campaign("leaking", tuple(recordings))
 
 
@@ -327,7 +329,7 @@ def test_the_same_numbers_drawn_give_the_same_diagnosis_on_any_number_of_workers
     assert told[0] == told[1] == told[2]
 
 
-def kept(campaign, chosen):
+def checkpoint(campaign, chosen):
     recordings = [r for r in campaign.recordings if chosen(r)]
     names = {r.name for r in recordings}
     return Campaign(
@@ -337,21 +339,21 @@ def kept(campaign, chosen):
 
 @pytest.mark.parametrize("name", [(), ("quadratic_damping",)])
 def test_without_a_strain_gauge_it_works(name, recorded, head, effects):
-    campaign = kept(recorded(*name), lambda r: r.channel == "self_sensing")
+    campaign = checkpoint(recorded(*name), lambda r: r.channel == "self_sensing")
     found = diagnose(campaign, head, [effects["quadratic_damping"], effects["feedthrough"]], workers=1)
     assert ids(found) == list(name)
 
 
 def test_without_repeats_and_without_rest_it_works_and_says_what_it_took_for_noise(recorded, head, effects):
     campaign = recorded("quadratic_damping")
-    campaign = kept(campaign, lambda r: r.repeat_of is None and np.ptp(r.drive_V) > 0)
+    campaign = checkpoint(campaign, lambda r: r.repeat_of is None and np.ptp(r.drive_V) > 0)
     found = diagnose(campaign, head, [effects["quadratic_damping"], effects["feedthrough"]], workers=1)
     assert (found.verdict, ids(found)) == ("named", ["quadratic_damping"])
     assert any("no repeats and no recording at rest tell the noise" in note for note in found.notes)
 
 
 def test_one_recording_is_enough_and_nothing_held_out_is_no_figure(recorded, head, effects):
-    campaign = kept(recorded(), lambda r: r.excitation == "bipolar")
+    campaign = checkpoint(recorded(), lambda r: r.excitation == "bipolar")
     one = Campaign("one", campaign.recordings[:1])
     found = diagnose(one, head, [effects["quadratic_damping"], effects["feedthrough"]], workers=1)
     assert isinstance(found, Diagnosis)
@@ -362,7 +364,7 @@ def test_one_recording_is_enough_and_nothing_held_out_is_no_figure(recorded, hea
 
 
 def test_recordings_at_rest_alone_are_refused_in_one_sentence(recorded):
-    campaign = kept(recorded(), lambda r: r.excitation == "zero")
+    campaign = checkpoint(recorded(), lambda r: r.excitation == "zero")
     with pytest.raises(ValueError, match="has no recording to identify a0, a1 and b1 from"):
         diagnose(campaign, workers=1)
 

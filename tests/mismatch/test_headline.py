@@ -2,7 +2,7 @@
 
 import math
 
-from inkjet_env.mismatch.diagnosis import Named
+from inkjet_env.mismatch.diagnosis import NamedEffect
 from inkjet_env.mismatch.headline import headline
 from inkjet_env.mismatch.localization.location import Location
 
@@ -10,7 +10,7 @@ SOMEWHERE = Location(("r003", "r005"), frequency_Hz=((3.7e4, 5.2e4), (5.8e4, 6.6
 
 
 def named(effect, delta_nll, sentence):
-    return Named(effect, sentence, delta_nll, 1e-9, {}, {})
+    return NamedEffect(effect, sentence, delta_nll, 1e-9, {}, {})
 
 
 def test_one_effect_is_told_with_its_share(effects):
@@ -31,7 +31,7 @@ def test_what_held_out_recordings_bear_out_only_when_fitted_is_said(effects):
     one, other = named(effects["slew_limit"], 400.0, "Edges are cut."), named(effects["creep"], 40.0, "It goes on.")
     said = headline("named", [one], [], -0.2, 0.0, None, SOMEWHERE)
     assert said == (
-        "Edges are cut. Recordings held out were foretold worse for it, yet agree once they are fitted too."
+        "Edges are cut. Recordings held out were predicted worse for it, yet agree once they are fitted too."
     )
     said = headline("named", [one, other], [], -0.2, 0.0, None, SOMEWHERE)
     assert said.startswith("Edges are cut. Besides, there is creep; recordings held out were")

@@ -25,7 +25,7 @@ def test_a_recording_that_was_held_out_tells_no_fit(recorded, head, effects):
     one, two = (diagnose(c, head, looked_for, held_out=[name], workers=1) for c in (campaign, other))
     assert one.verdict == "named"
     for first, second in zip(one.attributions, two.attributions, strict=True):
-        assert (second.ids, second.told) == (first.ids, first.told)
+        assert (second.ids, second.description) == (first.ids, first.description)
         assert second.gain == pytest.approx(first.gain, rel=1e-9)
     assert [r.name for r in one.recordings if r.held_out] == [name]
     assert one.closure > 0.9 > two.closure
@@ -56,10 +56,10 @@ def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_not
     # what is left standing is the base model whole: its law, its gains and its offsets
     plant = Plant(vetoed.printhead, vetoed.gains, vetoed.offsets)
     for o, recording in zip(observe(held_out_from(turned, same)), vetoed.recordings, strict=True):
-        np.testing.assert_allclose(plant.signal(o.shot), recording.modelled["base"], atol=1e-3)
+        np.testing.assert_allclose(plant.signal(o.excitation), recording.modelled["base"], atol=1e-3)
 
 
-def test_what_came_where_all_was_held_out_keeps_its_name_and_says_that_it_was_foretold_worse(
+def test_what_came_where_all_was_held_out_keeps_its_name_and_says_that_it_was_predicted_worse(
     recorded_as, head, effects
 ):
     """A bubble from recording 6 on; 6 to 9 are held out, so nothing tells whether it came before or after them."""
@@ -106,7 +106,7 @@ def test_what_only_a_held_out_recording_shows_is_not_called_nothing(recorded_as,
     assert diagnose(recorded(), head, looked_for, held_out=[steep], workers=1).verdict == "none"
 
 
-def test_a_base_model_that_foretells_badly_for_want_of_recordings_leaves_nothing_out(recorded, head, effects):
+def test_a_base_model_that_predicts_badly_for_want_of_recordings_leaves_nothing_out(recorded, head, effects):
     """All that is of high voltage is held out, so the law's course up there is anybody's guess."""
     campaign = recorded()
     high = [r.name for r in campaign.recordings if np.abs(r.drive_V).max() > 85 and r.channel == "self_sensing"]

@@ -31,7 +31,7 @@ def test_the_silverboxs_cubic_spring_is_named_out_of_the_whole_catalogue(diagnos
     assert diagnosed.effects[0].parameters["stiffening_per_V2"].low > 0  # a spring that hardens
 
 
-def test_a_stretch_that_no_fit_has_seen_is_foretold_to_a_few_tenths_of_the_models_error(diagnosed):
+def test_a_stretch_that_no_fit_has_seen_is_predicted_to_a_few_tenths_of_the_models_error(diagnosed):
     base, augmented = diagnosed.heldout_rms("base"), diagnosed.heldout_rms("augmented")
     (held_out,) = [recording for recording in diagnosed.recordings if recording.held_out]
     assert augmented < 0.3 * base

@@ -40,12 +40,12 @@ def test_one_more_and_one_less_is_the_same_again():
 def test_terms_that_are_switched_off_are_told_as_off(effect):
     values = complete(effect, **{p.name: p.low if p.plain is None else p.plain for p in effect.parameters})
     active = ActiveEffects.of([(effect, values)])
-    on, _ = active.parts(effect)
-    for part in on:
-        switched = active.without_part(effect, part)
-        assert part in switched.parts(effect)[1]
+    on, _ = active.terms(effect)
+    for term in on:
+        switched = active.without_term(effect, term)
+        assert term in switched.terms(effect)[1]
         names = {effect.parameters[k].name for k in np.flatnonzero(switched.off)}
-        assert set(part) <= names
+        assert set(term) <= names
 
 
 def test_a_step_moves_one_coordinate_and_leaves_the_original():

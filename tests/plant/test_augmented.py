@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform, batch, respond_sampled
@@ -104,12 +104,12 @@ def test_peaks_with_effects_stay_on_a_finer_grid(monkeypatch):
 
 def test_a_nonlinear_head_is_the_plants_on_the_same_drive():
     values = CUBIC.starts(HEAD, [shot_of(WAVEFORM)])[0]
-    shot = shot_of(WAVEFORM)
-    time_s = np.arange(shot.samples) * shot.step_s
-    found = AugmentedPrinthead(HEAD, ((CUBIC, values),)).respond_sampled(time_s, shot.drive_V, "demagnetised")
-    expected = Plant(HEAD, effects=((CUBIC, values),)).signal(shot)
+    excitation = shot_of(WAVEFORM)
+    time_s = np.arange(excitation.samples) * excitation.step_s
+    found = AugmentedPrinthead(HEAD, ((CUBIC, values),)).respond_sampled(time_s, excitation.drive_V, "demagnetised")
+    expected = Plant(HEAD, effects=((CUBIC, values),)).signal(excitation)
     assert found.sensor_V == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
-    assert np.abs(expected - Plant(HEAD).signal(shot)).max() > 5e-3 * np.abs(expected).max()
+    assert np.abs(expected - Plant(HEAD).signal(excitation)).max() > 5e-3 * np.abs(expected).max()
 
 
 def test_the_head_is_taken_as_it_was_at_its_order():
@@ -200,4 +200,4 @@ def test_a_head_that_drifts_with_the_order_needs_one(tmp_path):
 def shot_of(waveform):
     step_s = 1 / (100 * HEAD.frequency_Hz)
     time_s = np.arange(1500) * step_s
-    return Shot("self_sensing", "demagnetised", step_s, waveform.drive_V(time_s))
+    return Excitation("self_sensing", "demagnetised", step_s, waveform.drive_V(time_s))

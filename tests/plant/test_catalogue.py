@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.plant import Effect, Parameter, Plant, Shot, catalogue
+from inkjet_env.plant import Effect, Excitation, Parameter, Plant, catalogue
 from inkjet_env.plant.effect import SCALES, complete, coordinates, switched_off, values_at
 from inkjet_env.printhead import Printhead
 
@@ -45,13 +45,13 @@ def shots_of(head):
     loops = 70 * np.sin(2 * np.pi * np.arange(200) / 80) * np.linspace(0.2, 1, 200)
     tones = 50 * np.sin(2 * np.pi * steps / 450) + 20 * np.cos(2 * np.pi * steps / 90) - 20
     return [
-        Shot("self_sensing", "demagnetised", step_s, bipolar, 1, np.roll(bipolar, 300)),
-        Shot("self_sensing", "periodic", step_s, tones, 2),
-        Shot("self_sensing", "free", step_s, -bipolar, 3, start=(3.0, -2.0)),
-        Shot("displacement", "periodic", step_s, bipolar, 4, np.roll(bipolar, 300)),
-        Shot("displacement", "demagnetised", step_s, -tones, 5, parts=4),
-        Shot("strain_gauge", "demagnetised", 1000 * step_s, loops, 6),
-        Shot("strain_gauge", "periodic", 1000 * step_s, loops[120:], 7),
+        Excitation("self_sensing", "demagnetised", step_s, bipolar, 1, np.roll(bipolar, 300)),
+        Excitation("self_sensing", "periodic", step_s, tones, 2),
+        Excitation("self_sensing", "free", step_s, -bipolar, 3, start=(3.0, -2.0)),
+        Excitation("displacement", "periodic", step_s, bipolar, 4, np.roll(bipolar, 300)),
+        Excitation("displacement", "demagnetised", step_s, -tones, 5, substeps=4),
+        Excitation("strain_gauge", "demagnetised", 1000 * step_s, loops, 6),
+        Excitation("strain_gauge", "periodic", 1000 * step_s, loops[120:], 7),
     ]
 
 
@@ -101,23 +101,23 @@ def test_starts_are_complete_and_within_the_bounds_for_any_head(effect, frequenc
 
 def test_an_effect_that_is_off_leaves_the_base_model(effect):
     base = Plant(HEAD, {"displacement": 0.02}, {"self_sensing": 0.1})
-    shots = shots_of(HEAD)
-    for start in effect.starts(HEAD, shots):
+    excitations = shots_of(HEAD)
+    for start in effect.starts(HEAD, excitations):
         off = switched_off(effect, start)
-        for shot in shots:
-            expected = base.signal(shot)
-            assert base.with_effects([(effect, off)]).signal(shot) == pytest.approx(
+        for excitation in excitations:
+            expected = base.signal(excitation)
+            assert base.with_effects([(effect, off)]).signal(excitation) == pytest.approx(
                 expected, abs=1e-12 * np.abs(expected).max()
             )
-            assert effect.nuisances(off, shot) is None
+            assert effect.random_effect_basis(off, excitation) is None
 
 
 def test_an_effect_that_is_on_changes_a_recording_or_else_explains_its_chance(effect):
-    shots = shots_of(HEAD)
+    excitations = shots_of(HEAD)
     base = Plant(HEAD)
-    for start in effect.starts(HEAD, shots):
-        changed = [np.abs(base.with_effects([(effect, start)]).signal(s) - base.signal(s)).max() for s in shots]
-        explains = [effect.nuisances(start, shot) is not None for shot in shots]
+    for start in effect.starts(HEAD, excitations):
+        changed = [np.abs(base.with_effects([(effect, start)]).signal(s) - base.signal(s)).max() for s in excitations]
+        explains = [effect.random_effect_basis(start, excitation) is not None for excitation in excitations]
         if effect.id in BY_CHANCE:
             assert all(explains), start
             assert max(changed) == 0
@@ -128,7 +128,7 @@ def test_an_effect_that_is_on_changes_a_recording_or_else_explains_its_chance(ef
 
 def test_what_is_told_is_a_sentence_with_numbers(effect):
     for start in effect.starts(HEAD, shots_of(HEAD)):
-        told = effect.told(start)
+        told = effect.description(start)
         assert told.endswith(".")
         assert any(character.isdigit() for character in told), told
 
@@ -144,7 +144,7 @@ def test_an_effect_can_be_tested_where_every_channel_is_recorded(effect):
 
 
 def test_why_an_effect_cannot_be_tested_ends_a_sentence(effect):
-    reason = effect.untestable([Shot("strain_gauge", "demagnetised", 0.01, np.zeros(50))])
+    reason = effect.untestable([Excitation("strain_gauge", "demagnetised", 0.01, np.zeros(50))])
     if effect.id in SHOWN_BY_A_SLOW_SENSOR_AT_REST:
         assert reason is None
     else:
@@ -159,24 +159,24 @@ class Inverted(Effect):
     parameters = (Parameter("part", "1", -1.0, 1.0),)
     strengths = ("part",)
 
-    def sensing(self, values, signal, drive_V, printhead, shot):
+    def sensing(self, values, signal, drive_V, printhead, excitation):
         return (1 - 2 * values["part"]) * signal
 
 
 def test_an_effect_of_ones_own_works_in_the_plant_and_is_not_in_the_catalogue():
-    shot = shots_of(HEAD)[0]
+    excitation = shots_of(HEAD)[0]
     base = Plant(HEAD)
     own = base.with_effects([(Inverted(), {"part": 0.25})])
-    assert own.signal(shot) == pytest.approx(0.5 * base.signal(shot))
-    assert replace(own, effects=()).signal(shot) == pytest.approx(base.signal(shot))
+    assert own.signal(excitation) == pytest.approx(0.5 * base.signal(excitation))
+    assert replace(own, effects=()).signal(excitation) == pytest.approx(base.signal(excitation))
     assert "inverted" not in {effect.id for effect in EFFECTS}
 
 
-def changed_by(effect, shot):
+def changed_by(effect, excitation):
     """How much the effect at full strength changes a recording, offset apart: RMS over the recording's own."""
-    plain = Plant(HEAD).signal(shot)
+    plain = Plant(HEAD).signal(excitation)
     values = complete(effect, **effect.example_values(HEAD, largest=float(np.abs(plain).max())))
-    change = Plant(HEAD, effects=((effect, values),)).signal(shot) - plain
+    change = Plant(HEAD, effects=((effect, values),)).signal(excitation) - plain
     return np.std(change) / np.std(plain)
 
 
@@ -185,27 +185,30 @@ def test_example_values_are_within_bounds_and_change_a_recording_by_some_per_cen
     for parameter in effect.parameters:
         assert parameter.low <= values[parameter.name] <= parameter.high
     pulse = replace(shots_of(HEAD)[0], order=20)
-    held = Shot("strain_gauge", "demagnetised", 0.05, np.repeat([0.0, 90.0], [20, 380]), 20)
+    held = Excitation("strain_gauge", "demagnetised", 0.05, np.repeat([0.0, 90.0], [20, 380]), 20)
     if effect.random:
-        assert np.ptp(effect.nuisances(values, pulse)) > 0
+        assert np.ptp(effect.random_effect_basis(values, pulse)) > 0
     else:
-        assert 4e-3 < max(changed_by(effect, shot) for shot in (pulse, held)) < 0.25
+        assert 4e-3 < max(changed_by(effect, excitation) for excitation in (pulse, held)) < 0.25
 
 
 def test_a_random_effect_has_columns_to_fit_and_no_other_has(effect):
     values = complete(effect, **effect.example_values(HEAD))
-    assert any(effect.nuisances(values, shot) is not None for shot in shots_of(HEAD)) == effect.random
+    assert (
+        any(effect.random_effect_basis(values, excitation) is not None for excitation in shots_of(HEAD))
+        == effect.random
+    )
 
 
 def test_an_effect_that_declares_it_changes_with_the_order_and_no_other_does(effect):
-    shot = shots_of(HEAD)[0]
-    early, late = (changed_by(effect, replace(shot, order=order)) for order in (2, 20))
+    excitation = shots_of(HEAD)[0]
+    early, late = (changed_by(effect, replace(excitation, order=order)) for order in (2, 20))
     assert (early != late) == effect.depends_on_order
 
 
 def test_an_effect_that_declares_it_needs_a_neighbour_and_no_other_hears_one(effect):
-    shot = replace(shots_of(HEAD)[0], order=20)
-    alone, beside = changed_by(effect, replace(shot, neighbour_V=None, kept={})), changed_by(effect, shot)
+    excitation = replace(shots_of(HEAD)[0], order=20)
+    alone, beside = changed_by(effect, replace(excitation, neighbour_V=None, cache={})), changed_by(effect, excitation)
     assert (alone != beside) == effect.needs_neighbour
     if effect.needs_neighbour:
         assert alone == 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import exp1, gamma
 
-from inkjet_env.plant import Plant, Shot
+from inkjet_env.plant import Excitation, Plant
 from inkjet_env.plant.effect import complete
 from inkjet_env.plant.effects import creep
 from inkjet_env.plant.effects.creep import Creep, crept
@@ -45,9 +45,9 @@ def test_creep_is_the_sum_of_what_every_change_creeps(onset_s, step_s):
 
 def test_a_held_step_creeps_by_the_same_in_every_decade():
     step_s = 1e-3
-    shot = Shot("strain_gauge", "demagnetised", step_s, np.interp(np.arange(30_001), [1, 2], [0.0, 60.0]))
-    signal = creeping(0.02, 5e-3).signal(shot)
-    held = Plant(HEAD).signal(shot)[-1]
+    excitation = Excitation("strain_gauge", "demagnetised", step_s, np.interp(np.arange(30_001), [1, 2], [0.0, 60.0]))
+    signal = creeping(0.02, 5e-3).signal(excitation)
+    held = Plant(HEAD).signal(excitation)[-1]
     times_s = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 29.0])
     expected = held * (1 + 0.02 * np.log10(1 + (times_s + 0.5 * step_s) / 5e-3))
     assert signal[2 + np.round(times_s / step_s).astype(int)] == pytest.approx(expected, rel=2e-6)  # the ramp's middle
@@ -84,18 +84,18 @@ def test_creep_in_steady_state_is_the_last_of_many_laps_but_for_the_mean():
 
 
 def test_a_fast_recording_hardly_creeps():
-    shot = Shot("self_sensing", "demagnetised", 1 / (100 * HEAD.frequency_Hz), PULSE)
-    signal = Plant(HEAD).signal(shot)
-    change = creeping(0.02, 0.1).signal(shot) - signal
+    excitation = Excitation("self_sensing", "demagnetised", 1 / (100 * HEAD.frequency_Hz), PULSE)
+    signal = Plant(HEAD).signal(excitation)
+    change = creeping(0.02, 0.1).signal(excitation) - signal
     assert 0 < np.abs(change).max() < 1e-5 * np.abs(signal).max()
 
 
 def test_retarded_elements_go_on_after_a_step_as_their_exponentials():
     step_s = 1e-3
-    shot = Shot("strain_gauge", "demagnetised", step_s, np.interp(np.arange(9001), [0, 1], [0.0, 60.0]))
+    excitation = Excitation("strain_gauge", "demagnetised", step_s, np.interp(np.arange(9001), [0, 1], [0.0, 60.0]))
     values = complete(Creep(), onset_s=0.1, retarded_1=0.03, time_1_s=0.05, retarded_2=-0.01, time_2_s=2.0)
-    signal = Plant(HEAD, effects=((Creep(), values),)).signal(shot)
-    held = Plant(HEAD).signal(shot)[-1]
+    signal = Plant(HEAD, effects=((Creep(), values),)).signal(excitation)
+    held = Plant(HEAD).signal(excitation)[-1]
     t = step_s * (np.arange(1, 9001) - 0.5)  # since the ramp's middle
     expected = held * (1 + 0.03 * -np.expm1(-t / 0.05) - 0.01 * -np.expm1(-t / 2.0))
     assert signal[2:] == pytest.approx(expected[1:], rel=2e-5)
@@ -104,18 +104,18 @@ def test_retarded_elements_go_on_after_a_step_as_their_exponentials():
 def test_retarded_elements_of_a_tone_in_steady_state_are_a_low_pass_of_it():
     n, period_s = 2000, 0.4
     tone_V = 40 * np.cos(2 * np.pi * np.arange(n) / n)
-    shot = Shot("strain_gauge", "periodic", period_s / n, tone_V)
+    excitation = Excitation("strain_gauge", "periodic", period_s / n, tone_V)
     values = complete(Creep(), onset_s=0.1, retarded_1=0.05, time_1_s=0.03)
-    held_V = np.ascontiguousarray(shot.drive_at_nodes_V)
-    found = Creep().hysteresis(values, held_V, held_V, HEAD, shot) - held_V
+    held_V = np.ascontiguousarray(excitation.drive_at_nodes_V)
+    found = Creep().hysteresis(values, held_V, held_V, HEAD, excitation) - held_V
     angle = 2 * np.pi * np.arange(held_V.size) / held_V.size
     expected = (0.05 * 40 * np.exp(1j * angle) / (1 + 2j * np.pi * 0.03 / period_s)).real
     assert found == pytest.approx(expected, abs=2e-5)
 
 
 def test_what_creeps_how_is_said():
-    assert "tenfold" in Creep().told(complete(Creep(), creep_per_decade=0.02, onset_s=0.1))
-    said = Creep().told(complete(Creep(), onset_s=0.1, retarded_1=0.03, time_1_s=0.05, retarded_2=-0.01))
+    assert "tenfold" in Creep().description(complete(Creep(), creep_per_decade=0.02, onset_s=0.1))
+    said = Creep().description(complete(Creep(), onset_s=0.1, retarded_1=0.03, time_1_s=0.05, retarded_2=-0.01))
     assert "tenfold" not in said
     assert "on by 3 % within about 50 ms" in said
     assert "back by 1 % within about 3 s" in said

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lsim
 
-from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.effect import complete, coordinates, values_at
 from inkjet_env.plant.effects.slew_limit import slew_limited
 from inkjet_env.plant.lag import lagged
@@ -22,18 +22,20 @@ ZIGZAG = np.random.default_rng(1).normal(0, 30, 60)
 
 
 def shot_of(drive_V=PULSE, initial_state="demagnetised", channel="self_sensing", **kwargs):
-    return Shot(channel, initial_state, STEP_S, drive_V, **kwargs)
+    return Excitation(channel, initial_state, STEP_S, drive_V, **kwargs)
 
 
-def at_ceramic(effect_id, values, shot):
+def at_ceramic(effect_id, values, excitation):
     """Voltage at the ceramic, at the nodes."""
-    return Plant(HEAD, effects=((EFFECTS[effect_id], complete(EFFECTS[effect_id], **values)),)).at_ceramic_V(shot)
+    return Plant(HEAD, effects=((EFFECTS[effect_id], complete(EFFECTS[effect_id], **values)),)).at_ceramic_V(excitation)
 
 
 def order_in_nodes(effect_id, values, drive_V=PULSE, initial_state="demagnetised"):
     """Orders with which the sensor's signal converges as nodes are added, and its error at 2 nodes a sample."""
     plant = Plant(HEAD, effects=((EFFECTS[effect_id], complete(EFFECTS[effect_id], **values)),))
-    signals = {parts: plant.signal(shot_of(drive_V, initial_state, parts=parts)) for parts in (2, 4, 8, 128)}
+    signals = {
+        substeps: plant.signal(shot_of(drive_V, initial_state, substeps=substeps)) for substeps in (2, 4, 8, 128)
+    }
     exact = signals.pop(128)
     errors = np.array([np.linalg.norm(s - exact) / np.linalg.norm(exact) for s in signals.values()])
     return np.log2(errors[:-1] / errors[1:]), errors[0]
@@ -46,12 +48,12 @@ def order_in_nodes(effect_id, values, drive_V=PULSE, initial_state="demagnetised
 @pytest.mark.parametrize("bandwidth_Hz", [2e3, 3e5, 1e9])
 def test_amplifier_is_the_low_pass_of_the_drive(bandwidth_Hz, second_order):
     """Of one pole, and Butterworth's of two."""
-    shot = shot_of()
+    excitation = shot_of()
     w = 2 * np.pi * bandwidth_Hz
     law = ([w], [1, w]) if second_order == 0 else ([w**2], [1, np.sqrt(2) * w, w**2])
-    exact = lsim(law, shot.drive_at_nodes_V, shot.time_s)[1]
+    exact = lsim(law, excitation.drive_at_nodes_V, excitation.time_s)[1]
     values = {"bandwidth_Hz": bandwidth_Hz, "second_order": second_order}
-    assert at_ceramic("amplifier_bandwidth", values, shot) == pytest.approx(exact, abs=1e-9)
+    assert at_ceramic("amplifier_bandwidth", values, excitation) == pytest.approx(exact, abs=1e-9)
 
 
 def test_amplifier_in_steady_state_follows_every_tone_as_it_should():
@@ -152,10 +154,10 @@ def test_limits_of_a_slew_limit_with_a_linear_range():
 
 @pytest.mark.parametrize("samples", [0.2, 0.5, 2.7, 37.0, -0.3, -5.0, -41.4, 900.0, -900.0])
 def test_delay_is_the_asked_drive_evaluated_earlier(samples):
-    shot = shot_of()
-    exact = np.interp(shot.time_s - samples * STEP_S, STEP_S * np.arange(600), PULSE)
-    assert at_ceramic("trigger_delay", {"delay_s": samples * STEP_S}, shot) == pytest.approx(exact, abs=1e-9)
-    again = shot_of(PULSE[10:200], "periodic", parts=4)
+    excitation = shot_of()
+    exact = np.interp(excitation.time_s - samples * STEP_S, STEP_S * np.arange(600), PULSE)
+    assert at_ceramic("trigger_delay", {"delay_s": samples * STEP_S}, excitation) == pytest.approx(exact, abs=1e-9)
+    again = shot_of(PULSE[10:200], "periodic", substeps=4)
     times_s = STEP_S * np.arange(190)
     exact = np.interp(again.time_s - samples * STEP_S, times_s, PULSE[10:200], period=190 * STEP_S)
     assert at_ceramic("trigger_delay", {"delay_s": samples * STEP_S}, again) == pytest.approx(exact, abs=1e-9)
@@ -174,7 +176,7 @@ def test_signal_of_a_delayed_drive_converges_with_the_second_power_of_the_nodes(
     plant = Plant(HEAD, effects=((EFFECTS["trigger_delay"], {"delay_s": 0.3 * STEP_S}),))
     exact = Plant(HEAD).signal(replace(shot_of(), step_s=STEP_S / 10, drive_V=np.interp(
         np.arange(5991) / 10 - 0.3, np.arange(600), PULSE)))[::10]  # fmt: skip
-    errors = [np.linalg.norm(plant.signal(shot_of(parts=p)) - exact) / np.linalg.norm(exact) for p in (2, 6, 18)]
+    errors = [np.linalg.norm(plant.signal(shot_of(substeps=p)) - exact) / np.linalg.norm(exact) for p in (2, 6, 18)]
     assert errors[0] < 1e-3
     assert np.log(errors[0] / errors[2]) / np.log(9) > 1.7
 
@@ -199,17 +201,17 @@ TRUTHS = {
 def test_the_best_of_the_fits_from_the_starts_finds_the_truth(name, truth):
     effect = EFFECTS[name]
     gentle = np.interp(np.arange(400), [20, 170, 220, 270], [0, 60, 60, 0.0])
-    shots = [shot_of(), shot_of(-PULSE, "periodic"), shot_of(gentle, channel="displacement")]
+    excitations = [shot_of(), shot_of(-PULSE, "periodic"), shot_of(gentle, channel="displacement")]
 
     def residual(scaled, size):
         values = values_at(effect, scaled * size)
         plant = Plant(HEAD, effects=((effect, values),))
-        return np.concatenate([plant.signal(shot) - s for shot, s in zip(shots, shown, strict=True)])
+        return np.concatenate([plant.signal(excitation) - s for excitation, s in zip(excitations, shown, strict=True)])
 
     truth = complete(effect, **truth)
-    shown = [Plant(HEAD, effects=((effect, truth),)).signal(shot) for shot in shots]
+    shown = [Plant(HEAD, effects=((effect, truth),)).signal(excitation) for excitation in excitations]
     found = []
-    for start in effect.starts(HEAD, shots):
+    for start in effect.starts(HEAD, excitations):
         point = coordinates(effect, start)
         fit = least_squares(residual, np.sign(point), args=(np.abs(point),), diff_step=1e-4, max_nfev=30)
         found.append((fit.cost, values_at(effect, fit.x * np.abs(point))))

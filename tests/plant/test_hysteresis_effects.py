@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.effect import complete, coordinates, values_at
 from inkjet_env.plant.effects.asymmetric_hysteresis import leaning_plays_V
 from inkjet_env.plant.effects.rate_dependent_hysteresis import plays_V, rate_measure
@@ -23,15 +23,15 @@ ZIGZAG = np.interp(np.linspace(0, 8, 801), range(9), CORNERS)  # of one rate wit
 
 
 def shot_of(drive_V=PULSE, initial_state="demagnetised", step_s=STEP_S, channel="self_sensing", **kwargs):
-    return Shot(channel, initial_state, step_s, drive_V, **kwargs)
+    return Excitation(channel, initial_state, step_s, drive_V, **kwargs)
 
 
 def plant(effect_id, **values):
     return Plant(HEAD, effects=((EFFECTS[effect_id], complete(EFFECTS[effect_id], **values)),))
 
 
-def hysteretic_V(plant_, shot):
-    return plant_.hysteretic_V(shot.drive_at_nodes_V, shot)
+def hysteretic_V(plant_, excitation):
+    return plant_.hysteretic_V(excitation.drive_at_nodes_V, excitation)
 
 
 # rate-dependent hysteresis
@@ -54,11 +54,11 @@ def brute_force_plays(drive_V, rates, growth, rate_V_s, operators):
 @pytest.mark.parametrize(("growth", "rate_V_s"), [(0.1, 1e4), (0.5, 1e7), (-0.2, 1e6), (-0.5, 1.0)])
 def test_thresholds_grow_with_the_logarithm_of_the_rate(growth, rate_V_s):
     drive_V = 80 * np.sin(np.arange(400) ** 1.5 / 300)
-    shot = shot_of(drive_V)
-    asked_V = shot.drive_at_nodes_V
-    rates = np.abs(np.diff(asked_V)) / shot.node_step_s
-    change = hysteretic_V(plant("rate_dependent_hysteresis", growth=growth, rate_V_s=rate_V_s), shot)
-    change = change - hysteretic_V(Plant(HEAD), shot)
+    excitation = shot_of(drive_V)
+    asked_V = excitation.drive_at_nodes_V
+    rates = np.abs(np.diff(asked_V)) / excitation.node_step_s
+    change = hysteretic_V(plant("rate_dependent_hysteresis", growth=growth, rate_V_s=rate_V_s), excitation)
+    change = change - hysteretic_V(Plant(HEAD), excitation)
     expected = brute_force_plays(asked_V, rates, growth, rate_V_s, 32)
     expected -= brute_force_plays(asked_V, rates, 0.0, rate_V_s, 32)
     assert np.abs(expected).max() > 0.5
@@ -83,9 +83,9 @@ def test_thresholds_all_wider_by_one_factor_stretch_the_law(factor):
 def test_plays_of_one_rate_in_the_plant_are_the_stretched_law():
     legs = np.abs(np.diff(CORNERS))
     drive_V = np.interp(np.arange(legs.sum() + 1), np.append(0, np.cumsum(legs)), CORNERS)  # 1 V a sample
-    shot = shot_of(drive_V, channel="strain_gauge", step_s=0.01)
+    excitation = shot_of(drive_V, channel="strain_gauge", step_s=0.01)
     factor = 1 + 0.05 * math.log(1 + 100 / 3.0)
-    found = plant("rate_dependent_hysteresis", growth=0.05, rate_V_s=3.0).signal(shot)
+    found = plant("rate_dependent_hysteresis", growth=0.05, rate_V_s=3.0).signal(excitation)
     exact = factor * LAW.hysteretic_V(drive_V / factor, "demagnetised")
     assert found[90:] == pytest.approx(exact[90:], abs=0.1)
 
@@ -95,9 +95,9 @@ def test_the_loop_is_wider_at_the_higher_rate_and_unchanged_far_below():
     on = plant("rate_dependent_hysteresis", growth=0.03, rate_V_s=1e3)
     areas = []
     for step_s in (1e3, 1e-3, 1e-4, 1e-5):
-        shot = shot_of(loop, "periodic", step_s, "strain_gauge")
-        areas.append(np.sum(on.signal(shot) * np.gradient(loop)))
-    base = np.sum(Plant(HEAD).signal(shot) * np.gradient(loop))
+        excitation = shot_of(loop, "periodic", step_s, "strain_gauge")
+        areas.append(np.sum(on.signal(excitation) * np.gradient(loop)))
+    base = np.sum(Plant(HEAD).signal(excitation) * np.gradient(loop))
     assert areas[0] == pytest.approx(base, rel=1e-4)
     assert np.all(np.diff(np.abs(areas)) > 0.015 * abs(base))
 
@@ -111,16 +111,16 @@ def test_wider_plays_in_steady_state_are_the_last_of_many_laps():
 
 
 def test_what_is_kept_of_the_plays_follows_the_law():
-    on, shot = plant("rate_dependent_hysteresis", growth=0.2, rate_V_s=1e5), shot_of()
-    on.signal(shot)
+    on, excitation = plant("rate_dependent_hysteresis", growth=0.2, rate_V_s=1e5), shot_of()
+    on.signal(excitation)
     other = HEAD.varied(hysteresis_strength=1.4)
-    fresh, again = (Plant(other, effects=on.effects).signal(s) for s in (shot_of(), shot))
+    fresh, again = (Plant(other, effects=on.effects).signal(s) for s in (shot_of(), excitation))
     assert np.array_equal(fresh, again)
 
 
 def test_signal_of_widening_loops_converges_with_the_nodes():
     on = plant("rate_dependent_hysteresis", growth=0.05, rate_V_s=1e4)
-    signals = {parts: on.signal(shot_of(parts=parts)) for parts in (2, 4, 8, 128)}
+    signals = {substeps: on.signal(shot_of(substeps=substeps)) for substeps in (2, 4, 8, 128)}
     exact = signals.pop(128)
     errors = np.array([np.linalg.norm(s - exact) / np.linalg.norm(exact) for s in signals.values()])
     assert errors[0] < 5e-5
@@ -149,9 +149,9 @@ def test_plays_that_relax_lag_behind_their_branches(relaxation):
 
 
 def test_plays_that_relax_at_once_are_plays():
-    shot = shot_of()
-    quick = hysteretic_V(plant("rate_dependent_hysteresis", relaxation_s=1e-4 * shot.node_step_s), shot)
-    assert quick == pytest.approx(hysteretic_V(Plant(HEAD), shot), abs=2e-3)
+    excitation = shot_of()
+    quick = hysteretic_V(plant("rate_dependent_hysteresis", relaxation_s=1e-4 * excitation.node_step_s), excitation)
+    assert quick == pytest.approx(hysteretic_V(Plant(HEAD), excitation), abs=2e-3)
 
 
 @pytest.mark.parametrize("settling", [0.3, 4.0, 50.0])
@@ -168,54 +168,57 @@ def test_the_measure_of_a_rate_lags_behind_it(settling, periodic):
 
 
 def test_weights_that_grow_make_the_plays_part_larger():
-    shot = shot_of(80 * np.sin(np.arange(400) / 30))
-    on = hysteretic_V(plant("rate_dependent_hysteresis", gain=0.1, rate_V_s=1e5), shot)
-    measure = rate_measure(shot.drive_at_nodes_V, 1e5, 0.0, shot.node_step_s, False)
-    plays = plays_V(shot.drive_at_nodes_V, 0 * measure, LAW, False)
-    assert on - hysteretic_V(Plant(HEAD), shot) == pytest.approx(0.1 * measure * plays, abs=1e-9)
+    excitation = shot_of(80 * np.sin(np.arange(400) / 30))
+    on = hysteretic_V(plant("rate_dependent_hysteresis", gain=0.1, rate_V_s=1e5), excitation)
+    measure = rate_measure(excitation.drive_at_nodes_V, 1e5, 0.0, excitation.node_step_s, False)
+    plays = plays_V(excitation.drive_at_nodes_V, 0 * measure, LAW, False)
+    assert on - hysteretic_V(Plant(HEAD), excitation) == pytest.approx(0.1 * measure * plays, abs=1e-9)
 
 
 # asymmetric hysteresis
 
 
 def test_asymmetry_is_even_in_the_hysteretic_drive():
-    shot, mirrored = shot_of(channel="strain_gauge"), shot_of(-PULSE, channel="strain_gauge")
-    base = Plant(HEAD).signal(shot)
+    excitation, mirrored = shot_of(channel="strain_gauge"), shot_of(-PULSE, channel="strain_gauge")
+    base = Plant(HEAD).signal(excitation)
     on = plant("asymmetric_hysteresis", asymmetry=0.1, bending=-0.05)
     even = 0.1 * np.abs(base) - 0.05 * base**2 / 90
-    assert on.signal(shot) == pytest.approx(base + even, abs=1e-12)
+    assert on.signal(excitation) == pytest.approx(base + even, abs=1e-12)
     assert on.signal(mirrored) == pytest.approx(-base + even, abs=1e-12)
 
 
 def test_asymmetry_alone_gives_even_harmonics_of_an_odd_drive():
     drive_V = 70 * np.sin(2 * np.pi * np.arange(200) / 200)
-    shot = shot_of(drive_V, "periodic", channel="displacement")
-    odd = np.abs(np.fft.rfft(Plant(HEAD).signal(shot)))
-    both = np.abs(np.fft.rfft(plant("asymmetric_hysteresis", asymmetry=0.02, bending=0.01).signal(shot)))
+    excitation = shot_of(drive_V, "periodic", channel="displacement")
+    odd = np.abs(np.fft.rfft(Plant(HEAD).signal(excitation)))
+    both = np.abs(np.fft.rfft(plant("asymmetric_hysteresis", asymmetry=0.02, bending=0.01).signal(excitation)))
     assert odd[2:12:2].max() < 1e-9 * odd[1]
     assert both[2] > 1e-3 * both[1]
 
 
 def test_a_knee_leaves_small_signals_alone():
-    shot = shot_of(channel="strain_gauge")
-    base = Plant(HEAD).signal(shot)
-    on = plant("asymmetric_hysteresis", asymmetry=0.1, knee_V=20.0).signal(shot)
+    excitation = shot_of(channel="strain_gauge")
+    base = Plant(HEAD).signal(excitation)
+    on = plant("asymmetric_hysteresis", asymmetry=0.1, knee_V=20.0).signal(excitation)
     assert on - base == pytest.approx(0.1 * np.maximum(np.abs(base) - 20.0, 0.0), abs=1e-12)
 
 
 def test_beyond_its_knee_the_law_may_be_steeper_on_one_side_alone():
-    shot = shot_of(channel="strain_gauge")
-    base = Plant(HEAD).signal(shot)
+    excitation = shot_of(channel="strain_gauge")
+    base = Plant(HEAD).signal(excitation)
     on = plant("asymmetric_hysteresis", asymmetry=0.05, bowing=0.05, knee_V=20.0)
-    assert on.signal(shot) - base == pytest.approx(0.1 * np.maximum(base - 20.0, 0.0), abs=1e-12)
+    assert on.signal(excitation) - base == pytest.approx(0.1 * np.maximum(base - 20.0, 0.0), abs=1e-12)
     (effect, values), *_ = on.effects
-    assert effect.told(values) == "Beyond 20 V, positive drives move the head 10 % further than negative ones, a volt."
+    assert (
+        effect.description(values)
+        == "Beyond 20 V, positive drives move the head 10 % further than negative ones, a volt."
+    )
 
 
 def test_arching_bends_the_drive_before_the_hysteresis():
-    shot = shot_of(channel="strain_gauge")
+    excitation = shot_of(channel="strain_gauge")
     bent = shot_of(PULSE + 0.04 * PULSE**2 / 90, channel="strain_gauge")
-    on = plant("asymmetric_hysteresis", arching=0.04).signal(shot)
+    on = plant("asymmetric_hysteresis", arching=0.04).signal(excitation)
     assert on == pytest.approx(Plant(HEAD).signal(bent), abs=5e-3)  # linear between samples, or between nodes
 
 
@@ -245,10 +248,10 @@ def brute_force_leaning_plays(drive_V, lean, plays):
 
 
 def test_leaning_plays_go_between_branches_of_two_slopes():
-    shot = shot_of()
-    asked_V = shot.drive_at_nodes_V
+    excitation = shot_of()
+    asked_V = excitation.drive_at_nodes_V
     on = plant("asymmetric_hysteresis", lean=0.08)
-    change = hysteretic_V(on, shot) - hysteretic_V(Plant(HEAD), shot)
+    change = hysteretic_V(on, excitation) - hysteretic_V(Plant(HEAD), excitation)
     expected = brute_force_leaning_plays(asked_V, 0.08, 32) - brute_force_leaning_plays(asked_V, 0.0, 32)
     assert np.abs(expected).max() > 0.5
     assert change == pytest.approx(expected, abs=1e-9)
@@ -262,10 +265,10 @@ def test_what_leans_turns_over_with_the_drive():
 
 def test_the_leaning_loop_is_wider_at_one_end_of_the_drive():
     loop = 80 * np.sin(2 * np.pi * np.arange(400) / 400)
-    shot = shot_of(loop, "periodic", channel="strain_gauge", step_s=0.01)
+    excitation = shot_of(loop, "periodic", channel="strain_gauge", step_s=0.01)
     widths = {}
     for lean in (0.0, 0.1):
-        v = plant("asymmetric_hysteresis", lean=lean).signal(shot)
+        v = plant("asymmetric_hysteresis", lean=lean).signal(excitation)
         rising, falling = v[300:].tolist() + v[:100].tolist(), v[100:300][::-1]
         widths[lean] = np.abs(np.array(falling) - np.array(rising))
     change = widths[0.1] - widths[0.0]
@@ -316,18 +319,18 @@ def test_the_best_of_the_fits_from_the_starts_finds_the_truth(name, truth, dampe
     effect = EFFECTS[name]
     loop = 80 * np.sin(2 * np.pi * np.arange(400) / 400)
     stairs = np.interp(np.arange(800), [10, 20, 200, 210, 600, 620], [0, 60, 60, 90, 90, -50.0])
-    shots = [shot_of(), shot_of(-PULSE, "periodic"), shot_of(stairs, step_s=0.02, channel="strain_gauge")]
-    shots += [shot_of(loop, "periodic", step_s, "strain_gauge") for step_s in (0.003, 0.03)]
+    excitations = [shot_of(), shot_of(-PULSE, "periodic"), shot_of(stairs, step_s=0.02, channel="strain_gauge")]
+    excitations += [shot_of(loop, "periodic", step_s, "strain_gauge") for step_s in (0.003, 0.03)]
 
     def signals(values):
         own = Plant(HEAD, effects=((effect, values),))
-        return np.concatenate([own.signal(s) / (30 if s.fast else 1) for s in shots])
+        return np.concatenate([own.signal(s) / (30 if s.fast else 1) for s in excitations])
 
     shown, off = signals(complete(effect, **truth)), signals(complete(effect, **SHAPES.get(name, {})))
     bounds = np.array([p.bounds for p in effect.parameters]).T
     # thresholds that grow alike or in proportion nearly do the same: the last part of that way is flat
     allowed, best = 0.03 if "widening_V" in truth else 0.01, np.inf
-    for start in effect.starts(HEAD, shots):
+    for start in effect.starts(HEAD, excitations):
         begin = np.clip(coordinates(effect, start), *bounds)
         left = damped_least_squares(lambda z: signals(values_at(effect, z)) - shown, begin, bounds)
         best = min(best, left / np.linalg.norm(shown - off))

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from inkjet_env.plant import Effect, Parameter, Plant, Shot, register, registry
+from inkjet_env.plant import Effect, Excitation, Parameter, Plant, register, registry
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.effects.feedthrough import Feedthrough
 from inkjet_env.plant.printhead_file import read_printhead
@@ -27,10 +27,10 @@ class Leak(Effect):
     parameters = (Parameter("lost", "1", -0.5, 0.5, meaning="share of the signal that is lost"),)
     strengths = ("lost",)
 
-    def starts(self, printhead, shots):
+    def starts(self, printhead, excitations):
         return [{"lost": 0.05}]
 
-    def sensing(self, values, signal, drive_V, printhead, shot):
+    def sensing(self, values, signal, drive_V, printhead, excitation):
         return (1 - values["lost"]) * signal
 
 
@@ -167,12 +167,12 @@ def test_an_effect_that_declares_nothing_more_has_sensible_defaults():
 
 
 def test_an_effect_with_columns_of_its_own_is_random_unless_it_says_otherwise():
-    def columns(self, values, shot):
-        return np.ones((shot.samples, 1))
+    def columns(self, values, excitation):
+        return np.ones((excitation.samples, 1))
 
-    assert another(nuisances=columns)().random
-    assert not another(nuisances=columns)().predictable
-    assert not another(nuisances=columns, random=False)().random
+    assert another(random_effect_basis=columns)().random
+    assert not another(random_effect_basis=columns)().predictable
+    assert not another(random_effect_basis=columns, random=False)().random
     assert not another(needs_neighbour=True)().predictable
 
 
@@ -225,8 +225,8 @@ def test_a_class_of_a_console_is_diagnosed_written_and_read_again(tmp_path):
     corners = np.array([0, 20, 70, 100, 160, 190, 400])
     for order, level_V in enumerate((40.0, 70.0, 100.0, -60.0, 70.0, -90.0, 0.0, 0.0), start=1):
         drive_V = np.interp(np.arange(400), corners, level_V * np.array([0, 1, 1, -0.6, -0.6, 0, 0]))
-        shot = Shot("self_sensing", "demagnetised", 2e-7, drive_V, order)
-        shown = Plant(HEAD).signal(shot)
+        excitation = Excitation("self_sensing", "demagnetised", 2e-7, drive_V, order)
+        shown = Plant(HEAD).signal(excitation)
         noise = 0.01 * rng.standard_normal(400)
         recordings.append(
             Recording(

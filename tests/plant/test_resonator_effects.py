@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from inkjet_env.plant import Plant, Resonance, Shot, catalogue
+from inkjet_env.plant import Excitation, Plant, Resonance, catalogue
 from inkjet_env.plant.effect import complete, coordinates, limits, values_at
 from inkjet_env.plant.effects.meniscus_refill import drawn_back
 from inkjet_env.printhead import Printhead
@@ -23,12 +23,12 @@ def ring_down(effect_id, values, amplitude_V, damping_ratio=0.002):
     """Frequency and damping ratio relative to those at rest, after letting go at an amplitude: two numbers."""
     omega0 = math.sqrt(HEAD.a0)
     quiet = Resonance(HEAD.a0, 2 * damping_ratio * omega0, HEAD.a0)
-    shot = Shot("displacement", "free", PERIOD_S / 60, np.zeros(240), start=(amplitude_V, 0.0), parts=4)
-    free = np.zeros(shot.nodes)
+    excitation = Excitation("displacement", "free", PERIOD_S / 60, np.zeros(240), start=(amplitude_V, 0.0), substeps=4)
+    free = np.zeros(excitation.nodes)
     swings = []
-    for resonance in (EFFECTS[effect_id].resonator(values, quiet, shot), quiet):
-        x = resonance.motion(free, shot)
-        p = resonance.motion(free, replace(shot, channel="self_sensing")) * HEAD.a0 / omega0
+    for resonance in (EFFECTS[effect_id].resonator(values, quiet, excitation), quiet):
+        x = resonance.motion(free, excitation)
+        p = resonance.motion(free, replace(excitation, channel="self_sensing")) * HEAD.a0 / omega0
         turns = np.unwrap(np.arctan2(-p, x))[-1] / (2 * np.pi)
         swings.append((turns, np.log(np.hypot(x[-1], p[-1]) / amplitude_V)))
     (turns, decay), (base_turns, base_decay) = swings
@@ -45,7 +45,7 @@ def session(orders=8):
     """The same pulses at several amplitudes, one after the other."""
     sizes = np.resize([0.4, 1.2, 0.8, -1.0], orders)
     return [
-        Shot("self_sensing", "periodic", PERIOD_S / 50, size * pulses(900), order=order)
+        Excitation("self_sensing", "periodic", PERIOD_S / 50, size * pulses(900), order=order)
         for order, size in enumerate(sizes, start=1)
     ]
 
@@ -78,17 +78,17 @@ def test_the_ceramic_shifts_frequency_and_damping_in_proportion_to_the_amplitude
 @pytest.mark.parametrize("channel", ["self_sensing", "displacement"])
 def test_a_second_mode_is_its_transfer_function_beside_the_heads(channel):
     values = complete(EFFECTS["second_mode"], frequency_Hz=1.9 * HEAD.frequency_Hz, damping_ratio=0.03, strength=0.2)
-    shot = Shot(channel, "demagnetised", PERIOD_S / 100, pulses())
-    drive_V = shot.drive_at_nodes_V
+    excitation = Excitation(channel, "demagnetised", PERIOD_S / 100, pulses())
+    drive_V = excitation.drive_at_nodes_V
     omega = 2 * math.pi * values["frequency_Hz"]
     slope = [1.0, 0.0] if channel == "self_sensing" else [1.0]
     expected = 0.0
     for size, natural, damping in ((1.0, math.sqrt(HEAD.a0), HEAD.damping_ratio), (0.2, omega, 0.03)):
         system = (size * natural**2 * np.array(slope), [1.0, 2 * damping * natural, natural**2])
-        expected = expected + lsim(system, drive_V, shot.time_s)[1][:: shot.parts]
+        expected = expected + lsim(system, drive_V, excitation.time_s)[1][:: excitation.substeps]
     if channel == "self_sensing":
         expected = expected / HEAD.a0
-    motion = EFFECTS["second_mode"].resonator(values, RESONANCE, shot).motion(drive_V, shot)
+    motion = EFFECTS["second_mode"].resonator(values, RESONANCE, excitation).motion(drive_V, excitation)
     assert np.abs(motion - expected).max() < 2e-6 * np.abs(expected).max()
 
 
@@ -112,11 +112,11 @@ def test_two_modes_are_those_of_a_mass_on_a_mass(channel):
         EFFECTS["second_mode"], frequency_Hz=abs(high) / (2 * math.pi), damping_ratio=-high.real / abs(high),
         strength=other_b / abs(high) ** 2 / share, exchange=other_a / abs(low) / share,
     )  # fmt: skip
-    shot = Shot(channel, "demagnetised", PERIOD_S / 100, pulses())
-    drive_V = shot.drive_at_nodes_V
-    found = share * EFFECTS["second_mode"].resonator(values, head, shot).motion(drive_V, shot)
+    excitation = Excitation(channel, "demagnetised", PERIOD_S / 100, pulses())
+    drive_V = excitation.drive_at_nodes_V
+    found = share * EFFECTS["second_mode"].resonator(values, head, excitation).motion(drive_V, excitation)
     slope = [1.0, 0.0] if channel == "self_sensing" else [1.0]
-    expected = lsim((w1**2 * np.polymul(second, slope), both), drive_V, shot.time_s)[1][:: shot.parts]
+    expected = lsim((w1**2 * np.polymul(second, slope), both), drive_V, excitation.time_s)[1][:: excitation.substeps]
     if channel == "self_sensing":
         expected = expected / abs(low) ** 2
     assert found == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
@@ -125,28 +125,30 @@ def test_two_modes_are_those_of_a_mass_on_a_mass(channel):
 @pytest.mark.parametrize("recovery_periods", [0.3, 4.0, 15.0])
 def test_refill_follows_its_differential_equation(recovery_periods):
     recovery_s = recovery_periods * PERIOD_S
-    shot = Shot("self_sensing", "demagnetised", PERIOD_S / 100, pulses())
-    speed = np.abs(np.diff(shot.drive_at_nodes_V)) / shot.node_step_s
-    times = shot.time_s
+    excitation = Excitation("self_sensing", "demagnetised", PERIOD_S / 100, pulses())
+    speed = np.abs(np.diff(excitation.drive_at_nodes_V)) / excitation.node_step_s
+    times = excitation.time_s
     for node in (50, 300, 1100, 2998):  # the convolution integral over intervals of constant speed
         begin, end = times[:node], times[1 : node + 1]
         weights = recovery_s * (np.exp((end - times[node]) / recovery_s) - np.exp((begin - times[node]) / recovery_s))
         expected = np.sum(weights * speed[:node]) / 100
-        assert drawn_back(shot, recovery_s)[node] == pytest.approx(expected, rel=1e-10)
+        assert drawn_back(excitation, recovery_s)[node] == pytest.approx(expected, rel=1e-10)
 
 
 def test_refill_repeats_with_its_drive():
     recovery_s = 15 * PERIOD_S
-    once = Shot("self_sensing", "periodic", PERIOD_S / 100, pulses(600))
-    many = Shot("self_sensing", "demagnetised", PERIOD_S / 100, np.append(np.tile(pulses(600), 60), 0.0))
+    once = Excitation("self_sensing", "periodic", PERIOD_S / 100, pulses(600))
+    many = Excitation("self_sensing", "demagnetised", PERIOD_S / 100, np.append(np.tile(pulses(600), 60), 0.0))
     last = drawn_back(many, recovery_s)[-once.nodes - 1 : -1]
     assert drawn_back(once, recovery_s) == pytest.approx(last, rel=1e-10)
 
 
 def test_refill_of_a_steep_edge_changes_stiffness_by_what_is_told_for_100_volts():
-    shot = Shot("self_sensing", "demagnetised", PERIOD_S / 100, np.interp(np.arange(50), [10, 11], [0.0, 100.0]))
+    excitation = Excitation(
+        "self_sensing", "demagnetised", PERIOD_S / 100, np.interp(np.arange(50), [10, 11], [0.0, 100.0])
+    )
     values = complete(EFFECTS["meniscus_refill"], recovery_s=50 * PERIOD_S, stiffness_change=0.03)
-    softening = EFFECTS["meniscus_refill"].resonator(values, RESONANCE, shot).softening
+    softening = EFFECTS["meniscus_refill"].resonator(values, RESONANCE, excitation).softening
     assert softening[22] == pytest.approx(0.03, rel=2e-4)
     assert np.all(softening[:21] == 0)
 
@@ -182,24 +184,27 @@ def test_a_drift_can_follow_two_swings_of_the_room(turns):
 
     values = {f"frequency_{k}": course(1 + 29 * k / 9) for k in range(1, 10)}
     values = complete(effect, last_order=30.0, **values)
-    shots = [replace(session(1)[0], order=int(order)) for order in orders]
-    found = [math.sqrt(effect.resonator(values, RESONANCE, shot).a0 / HEAD.a0) - 1 for shot in shots]
+    excitations = [replace(session(1)[0], order=int(order)) for order in orders]
+    found = [math.sqrt(effect.resonator(values, RESONANCE, excitation).a0 / HEAD.a0) - 1 for excitation in excitations]
     assert np.linalg.norm(found - course(orders)) < 0.1 * np.linalg.norm(course(orders))
 
 
 def test_a_value_of_a_drift_changes_the_recordings_near_it_alone():
-    effect, shots = EFFECTS["thermal_drift"], [replace(shot, order=3 * k + 1) for k, shot in enumerate(session(10))]
+    effect, excitations = (
+        EFFECTS["thermal_drift"],
+        [replace(excitation, order=3 * k + 1) for k, excitation in enumerate(session(10))],
+    )
     off = complete(effect, last_order=28.0)
     for k in (1, 5, 9):
         name = f"damping_{k}"
-        moved = [effect.resonator(off | {name: 0.1}, RESONANCE, s).a1 != HEAD.a1 for s in shots]
-        assert moved == [effect.changes(name, shot, off) for shot in shots]
+        moved = [effect.resonator(off | {name: 0.1}, RESONANCE, s).a1 != HEAD.a1 for s in excitations]
+        assert moved == [effect.changes(name, excitation, off) for excitation in excitations]
         assert 0 < sum(moved) <= 4
 
 
 def test_a_short_session_has_fewer_values():
-    effect, shots = EFFECTS["thermal_drift"], session(8)
-    bounds = effect.bounds(HEAD, shots)
+    effect, excitations = EFFECTS["thermal_drift"], session(8)
+    bounds = effect.bounds(HEAD, excitations)
     free = [p.name for p in effect.parameters if bounds.get(p.name, (0.0, 1.0)) != (0.0, 0.0)]
     assert free == ["last_order", *(f"{what}_{k}" for what in ("frequency", "damping") for k in range(1, 5))]
 
@@ -216,19 +221,19 @@ def relaxed_by_brute_force(flow, recovery_s, step_s):
 
 
 def test_the_flow_before_changes_the_stiffness_and_it_recovers():
-    shot = Shot("self_sensing", "demagnetised", PERIOD_S / 100, pulses())
-    drive_V = shot.drive_at_nodes_V
+    excitation = Excitation("self_sensing", "demagnetised", PERIOD_S / 100, pulses())
+    drive_V = excitation.drive_at_nodes_V
     values = complete(EFFECTS["meniscus_refill"], recovery_s=8 * PERIOD_S, flow_change=0.2)
-    refilled = EFFECTS["meniscus_refill"].resonator(values, RESONANCE, shot).refilled(drive_V, shot)
-    p = RESONANCE.motion(drive_V, shot) * HEAD.a0 / math.sqrt(HEAD.a0)
-    expected = 0.2 * relaxed_by_brute_force(np.abs(p) / 100, 8 * PERIOD_S, shot.step_s)
+    refilled = EFFECTS["meniscus_refill"].resonator(values, RESONANCE, excitation).refilled(drive_V, excitation)
+    p = RESONANCE.motion(drive_V, excitation) * HEAD.a0 / math.sqrt(HEAD.a0)
+    expected = 0.2 * relaxed_by_brute_force(np.abs(p) / 100, 8 * PERIOD_S, excitation.step_s)
     assert refilled.softening[::2] == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
     assert not refilled.refills
 
 
 def test_the_flow_of_a_repeated_drive_is_in_steady_state():
-    once = Shot("self_sensing", "periodic", PERIOD_S / 100, pulses(900))
-    many = Shot("self_sensing", "demagnetised", PERIOD_S / 100, np.append(np.tile(pulses(900), 30), 0.0))
+    once = Excitation("self_sensing", "periodic", PERIOD_S / 100, pulses(900))
+    many = Excitation("self_sensing", "demagnetised", PERIOD_S / 100, np.append(np.tile(pulses(900), 30), 0.0))
     values = {"recovery_s": 6 * PERIOD_S, "flow_change": 0.1, "power": 2.0, "second_order": 2.0}
     values = complete(EFFECTS["meniscus_refill"], **values)
     steady, last = (
@@ -241,17 +246,17 @@ def test_the_flow_of_a_repeated_drive_is_in_steady_state():
 def test_a_bubble_is_there_from_its_onset_on():
     values = {"onset_order": 4.0, "frequency_change": -0.03, "bubble_frequency_Hz": 9e4, "bubble_damping_ratio": 0.1}
     values = complete(EFFECTS["air_bubble"], **values, bubble_strength=0.05, damping_change=0.4)
-    shots = session(6)
-    bubble = [EFFECTS["air_bubble"].resonator(values, RESONANCE, shot) for shot in shots]
+    excitations = session(6)
+    bubble = [EFFECTS["air_bubble"].resonator(values, RESONANCE, excitation) for excitation in excitations]
     assert [len(resonance.modes) for resonance in bubble] == [0, 0, 0, 1, 1, 1]
     assert [math.sqrt(r.a0 / HEAD.a0) for r in bubble] == pytest.approx([1, 1, 1, 0.97, 0.97, 0.97])
     assert [r.a1 / HEAD.a1 for r in bubble] == pytest.approx([1, 1, 1, *[0.97 * 1.4] * 3])
-    between = EFFECTS["air_bubble"].resonator(values | {"onset_order": 3.75}, RESONANCE, shots[2])
+    between = EFFECTS["air_bubble"].resonator(values | {"onset_order": 3.75}, RESONANCE, excitations[2])
     assert between.modes[0].strength == pytest.approx(0.25 * 0.05)
 
 
 def test_effects_of_the_resonator_leave_the_strain_gauge_alone():
-    slow = Shot("strain_gauge", "periodic", 0.01, 60 * np.sin(2 * np.pi * np.arange(200) / 200), order=9)
+    slow = Excitation("strain_gauge", "periodic", 0.01, 60 * np.sin(2 * np.pi * np.arange(200) / 200), order=9)
     fast = session(9)
     for effect in EFFECTS.values():
         start = effect.starts(HEAD, fast)[0]
@@ -262,10 +267,10 @@ def test_effects_of_the_resonator_leave_the_strain_gauge_alone():
 @pytest.mark.parametrize("frequency_Hz", [50.0, 51.7e3])
 def test_starts_change_the_recordings_by_a_few_per_cent(effect, frequency_Hz):
     head = HEAD.varied(frequency_Hz=frequency_Hz)
-    shots = [replace(shot, step_s=0.02 / frequency_Hz, kept={}) for shot in session()]
-    base = np.concatenate([Plant(head).signal(shot) for shot in shots])
-    for start in effect.starts(head, shots):
-        on = np.concatenate([Plant(head, effects=((effect, start),)).signal(shot) for shot in shots])
+    excitations = [replace(excitation, step_s=0.02 / frequency_Hz, cache={}) for excitation in session()]
+    base = np.concatenate([Plant(head).signal(excitation) for excitation in excitations])
+    for start in effect.starts(head, excitations):
+        on = np.concatenate([Plant(head, effects=((effect, start),)).signal(excitation) for excitation in excitations])
         assert 0.003 < np.linalg.norm(on - base) / np.linalg.norm(base) < 0.2, start
 
 
@@ -281,18 +286,18 @@ def test_a_ring_down_of_slipping_elements_follows_rayleigh():
 def test_slipping_elements_remember_where_they_turned():
     """Against Iwan's elements one by one, in small explicit steps, under a repeated drive and from rest."""
     values = complete(EFFECTS["ferroelastic_softening"], rayleigh_per_V=1e-3, power=0.5, loss_ratio=1.0)
-    shot = Shot("displacement", "demagnetised", PERIOD_S / 100, pulses()[:600] + 5.0)
-    resonance = EFFECTS["ferroelastic_softening"].resonator(values, RESONANCE, shot)
-    found = resonance.motion(shot.drive_at_nodes_V, shot)
+    excitation = Excitation("displacement", "demagnetised", PERIOD_S / 100, pulses()[:600] + 5.0)
+    resonance = EFFECTS["ferroelastic_softening"].resonator(values, RESONANCE, excitation)
+    found = resonance.motion(excitation.drive_at_nodes_V, excitation)
     slips_V = (np.arange(400) + 0.5) * 0.75
     weights = 2e-3 * 0.75 * (slips_V / 100) ** 0.5
     x = 5.0
     for _ in range(200):
         x = 5.0 + weights @ np.clip(0.0, x - slips_V, x + slips_V)
     plays, p, steps = np.clip(0.0, x - slips_V, x + slips_V), 0.0, 40
-    h, omega0, rate = shot.step_s / steps, math.sqrt(HEAD.a0), HEAD.a1 / math.sqrt(HEAD.a0)
+    h, omega0, rate = excitation.step_s / steps, math.sqrt(HEAD.a0), HEAD.a1 / math.sqrt(HEAD.a0)
     expected = [x]
-    for before, after in pairwise(shot.drive_V):
+    for before, after in pairwise(excitation.drive_V):
         for part in (np.arange(steps) + 0.5) / steps:
             middle = x + 0.5 * h * omega0 * p
             plays = np.clip(plays, middle - slips_V, middle + slips_V)
@@ -340,19 +345,19 @@ TRUTHS = {
 
 @pytest.mark.parametrize(("name", "truth"), [(name, truth) for name, truths in TRUTHS.items() for truth in truths])
 def test_a_fit_from_the_starts_that_look_most_like_it_finds_the_truth(name, truth, damped_least_squares):
-    effect, shots = EFFECTS[name], session()
+    effect, excitations = EFFECTS[name], session()
     plant = Plant(HEAD)
-    bounds = limits(effect, HEAD, shots)
+    bounds = limits(effect, HEAD, excitations)
 
     def added(values):
         on = plant.with_effects([(effect, values)])
-        return np.concatenate([on.signal(shot) for shot in shots]) - base
+        return np.concatenate([on.signal(excitation) for excitation in excitations]) - base
 
-    base = np.concatenate([plant.signal(shot) for shot in shots])
+    base = np.concatenate([plant.signal(excitation) for excitation in excitations])
     seen = added(complete(effect, **truth))
     size = np.linalg.norm(seen)
     looks = []
-    for start in effect.starts(HEAD, shots):
+    for start in effect.starts(HEAD, excitations):
         column = added(start)
         factor = column @ seen / (column @ column)
         looks.append((abs(column @ seen) / np.linalg.norm(column), np.clip(factor, -3.0, 3.0), start))

@@ -9,9 +9,9 @@ import pytest
 from inkjet_env.estimate import Estimate
 from inkjet_env.identification import ModelledRecording
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
-from inkjet_env.mismatch.diagnosis import Attribution, Correction, Diagnosis, Named
+from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, HypothesisScore, NamedEffect
 from inkjet_env.mismatch.localization.location import Location
-from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.printhead import Printhead
 from inkjet_env.reporting.diagnosis_figures import augmented, left_densities
 from inkjet_env.reporting.diagnosis_report import (
@@ -40,9 +40,9 @@ VALUES = {"capacitive_s": 2.1e-8, "lossy": 4e-4, "lag_s": 0.0}
 
 def shown_by_effect(recording):
     """What feedthrough adds to a recording."""
-    shot = Shot(recording.channel, recording.initial_state, recording.step_s, recording.drive_V)
-    on = Plant(HEAD, effects=((EFFECTS["feedthrough"], VALUES),)).signal(shot)
-    return on - Plant(HEAD).signal(shot)
+    excitation = Excitation(recording.channel, recording.initial_state, recording.step_s, recording.drive_V)
+    on = Plant(HEAD, effects=((EFFECTS["feedthrough"], VALUES),)).signal(excitation)
+    return on - Plant(HEAD).signal(excitation)
 
 
 @pytest.fixture(scope="module")
@@ -73,9 +73,9 @@ def named():
             )
         )
     effect = EFFECTS["feedthrough"]
-    found = Named(
+    found = NamedEffect(
         effect,
-        effect.told(VALUES),
+        effect.description(VALUES),
         5312.4,
         0.005,
         {"capacitive_s": Estimate(2.1e-8, 2.07e-8, 2.13e-8), "lossy": Estimate(4e-4, 3.1e-4, 4.9e-4)},
@@ -89,7 +89,7 @@ def named():
     return Diagnosis(
         campaign="head-17",
         verdict="named",
-        headline=effect.told(VALUES),
+        headline=effect.description(VALUES),
         effects=(found,),
         candidates=(),
         location=Location(
@@ -99,9 +99,9 @@ def named():
         closure=0.9712,
         left_over=0.0,
         attributions=(
-            Attribution(("feedthrough",), 5312.4, 1711.0, 160.0, 1.0, 1.0, effect.told(VALUES)),
-            Attribution(("sensor_bandwidth",), 612.0, 90.0, 130.0, 0.11, 0.21, "The sensor passes up to 900 kHz."),
-            Attribution(
+            HypothesisScore(("feedthrough",), 5312.4, 1711.0, 160.0, 1.0, 1.0, effect.description(VALUES)),
+            HypothesisScore(("sensor_bandwidth",), 612.0, 90.0, 130.0, 0.11, 0.21, "The sensor passes up to 900 kHz."),
+            HypothesisScore(
                 ("sensor_bandwidth", "sensor_saturation"), 613.0, 80.0, 130.0, 0.11, math.nan, "Both <i>together</i>."
             ),
         ),
@@ -203,7 +203,7 @@ def test_every_recording_hypothesis_and_note_is_on_the_page(any_of_them):
     diagnosis, page = any_of_them
     text = text_of(page)
     assert all(re.search(rf"\b{r.name}\b", text) for r in diagnosis.recordings)
-    assert all(" + ".join(a.ids) in text and a.told in text for a in diagnosis.attributions)
+    assert all(" + ".join(a.ids) in text and a.description in text for a in diagnosis.attributions)
     assert all(note in text for note in diagnosis.notes)
     assert all(stage in text for stage in diagnosis.stages)
     assert all(f"{effect_id} {reason}" in text for effect_id, reason in diagnosis.untestable.items())
@@ -234,9 +234,9 @@ def test_what_only_held_out_recordings_speak_against_is_told_as_that(named):
 
 
 def test_a_page_does_not_doubt_what_its_verdict_names(named):
-    borne_out = text_of(diagnosis_html(replace(named, closure=-1.64)))
-    assert "but fitted to them too it explains them" in borne_out
-    assert "not believed" not in borne_out
+    explains_held_out_after_refit = text_of(diagnosis_html(replace(named, closure=-1.64)))
+    assert "but fitted to them too it explains them" in explains_held_out_after_refit
+    assert "not believed" not in explains_held_out_after_refit
     refused = replace(named, verdict="unknown", effects=(), left_over=0.0)
     poorly, alike = (text_of(diagnosis_html(replace(refused, closure=closure))) for closure in (0.3, 0.9))
     assert "does not explain those held out, so it is not named" in poorly

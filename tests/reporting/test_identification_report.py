@@ -12,7 +12,7 @@ from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.reporting.formatting import interval_text
-from inkjet_env.reporting.identification_figures import amplitude_densities, degree_figure, parts_of
+from inkjet_env.reporting.identification_figures import amplitude_densities, degree_figure, terms_of
 from inkjet_env.reporting.identification_report import (
     branches,
     broadest_recording,
@@ -266,7 +266,7 @@ def test_settings_tell_the_degree_by_every_rule(pages):
 
 def test_a_partly_held_out_recording_is_shown_in_both_parts(one_displacement):
     (recording,) = one_displacement.recordings
-    fitted, held_out = parts_of(recording)
+    fitted, held_out = terms_of(recording)
     assert (fitted.role, held_out.role) == ("fitted", "held out")
     assert fitted.samples.stop == held_out.samples.start == recording.fitted
     assert held_out.rms == pytest.approx(recording.rms())

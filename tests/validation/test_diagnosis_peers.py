@@ -10,7 +10,7 @@ from experiments.validation.baselines.sindy import said, sparse_force
 from experiments.validation.diagnosis_study import head_of
 from experiments.validation.synthetic_campaigns import GAUGE_GAIN, LINES, effect_named, record_planted
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.rig.battery import default_battery
 
 HEAD = head_of(0)
@@ -58,7 +58,7 @@ def signals_of(joint, force):
     return joint.modelled(joint.base) | {o.name: force.signal(o) for o in joint.observed if o.channel == "self_sensing"}
 
 
-def test_a_cubic_spring_is_found_as_one_and_foretells_held_out_recordings_better(cubic, force):
+def test_a_cubic_spring_is_found_as_one_and_predicts_held_out_recordings_better(cubic, force):
     assert ("cubic_stiffness",) in said(force.active)
     before = over_noise(cubic, cubic.modelled(cubic.base))
     assert over_noise(cubic, signals_of(cubic, force)) < 0.7 * before
@@ -82,7 +82,7 @@ def test_a_force_runs_as_the_effect_that_it_is(cubic, force):
     plant = cubic.base.head.plant([(effect_named("cubic_stiffness"), {"stiffening_per_V2": k})])
     for o in cubic.observed:
         if o.channel == "self_sensing" and not o.still:
-            theirs, without = plant.signal(o.shot), cubic.base.head.plant().signal(o.shot)
+            theirs, without = plant.signal(o.excitation), cubic.base.head.plant().signal(o.excitation)
             assert np.abs(force.signal(o) - theirs).max() < 0.01 * np.abs(theirs - without).max()
 
 
@@ -110,7 +110,7 @@ def test_the_network_learns_what_the_base_model_leaves(cubic, monkeypatch):
 def test_no_peer_sees_what_is_held_out(cubic, force, monkeypatch):
     monkeypatch.setattr("experiments.validation.baselines.narx.MOST_EPOCHS", 3)
     changed = [o if o.fitted else replace(o, measured=o.measured + 1) for o in cubic.observed]
-    other = JointFit(changed, cubic.noise, cubic.start, base=cubic.base)
+    other = OutputErrorFit(changed, cubic.noise, cubic.start, base=cubic.base)
     np.testing.assert_array_equal(sparse_force(other, "self_sensing").coefficients, force.coefficients)
     found, again = with_network(cubic, "self_sensing", 0), with_network(other, "self_sensing", 0)
     for name, signal in found.items():
@@ -155,7 +155,7 @@ def test_medians_leave_out_measured_recordings_and_what_has_nothing_planted():
     assert summary([]) == {"cases": 0, "median": {}, "judged": {}}
 
 
-def test_an_effect_that_nothing_foretells_is_refused_in_one_sentence(capsys):
+def test_an_effect_that_nothing_predicts_is_refused_in_one_sentence(capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["mains_hum"])
     assert stopped.value.code == 2

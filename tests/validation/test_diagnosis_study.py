@@ -67,9 +67,9 @@ def test_results_of_other_code_or_packages_are_not_gone_on_with(short_study, mon
     with pytest.raises(SystemExit) as ended:
         diagnosis_study.main(["null", "--seeds", "2", "--workers", "1"])
     assert ended.value.code == 2
-    told = capsys.readouterr().err
-    assert "cases.jsonl holds results of other code or packages: versions numpy is" in told
-    assert "and 0.1 here. Delete or rename that file" in told
+    verdict_record = capsys.readouterr().err
+    assert "cases.jsonl holds results of other code or packages: versions numpy is" in verdict_record
+    assert "and 0.1 here. Delete or rename that file" in verdict_record
     assert short_study.read_text() == before
     diagnosis_study.main(["summary"])  # they are of one code, if not of this one
     assert "null: 1 campaigns" in capsys.readouterr().out

@@ -56,7 +56,7 @@ def test_the_papers_polynomial_is_the_published_one():
     assert np.abs(law.Q(x) - truth.Q(x) / truth.Q(1)).max() < 2e-3
 
 
-def test_held_out_recordings_are_foretold_better_than_by_either_peer():
+def test_held_out_recordings_are_predicted_better_than_by_either_peer():
     errors = held_out_errors()
     assert errors["this package"] == pytest.approx(errors["noise"], rel=0.05)
     assert errors["the paper: one-point Q, then linear fit"] > 3 * errors["this package"]

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from experiments.validation.verdict_scores import Told, confusion, f1, share
+from experiments.validation.verdict_scores import VerdictRecord, confusion, f1, share
 
 
 def told(truth, verdict, found=(), *groups):
-    return Told(frozenset(truth), verdict, frozenset(found), tuple(frozenset(group) for group in groups))
+    return VerdictRecord(frozenset(truth), verdict, frozenset(found), tuple(frozenset(group) for group in groups))
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ import numpy as np
 from inkjet_env.mismatch import Diagnosis
 from inkjet_env.mismatch.fitting.base_model import NODES_A_PERIOD
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.dataset import Noise, Observed, finer, noise_seen, observe
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.plant import Plant
 from inkjet_env.recordings import Campaign
 from inkjet_env.typing import Real
@@ -23,7 +23,7 @@ ASIDE_EVERY = 4
 """Of the fitted conditions of a channel, one in so many is put aside to choose by."""
 
 
-def base_fit(campaign: Campaign, head: Head) -> JointFit:
+def base_fit(campaign: Campaign, head: Head) -> OutputErrorFit:
     """The base model of degree `DEGREE` on a campaign, from a head that is near; noise as the diagnosis sees it."""
     law = head.printhead.branch_law
     x = np.linspace(0, 1, 1001)
@@ -32,24 +32,24 @@ def base_fit(campaign: Campaign, head: Head) -> JointFit:
     printhead = replace(head.printhead, coefficients=(*(float(c) for c in coefficients[::-1]), 0.0))
     head = replace(head, printhead=printhead)
     observed = tuple(o for o in observe(campaign) if o.channel != "drive_monitor")  # which is no sensor of the head
-    coarsest_s = max(o.shot.step_s for o in observed if o.shot.fast)
+    coarsest_s = max(o.excitation.step_s for o in observed if o.excitation.fast)
     observed = finer(observed, 2 * math.ceil(NODES_A_PERIOD * head.printhead.frequency_Hz * coarsest_s / 2))
 
     def noise(signals: Mapping[str, Real]) -> Noise:
         return noise_seen(observed, {o.name: o.measured - signals[o.name] for o in observed}, {})
 
-    first = JointFit(observed, noise({o.name: head.plant().signal(o.shot) for o in observed}), head)
-    return JointFit(observed, noise(first.modelled(first.base)), first.base.head)
+    first = OutputErrorFit(observed, noise({o.name: head.plant().signal(o.excitation) for o in observed}), head)
+    return OutputErrorFit(observed, noise(first.modelled(first.base)), first.base.head)
 
 
 def base_of(found: Diagnosis, campaign: Campaign) -> Head:
     """The base model of a diagnosis, gains and offsets read from its signals."""
     plant = Plant(found.base_printhead, {"self_sensing": found.base_printhead.b1})
-    shots = {o.name: o.shot for o in observe(campaign)}
+    excitations = {o.name: o.excitation for o in observe(campaign)}
     gains, offsets = {}, {}
     for channel in sorted({recording.channel for recording in found.recordings}):
         mine = [recording for recording in found.recordings if recording.channel == channel]
-        shown = np.concatenate([plant.motion(shots[r.name].drive_at_nodes_V, shots[r.name]) for r in mine])
+        shown = np.concatenate([plant.motion(excitations[r.name].drive_at_nodes_V, excitations[r.name]) for r in mine])
         size = float(np.abs(shown).max())
         table = np.column_stack([shown / size, np.ones(shown.size)])
         gain, offset = np.linalg.lstsq(table, np.concatenate([r.modelled["base"] for r in mine]), rcond=None)[0]
@@ -57,7 +57,9 @@ def base_of(found: Diagnosis, campaign: Campaign) -> Head:
     return Head(found.base_printhead, gains, offsets)
 
 
-def over_noise(joint: JointFit, modelled: Mapping[str, Real], chosen: Sequence[Observed] | None = None) -> float:
+def over_noise(
+    joint: OutputErrorFit, modelled: Mapping[str, Real], chosen: Sequence[ObservedRecording] | None = None
+) -> float:
     """RMS of what a model leaves, whitened; of the held-out samples, or of the fitted ones of chosen recordings.
 
     NaN where the model has no signal.
@@ -68,7 +70,9 @@ def over_noise(joint: JointFit, modelled: Mapping[str, Real], chosen: Sequence[O
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def put_aside(joint: JointFit, channel: str, fold: int = 1) -> tuple[list[Observed], list[Observed]]:
+def put_aside(
+    joint: OutputErrorFit, channel: str, fold: int = 1
+) -> tuple[list[ObservedRecording], list[ObservedRecording]]:
     """The fitted recordings of a channel: those to fit, and those to choose by, whole conditions of them."""
     mine = [o for o in joint.seen if o.channel == channel and not o.still]
     conditions = sorted({o.condition for o in mine})

@@ -8,12 +8,12 @@ base
     nothing.
 base, as diagnosed
     The base model that the diagnosis compares its own with: its law has as many powers as the recordings seem to ask
-    for, which is more where something is left out, and then foretells less well.
+    for, which is more where something is left out, and then predicts less well.
 pysindy
     A sparse polynomial of degree 3 in deflection ``x``, scaled speed ``p = x'/ω0`` and hysteretic drive ``v``, and the
     drive's rate ``w = v'/ω0``, as a further force on the resonator (of ``v`` and ``w``, as a further signal, for a
     strain gauge); by pysindy's library and STLSQ. Every term goes through the base model's resonator before the
-    regression, so that noise is never differentiated. The threshold is the sparsest that foretells recordings put
+    regression, so that noise is never differentiated. The threshold is the sparsest that predicts recordings put
     aside, each once, no worse than the best one does, within a standard error of the logarithm. What it names is read
     from its terms:
 
@@ -31,7 +31,7 @@ pysindy
     ======================  =================================================================================
 narx
     A neural network on the base model's signal, the drive and the hysteretic drive, now and before, added to the base
-    model's signal; stopped where it foretells recordings put aside best. Names nothing.
+    model's signal; stopped where it predicts recordings put aside best. Names nothing.
 flexible
     The ridge regression by which the diagnosis tells whether anything is left. Names nothing.
 diagnosis
@@ -54,10 +54,10 @@ import numpy as np
 from experiments.validation.baselines.base_fit import base_fit, base_of, over_noise, put_aside
 from experiments.validation.baselines.narx import with_network
 from experiments.validation.baselines.sindy import said, sparse_force
-from experiments.validation.diagnosis_study import Case, cases, recorded, told
+from experiments.validation.diagnosis_study import Case, cases, recorded, verdict_record
 from experiments.validation.synthetic_campaigns import effect_named
 from inkjet_env.mismatch import Diagnosis, diagnose
-from inkjet_env.mismatch.selection.discrepancy_regression import flexible_residual
+from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.hypotheses import base_hypothesis
 from inkjet_env.progress import shown_progress
 from inkjet_env.recordings import Campaign, read_campaign
@@ -92,8 +92,8 @@ def compared(campaign: Campaign, found: Diagnosis, seed: int) -> dict[str, Any]:
         sparse |= {o.name: force.signal(o) for o in joint.observed if o.channel == channel}
         network |= with_network(joint, channel, seed)
     base = base_hypothesis(joint)
-    added = flexible_residual(base).modelled
-    left = [(base.fit.left[o.name] - added[o.name])[o.rows(held_out=True)] for o in joint.observed]
+    added = discrepancy_regression(base).modelled
+    residuals = [(base.fit.residuals[o.name] - added[o.name])[o.rows(held_out=True)] for o in joint.observed]
     first = next(o for o in joint.observed if o.channel == found.main_channel)
     errors = {
         "base": over_noise(joint, modelled),
@@ -102,7 +102,7 @@ def compared(campaign: Campaign, found: Diagnosis, seed: int) -> dict[str, Any]:
         ),
         "pysindy": over_noise(joint, sparse),
         "narx": over_noise(joint, network),
-        "flexible": float(np.sqrt(np.mean(np.concatenate(left) ** 2))),
+        "flexible": float(np.sqrt(np.mean(np.concatenate(residuals) ** 2))),
         "diagnosis": over_noise(
             joint, {recording.name: recording.modelled["augmented"] for recording in found.recordings}
         ),
@@ -135,7 +135,7 @@ def _told(campaign: Campaign, truth: Sequence[str] | None, seed: int) -> dict[st
     row |= {"name": campaign.name if truth is None else "+".join(truth) or "nothing", "diagnosis": verdict}
     row["said"] = [list(group) for group in groups]
     if truth is not None:
-        right = {"diagnosis": told({"effects": truth} | verdict).judged, "pysindy": verdict_on(groups, truth)}
+        right = {"diagnosis": verdict_record({"effects": truth} | verdict).judged, "pysindy": verdict_on(groups, truth)}
         row["judged"] = {peer: right.get(peer, verdict_on((), truth)) for peer in PEERS}
     return row
 
@@ -163,7 +163,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     for row in rows:
         names = "; ".join(" or ".join(group) for group in row["said"]) or "-"
         verdict = row["diagnosis"]
-        told = " + ".join(verdict["found"]) or verdict["verdict"]
+        verdict_record = " + ".join(verdict["found"]) or verdict["verdict"]
         count = sum(len(terms) for terms in row["terms"].values())
         judgement = row.get("judged", {})
         lines.append(
@@ -171,7 +171,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
                 row["name"],
                 *(f"{_error(row, p):.3g}" for p in PEERS),
                 f"{names} ({count} terms): {judgement.get('pysindy', '')}",
-                f"{told}: {judgement.get('diagnosis', '')}",
+                f"{verdict_record}: {judgement.get('diagnosis', '')}",
             )
         )
     whole = summary(rows)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from experiments.validation.baselines.base_fit import put_aside
-from inkjet_env.mismatch.fitting.dataset import Observed
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.typing import Real
 
 LAGS = (0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1, 1.5, 2, 3, 4.5)
@@ -18,7 +18,7 @@ LAGS = (0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1, 1.5, 2, 3, 4.5)
 HIDDEN, MOST_EPOCHS, PATIENCE, BATCH, RATE = 32, 200, 25, 1024, 2e-3
 
 
-def with_network(joint: JointFit, channel: str, seed: int) -> dict[str, Real]:
+def with_network(joint: OutputErrorFit, channel: str, seed: int) -> dict[str, Real]:
     """Signals of one channel with a neural network's correction."""
     import torch
 
@@ -32,10 +32,10 @@ def with_network(joint: JointFit, channel: str, seed: int) -> dict[str, Real]:
     centre, spread = seen.mean(axis=0), seen.std(axis=0)
     spread[spread == 0] = np.inf
 
-    def rows(chosen: Sequence[Observed]) -> Any:
-        left = [(o.measured - base[o.name])[: o.fitted] for o in chosen]
+    def rows(chosen: Sequence[ObservedRecording]) -> Any:
+        residuals = [(o.measured - base[o.name])[: o.fitted] for o in chosen]
         inputs = np.concatenate([tables[o.name][: o.fitted] for o in chosen])
-        return tensor(inputs), torch.as_tensor(np.concatenate(left)[:, None] / size, dtype=torch.float32)
+        return tensor(inputs), torch.as_tensor(np.concatenate(residuals)[:, None] / size, dtype=torch.float32)
 
     def tensor(table: Real) -> Any:
         return torch.as_tensor((table - centre) / spread, dtype=torch.float32)
@@ -50,33 +50,33 @@ def with_network(joint: JointFit, channel: str, seed: int) -> dict[str, Real]:
     for last in network[-1].parameters():
         torch.nn.init.zeros_(last)
     optimizer = torch.optim.Adam(network.parameters(), lr=RATE)
-    best, kept, waited = math.inf, network.state_dict(), 0
+    best, checkpoint, waited = math.inf, network.state_dict(), 0
     for _ in range(MOST_EPOCHS):
         with torch.no_grad():
             error = float(torch.mean((network(unseen) - wanted) ** 2))
         waited += 1
         if error < best:
             best, waited = error, 0
-            kept = {name: value.clone() for name, value in network.state_dict().items()}
+            checkpoint = {name: value.clone() for name, value in network.state_dict().items()}
         if waited > PATIENCE:
             break
         for chosen in np.array_split(order.permutation(len(inputs)), math.ceil(len(inputs) / BATCH)):
             optimizer.zero_grad()
             torch.mean((network(inputs[chosen]) - target[chosen]) ** 2).backward()
             optimizer.step()
-    network.load_state_dict(kept)
+    network.load_state_dict(checkpoint)
     with torch.no_grad():
         return {name: base[name] + size * network(tensor(table)).numpy()[:, 0] for name, table in tables.items()}
 
 
-def _lagged(joint: JointFit, o: Observed, base: Real) -> Real:
+def _lagged(joint: OutputErrorFit, o: ObservedRecording, base: Real) -> Real:
     """Drive, hysteretic drive and the base model's signal, now and before, shape (n, k)."""
     head = joint.base.head
-    period = 1 / (head.printhead.frequency_Hz * o.shot.step_s) if o.shot.fast else 100.0
-    hysteretic_V = o.shot.sampled(head.plant().hysteretic_V(o.shot.drive_at_nodes_V, o.shot))
+    period = 1 / (head.printhead.frequency_Hz * o.excitation.step_s) if o.excitation.fast else 100.0
+    hysteretic_V = o.excitation.sampled(head.plant().hysteretic_V(o.excitation.drive_at_nodes_V, o.excitation))
     columns = []
     for lag in dict.fromkeys(round(lag * period) for lag in LAGS):
-        places = np.arange(o.shot.samples) - lag
-        places = places % o.shot.samples if o.shot.periodic else np.maximum(places, 0)
-        columns += [o.shot.drive_V[places], hysteretic_V[places], base[places]]
+        places = np.arange(o.excitation.samples) - lag
+        places = places % o.excitation.samples if o.excitation.periodic else np.maximum(places, 0)
+        columns += [o.excitation.drive_V[places], hysteretic_V[places], base[places]]
     return np.column_stack(columns)

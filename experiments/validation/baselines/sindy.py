@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from experiments.validation.baselines.base_fit import ASIDE_EVERY, over_noise, put_aside
-from inkjet_env.mismatch.fitting.dataset import Observed
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.plant import Resonance, Shot
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.plant import Excitation, Resonance
 from inkjet_env.typing import Real
 
 THRESHOLDS = (2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 2.0)
@@ -46,7 +46,7 @@ class SparseForce:
         In hysteretic volts.
     """
 
-    joint: JointFit
+    joint: OutputErrorFit
     sizes: Real
     coefficients: Real
 
@@ -63,7 +63,7 @@ class SparseForce:
         names = [*_library(len(variables)).get_feature_names(variables), "w"]
         return tuple(name for name, c in zip(names, self.coefficients, strict=True) if c)
 
-    def signal(self, o: Observed) -> Real:
+    def signal(self, o: ObservedRecording) -> Real:
         """Free run, shape (n,): motion and force found in turn until they agree; NaN where they never do."""
         plant = self.joint.base.head.plant()
         shown, variables = _motion(self.joint, o, np.zeros(_fine(o).samples))
@@ -75,7 +75,7 @@ class SparseForce:
                 return plant.gain(o.channel) * shown + plant.offsets[o.channel]
             if not change < MOST_CHANGE_V:
                 break
-        return np.full(o.shot.samples, np.nan)
+        return np.full(o.excitation.samples, np.nan)
 
 
 def _library(variables: int) -> Any:
@@ -84,22 +84,22 @@ def _library(variables: int) -> Any:
     return PolynomialLibrary(degree=3).fit(np.zeros((2, variables)))
 
 
-def _fine(o: Observed) -> Shot:
+def _fine(o: ObservedRecording) -> Excitation:
     """The shot with every second node a sample."""
-    shot, pairs = o.shot, o.shot.parts // 2
-    drive_V = np.ascontiguousarray(shot.drive_at_nodes_V[::2])
-    return replace(shot, step_s=shot.step_s / pairs, drive_V=drive_V, parts=2, kept={})
+    excitation, pairs = o.excitation, o.excitation.substeps // 2
+    drive_V = np.ascontiguousarray(excitation.drive_at_nodes_V[::2])
+    return replace(excitation, step_s=excitation.step_s / pairs, drive_V=drive_V, substeps=2, cache={})
 
 
-def _motion(joint: JointFit, o: Observed, force_V: Real) -> tuple[Real, Real]:
+def _motion(joint: OutputErrorFit, o: ObservedRecording, force_V: Real) -> tuple[Real, Real]:
     """What the channel shows for a gain of 1, at the samples, and the variables, shape (fine samples, k)."""
     printhead = joint.base.head.printhead
-    fine, pairs = _fine(o), o.shot.parts // 2
-    drive_V = joint.base.head.plant().hysteretic_V(o.shot.drive_at_nodes_V, o.shot)
+    fine, pairs = _fine(o), o.excitation.substeps // 2
+    drive_V = joint.base.head.plant().hysteretic_V(o.excitation.drive_at_nodes_V, o.excitation)
     omega0 = math.sqrt(printhead.a0)
     hysteretic_V = fine.sampled(drive_V)
     rate_V = np.gradient(hysteretic_V) / np.float64(fine.step_s * omega0)
-    if not o.shot.fast:
+    if not o.excitation.fast:
         return (hysteretic_V - force_V)[::pairs], np.column_stack([hysteretic_V, rate_V])
     fine = replace(fine, start=joint.base.states.get(o.name, (0.0, 0.0)))
     resonance = Resonance(printhead.a0, printhead.a1, printhead.a0)
@@ -110,7 +110,7 @@ def _motion(joint: JointFit, o: Observed, force_V: Real) -> tuple[Real, Real]:
     return shown, np.column_stack([deflection_V, speed * omega0, hysteretic_V, rate_V])
 
 
-def sparse_force(joint: JointFit, channel: str) -> SparseForce:
+def sparse_force(joint: OutputErrorFit, channel: str) -> SparseForce:
     """Fitted to one channel."""
     folds = [put_aside(joint, channel, fold) for fold in range(ASIDE_EVERY)]
     everything = [*folds[0][0], *folds[0][1]]
@@ -118,14 +118,14 @@ def sparse_force(joint: JointFit, channel: str) -> SparseForce:
     sizes = np.max([np.abs(table).max(axis=0) for table in variables.values()], axis=0)
     none = SparseForce(joint, sizes, np.zeros(_library(sizes.size - 1).n_output_features_ + 1))
     columns = {o.name: _as_seen(joint, o, none.terms(variables[o.name])) for o in everything}
-    left = {o.name: joint.base.left[o.name][: o.fitted] for o in everything}
+    residuals = {o.name: joint.base.residuals[o.name][: o.fitted] for o in everything}
 
-    def fitted(chosen: Sequence[Observed], threshold: float) -> SparseForce:
+    def fitted(chosen: Sequence[ObservedRecording], threshold: float) -> SparseForce:
         table = np.concatenate([columns[o.name] for o in chosen])
-        target = np.concatenate([left[o.name] for o in chosen])
+        target = np.concatenate([residuals[o.name] for o in chosen])
         return replace(none, coefficients=_sparse(table, target, threshold))
 
-    def errors(force: SparseForce, aside: Sequence[Observed]) -> list[float]:
+    def errors(force: SparseForce, aside: Sequence[ObservedRecording]) -> list[float]:
         return [over_noise(joint, {o.name: force.signal(o)}, [o]) ** 2 for o in aside]
 
     tried = np.log([[error for fit, aside in folds for error in errors(fitted(fit, t), aside)] for t in THRESHOLDS])
@@ -138,15 +138,15 @@ def sparse_force(joint: JointFit, channel: str) -> SparseForce:
     return none
 
 
-def _as_seen(joint: JointFit, o: Observed, terms: Real) -> Real:
+def _as_seen(joint: OutputErrorFit, o: ObservedRecording, terms: Real) -> Real:
     """What each term adds to a recording to first order, whitened; fitted rows, shape (rows, terms)."""
     printhead, gain = joint.base.head.printhead, joint.base.head.plant().gain(o.channel)
-    fine, pairs = replace(_fine(o), start=(0.0, 0.0)), o.shot.parts // 2
+    fine, pairs = replace(_fine(o), start=(0.0, 0.0)), o.excitation.substeps // 2
     resonance = Resonance(printhead.a0, printhead.a1, printhead.a0)
     added = []
     for term in terms.T:
         pushed = -np.ascontiguousarray(term)
-        added.append(gain * (resonance.motion(fine.refined(pushed), fine) if o.shot.fast else pushed)[::pairs])
+        added.append(gain * (resonance.motion(fine.refined(pushed), fine) if o.excitation.fast else pushed)[::pairs])
     return joint.whitened(o, np.column_stack(added))[: o.fitted]
 
 

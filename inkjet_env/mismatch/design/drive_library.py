@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inkjet_env.mismatch.fitting.dataset import Observed
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.localization.views import largest_V
-from inkjet_env.plant import Shot
+from inkjet_env.plant import Excitation
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.typing import Real
 
@@ -95,13 +95,13 @@ class Proposal:
     ----------
     words : str
         "under a pulse of …".
-    shot : Shot
+    excitation : Shot
     train : Train or None
         The pulses that it is made of, which may still be changed.
     """
 
     words: str
-    shot: Shot
+    excitation: Excitation
     train: Train | None = None
 
 
@@ -131,11 +131,11 @@ class Bench:
     order: int
     neighbour: bool
 
-    def shot(self, drive_V: Real, initial_state: str = "", neighbour_V: Real | None = None) -> Shot:
+    def excitation(self, drive_V: Real, initial_state: str = "", neighbour_V: Real | None = None) -> Excitation:
         """A shot of this channel."""
         if neighbour_V is None and self.neighbour:
             neighbour_V = np.zeros(drive_V.size)
-        return Shot(
+        return Excitation(
             self.channel, initial_state or self.initial_state, self.step_s, drive_V, self.order, neighbour_V=neighbour_V
         )
 
@@ -150,7 +150,7 @@ class Bench:
         samples = max(self.samples(periods), math.ceil((time_s[-1] + self.period_s) / self.step_s))
         before_s = min(0.2 * self.period_s, 0.02 * samples * self.step_s)
         drive = np.interp(self.step_s * np.arange(samples), before_s + np.array(time_s), drive_V)
-        return Proposal(f"under {train.words}{self._told(samples)}", self.shot(drive), train)
+        return Proposal(f"under {train.words}{self._told(samples)}", self.excitation(drive), train)
 
     def changed(self, train: Train, periods: float, height: float, times: Sequence[float]) -> Proposal | None:
         """With height and times (edges, dwell, gap if there is one) multiplied; None beyond what the campaign dared."""
@@ -169,28 +169,28 @@ class Bench:
         return f", once, recorded for {with_prefix(samples * self.step_s, 's')}"
 
 
-def benches(observed: Sequence[Observed], frequency_Hz: float) -> list[Bench]:
+def benches(observed: Sequence[ObservedRecording], frequency_Hz: float) -> list[Bench]:
     """One for each channel of a campaign, at its most frequent sampling step."""
-    high = max(float(o.shot.drive_V.max()) for o in observed)
-    low = min(float(o.shot.drive_V.min()) for o in observed)
+    high = max(float(o.excitation.drive_V.max()) for o in observed)
+    low = min(float(o.excitation.drive_V.min()) for o in observed)
     most = max(largest_V(o) for o in observed)
     found = []
     for channel in sorted({o.channel for o in observed}):
         mine = [o for o in observed if o.channel == channel]
         keys = [o.noise_key for o in mine]
         usual = max(sorted(set(keys)), key=keys.count)
-        shot = next(o.shot for o in mine if o.noise_key == usual)
-        states = {o.shot.initial_state for o in mine}
+        excitation = next(o.excitation for o in mine if o.noise_key == usual)
+        states = {o.excitation.initial_state for o in mine}
         found.append(
             Bench(
                 channel,
                 "periodic" if "periodic" in states else "demagnetised",
-                shot.step_s,
+                excitation.step_s,
                 1 / frequency_Hz,
                 high if high > REACHES * most else 0.0,
                 low if low < -REACHES * most else 0.0,
-                1 + max(o.shot.order for o in observed),
-                any(o.shot.neighbour_V is not None for o in mine),
+                1 + max(o.excitation.order for o in observed),
+                any(o.excitation.neighbour_V is not None for o in mine),
             )
         )
     return found
@@ -232,13 +232,15 @@ def fast_library(bench: Bench) -> list[Proposal]:
         told = (
             f"under a step to {with_prefix(level, 'V')} in {with_prefix(usual, 's')}, held, from the demagnetised state"
         )
-        found.append(Proposal(told, bench.shot(drive, "demagnetised")))
+        found.append(Proposal(told, bench.excitation(drive, "demagnetised")))
     silence = np.zeros(bench.samples(MULTISINE))
     told = f"with zero drive for {with_prefix(silence.size * bench.step_s, 's')}"
-    found.append(Proposal(told, bench.shot(silence, "demagnetised")))
+    found.append(Proposal(told, bench.excitation(silence, "demagnetised")))
     if bench.neighbour:
         pulse = bench.pulses(Train((most if bench.high_V else -most,), usual, 0.35 * period_s))
-        alone = replace(pulse.shot, drive_V=np.zeros(pulse.shot.samples), neighbour_V=pulse.shot.drive_V, kept={})
+        alone = replace(
+            pulse.excitation, drive_V=np.zeros(pulse.excitation.samples), neighbour_V=pulse.excitation.drive_V, cache={}
+        )
         told = f"with this channel at 0 V and the neighbouring one {pulse.words}"
         found.append(Proposal(told, alone))
     return found
@@ -256,20 +258,22 @@ def slow_library(bench: Bench) -> list[Proposal]:
         told = (
             f"under a sine from {with_prefix(bench.low_V, 'V')} to {with_prefix(bench.high_V, 'V')} with a period of "
         )
-        found.append(Proposal(told + with_prefix(step_s * SLOW_SAMPLES / turns, "s"), bench.shot(drive, "periodic")))
+        found.append(
+            Proposal(told + with_prefix(step_s * SLOW_SAMPLES / turns, "s"), bench.excitation(drive, "periodic"))
+        )
     for level in (v for v in (bench.high_V, bench.low_V) if v):
         for height in (1.0, 0.5):
             drive = np.full(HOLD_SAMPLES, height * level)
             drive[:10] = 0.0
             held_s = (HOLD_SAMPLES - 10) * bench.step_s
             told = f"under a step to {with_prefix(height * level, 'V')}, held for {with_prefix(held_s, 's')}"
-            found.append(Proposal(told, bench.shot(drive, "demagnetised")))
+            found.append(Proposal(told, bench.excitation(drive, "demagnetised")))
     corners = np.array([0, bench.high_V, bench.low_V, bench.high_V, middle, bench.high_V, 0])
     nested = np.interp(np.linspace(0, corners.size - 1, SLOW_SAMPLES), np.arange(corners.size), corners)
     told = f"under nested loops up to {with_prefix(most, 'V')} in {with_prefix(SLOW_SAMPLES * bench.step_s, 's')}"
-    found.append(Proposal(told, bench.shot(nested, "demagnetised")))
+    found.append(Proposal(told, bench.excitation(nested, "demagnetised")))
     silence_s = with_prefix(SLOW_SAMPLES * bench.step_s, "s")
-    found.append(Proposal(f"with zero drive for {silence_s}", bench.shot(np.zeros(SLOW_SAMPLES), "demagnetised")))
+    found.append(Proposal(f"with zero drive for {silence_s}", bench.excitation(np.zeros(SLOW_SAMPLES), "demagnetised")))
     return found
 
 
@@ -286,4 +290,4 @@ def _multisine(bench: Bench, peak_V: float, last: float) -> Proposal:
         f"under a multisine of {with_prefix(peak_V, 'V')} peak with lines from {with_prefix(lowest_Hz, 'Hz')} to "
         f"{with_prefix(highest_Hz, 'Hz')}, every {with_prefix(2 / (n * bench.step_s), 'Hz')}"
     )
-    return Proposal(told, bench.shot(peak_V * drive / np.abs(drive).max(), "periodic"))
+    return Proposal(told, bench.excitation(peak_V * drive / np.abs(drive).max(), "periodic"))

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from inkjet_env.mismatch.design.drive_library import Proposal, benches, library
-from inkjet_env.mismatch.fitting.dataset import Noise, Observed
-from inkjet_env.mismatch.fitting.fit_result import Fit, split
+from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
+from inkjet_env.mismatch.fitting.fit_result import FitResult, split
 from inkjet_env.mismatch.fitting.joint_fit import DIFFERENCE
 from inkjet_env.mismatch.localization.views import CHANNELS, largest_V
-from inkjet_env.plant import Effect, Shot, catalogue
+from inkjet_env.plant import Effect, Excitation, catalogue
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.typing import Real
@@ -80,7 +80,9 @@ class _Judged:
         return int(np.argmin(self.separations))
 
 
-def next_experiment(fits: Sequence[Fit], noise: Noise, observed: Sequence[Observed]) -> NextExperiment | None:
+def next_experiment(
+    fits: Sequence[FitResult], noise: Noise, observed: Sequence[ObservedRecording]
+) -> NextExperiment | None:
     """The recording that best separates the candidates that explain a campaign equally well.
 
     Parameters
@@ -123,32 +125,36 @@ def next_experiment(fits: Sequence[Fit], noise: Noise, observed: Sequence[Observ
 class _Judge:
     """Predictions of the candidates, and how far what the campaign tells lets each adapt."""
 
-    def __init__(self, fits: Sequence[Fit], noise: Noise, observed: Sequence[Observed]) -> None:
+    def __init__(self, fits: Sequence[FitResult], noise: Noise, observed: Sequence[ObservedRecording]) -> None:
         self.fits, self.noise, self.observed = tuple(fits), noise, tuple(observed)
         self.pairs = tuple(itertools.combinations(range(len(fits)), 2))
         seen = [o for o in observed if o.fitted]
         base = np.concatenate([noise.whitened(o, fits[0].head.sensitivities(o))[: o.fitted] for o in seen])
         self.told: list[Real] = []
         for fit in fits:
-            self.told.append(np.asarray(np.linalg.qr(np.column_stack([base, fit.slopes]), mode="r")))
+            self.told.append(np.asarray(np.linalg.qr(np.column_stack([base, fit.jacobian]), mode="r")))
 
-    def recording(self, shot: Shot) -> Observed:
+    def recording(self, excitation: Excitation) -> ObservedRecording:
         """A shot as a recording still to be taken."""
-        unit = next(o.unit for o in self.observed if o.channel == shot.channel)
-        return Observed("next", shot.channel, unit, -1, shot, np.zeros(shot.samples), shot.samples)
+        unit = next(o.unit for o in self.observed if o.channel == excitation.channel)
+        return ObservedRecording(
+            "next", excitation.channel, unit, -1, excitation, np.zeros(excitation.samples), excitation.samples
+        )
 
     def judged(self, proposal: Proposal) -> _Judged | None:
         """How well a proposal separates each pair; None where a candidate cannot tell what it would show."""
-        shot = proposal.shot
-        o = self.recording(shot)
+        excitation = proposal.excitation
+        o = self.recording(excitation)
         if o.noise_key not in self.noise.models:
             return None
         try:
-            signals = [fit.head.plant(fit.with_values).signal(shot) for fit in self.fits]
-            columns = [np.column_stack([fit.head.sensitivities(o), _slopes(fit, shot)]) for fit in self.fits]
+            signals = [fit.head.plant(fit.with_values).signal(excitation) for fit in self.fits]
+            columns = [np.column_stack([fit.head.sensitivities(o), _slopes(fit, excitation)]) for fit in self.fits]
         except NUMERICAL:
             return None
-        largest = max(float(np.abs(other.measured).max()) for other in self.observed if other.channel == shot.channel)
+        largest = max(
+            float(np.abs(other.measured).max()) for other in self.observed if other.channel == excitation.channel
+        )
         if not all(float(np.abs(signal).max()) <= PLAUSIBLE * largest for signal in signals):
             return None
         white = [self.noise.whitened(o, c) for c in columns]
@@ -174,10 +180,12 @@ class _Judge:
         noise_V = self.monitor_noise_V
         best = None
         for judged in tried:
-            shot = judged.proposal.shot
-            if not shot.fast:
+            excitation = judged.proposal.excitation
+            if not excitation.fast:
                 continue
-            voltages = [shot.sampled(fit.head.plant(fit.with_values).at_ceramic_V(shot)) for fit in self.fits]
+            voltages = [
+                excitation.sampled(fit.head.plant(fit.with_values).at_ceramic_V(excitation)) for fit in self.fits
+            ]
             apart = [voltages[i] - voltages[j] for i, j in self.pairs]
             found = _Judged(
                 judged.proposal,
@@ -208,20 +216,22 @@ def _adapted(told: Real, columns: Real, difference: Real) -> tuple[Real, float]:
     return np.asarray(step / size), float(remains @ remains)
 
 
-def _slopes(fit: Fit, shot: Shot) -> Real:
+def _slopes(fit: FitResult, excitation: Excitation) -> Real:
     """Derivatives of a signal with respect to the coordinates of a candidate's effects, shape (n, k)."""
     parameters = [p for effect in fit.effects for p in effect.parameters]
-    columns = np.zeros((shot.samples, len(parameters)))
+    columns = np.zeros((excitation.samples, len(parameters)))
     if not parameters:
         return columns
-    here = fit.head.plant(fit.with_values).signal(shot)
+    here = fit.head.plant(fit.with_values).signal(excitation)
     for k, parameter in enumerate(parameters):
         low, high = parameter.bounds
-        wide = 1.0 if parameter.scale == "log" else max(abs(float(fit.point[k])), 1e-6 * (high - low))
+        wide = 1.0 if parameter.scale == "log" else max(abs(float(fit.theta[k])), 1e-6 * (high - low))
         size = DIFFERENCE * wide
-        there = fit.point.copy()
+        there = fit.theta.copy()
         there[k] += -size if there[k] + size > high else size
-        columns[:, k] = (fit.head.plant(split(fit.effects, there)).signal(shot) - here) / (there[k] - fit.point[k])
+        columns[:, k] = (fit.head.plant(split(fit.effects, there)).signal(excitation) - here) / (
+            there[k] - fit.theta[k]
+        )
     return columns
 
 
@@ -229,18 +239,18 @@ def _refined(best: _Judged, judge: _Judge) -> _Judged:
     """The best pulses with height, edges, dwell and gap improved; as they are where they are no pulses."""
     from scipy.optimize import minimize
 
-    train, shot = best.proposal.train, best.proposal.shot
+    train, excitation = best.proposal.train, best.proposal.excitation
     if train is None:
         return best
     bench = next(
-        b for b in benches(judge.observed, judge.fits[0].head.printhead.frequency_Hz) if b.channel == shot.channel
+        b for b in benches(judge.observed, judge.fits[0].head.printhead.frequency_Hz) if b.channel == excitation.channel
     )
-    periods = shot.samples * shot.step_s / bench.period_s
+    periods = excitation.samples * excitation.step_s / bench.period_s
     found = best
 
-    def loss(point: Real) -> float:
+    def loss(theta: Real) -> float:
         nonlocal found
-        height, *times = (float(factor) for factor in np.exp(point))
+        height, *times = (float(factor) for factor in np.exp(theta))
         proposal = bench.changed(train, periods, height, times)
         judged = judge.judged(proposal) if proposal is not None else None
         if judged is None:
@@ -257,38 +267,40 @@ def _refined(best: _Judged, judge: _Judge) -> _Judged:
 
 def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
     """A proposal in words, with what the candidates that it separates worst would say."""
-    shot = judged.proposal.shot
+    excitation = judged.proposal.excitation
     separation, difference = judged.separations[judged.least], judged.differences[judged.least]
     i, j = judge.pairs[judged.least]
     if at_head:
         unit, noise = "V", judge.monitor_noise_V
         start, place = "Record the voltage at the head as well (column drive_monitor_V)", "there "
     else:
-        o = judge.recording(shot)
+        o = judge.recording(excitation)
         unit, noise = o.unit, judge.noise.models[o.noise_key].rms
-        start, place = f"Record {CHANNELS[shot.channel]}", ""
+        start, place = f"Record {CHANNELS[excitation.channel]}", ""
     names = f"{_named(judge.fits[i])} and {_named(judge.fits[j])}"
     size = f"{with_prefix(difference, unit)}, {float(f'{difference / noise:.2g}'):g} times the noise"
     said = f"{start} {judged.proposal.words}: {names} would differ {place}by up to {size}"
     if separation < ENOUGH:
         said += f"; take it {math.ceil(ENOUGH / max(separation, 1e-300))} times"
-    drive = tuple(float(v) for v in shot.drive_V)
-    return NextExperiment(said + ".", shot.channel, shot.initial_state, shot.step_s, drive, separation)
+    drive = tuple(float(v) for v in excitation.drive_V)
+    return NextExperiment(
+        said + ".", excitation.channel, excitation.initial_state, excitation.step_s, drive, separation
+    )
 
 
-def _named(fit: Fit) -> str:
+def _named(fit: FitResult) -> str:
     return " with ".join(name.replace("_", " ") for name in fit.ids) or "no effect at all"
 
 
-def _in_words(effects: Sequence[Effect], observed: Sequence[Observed]) -> NextExperiment | None:
+def _in_words(effects: Sequence[Effect], observed: Sequence[ObservedRecording]) -> NextExperiment | None:
     """What shows some effects, or those that the campaign cannot show, where no drive can be computed."""
     if effects:
         ways = list(dict.fromkeys(effect.shown_by for effect in effects))
         return NextExperiment(f"What would tell: {'; and '.join(ways)}.")
-    shots = [o.shot for o in observed]
+    excitations = [o.excitation for o in observed]
     unseen: dict[str, list[str]] = {}
     for effect in catalogue():
-        if effect.untestable(shots):
+        if effect.untestable(excitations):
             unseen.setdefault(effect.shown_by, []).append(effect.id.replace("_", " "))
     if not unseen:
         return None

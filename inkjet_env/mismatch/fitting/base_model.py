@@ -11,8 +11,8 @@ import numpy as np
 from inkjet_env.identification import identify
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch.fitting.base_parameters import Head, gains_and_offsets, in_convention
-from inkjet_env.mismatch.fitting.dataset import Observed, finer, noise_seen
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, noise_seen
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
@@ -21,7 +21,7 @@ DEGREE = 9
 """Of the branch law at least: what the base model could say, it shall say, before anything else is blamed."""
 FAR_OFF = 0.7
 """Of the fast recordings' power: a base model that leaves more was begun too far off to be refitted."""
-MOST_PARTS = 16
+MOST_SUBSTEPS = 16
 """Nodes a sample at most."""
 NODES_A_PERIOD = 36
 """At least, of the resonance."""
@@ -31,11 +31,11 @@ MOST_ROUNDS = 10
 
 def base_model(
     campaign: Campaign,
-    observed: Sequence[Observed],
+    observed: Sequence[ObservedRecording],
     printhead: Printhead | None,
     held_out: Sequence[str] | None,
     progress: Callable[[str], None],
-) -> JointFit:
+) -> OutputErrorFit:
     """The base model and the noise.
 
     Parameters
@@ -69,9 +69,9 @@ def base_model(
         offsets[channel], gains[channel] = 0.0, 1.0
     coefficients = (0.0,) * max(0, DEGREE + 1 - len(printhead.coefficients)) + printhead.coefficients
     head = Head(replace(printhead, coefficients=coefficients), gains, offsets)
-    coarsest_s = max((o.shot.step_s for o in observed if o.shot.fast), default=0.0)
-    parts = 2 * max(1, min(MOST_PARTS // 2, math.ceil(NODES_A_PERIOD * printhead.frequency_Hz * coarsest_s / 2)))
-    joint = _settled(finer(observed, parts), head, otherwise)
+    coarsest_s = max((o.excitation.step_s for o in observed if o.excitation.fast), default=0.0)
+    substeps = 2 * max(1, min(MOST_SUBSTEPS // 2, math.ceil(NODES_A_PERIOD * printhead.frequency_Hz * coarsest_s / 2)))
+    joint = _settled(finer(observed, substeps), head, otherwise)
     if given and _unexplained(joint) > FAR_OFF:
         raise ValueError(
             f"the printhead that was given, of {with_prefix(printhead.frequency_Hz, 'Hz', 3)}, explains next to "
@@ -80,24 +80,28 @@ def base_model(
     return joint
 
 
-def _settled(observed: Sequence[Observed], head: Head, otherwise: Mapping[tuple[str, float], NoiseModel]) -> JointFit:
+def _settled(
+    observed: Sequence[ObservedRecording], head: Head, otherwise: Mapping[tuple[str, float], NoiseModel]
+) -> OutputErrorFit:
     """A joint fit whose noise is that of its own base model's residuals, its law scaled as by convention."""
-    signals = {o.name: head.plant().signal(o.shot) for o in observed}
+    signals = {o.name: head.plant().signal(o.excitation) for o in observed}
     noise = noise_seen(observed, {o.name: o.measured - signals[o.name] for o in observed}, otherwise)
-    joint = JointFit(observed, noise, head)
+    joint = OutputErrorFit(observed, noise, head)
     for _ in range(MOST_ROUNDS):
         before = joint.base.nll
-        joint = JointFit(observed, noise, in_convention(joint.base.head))
+        joint = OutputErrorFit(observed, noise, in_convention(joint.base.head))
         if before - joint.base.nll < 0.5:
             break
     modelled = joint.modelled(joint.base)
     noise = noise_seen(observed, {o.name: o.measured - modelled[o.name] for o in observed}, otherwise)
-    return JointFit(observed, noise, joint.base.head)
+    return OutputErrorFit(observed, noise, joint.base.head)
 
 
-def _unexplained(joint: JointFit) -> float:
+def _unexplained(joint: OutputErrorFit) -> float:
     """Share of the fast channels' mean square under a drive that the base model leaves."""
-    moved = [o for o in joint.seen if o.shot.fast and not o.still]
+    moved = [o for o in joint.seen if o.excitation.fast and not o.still]
     modelled = joint.modelled(joint.base)
-    left = sum(float(np.var(o.measured - modelled[o.name])) / max(float(np.var(o.measured)), 1e-300) for o in moved)
-    return left / max(len(moved), 1)
+    residuals = sum(
+        float(np.var(o.measured - modelled[o.name])) / max(float(np.var(o.measured)), 1e-300) for o in moved
+    )
+    return residuals / max(len(moved), 1)

@@ -12,7 +12,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from inkjet_env.identification.convention import conventional_swing
-from inkjet_env.mismatch.fitting.dataset import Observed
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.plant import Effect, Plant, SimulationError, Values
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -89,51 +89,53 @@ class Head:
         """The plant of this head."""
         return Plant(self.printhead, self.gains, self.offsets, tuple(effects))
 
-    def sensitivities(self, observed: Observed, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
+    def sensitivities(self, observed: ObservedRecording, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
         """Derivative of a recording's signal with respect to the step of `moved`, shape (n, size), these effects on."""
         if effects and observed.channel != "drive_monitor":
             return self._differences(observed, effects)
-        shot, d = observed.shot, self.degree
+        excitation, d = observed.excitation, self.degree
         plant = self.plant()
-        columns = np.zeros((shot.samples, self.size))
-        columns[:, d + 2 + len(self.free_gains) + list(self.offsets).index(shot.channel)] = 1.0
-        if shot.channel == "drive_monitor":
-            columns[:, d + 2 + self.free_gains.index(shot.channel)] = plant.gain(shot.channel) * shot.drive_V
+        columns = np.zeros((excitation.samples, self.size))
+        columns[:, d + 2 + len(self.free_gains) + list(self.offsets).index(excitation.channel)] = 1.0
+        if excitation.channel == "drive_monitor":
+            columns[:, d + 2 + self.free_gains.index(excitation.channel)] = (
+                plant.gain(excitation.channel) * excitation.drive_V
+            )
             return columns
-        drive_V = shot.drive_at_nodes_V
-        gain = plant.gain(shot.channel)
-        total = plant.motion(drive_V, shot)
+        drive_V = excitation.drive_at_nodes_V
+        gain = plant.gain(excitation.channel)
+        total = plant.motion(drive_V, excitation)
         for j in range(d):
-            columns[:, j] = gain * plant.motion_of_power(j, shot)
-        if shot.fast:
+            columns[:, j] = gain * plant.motion_of_power(j, excitation)
+        if excitation.fast:
             for place in (0, 1):
                 for sign in (1, -1):
                     step = np.zeros(self.size)
                     step[d + place] = sign * 1e-5
-                    other = self.moved(step).plant().motion(drive_V, shot)
+                    other = self.moved(step).plant().motion(drive_V, excitation)
                     columns[:, d + place] += sign * gain / 2e-5 * other
-        if shot.channel in self.free_gains:
-            columns[:, d + 2 + self.free_gains.index(shot.channel)] = gain * total
+        if excitation.channel in self.free_gains:
+            columns[:, d + 2 + self.free_gains.index(excitation.channel)] = gain * total
         return columns
 
-    def _differences(self, observed: Observed, effects: Sequence[tuple[Effect, Values]]) -> Real:
+    def _differences(self, observed: ObservedRecording, effects: Sequence[tuple[Effect, Values]]) -> Real:
         """`sensitivities` by finite differences of the plant."""
         largest = max(float(np.abs(observed.measured).max()), 1e-12)
         directions = self._directions(observed)
         sizes = np.full(self.size, SMALL)
         sizes[self.degree + 2 + len(self.free_gains) :] *= largest
-        here = self.plant(effects).signal(observed.shot)
+        here = self.plant(effects).signal(observed.excitation)
         columns = np.empty((here.size, self.size))
         for k, size in enumerate(sizes):
             step = np.zeros(self.size)
             step[k] = size
             if k < self.degree:
                 step[: self.degree] = size * directions[:, k]
-            columns[:, k] = (self.moved(step).plant(effects).signal(observed.shot) - here) / size
+            columns[:, k] = (self.moved(step).plant(effects).signal(observed.excitation) - here) / size
         columns[:, : self.degree] = np.linalg.solve(directions.T, columns[:, : self.degree].T).T
         return columns
 
-    def _directions(self, observed: Observed) -> Real:
+    def _directions(self, observed: ObservedRecording) -> Real:
         """Changes of the law that a recording shows each by itself, in coefficients of powers; columns, shape (d, d).
 
         Chebyshev polynomials over the stretch of the law that its drive reaches, twice its size from a demagnetised
@@ -141,7 +143,7 @@ class Head:
         differences of large multiples of them: an error of each one's difference would be many times the step's.
         """
         least = (2 ** (2 * self.degree - 1) / LARGEST) ** (1 / self.degree)
-        reach = float(np.clip(2 * np.abs(observed.shot.drive_V).max() / self.printhead.full_scale_V, least, 1.0))
+        reach = float(np.clip(2 * np.abs(observed.excitation.drive_V).max() / self.printhead.full_scale_V, least, 1.0))
         swing = abs(float(self.printhead.branch_law.Q(reach))) or 1.0
         return swing * _chebyshev(self.degree, reach)
 
@@ -168,13 +170,17 @@ def in_convention(head: Head) -> Head:
     return Head(scaled, gains, head.offsets)
 
 
-def gains_and_offsets(observed: Sequence[Observed], printhead: Printhead) -> tuple[dict[str, float], dict[str, float]]:
+def gains_and_offsets(
+    observed: Sequence[ObservedRecording], printhead: Printhead
+) -> tuple[dict[str, float], dict[str, float]]:
     """Of each channel, by least squares with a given head; that of self-sensing is its own."""
     gains, offsets = {}, {}
     head = Head(printhead, {"self_sensing": printhead.b1}, {})
     for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):
         mine = [o for o in observed if o.channel == channel]
-        shape = np.concatenate([head.plant().motion(o.shot.drive_at_nodes_V, o.shot)[: o.fitted] for o in mine])
+        shape = np.concatenate(
+            [head.plant().motion(o.excitation.drive_at_nodes_V, o.excitation)[: o.fitted] for o in mine]
+        )
         measured = np.concatenate([o.measured[: o.fitted] for o in mine])
         if channel == "self_sensing":
             gains[channel] = printhead.b1

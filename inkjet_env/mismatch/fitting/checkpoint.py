@@ -17,9 +17,9 @@ import numpy as np
 
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.effect_code import code_digest, source_files
-from inkjet_env.mismatch.fitting.fit_result import Fit, Place
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.fitting.fit_result import FitResult, Place
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.plant import Effect
 from inkjet_env.printhead import Printhead
 from inkjet_env.storage import write_json
@@ -28,7 +28,7 @@ from inkjet_env.typing import Real
 Task = TypeVar("Task")
 
 
-class Kept:
+class FitCheckpoint:
     """A folder of finished fits; none are kept without a folder.
 
     Parameters
@@ -48,14 +48,15 @@ class Kept:
             self.code = _digest(*(Path(file).read_bytes() for file in sorted(files)), *map(code_digest, effects))
 
     def fits(
-        self, crew: Crew, joint: JointFit, function: Callable[[Task], Fit | None], tasks: Sequence[Task],
-        questions: Sequence[tuple[Sequence[Effect], Real, Fit, int | str | None]],
-    ) -> Iterator[Fit | None]:  # fmt: skip
-        """`Crew.map`, but for the fits that are there already; each is kept as soon as it comes.
+        self, pool: ProcessPool, joint: OutputErrorFit, function: Callable[[Task], FitResult | None],
+        tasks: Sequence[Task],
+        questions: Sequence[tuple[Sequence[Effect], Real, FitResult, int | str | None]],
+    ) -> Iterator[FitResult | None]:  # fmt: skip
+        """`ProcessPool.map`, but for the fits that are there already; each is kept as soon as it comes.
 
         Parameters
         ----------
-        crew : Crew
+        pool : Crew
         joint : JointFit
         function : callable
             From a task to its fit, None where it cannot be simulated.
@@ -64,12 +65,12 @@ class Kept:
             What each task asks: effects, point to begin at, fit to go on from, most steps or what else.
         """
         if self.folder is None:
-            yield from crew.map(function, tasks)
+            yield from pool.map(function, tasks)
             return
         begun = _of_joint(joint)
         names = [self._name(begun, *question) for question in questions]
         there = [self._found(name) for name in names]
-        missing = crew.map(function, [task for task, record in zip(tasks, there, strict=True) if record is None])
+        missing = pool.map(function, [task for task, record in zip(tasks, there, strict=True) if record is None])
         for name, record, (effects, *_) in zip(names, there, questions, strict=True):
             if record is None:
                 fit = next(missing)
@@ -88,9 +89,11 @@ class Kept:
             if not any(self.folder.iterdir()):
                 self.folder.rmdir()
 
-    def _name(self, begun: bytes, effects: Sequence[Effect], point: Real, fit: Fit, steps: int | str | None) -> str:
+    def _name(
+        self, begun: bytes, effects: Sequence[Effect], theta: Real, fit: FitResult, steps: int | str | None
+    ) -> str:
         ids = "+".join(effect.id for effect in effects)
-        place = json.dumps(_place_json(Place(fit.head, point, fit.states)))
+        place = json.dumps(_place_json(Place(fit.head, theta, fit.states)))
         return _digest(self.code, begun, ids.encode(), place.encode(), str(steps).encode()).hex()[:32] + ".fit.json"
 
     def _found(self, name: str) -> dict[str, Any] | None:
@@ -113,19 +116,30 @@ def _digest(*parts: bytes) -> bytes:
     return sha.digest()
 
 
-def _of_joint(joint: JointFit) -> bytes:
+def _of_joint(joint: OutputErrorFit) -> bytes:
     """Of everything that a fit depends on but its question."""
     parts = []
     for o in joint.observed:
-        shot = o.shot
-        told = (o.name, o.channel, o.condition, o.fitted, shot.initial_state, shot.step_s, shot.order, shot.parts)
-        signals = [o.measured, shot.drive_V] + ([] if shot.neighbour_V is None else [shot.neighbour_V])
+        excitation = o.excitation
+        told = (
+            o.name,
+            o.channel,
+            o.condition,
+            o.fitted,
+            excitation.initial_state,
+            excitation.step_s,
+            excitation.order,
+            excitation.substeps,
+        )
+        signals = [o.measured, excitation.drive_V] + (
+            [] if excitation.neighbour_V is None else [excitation.neighbour_V]
+        )
         parts += [repr(told).encode(), *(np.ascontiguousarray(signal).tobytes() for signal in signals)]
     for key, model in sorted(joint.noise.models.items()):
         parts.append(repr((key, list(model.coefficients), model.innovation, model.colour)).encode())
-    standing = [(effect.id, dict(values)) for effect, values in joint.standing]
+    random_effects = [(effect.id, dict(values)) for effect, values in joint.random_effects]
     around = None if joint.around is None else (joint.around.ids, _as_json(joint.around))
-    parts.append(repr((_head_json(joint.start), _as_json(joint.base), standing, around)).encode())
+    parts.append(repr((_head_json(joint.start), _as_json(joint.base), random_effects, around)).encode())
     return _digest(*parts)
 
 
@@ -151,7 +165,7 @@ def _head(told: Mapping[str, Any]) -> Head:
 
 def _place_json(place: Place) -> dict[str, Any]:
     states = {name: [float(v) for v in state] for name, state in place.states.items()}
-    return {"head": _head_json(place.head), "point": [float(v) for v in place.point], "states": states}
+    return {"head": _head_json(place.head), "point": [float(v) for v in place.theta], "states": states}
 
 
 def _place(told: Mapping[str, Any]) -> Place:
@@ -159,10 +173,10 @@ def _place(told: Mapping[str, Any]) -> Place:
     return Place(_head(told["head"]), np.array(told["point"]), states)
 
 
-def _as_json(fit: Fit) -> dict[str, Any]:
+def _as_json(fit: FitResult) -> dict[str, Any]:
     return {
-        "end": _place_json(Place(fit.head, fit.point, fit.states)),
-        "sloped": _place_json(fit.sloped),
+        "end": _place_json(Place(fit.head, fit.theta, fit.states)),
+        "sloped": _place_json(fit.jacobian_at),
         "started": _head_json(fit.started),
         "converged": fit.converged,
         "whole": fit.whole,

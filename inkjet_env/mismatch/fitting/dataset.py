@@ -9,7 +9,7 @@ import numpy as np
 
 from inkjet_env.identification.measurements import least_noise, measurements
 from inkjet_env.identification.noise import NoiseModel, channel_noise, repeat_deviations
-from inkjet_env.plant import Shot
+from inkjet_env.plant import Excitation
 from inkjet_env.recordings import Campaign
 from inkjet_env.typing import Real
 
@@ -22,7 +22,7 @@ SHORTEST_REST = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Observed:
+class ObservedRecording:
     """One recording.
 
     Attributes
@@ -31,7 +31,7 @@ class Observed:
         Nanometres are turned into micrometres.
     condition : int
         Recordings of the same drive on the same channel share one.
-    shot : Shot
+    excitation : Shot
     measured : ndarray, shape (n,)
     fitted : int
         Samples from the start that a fit may see: n, 0 (held out) or between (its end is held out).
@@ -41,69 +41,80 @@ class Observed:
     channel: str
     unit: str
     condition: int
-    shot: Shot
+    excitation: Excitation
     measured: Real
     fitted: int
 
     @property
     def still(self) -> bool:
         """Whether the drive never changes."""
-        return bool(np.ptp(self.shot.drive_V) == 0)
+        return bool(np.ptp(self.excitation.drive_V) == 0)
 
     @property
     def at_rest(self) -> bool:
         """Whether nothing but noise is in it: its drive and the neighbour's never change."""
-        neighbour_V = self.shot.neighbour_V
+        neighbour_V = self.excitation.neighbour_V
         return self.still and (neighbour_V is None or bool(np.ptp(neighbour_V) == 0))
 
     @property
     def noise_key(self) -> tuple[str, float]:
         """Recordings of one channel and one sampling step share a noise model."""
-        return self.channel, float(f"{self.shot.step_s:.4g}")
+        return self.channel, float(f"{self.excitation.step_s:.4g}")
 
     def rows(self, held_out: bool) -> slice:
         """The samples that were held out, or that were fitted."""
         return slice(self.fitted, None) if held_out else slice(0, self.fitted)
 
 
-def observe(campaign: Campaign, held_out: Sequence[str] | None = None, parts: int = 2) -> tuple[Observed, ...]:
+def observe(
+    campaign: Campaign, held_out: Sequence[str] | None = None, substeps: int = 2
+) -> tuple[ObservedRecording, ...]:
     """Each recording of a campaign, in its order, held out as `identification.measurements` has it.
 
     A voltage measured at the head counts as a recording of its own, on the channel ``drive_monitor``.
     """
     by_name = {recording.name: recording for recording in campaign.recordings}
-    found: dict[str, list[Observed]] = {}
+    found: dict[str, list[ObservedRecording]] = {}
     for condition, measurement in enumerate(measurements(campaign, held_out)):
         for name, signal in zip(measurement.names, measurement.signals, strict=True):
             recording = by_name[name]
-            shot = Shot(
+            excitation = Excitation(
                 measurement.channel,
                 measurement.initial_state,
                 measurement.step_s,
                 measurement.drive_V,
                 recording.order,
                 recording.neighbour_V,
-                parts,
+                substeps,
             )
-            shot.kept["largest"] = float(np.abs(signal).max())
+            excitation.cache["largest"] = float(np.abs(signal).max())
             found[name] = [
-                Observed(name, measurement.channel, measurement.unit, condition, shot, signal, measurement.fitted)
+                ObservedRecording(
+                    name, measurement.channel, measurement.unit, condition, excitation, signal, measurement.fitted
+                )
             ]
             if recording.drive_monitor_V is not None:
-                monitor = replace(shot, channel="drive_monitor", kept={"largest": shot.kept["largest"]})
+                monitor = replace(excitation, channel="drive_monitor", cache={"largest": excitation.cache["largest"]})
                 voltage = recording.drive_monitor_V
                 label = f"{name} (drive monitor)"
                 found[name].append(
-                    Observed(label, "drive_monitor", "V", -1 - condition, monitor, voltage, measurement.fitted)
+                    ObservedRecording(label, "drive_monitor", "V", -1 - condition, monitor, voltage, measurement.fitted)
                 )
     return tuple(o for recording in campaign.recordings for o in found[recording.name])
 
 
-def finer(observed: Sequence[Observed], parts: int) -> tuple[Observed, ...]:
+def finer(observed: Sequence[ObservedRecording], substeps: int) -> tuple[ObservedRecording, ...]:
     """The same recordings on more nodes a sampling step."""
-    kept = ("largest",)
+    lasting = ("largest",)
     return tuple(
-        replace(o, shot=replace(o.shot, parts=parts, kept={k: o.shot.kept[k] for k in kept if k in o.shot.kept}))
+        replace(
+            o,
+            excitation=replace(
+                o.excitation,
+                substeps=substeps,
+                cache={k: o.excitation.cache[k] for k in lasting if k in o.excitation.cache},
+            ),
+        )
         for o in observed
     )
 
@@ -115,7 +126,7 @@ class Noise:
     Attributes
     ----------
     models : dict
-        By `Observed.noise_key`.
+        By `ObservedRecording.noise_key`.
     samples : dict
         From how many samples each was told; 0: from the residual of a fit.
     notes : tuple of str
@@ -129,11 +140,11 @@ class Noise:
     least: Mapping[str, float] = field(default_factory=dict)
     _kept: dict[tuple[tuple[str, float], int], Real] = field(default_factory=dict, init=False, repr=False)
 
-    def known(self, observed: Observed) -> bool:
+    def known(self, observed: ObservedRecording) -> bool:
         """Whether anything but a fit's own residual tells the noise."""
         return self.samples[observed.noise_key] > 0
 
-    def whitened(self, observed: Observed, columns: Real) -> Real:
+    def whitened(self, observed: ObservedRecording, columns: Real) -> Real:
         """Columns of shape (n, k), or (n,), filtered so that noise in them is white with unit variance.
 
         Zeros stand where the filter has not yet seen enough, so that the shape stays.
@@ -159,18 +170,18 @@ class Noise:
             self._kept[key, length] = np.sqrt(self.models[key].levels(length)[: length // 2 + 1])[:, None]
         return self._kept[key, length]
 
-    def log_scale(self, observed: Observed) -> float:
+    def log_scale(self, observed: ObservedRecording) -> float:
         """Mean logarithm of the noise's innovation: what a likelihood loses by larger noise, a sample."""
         model = self.models[observed.noise_key]
         scale = float(np.log(model.innovation))
         if model.colour != (1.0, 0.0, 0.0):
-            scale += 0.5 * float(np.mean(np.log(model.levels(observed.shot.samples))))
+            scale += 0.5 * float(np.mean(np.log(model.levels(observed.excitation.samples))))
         return scale
 
 
 def noise_seen(
-    observed: Sequence[Observed],
-    left: Mapping[str, Real],
+    observed: Sequence[ObservedRecording],
+    residuals: Mapping[str, Real],
     otherwise: Mapping[tuple[str, float], NoiseModel],
     least: Mapping[str, float] | None = None,
 ) -> Noise:
@@ -183,7 +194,7 @@ def noise_seen(
     Parameters
     ----------
     observed : sequence of Observed
-    left : mapping of str to ndarray
+    residuals : mapping of str to ndarray
         Measured minus modelled of each recording, in the channel's unit.
     otherwise : mapping
         Noise models for what nothing else tells.
@@ -198,14 +209,14 @@ def noise_seen(
     sources: dict[str, dict[float, str]] = {}
     for key in sorted({o.noise_key for o in observed}):
         mine = [o for o in observed if o.noise_key == key]
-        resting = [left[o.name] for o in mine if o.at_rest]
+        resting = [residuals[o.name] for o in mine if o.at_rest]
         source = ["recordings at rest"] if resting else []
         if resting:
             level = np.concatenate(resting).mean()
             resting = [stretch - level for stretch in resting]
         repeated = []
         for condition in {o.condition for o in mine if not o.still}:
-            same = [left[o.name] for o in mine if o.condition == condition]
+            same = [residuals[o.name] for o in mine if o.condition == condition]
             repeated.extend(repeat_deviations(same))
         if resting and repeated:
             ratio = _power(repeated) / max(_power(resting), least[key[0]] ** 2, 1e-300)
@@ -218,7 +229,7 @@ def noise_seen(
         if repeated:
             source.append("repeats")
         if not (resting or repeated):
-            before = [left[o.name][: _rest_before(o)] for o in mine]
+            before = [residuals[o.name][: _rest_before(o)] for o in mine]
             resting = [stretch - stretch.mean() for stretch in before if stretch.size >= SHORTEST_REST]
             source = ["what comes before the drive"]
         stretches = resting + repeated
@@ -229,7 +240,7 @@ def noise_seen(
     for channel, by_step in seen.items():
         # what wanders more than 1/f is for the diagnosis to find
         found = channel_noise(by_step, sources[channel], least[channel], exponents=(1,))
-        longest = max(o.shot.samples for o in observed if o.channel == channel)
+        longest = max(o.excitation.samples for o in observed if o.channel == channel)
         for step_s, model in found.items():
             slight = model.colour[1] * longest < SLIGHT * model.colour[0]
             models[channel, step_s] = replace(model, colour=(1.0, 0.0, 0.0)) if slight else model
@@ -239,7 +250,7 @@ def noise_seen(
             nearest = known[int(np.argmin(np.abs(np.log(np.array(known) / key[1]))))]
             models[key], samples[key] = models[key[0], nearest], samples[key[0], nearest]
         else:
-            stretches = [left[o.name] for o in observed if o.noise_key == key]
+            stretches = [residuals[o.name] for o in observed if o.noise_key == key]
             models[key], samples[key] = otherwise.get(key) or _of_most(stretches, least[key[0]]), 0
             notes.append(
                 f"{key[0]}: no repeats and no recording at rest tell the noise; what the model leaves was taken for it."
@@ -258,14 +269,14 @@ def _power(stretches: Sequence[Real]) -> float:
     return float(np.mean(np.concatenate(stretches) ** 2))
 
 
-def _rest_before(observed: Observed) -> int:
-    drive = observed.shot.drive_V
-    if observed.shot.initial_state != "demagnetised" or drive[0] != 0:
+def _rest_before(observed: ObservedRecording) -> int:
+    drive = observed.excitation.drive_V
+    if observed.excitation.initial_state != "demagnetised" or drive[0] != 0:
         return 0
     return int(np.argmax(drive != 0))
 
 
-def _least(observed: Sequence[Observed]) -> dict[str, float]:
+def _least(observed: Sequence[ObservedRecording]) -> dict[str, float]:
     """By channel, the RMS below which nothing can be told."""
     from inkjet_env.identification.measurements import RepeatedMeasurement
 
@@ -274,9 +285,9 @@ def _least(observed: Sequence[Observed]) -> dict[str, float]:
             RepeatedMeasurement(
                 o.channel,
                 o.unit,
-                o.shot.initial_state,
-                o.shot.drive_V,
-                o.shot.step_s,
+                o.excitation.initial_state,
+                o.excitation.drive_V,
+                o.excitation.step_s,
                 (o.measured,),
                 (o.name,),
                 o.fitted,

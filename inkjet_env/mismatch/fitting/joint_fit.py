@@ -16,8 +16,8 @@ import numpy as np
 
 from inkjet_env.identification.basis import free_ringing
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.dataset import Noise, Observed, finer
-from inkjet_env.mismatch.fitting.fit_result import Fit, Place, held, split
+from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer
+from inkjet_env.mismatch.fitting.fit_result import FitResult, Place, held, split
 from inkjet_env.plant import Effect, Values
 from inkjet_env.plant.effect import limits
 from inkjet_env.plant.errors import NUMERICAL
@@ -36,7 +36,7 @@ LEAST_OWN = 1e-4
 WORST = 1e300
 
 
-class JointFit:
+class OutputErrorFit:
     """Fits on one set of recordings with one noise.
 
     Parameters
@@ -45,7 +45,7 @@ class JointFit:
     noise : Noise
     head : Head
         The base model: where every fit begins.
-    standing : sequence of (Effect, values)
+    random_effects : sequence of (Effect, values)
         Effects by chance that are known to be there: what their nuisances can explain is taken out everywhere.
     base : Fit, optional
         The base model on these recordings; fitted unless given.
@@ -55,14 +55,14 @@ class JointFit:
 
     def __init__(
         self,
-        observed: Sequence[Observed],
+        observed: Sequence[ObservedRecording],
         noise: Noise,
         head: Head,
-        standing: Sequence[tuple[Effect, Values]] = (),
-        base: Fit | None = None,
-        around: Fit | None = None,
+        random_effects: Sequence[tuple[Effect, Values]] = (),
+        base: FitResult | None = None,
+        around: FitResult | None = None,
     ) -> None:
-        self.standing = tuple(standing)
+        self.random_effects = tuple(random_effects)
         self.around = around
         self.observed = tuple(observed)
         self.noise = noise
@@ -80,7 +80,10 @@ class JointFit:
         """
         on = self.around.with_values if self.around else ()
         states = self.around.states if self.around else {}
-        chosen = [replace(o, shot=replace(o.shot, start=states[o.name])) if o.name in states else o for o in self.seen]
+        chosen = [
+            replace(o, excitation=replace(o.excitation, start=states[o.name])) if o.name in states else o
+            for o in self.seen
+        ]
         columns = self.stacked({o.name: self._sensitivities(o, on) for o in chosen})
         size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
@@ -88,7 +91,7 @@ class JointFit:
         told = np.abs(np.diag(r)) > 1e-10
         return q[:, told], r[told] * size
 
-    def _sensitivities(self, o: Observed, on: Sequence[tuple[Effect, Values]]) -> Real:
+    def _sensitivities(self, o: ObservedRecording, on: Sequence[tuple[Effect, Values]]) -> Real:
         try:
             return self.start.sensitivities(o, on)
         except NUMERICAL:
@@ -98,26 +101,26 @@ class JointFit:
         """Signals (n,) or columns (n, k), whitened, chance taken out; fitted rows one recording after another."""
         return np.concatenate([self.whitened(o, signals[o.name], effects)[: o.fitted] for o in self.seen])
 
-    def whitened(self, o: Observed, columns: Real, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
+    def whitened(self, o: ObservedRecording, columns: Real, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
         """Of one recording: whitened, less whatever its own chance amplitudes can explain; all samples."""
         white = self.noise.whitened(o, columns)
         chance = self.chance(o, effects)
         if chance is None:
             return white
-        rows = o.fitted or o.shot.samples  # the held-out end of a recording tells nothing
+        rows = o.fitted or o.excitation.samples  # the held-out end of a recording tells nothing
         q, r = np.linalg.qr(chance[:rows])
         amplitudes = np.linalg.lstsq(r, q.T @ white[:rows], rcond=1e-12)[0]
         return white - chance @ amplitudes
 
-    def chance(self, o: Observed, effects: Sequence[tuple[Effect, Values]] = ()) -> Real | None:
+    def chance(self, o: ObservedRecording, effects: Sequence[tuple[Effect, Values]] = ()) -> Real | None:
         """Whitened columns of what is free in each recording: an unknown initial state, an effect's nuisances."""
         if o.channel == "drive_monitor":
             return None
-        on = (*self.standing, *effects)
-        columns = [c for effect, values in on if (c := effect.nuisances(values, o.shot)) is not None]
-        if o.shot.initial_state == "free" and o.shot.fast:
+        on = (*self.random_effects, *effects)
+        columns = [c for effect, values in on if (c := effect.random_effect_basis(values, o.excitation)) is not None]
+        if o.excitation.initial_state == "free" and o.excitation.fast:
             head = self.start.printhead
-            columns.append(free_ringing(o.shot.samples, o.shot.step_s, head.a0, head.a1))
+            columns.append(free_ringing(o.excitation.samples, o.excitation.step_s, head.a0, head.a1))
         return self.noise.whitened(o, np.column_stack(columns)) if columns else None
 
     def signals(
@@ -125,35 +128,38 @@ class JointFit:
         head: Head,
         effects: Sequence[tuple[Effect, Values]],
         states: Mapping[str, tuple[float, float]],
-        chosen: Sequence[Observed],
+        chosen: Sequence[ObservedRecording],
     ) -> dict[str, Real]:
         """Free-run signals by recording."""
         plant = head.plant(effects)
         return {
-            o.name: plant.signal(replace(o.shot, start=states[o.name]) if o.name in states else o.shot) for o in chosen
+            o.name: plant.signal(replace(o.excitation, start=states[o.name]) if o.name in states else o.excitation)
+            for o in chosen
         }
 
-    def modelled(self, fit: Fit) -> dict[str, Real]:
+    def modelled(self, fit: FitResult) -> dict[str, Real]:
         """What a fit makes of every recording, in the channel's unit: free-run, with the recording's own chance."""
         told = fit.with_values
         signals = self.signals(fit.head, told, fit.states, self.observed)
         for o in self.observed:
-            on = (*self.standing, *told)
-            columns = [c for effect, values in on if (c := effect.nuisances(values, o.shot)) is not None]
+            on = (*self.random_effects, *told)
+            columns = [
+                c for effect, values in on if (c := effect.random_effect_basis(values, o.excitation)) is not None
+            ]
             if columns and o.channel != "drive_monitor":
                 table = np.column_stack(columns)
                 pair = self.noise.whitened(o, np.column_stack([table, o.measured - signals[o.name]]))
                 signals[o.name] = signals[o.name] + table @ np.linalg.lstsq(pair[:, :-1], pair[:, -1], rcond=1e-12)[0]
         return signals
 
-    def numerical_error(self, fit: Fit) -> float:
+    def numerical_error(self, fit: FitResult) -> float:
         """How far the plant on these nodes is from the plant on twice as many, in standard deviations of the noise.
 
         Root of the sum of squares over all fitted samples: 1 is as much as one parameter's standard error.
         Infinite where the plant on twice as many has no answer.
         """
-        parts = 2 * max(o.shot.parts for o in self.seen)
-        fine = finer(self.seen, parts)
+        substeps = 2 * max(o.excitation.substeps for o in self.seen)
+        fine = finer(self.seen, substeps)
         here = self.signals(fit.head, fit.with_values, fit.states, self.seen)
         try:
             there = self.signals(fit.head, fit.with_values, fit.states, fine)
@@ -161,59 +167,61 @@ class JointFit:
             return math.inf
         return float(np.linalg.norm(self.stacked({o.name: here[o.name] - there[o.name] for o in self.seen})))
 
-    def near(self, fit: Fit) -> JointFit:
+    def near(self, fit: FitResult) -> OutputErrorFit:
         """The same, with the base parameters' sensitivities taken where a fit has come to, its effects on."""
-        return JointFit(self.observed, self.noise, fit.head, self.standing, self.base, fit)
+        return OutputErrorFit(self.observed, self.noise, fit.head, self.random_effects, self.base, fit)
 
     def fit(
         self,
         effects: Sequence[Effect],
-        point: Real,
+        theta: Real,
         head: Head | None = None,
         most_steps: int = MOST_STEPS,
         whole: bool = False,
         known: Real | None = None,
-    ) -> Fit:
+    ) -> FitResult:
         """Least squares from a starting point.
 
         Parameters
         ----------
         effects : sequence of Effect
-        point : ndarray, shape (k,)
+        theta : ndarray, shape (k,)
             Coordinates of all parameters, one effect after another.
         head : Head, optional
             Where the base parameters begin.
         most_steps : int
         whole : bool
-            Whether parts of the effects' laws that are off may come on.
+            Whether terms of the effects' laws that are off may come on.
         known : ndarray, shape (rows, j), optional
             Sensitivities to the first coordinates, taken elsewhere: as good to step by as the base parameters' are.
         """
         effects = tuple(effects)
         head = head or self.start
-        low, high = self._free(effects, point, whole)
-        point = np.clip(point, low, high)
-        states = {o.name: (0.0, 0.0) for o in self.observed if o.shot.initial_state == "free" and o.shot.fast}
-        states = self._states(head, effects, point, states)
-        left, nll = self._left(head, effects, point, states)
+        low, high = self._free(effects, theta, whole)
+        theta = np.clip(theta, low, high)
+        states = {
+            o.name: (0.0, 0.0) for o in self.observed if o.excitation.initial_state == "free" and o.excitation.fast
+        }
+        states = self._states(head, effects, theta, states)
+        residuals, nll = self._left(head, effects, theta, states)
         q, r = self.basis
         damping, converged = 1e-3, False
-        slopes, sloped = np.zeros((left.size, 0)), Place(head, point, states)
+        jacobian, jacobian_at = np.zeros((residuals.size, 0)), Place(head, theta, states)
         for _ in range(most_steps):
-            sloped = Place(head, point, states)
-            slopes = self.slopes(head, effects, point, states, low, high, known)
-            enough = max(CONVERGED, FAR_FROM_RIGHT * (nll - 0.5 * left.size))
-            own = left - q @ (q.T @ left)
-            in_base = q.T @ slopes
-            mine = slopes - q @ in_base
-            gram, moment, toward = mine.T @ mine, mine.T @ own, q.T @ left
+            jacobian_at = Place(head, theta, states)
+            jacobian = self.jacobian(head, effects, theta, states, low, high, known)
+            enough = max(CONVERGED, FAR_FROM_RIGHT * (nll - 0.5 * residuals.size))
+            own = residuals - q @ (q.T @ residuals)
+            in_base = q.T @ jacobian
+            mine = jacobian - q @ in_base
+            gram, moment, toward = mine.T @ mine, mine.T @ own, q.T @ residuals
             accepted = False
             for attempt in range(8):
-                step = _damped(gram, moment, damping, point, low, high)
+                step = _damped(gram, moment, damping, theta, low, high)
                 base = np.linalg.lstsq(r, 0.5**attempt * toward - in_base @ step, rcond=1e-12)[0]
                 promise = nll - 0.5 * float(np.sum((own - mine @ step) ** 2))
                 try:
-                    new_head, new_point = head.moved(base), np.clip(point + step, low, high)
+                    new_head, new_point = head.moved(base), np.clip(theta + step, low, high)
                     new_states = self._states(new_head, effects, new_point, states)
                     new_left, new_nll = self._left(new_head, effects, new_point, new_states)
                 except NUMERICAL:
@@ -228,98 +236,100 @@ class JointFit:
                 converged = promise < max(1.0, enough)
                 break
             gained = nll - new_nll
-            head, point, states, left, nll = new_head, new_point, new_states, new_left, new_nll
+            head, theta, states, residuals, nll = new_head, new_point, new_states, new_left, new_nll
             damping /= 5
             if promise < enough or gained < enough:
                 converged = True
                 break
         if known is not None:
-            slopes = self.slopes(sloped.head, effects, sloped.point, sloped.states, low, high)
-        return self._ended(effects, Place(head, point, states), nll, slopes, converged, sloped, whole)
+            jacobian = self.jacobian(jacobian_at.head, effects, jacobian_at.theta, jacobian_at.states, low, high)
+        return self._ended(effects, Place(head, theta, states), nll, jacobian, converged, jacobian_at, whole)
 
     def _ended(
         self,
         effects: tuple[Effect, ...],
         end: Place,
         nll: float,
-        slopes: Real,
+        jacobian: Real,
         converged: bool,
-        sloped: Place,
+        jacobian_at: Place,
         whole: bool,
-    ) -> Fit:
-        told = split(effects, end.point)
+    ) -> FitResult:
+        told = split(effects, end.theta)
         everything = self.signals(end.head, told, end.states, self.observed)
         remains = {o.name: self.whitened(o, o.measured - everything[o.name], told) for o in self.observed}
-        head, point, states = end.head, end.point, end.states
-        return Fit(head, effects, point, states, remains, nll, slopes, converged, sloped, whole, self.start)
+        head, theta, states = end.head, end.theta, end.states
+        return FitResult(
+            head, effects, theta, states, remains, nll, jacobian, converged, jacobian_at, whole, self.start
+        )
 
     def again(
-        self, effects: tuple[Effect, ...], end: Place, sloped: Place, started: Head, converged: bool, whole: bool
-    ) -> Fit:
+        self, effects: tuple[Effect, ...], end: Place, jacobian_at: Place, started: Head, converged: bool, whole: bool
+    ) -> FitResult:
         """A fit of which it is known where it ended."""
-        here = JointFit(self.observed, self.noise, started, self.standing, self.base)
-        _, nll = here._left(end.head, effects, end.point, end.states)
-        low, high = here._free(effects, sloped.point, whole)
-        slopes = here.slopes(sloped.head, effects, sloped.point, sloped.states, low, high)
-        return here._ended(effects, end, nll, slopes, converged, sloped, whole)
+        here = OutputErrorFit(self.observed, self.noise, started, self.random_effects, self.base)
+        _, nll = here._left(end.head, effects, end.theta, end.states)
+        low, high = here._free(effects, jacobian_at.theta, whole)
+        jacobian = here.jacobian(jacobian_at.head, effects, jacobian_at.theta, jacobian_at.states, low, high)
+        return here._ended(effects, end, nll, jacobian, converged, jacobian_at, whole)
 
-    def _free(self, effects: Sequence[Effect], point: Real, whole: bool) -> tuple[Real, Real]:
+    def _free(self, effects: Sequence[Effect], theta: Real, whole: bool) -> tuple[Real, Real]:
         """Bounds of the point in a fit, shape (k,) each; where it is, of parts that are off and stay so."""
         low, high = self.limits(effects)
-        off = held(effects, point) & (not whole)
-        return np.where(off, point, low), np.where(off, point, high)
+        off = held(effects, theta) & (not whole)
+        return np.where(off, theta, low), np.where(off, theta, high)
 
     def limits(self, effects: Sequence[Effect]) -> tuple[Real, Real]:
         """Bounds of the point, shape (k,) each."""
         for effect in effects:
             if effect.id not in self._limits:
-                shots = [o.shot for o in self.seen if o.channel != "drive_monitor"]
-                self._limits[effect.id] = limits(effect, self.start.printhead, shots)
+                excitations = [o.excitation for o in self.seen if o.channel != "drive_monitor"]
+                self._limits[effect.id] = limits(effect, self.start.printhead, excitations)
         ends = [self._limits[effect.id] for effect in effects]
         empty = [np.zeros(0)]
         return np.concatenate([a for a, _ in ends] or empty), np.concatenate([b for _, b in ends] or empty)
 
     def _left(
-        self, head: Head, effects: tuple[Effect, ...], point: Real, states: Mapping[str, tuple[float, float]]
+        self, head: Head, effects: tuple[Effect, ...], theta: Real, states: Mapping[str, tuple[float, float]]
     ) -> tuple[Real, float]:
-        told = split(effects, point)
+        told = split(effects, theta)
         signals = self.signals(head, told, states, self.seen)
-        left = self.stacked({o.name: o.measured - signals[o.name] for o in self.seen}, told)
-        nll = 0.5 * float(left @ left)
-        return left, nll if math.isfinite(nll) else WORST
+        residuals = self.stacked({o.name: o.measured - signals[o.name] for o in self.seen}, told)
+        nll = 0.5 * float(residuals @ residuals)
+        return residuals, nll if math.isfinite(nll) else WORST
 
     def _states(
-        self, head: Head, effects: tuple[Effect, ...], point: Real, states: Mapping[str, tuple[float, float]]
+        self, head: Head, effects: tuple[Effect, ...], theta: Real, states: Mapping[str, tuple[float, float]]
     ) -> dict[str, tuple[float, float]]:
         """Unknown initial states, one linear step nearer to what each recording shows."""
         if not states:
             return {}
-        told = split(effects, point)
+        told = split(effects, theta)
         chosen = [o for o in self.observed if o.name in states]
         signals = self.signals(head, told, states, chosen)
         plant, moved = head.plant(), {}
         for o in chosen:
-            rows = o.fitted or o.shot.samples
+            rows = o.fitted or o.excitation.samples
             columns = state_columns(head.printhead, plant.gain(o.channel), o)
             pair = self.noise.whitened(o, np.column_stack([columns, o.measured - signals[o.name]]))[:rows]
             change = np.linalg.lstsq(pair[:, :2], pair[:, 2], rcond=None)[0]
             moved[o.name] = (states[o.name][0] + float(change[0]), states[o.name][1] + float(change[1]))
         return moved
 
-    def slopes(
+    def jacobian(
         self,
         head: Head,
         effects: tuple[Effect, ...],
-        point: Real,
+        theta: Real,
         states: Mapping[str, tuple[float, float]],
         low: Real,
         high: Real,
         known: Real | None = None,
     ) -> Real:
         """Whitened sensitivities of the fitted rows to the point, shape (rows, k); 0 where the base can do the same."""
-        told = split(effects, point)
-        columns = np.zeros((int(self.ends[-1]), point.size))
-        if not point.size:
+        told = split(effects, theta)
+        columns = np.zeros((int(self.ends[-1]), theta.size))
+        if not theta.size:
             return columns
         here = self.signals(head, told, states, self.seen)
         named = [(effect, values, p.name) for effect, values in told for p in effect.parameters]
@@ -330,12 +340,12 @@ class JointFit:
         for k, (effect, values, name) in enumerate(named):
             if k < first or low[k] == high[k]:
                 continue
-            size = DIFFERENCE * _scale(effects, point, k)
-            if point[k] + size > high[k]:
+            size = DIFFERENCE * _scale(effects, theta, k)
+            if theta[k] + size > high[k]:
                 size = -size
-            there = point.copy()
+            there = theta.copy()
             there[k] += size
-            touched = [o for o in self.seen if effect.changes(name, o.shot, values)]
+            touched = [o for o in self.seen if effect.changes(name, o.excitation, values)]
             signals = self.signals(head, split(effects, there), states, touched)
             for o in touched:
                 changed[o.name][k] = (signals[o.name] - here[o.name]) / size
@@ -359,13 +369,13 @@ class JointFit:
         return self.signals(self.base.head, (), self.base.states, self.seen)
 
 
-def state_columns(printhead: Printhead, gain: float, o: Observed) -> Real:
+def state_columns(printhead: Printhead, gain: float, o: ObservedRecording) -> Real:
     """What a unit of initial deflection and of scaled speed adds to a signal, shape (n, 2); without any effect."""
     from inkjet_env.plant.resonance import amplitude
     from inkjet_env.printhead.resonator import pole
 
     lam, omega0 = pole(printhead.a0, printhead.a1), math.sqrt(printhead.a0)
-    ringing = np.exp(lam * o.shot.step_s * np.arange(o.shot.samples))
+    ringing = np.exp(lam * o.excitation.step_s * np.arange(o.excitation.samples))
     columns = []
     for x, p in ((1.0, 0.0), (0.0, 1.0)):
         motion = amplitude(lam, x, p * omega0) * ringing
@@ -374,30 +384,30 @@ def state_columns(printhead: Printhead, gain: float, o: Observed) -> Real:
     return np.column_stack(columns)
 
 
-def _scale(effects: Sequence[Effect], point: Real, k: int) -> float:
+def _scale(effects: Sequence[Effect], theta: Real, k: int) -> float:
     """Size of a coordinate for a finite difference: its own, or a small part of its range."""
     limits = [p for effect in effects for p in effect.parameters][k]
     if limits.scale == "log":
         return 1.0
     low, high = limits.bounds
-    return max(abs(float(point[k])), 1e-6 * (high - low))
+    return max(abs(float(theta[k])), 1e-6 * (high - low))
 
 
-def _damped(gram: Real, moment: Real, damping: float, point: Real, low: Real, high: Real) -> Real:
+def _damped(gram: Real, moment: Real, damping: float, theta: Real, low: Real, high: Real) -> Real:
     """Levenberg–Marquardt step within the bounds, of the normal equations: what would leave them is held at them."""
-    step = np.zeros(point.size)
-    free = np.ones(point.size, dtype=bool)
+    step = np.zeros(theta.size)
+    free = np.ones(theta.size, dtype=bool)
     size = np.sqrt(np.diag(gram))
     size[size == 0] = 1.0
     scaled = gram / np.outer(size, size)
-    for _ in range(point.size):
+    for _ in range(theta.size):
         target = (moment - gram[:, ~free] @ step[~free])[free] / size[free]
         normal = scaled[np.ix_(free, free)] + damping * np.eye(int(free.sum()))
         step[free] = np.linalg.lstsq(normal, target, rcond=1e-13)[0] / size[free]
-        beyond = free & ((point + step < low) | (point + step > high))
+        beyond = free & ((theta + step < low) | (theta + step > high))
         if not beyond.any():
             break
-        step[beyond] = np.clip(point[beyond] + step[beyond], low[beyond], high[beyond]) - point[beyond]
+        step[beyond] = np.clip(theta[beyond] + step[beyond], low[beyond], high[beyond]) - theta[beyond]
         free &= ~beyond
         if not free.any():
             break

@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 _job: tuple[Callable[[Any], Any], Sequence[Any]] | None = None
 
 
-class Crew:
+class ProcessPool:
     """So many processes, where the system can fork; else one after another.
 
     Threads would take turns: most of a simulation is many short calls.

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import free_ringing
-from inkjet_env.mismatch.fitting.dataset import Noise, Observed
-from inkjet_env.mismatch.fitting.fit_result import Fit
+from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
+from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.typing import Real
 
 Whole = NDArray[np.intp]
@@ -59,7 +59,7 @@ class Rows:
     Attributes
     ----------
     power, expected : ndarray
-        Fitted rows have lost to the fit what it took from them, foretold ones have gained its error.
+        Fitted rows have lost to the fit what it took from them, predicted ones have gained its error.
     key, record : ndarray of int
         Which noise, which recording.
     told : ndarray, shape (keys,)
@@ -129,36 +129,36 @@ def surplus(ratio: float, samples: float, told: float) -> float:
     return float(((1 - b) * root - (1 - a)) / np.sqrt(b * root**2 + a))
 
 
-def sample_rows(observed: Sequence[Observed], noise: Noise, fit: Fit, taken: Sequence[Real]) -> Rows:
+def sample_rows(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, taken: Sequence[Real]) -> Rows:
     """What is left of each sample; ``taken`` as from `taken_by_fit`."""
     keys = sorted({o.noise_key for o in observed})
     power, expected = [], []
     for o, columns in zip(observed, taken, strict=True):
-        power.append(fit.left[o.name] ** 2)
+        power.append(fit.residuals[o.name] ** 2)
         leverage = np.sum(columns**2, axis=1)
-        kept = np.where(np.arange(leverage.size) < o.fitted, 1 - leverage, 1 + leverage)
-        kept[: noise.models[o.noise_key].lost] = 0.0
-        expected.append(kept)
-    sizes = [o.shot.samples for o in observed]
-    axis = np.concatenate([o.shot.step_s * np.arange(o.shot.samples) for o in observed])
+        expected_share = np.where(np.arange(leverage.size) < o.fitted, 1 - leverage, 1 + leverage)
+        expected_share[: noise.models[o.noise_key].lost] = 0.0
+        expected.append(expected_share)
+    sizes = [o.excitation.samples for o in observed]
+    axis = np.concatenate([o.excitation.step_s * np.arange(o.excitation.samples) for o in observed])
     return _rows(observed, noise, keys, power, expected, sizes, axis, by_line=False)
 
 
-def line_rows(observed: Sequence[Observed], noise: Noise, fit: Fit, taken: Sequence[Real]) -> Rows:
+def line_rows(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, taken: Sequence[Real]) -> Rows:
     """What is left at each line of each recording's spectrum, the mean apart."""
     keys = sorted({o.noise_key for o in observed})
     power, expected, axis = [], [], []
     for o, columns in zip(observed, taken, strict=True):
-        n, lost = o.shot.samples, noise.models[o.noise_key].lost
+        n, lost = o.excitation.samples, noise.models[o.noise_key].lost
         weight = np.full(n // 2 + 1, 2.0)
         if n % 2 == 0:
             weight[-1] = 1.0
-        foretold = np.zeros_like(columns)
-        foretold[o.fitted :] = columns[o.fitted :]
-        change = _spectrum(foretold, weight).sum(axis=1) - _spectrum(columns - foretold, weight).sum(axis=1)
-        power.append(_spectrum(fit.left[o.name][:, None], weight)[:, 0])
+        predicted = np.zeros_like(columns)
+        predicted[o.fitted :] = columns[o.fitted :]
+        change = _spectrum(predicted, weight).sum(axis=1) - _spectrum(columns - predicted, weight).sum(axis=1)
+        power.append(_spectrum(fit.residuals[o.name][:, None], weight)[:, 0])
         expected.append(np.maximum(weight[1:] * (n - lost) / n + change, 0.0))
-        axis.append(np.fft.rfftfreq(n, o.shot.step_s)[1:])
+        axis.append(np.fft.rfftfreq(n, o.excitation.step_s)[1:])
     sizes = [p.size for p in power]
     return _rows(observed, noise, keys, power, expected, sizes, np.concatenate(axis), by_line=True)
 
@@ -168,7 +168,7 @@ def _spectrum(rows: Real, weight: Real) -> Real:
 
 
 def _rows(
-    observed: Sequence[Observed],
+    observed: Sequence[ObservedRecording],
     noise: Noise,
     keys: Sequence[tuple[str, float]],
     power: Sequence[Real],
@@ -192,10 +192,12 @@ def _rows(
     return Rows(squares, alone, key, record, told, by_line, smooth, axis)
 
 
-def taken_by_fit(observed: Sequence[Observed], noise: Noise, fit: Fit, columns: Sequence[Real], q: Real) -> list[Real]:
+def taken_by_fit(
+    observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, columns: Sequence[Real], q: Real
+) -> list[Real]:
     """For each recording columns (n, k) whose squares, summed, are the share of a sample's noise that the fit takes.
 
-    Of foretold rows it is what the fit's error adds.
+    Of predicted rows it is what the fit's error adds.
 
     Parameters
     ----------
@@ -203,7 +205,7 @@ def taken_by_fit(observed: Sequence[Observed], noise: Noise, fit: Fit, columns: 
     columns : sequence of ndarray, shape (n, size)
         Whitened sensitivities of each recording to the base parameters.
     q : ndarray, shape (rows, k)
-        Orthonormal columns of the fitted rows, as `JointFit.basis` has them.
+        Orthonormal columns of the fitted rows, as `OutputErrorFit.basis` has them.
     """
     rows = np.concatenate([c[: o.fitted] for o, c in zip(observed, columns, strict=True) if o.fitted])
     if rows.shape[0] != q.shape[0]:
@@ -221,20 +223,22 @@ def taken_by_fit(observed: Sequence[Observed], noise: Noise, fit: Fit, columns: 
         at += o.fitted
         free = _chance(o, noise, fit)
         if free is not None:
-            told = o.fitted or o.shot.samples
-            extra = np.zeros((o.shot.samples, free.shape[1]))
+            told = o.fitted or o.excitation.samples
+            extra = np.zeros((o.excitation.samples, free.shape[1]))
             extra[:told] = np.linalg.qr(free[:told])[0]
             taken = np.column_stack([taken, extra])
         found.append(taken)
     return found
 
 
-def _chance(o: Observed, noise: Noise, fit: Fit) -> Real | None:
+def _chance(o: ObservedRecording, noise: Noise, fit: FitResult) -> Real | None:
     """Whitened columns of what is fitted to a recording by itself."""
     if o.channel == "drive_monitor":
         return None
-    columns = [c for effect, values in fit.with_values if (c := effect.nuisances(values, o.shot)) is not None]
-    if o.shot.initial_state == "free" and o.shot.fast:
+    columns = [
+        c for effect, values in fit.with_values if (c := effect.random_effect_basis(values, o.excitation)) is not None
+    ]
+    if o.excitation.initial_state == "free" and o.excitation.fast:
         head = fit.head.printhead
-        columns.append(free_ringing(o.shot.samples, o.shot.step_s, head.a0, head.a1))
+        columns.append(free_ringing(o.excitation.samples, o.excitation.step_s, head.a0, head.a1))
     return noise.whitened(o, np.column_stack(columns)) if columns else None

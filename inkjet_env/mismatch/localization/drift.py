@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inkjet_env.mismatch.fitting.dataset import Noise, Observed
-from inkjet_env.mismatch.fitting.fit_result import Fit
+from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
+from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.typing import Real
 
 FEWEST = 4
@@ -42,7 +42,9 @@ class Trend:
     power: float
 
 
-def shifts(observed: Sequence[Observed], noise: Noise, fit: Fit, columns: Sequence[Real]) -> dict[str, Real]:
+def shifts(
+    observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, columns: Sequence[Real]
+) -> dict[str, Real]:
     """Relative shift of each fast recording's frequency and damping, and their standard errors: shape (2, 2).
 
     Parameters
@@ -60,25 +62,25 @@ def shifts(observed: Sequence[Observed], noise: Noise, fit: Fit, columns: Sequen
     place = fit.head.degree
     found = {}
     for o, own in zip(observed, columns, strict=True):
-        if not o.shot.fast or o.still:
+        if not o.excitation.fast or o.still:
             continue
         normal = own[:, place : place + 2]
         square = normal.T @ normal
         if np.linalg.matrix_rank(square) < 2:
             continue
         inverse = np.linalg.inv(square)
-        moved = ratios @ inverse @ (normal.T @ fit.left[o.name])
+        moved = ratios @ inverse @ (normal.T @ fit.residuals[o.name])
         error = np.sqrt(np.diag(ratios @ inverse @ ratios.T))
         found[o.name] = np.column_stack([moved, error])
     return found
 
 
-def trends(observed: Sequence[Observed], moved: Mapping[str, Real]) -> list[Trend]:
+def trends(observed: Sequence[ObservedRecording], moved: Mapping[str, Real]) -> list[Trend]:
     """Lines through the shifts, against the order of the recordings and against their largest drive."""
     mine = [o for o in observed if o.name in moved]
-    axes: dict[str, Callable[[Observed], float]] = {
-        "order": lambda o: float(o.shot.order),
-        "drive": lambda o: float(np.abs(o.shot.drive_V).max()),
+    axes: dict[str, Callable[[ObservedRecording], float]] = {
+        "order": lambda o: float(o.excitation.order),
+        "drive": lambda o: float(np.abs(o.excitation.drive_V).max()),
     }
     found = []
     for row, what in enumerate(("frequency", "damping")):

@@ -13,8 +13,8 @@ from statistics import NormalDist
 
 import numpy as np
 
-from inkjet_env.mismatch.fitting.dataset import Noise, Observed
-from inkjet_env.mismatch.fitting.fit_result import Fit
+from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
+from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.localization.cells import FEWEST, Cell, line_rows, sample_rows, taken_by_fit
 from inkjet_env.mismatch.localization.drift import Trend, shifts, trends
 from inkjet_env.mismatch.localization.location import Location
@@ -40,7 +40,7 @@ STANDING_OUT = {
 }
 
 
-def locate(observed: Sequence[Observed], noise: Noise, fit: Fit, q: Real) -> Location:
+def locate(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, q: Real) -> Location:
     """Where what a fitted model leaves is more than noise.
 
     Parameters
@@ -50,7 +50,7 @@ def locate(observed: Sequence[Observed], noise: Noise, fit: Fit, q: Real) -> Loc
         Where nothing told it (``samples`` 0), cells are set against everything that is left instead.
     fit : Fit
     q : ndarray, shape (rows, k)
-        Orthonormal columns of the fitted rows, as `JointFit.basis` has them: what the fit took from noise, too.
+        Orthonormal columns of the fitted rows, as `OutputErrorFit.basis` has them: what the fit took from noise, too.
 
     Returns
     -------
@@ -91,23 +91,23 @@ def locate(observed: Sequence[Observed], noise: Noise, fit: Fit, q: Real) -> Loc
     )
 
 
-def repeats(observed: Sequence[Observed], noise: Noise, fit: Fit, taken: Sequence[Real]) -> list[Cell]:
+def repeats(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, taken: Sequence[Real]) -> list[Cell]:
     """What repeats of one drive leave in common: the mean product of two, for noise of one unit's variance."""
     found = []
     for condition in sorted({o.condition for o in observed if not o.still}):
         same = [i for i, o in enumerate(observed) if o.condition == condition]
         if len(same) < 2:
             continue
-        left = np.array([fit.left[observed[i].name] for i in same])
+        residuals = np.array([fit.residuals[observed[i].name] for i in same])
         first = observed[same[0]]
-        k, n = len(same), first.shot.samples - noise.models[first.noise_key].lost
+        k, n = len(same), first.excitation.samples - noise.models[first.noise_key].lost
         if n < FEWEST:
             continue
-        products = (float(np.sum(left.sum(axis=0) ** 2)) - float(np.sum(left**2))) / (k * (k - 1))
+        products = (float(np.sum(residuals.sum(axis=0) ** 2)) - float(np.sum(residuals**2))) / (k * (k - 1))
         shared = float(np.mean([np.sum(taken[i] ** 2) for i in same]))
         common = products + (shared if first.fitted else -shared)
         names = tuple(observed[i].name for i in same)
-        own = max(float(np.mean(left**2)), 1e-300) * n
+        own = max(float(np.mean(residuals**2)), 1e-300) * n
         alone = max(own - max(common, 0.0), 1e-300) / n  # what the repeats do not share is their noise
         z = common / (alone * math.sqrt(2 * n / (k * (k - 1))))
         found.append(Cell("repeats", " = ".join(names), 1 + common / (n * alone), z, names=names))
@@ -174,9 +174,9 @@ def _tables(
 
 
 def _sentence(
-    observed: Sequence[Observed],
+    observed: Sequence[ObservedRecording],
     noise: Noise,
-    fit: Fit,
+    fit: FitResult,
     told: Sequence[Cell],
     cells: Sequence[Cell],
     drift: Sequence[Trend],
@@ -184,7 +184,7 @@ def _sentence(
     drive_V: Sequence[tuple[float, float]],
 ) -> str:
     parts = []
-    fast = [o for o in observed if o.shot.fast]
+    fast = [o for o in observed if o.excitation.fast]
     if recordings:
         alike = [o for o in observed if o.name.removesuffix(MONITOR) == recordings[0]]
         surplus = {c.names[0]: c.power for c in cells if c.view == "recording"}
@@ -231,11 +231,11 @@ def _sentence(
     return sentence[0].upper() + sentence[1:] + "."
 
 
-def _amount(o: Observed, noise: Noise, fit: Fit) -> str:
+def _amount(o: ObservedRecording, noise: Noise, fit: FitResult) -> str:
     """By how much one recording differs, in its unit."""
-    shot = replace(o.shot, start=fit.states[o.name]) if o.name in fit.states else o.shot
-    left = o.measured - fit.head.plant(fit.with_values).signal(shot)
-    beyond = float(np.mean(left**2)) - noise.models[o.noise_key].rms ** 2
+    excitation = replace(o.excitation, start=fit.states[o.name]) if o.name in fit.states else o.excitation
+    residuals = o.measured - fit.head.plant(fit.with_values).signal(excitation)
+    beyond = float(np.mean(residuals**2)) - noise.models[o.noise_key].rms ** 2
     if beyond <= 0:
         return f" in {o.name.removesuffix(MONITOR)}"
     return f" by {with_prefix(math.sqrt(beyond), o.unit)} (RMS, noise apart) in {o.name.removesuffix(MONITOR)}"

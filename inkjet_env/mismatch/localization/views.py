@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.mismatch.fitting.dataset import Observed
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.localization.cells import Cell, Rows
 from inkjet_env.plant.wording import span_told, with_prefix
 
@@ -44,7 +44,7 @@ DISTORTED = 3
 """Distortion is looked for up to so many times the drive's last line."""
 
 
-def views(observed: Sequence[Observed], rows: Rows, lines: Rows) -> list[Cell]:
+def views(observed: Sequence[ObservedRecording], rows: Rows, lines: Rows) -> list[Cell]:
     """Every cell of every view."""
     several = len({o.channel for o in observed}) > 1
     found = rows.cells("recording", rows.record, [o.name for o in observed], names=[(o.name,) for o in observed])
@@ -61,9 +61,9 @@ def views(observed: Sequence[Observed], rows: Rows, lines: Rows) -> list[Cell]:
     return found
 
 
-def phases(o: Observed) -> Whole:
+def phases(o: ObservedRecording) -> Whole:
     """Of each sample the index into `PHASES`, shape (n,)."""
-    drive, n = o.shot.drive_V, o.shot.samples
+    drive, n = o.excitation.drive_V, o.excitation.samples
     if o.still:
         return np.full(n, 4)
     moving = _moving(o)
@@ -71,33 +71,33 @@ def phases(o: Observed) -> Whole:
         return np.full(n, 3)
     at_rest = ~moving & (np.abs(drive - rest_V(o)) <= STILL * np.ptp(drive))
     result = np.where(moving, 0, np.where(at_rest, 2, 1))
-    if not o.shot.periodic:
+    if not o.excitation.periodic:
         result[: int(np.argmax(moving))] = 4
     return result
 
 
-def _moving(o: Observed) -> NDArray[np.bool_]:
+def _moving(o: ObservedRecording) -> NDArray[np.bool_]:
     """Whether the drive moves in the step before each sample."""
-    drive = o.shot.drive_V
-    before = drive[-1] if o.shot.periodic else drive[0]
+    drive = o.excitation.drive_V
+    before = drive[-1] if o.excitation.periodic else drive[0]
     return np.abs(np.diff(drive, prepend=before)) > STILL * np.ptp(drive)
 
 
-def rest_V(o: Observed) -> float:
+def rest_V(o: ObservedRecording) -> float:
     """The level at which the drive stands still longest."""
-    still = o.shot.drive_V[~_moving(o)]
-    levels, counts = np.unique(np.round(still / (STILL * np.ptp(o.shot.drive_V))), return_counts=True)
-    return float(levels[np.argmax(counts)]) * STILL * float(np.ptp(o.shot.drive_V))
+    still = o.excitation.drive_V[~_moving(o)]
+    levels, counts = np.unique(np.round(still / (STILL * np.ptp(o.excitation.drive_V))), return_counts=True)
+    return float(levels[np.argmax(counts)]) * STILL * float(np.ptp(o.excitation.drive_V))
 
 
-def pulses(o: Observed) -> Whole:
+def pulses(o: ObservedRecording) -> Whole:
     """Of each sample the pulse that it belongs to, with what rings after it; −1 where there are not two or three."""
-    n = o.shot.samples
+    n = o.excitation.samples
     none = np.full(n, -1)
     moving = _moving(o)
     if o.still or moving.mean() > 1 - SETTLED:
         return none
-    away = np.abs(o.shot.drive_V - rest_V(o)) > 10 * STILL * np.ptp(o.shot.drive_V)
+    away = np.abs(o.excitation.drive_V - rest_V(o)) > 10 * STILL * np.ptp(o.excitation.drive_V)
     starts = np.flatnonzero(np.diff(away.astype(np.int8), prepend=0) == 1)
     begun = [int(start) for start in starts if not away[max(start - REST, 0) : start].any()]
     if not 2 <= len(begun) <= len(PULSES):
@@ -108,30 +108,30 @@ def pulses(o: Observed) -> Whole:
     return result
 
 
-def sign(o: Observed) -> int:
+def sign(o: ObservedRecording) -> int:
     """Index into `SIGNS`; −1 of a drive that rests."""
-    high, low = float(o.shot.drive_V.max()), float(o.shot.drive_V.min())
+    high, low = float(o.excitation.drive_V.max()), float(o.excitation.drive_V.min())
     if o.still:
         return -1
     size = max(high, -low)
     return 2 if min(high, -low) > 0.01 * size else int(high < -low)
 
 
-def steepest_V_s(o: Observed) -> float:
+def steepest_V_s(o: ObservedRecording) -> float:
     """Largest rate of the drive."""
-    return float(np.abs(np.diff(o.shot.drive_V)).max(initial=0.0)) / o.shot.step_s
+    return float(np.abs(np.diff(o.excitation.drive_V)).max(initial=0.0)) / o.excitation.step_s
 
 
-def largest_V(o: Observed) -> float:
+def largest_V(o: ObservedRecording) -> float:
     """Largest magnitude of the drive."""
-    return float(np.abs(o.shot.drive_V).max())
+    return float(np.abs(o.excitation.drive_V).max())
 
 
 def _by_sample(
     view: str,
     labels: Sequence[str],
-    of: Callable[[Observed], Whole],
-    observed: Sequence[Observed],
+    of: Callable[[ObservedRecording], Whole],
+    observed: Sequence[ObservedRecording],
     rows: Rows,
     several: bool,
 ) -> list[Cell]:
@@ -150,25 +150,25 @@ def _by_sample(
 def _by_recording(
     view: str,
     labels: Sequence[str],
-    of: Callable[[Observed], int],
-    observed: Sequence[Observed],
+    of: Callable[[ObservedRecording], int],
+    observed: Sequence[ObservedRecording],
     rows: Rows,
     several: bool,
 ) -> list[Cell]:
-    return _by_sample(view, labels, lambda o: np.full(o.shot.samples, of(o)), observed, rows, several)
+    return _by_sample(view, labels, lambda o: np.full(o.excitation.samples, of(o)), observed, rows, several)
 
 
 def _labelled(label: str, channel: str, several: bool) -> str:
     return f"{channel}: {label}" if several else label
 
 
-def by_time(observed: Sequence[Observed], rows: Rows) -> list[Cell]:
+def by_time(observed: Sequence[ObservedRecording], rows: Rows) -> list[Cell]:
     """Equal stretches of the longest recording of a channel and a sampling step."""
     place = np.full(rows.record.size, -1)
     labels: list[str] = []
     spans: list[tuple[float, ...]] = []
     groups: list[str] = []
-    sizes = np.array([o.shot.samples for o in observed])
+    sizes = np.array([o.excitation.samples for o in observed])
     index = np.arange(rows.record.size) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     for key in sorted({o.noise_key for o in observed}):
         mine = [i for i, o in enumerate(observed) if o.noise_key == key and not o.still]
@@ -178,7 +178,7 @@ def by_time(observed: Sequence[Observed], rows: Rows) -> list[Cell]:
         count = min(STRETCHES, max(longest // 16, 1))
         own = np.isin(rows.record, mine)
         place[own] = len(labels) + index[own] * count // longest
-        step_s = observed[mine[0]].shot.step_s
+        step_s = observed[mine[0]].excitation.step_s
         edges = [step_s * -(-longest * k // count) for k in range(count + 1)]
         for low, high in itertools.pairwise(edges):
             labels.append(f"{with_prefix(low, 's')} to {with_prefix(high, 's')}")
@@ -196,7 +196,7 @@ def by_frequency(lines: Rows) -> list[Cell]:
     return lines.cells("frequency", place, labels, spans)
 
 
-def by_level(observed: Sequence[Observed], rows: Rows, several: bool) -> list[Cell]:
+def by_level(observed: Sequence[ObservedRecording], rows: Rows, several: bool) -> list[Cell]:
     """Recordings by the largest magnitude of their drive, in tenths of the largest of all."""
     values = {o.name: largest_V(o) for o in observed}
     most = max(values.values()) or 1.0
@@ -204,7 +204,7 @@ def by_level(observed: Sequence[Observed], rows: Rows, several: bool) -> list[Ce
     return _by_value("amplitude", "V", values, bins, observed, rows, several)
 
 
-def by_slope(observed: Sequence[Observed], rows: Rows, several: bool) -> list[Cell]:
+def by_slope(observed: Sequence[ObservedRecording], rows: Rows, several: bool) -> list[Cell]:
     """Recordings by the largest rate of their drive, in octaves."""
     values = {o.name: steepest_V_s(o) for o in observed if not o.still}
     bins = {name: math.floor(round(math.log2(value), 6)) for name, value in values.items()}
@@ -216,7 +216,7 @@ def _by_value(
     unit: str,
     values: dict[str, float],
     bins: dict[str, int],
-    observed: Sequence[Observed],
+    observed: Sequence[ObservedRecording],
     rows: Rows,
     several: bool,
 ) -> list[Cell]:
@@ -231,33 +231,33 @@ def _by_value(
     return rows.cells(view, place, labels, spans, [c for c, _ in kinds], [tuple(names) for names in members])
 
 
-def _quarters(observed: Sequence[Observed]) -> dict[str, int]:
+def _quarters(observed: Sequence[ObservedRecording]) -> dict[str, int]:
     """Of each recording the quarter of its channel's part of the session."""
     result = {}
     for channel in sorted({o.channel for o in observed}):
-        mine = sorted((o for o in observed if o.channel == channel), key=lambda o: o.shot.order)
+        mine = sorted((o for o in observed if o.channel == channel), key=lambda o: o.excitation.order)
         result.update({o.name: len(QUARTERS) * i // len(mine) for i, o in enumerate(mine)})
     return result
 
 
-def by_parity(observed: Sequence[Observed], lines: Rows) -> list[Cell]:
+def by_parity(observed: Sequence[ObservedRecording], lines: Rows) -> list[Cell]:
     """Even and odd multiples of the repetition rate, under periodic drives that hold odd ones alone."""
     place = np.full(lines.record.size, -1)
     for i, o in enumerate(observed):
         last = last_odd_line(o)
         if last:
             mine = np.flatnonzero(lines.record == i)
-            line = np.round(lines.axis[mine] * o.shot.samples * o.shot.step_s).astype(np.intp)
+            line = np.round(lines.axis[mine] * o.excitation.samples * o.excitation.step_s).astype(np.intp)
             place[mine] = np.where(line <= DISTORTED * last, line % 2, -1)
     labels = ["even multiples of the repetition rate", "odd multiples of the repetition rate"]
     return lines.cells("distortion", place, labels)
 
 
-def last_odd_line(o: Observed) -> int:
+def last_odd_line(o: ObservedRecording) -> int:
     """The highest line of a periodic drive that holds odd lines alone; 0 of any other."""
-    if not o.shot.periodic or o.still:
+    if not o.excitation.periodic or o.still:
         return 0
-    power = np.abs(np.fft.rfft(o.shot.drive_V - o.shot.drive_V.mean())) ** 2
+    power = np.abs(np.fft.rfft(o.excitation.drive_V - o.excitation.drive_V.mean())) ** 2
     if power[::2].sum() > EMPTY * power.sum():
         return 0
     return int(np.flatnonzero(power > EMPTY * power.max())[-1])

@@ -27,7 +27,7 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     fit, joint = hypothesis.fit, hypothesis.joint
     head = fit.head
     law, d = head.printhead, head.degree
-    directions = np.zeros((3, head.size + fit.point.size))
+    directions = np.zeros((3, head.size + fit.theta.size))
     directions[0, d] = directions[1, d + 1] = 1.0
     if "self_sensing" in head.gains:
         # Law and gains share a scale, set by the law's swing: b1 is as sure as both together.
@@ -35,10 +35,10 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
         if "self_sensing" in head.free_gains:
             directions[2, d + 2 + head.free_gains.index("self_sensing")] = 1.0
     q, r = joint.basis
-    across = q.T @ fit.slopes
-    _, beyond = np.linalg.qr(fit.slopes - q @ across)
+    across = q.T @ fit.jacobian
+    _, beyond = np.linalg.qr(fit.jacobian - q @ across)
     columns = np.block([[r, across], [np.zeros((beyond.shape[0], head.size)), beyond]])
-    loud = max(1.0, 2 * fit.nll / max(hypothesis.left.size - hypothesis.columns.shape[1], 1))
+    loud = max(1.0, 2 * fit.nll / max(hypothesis.residuals.size - hypothesis.columns.shape[1], 1))
     errors = np.sqrt(loud) * _errors(columns, directions) if fit.converged else np.full(3, np.inf)
     return {
         "a0": _estimate(law.a0, errors[0], 0.0),

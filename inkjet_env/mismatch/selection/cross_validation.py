@@ -1,4 +1,4 @@
-"""What a fit foretells of conditions it has not seen, from one fit of all: each left out in turn, linearised.
+"""What a fit predicts of conditions it has not seen, from one fit of all: each left out in turn, linearised.
 
 Leaving the rows of condition g out of least squares changes the residual there from ``r_g`` to ``(I - H_gg)⁻¹ r_g``
 with ``H`` the hat matrix (Cook & Weisberg 1982). A parameter that one condition alone tells cannot be tested by leaving
@@ -20,35 +20,35 @@ TOLD_BY_ONE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Foretold:
+class LeaveOutResiduals:
     """Residuals with each condition left out of the fit.
 
     Attributes
     ----------
-    left : ndarray, shape (rows,)
+    residuals : ndarray, shape (rows,)
     groups : tuple of ndarray of int
         Rows of each condition.
     """
 
-    left: Real
+    residuals: Real
     groups: tuple[NDArray[np.intp], ...]
 
-    def gains_of(self, other: Foretold) -> tuple[Real, Real]:
-        """How much better the other foretells each condition in log-likelihood, and the standard error, (g,) each."""
+    def log_likelihood_gain(self, other: LeaveOutResiduals) -> tuple[Real, Real]:
+        """How much better the other predicts each condition in log-likelihood, and the standard error, (g,) each."""
         gains, errors = [], []
         for rows in self.groups:
-            mine, theirs = self.left[rows], other.left[rows]
+            mine, theirs = self.residuals[rows], other.residuals[rows]
             gains.append(0.5 * float(mine @ mine - theirs @ theirs))
             errors.append(float(np.linalg.norm(mine - theirs)))
         return np.array(gains), np.array(errors)
 
 
-def foretold(left: Real, columns: Real, groups: Sequence[NDArray[np.intp]]) -> Foretold:
+def predicted(residuals: Real, columns: Real, groups: Sequence[NDArray[np.intp]]) -> LeaveOutResiduals:
     """Residuals with each condition left out.
 
     Parameters
     ----------
-    left : ndarray, shape (rows,)
+    residuals : ndarray, shape (rows,)
         Whitened residual of the fit.
     columns : ndarray, shape (rows, p)
         Whitened sensitivities to all fitted parameters.
@@ -56,13 +56,13 @@ def foretold(left: Real, columns: Real, groups: Sequence[NDArray[np.intp]]) -> F
         Rows of each condition.
     """
     q = orthonormal(columns)
-    result = left.copy()
+    result = residuals.copy()
     for rows in groups:
         mine = q[rows]
         share, directions = np.linalg.eigh(mine.T @ mine)
         factor = np.where(share < TOLD_BY_ONE, 1 / (1 - np.minimum(share, TOLD_BY_ONE)), 0.0)
-        result[rows] = left[rows] + mine @ (directions @ (factor * (directions.T @ (mine.T @ left[rows]))))
-    return Foretold(result, tuple(groups))
+        result[rows] = residuals[rows] + mine @ (directions @ (factor * (directions.T @ (mine.T @ residuals[rows]))))
+    return LeaveOutResiduals(result, tuple(groups))
 
 
 def orthonormal(columns: Real) -> Real:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.mismatch.fitting.dataset import Observed
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, conditions
 from inkjet_env.plant import Resonance
 from inkjet_env.typing import Real
@@ -24,12 +24,12 @@ DELAYS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Flexible:
+class DiscrepancyRegression:
     """The regression's outcome.
 
     Attributes
     ----------
-    foretold : float
+    predicted : float
         Gain of the log-likelihood of held-out rows.
     error : float
         Its standard error.
@@ -39,37 +39,37 @@ class Flexible:
         What it adds to each recording, whitened.
     """
 
-    foretold: float
+    predicted: float
     error: float
     share: float
     modelled: dict[str, Real]
 
 
-def flexible_residual(hypothesis: Hypothesis) -> Flexible:
+def discrepancy_regression(hypothesis: Hypothesis) -> DiscrepancyRegression:
     """Learn what a hypothesis leaves of the fitted recordings, and judge it on the held-out ones."""
     joint = hypothesis.joint
-    scale = max(float(np.abs(o.shot.drive_V).max()) for o in joint.observed) or 1.0
-    speeds = [float(np.abs(_motion(hypothesis, o)).max()) for o in joint.observed if o.shot.fast]
+    scale = max(float(np.abs(o.excitation.drive_V).max()) for o in joint.observed) or 1.0
+    speeds = [float(np.abs(_motion(hypothesis, o)).max()) for o in joint.observed if o.excitation.fast]
     size = max(speeds, default=1.0) or 1.0
     columns = {o.name: joint.whitened(o, _features(hypothesis, o, scale, size)) for o in joint.observed}
     seen = np.concatenate([columns[o.name][: o.fitted] for o in joint.seen])
     norms = np.linalg.norm(seen, axis=0)
     norms[norms == 0] = np.inf
     seen = seen / norms
-    weights = _ridge(seen, hypothesis.left, conditions(joint))
+    weights = _ridge(seen, hypothesis.residuals, conditions(joint))
     modelled = {name: (table / norms) @ weights for name, table in columns.items()}
     gain = square = power = 0.0
     for o in joint.observed:
         rows = o.rows(held_out=True)
-        left, added = hypothesis.fit.left[o.name][rows], modelled[o.name][rows]
-        gain += 0.5 * float(left @ left - (left - added) @ (left - added))
+        residuals, added = hypothesis.fit.residuals[o.name][rows], modelled[o.name][rows]
+        gain += 0.5 * float(residuals @ residuals - (residuals - added) @ (residuals - added))
         square += float(added @ added)
-        power += float(left @ left)
-    return Flexible(gain, float(np.sqrt(square)), 2 * gain / power if power else 0.0, modelled)
+        power += float(residuals @ residuals)
+    return DiscrepancyRegression(gain, float(np.sqrt(square)), 2 * gain / power if power else 0.0, modelled)
 
 
 def _ridge(columns: Real, target: Real, groups: Sequence[NDArray[np.intp]]) -> Real:
-    """Weights with the ridge that foretells left-out conditions best."""
+    """Weights with the ridge that predicts left-out conditions best."""
     folds = [np.concatenate(groups[k::4]) for k in range(min(4, len(groups)))]
     gram, moment = columns.T @ columns, columns.T @ target
     errors = np.zeros(len(RIDGES))
@@ -78,49 +78,49 @@ def _ridge(columns: Real, target: Real, groups: Sequence[NDArray[np.intp]]) -> R
         values, vectors = np.linalg.eigh(gram - out.T @ out)
         rotated, image = vectors.T @ (moment - out.T @ target[rows]), out @ vectors
         for k, ridge in enumerate(RIDGES):
-            left = target[rows] - image @ (rotated / (np.maximum(values, 0) + ridge))
-            errors[k] += float(left @ left)
+            residuals = target[rows] - image @ (rotated / (np.maximum(values, 0) + ridge))
+            errors[k] += float(residuals @ residuals)
     ridge = RIDGES[int(np.argmin(errors))] if errors.min() < float(target @ target) else np.inf
     if not np.isfinite(ridge):
         return np.zeros(columns.shape[1])
     return np.asarray(np.linalg.solve(gram + ridge * np.eye(len(gram)), moment), dtype=np.float64)
 
 
-def _motion(hypothesis: Hypothesis, o: Observed) -> Real:
+def _motion(hypothesis: Hypothesis, o: ObservedRecording) -> Real:
     """What the channel shows of the motion of a head without resonator effects, for a gain of 1."""
     head, plant = hypothesis.fit.head, hypothesis.fit.head.plant(hypothesis.fit.with_values)
     resonance = Resonance(head.printhead.a0, head.printhead.a1, head.printhead.a0)
-    return resonance.motion(plant.hysteretic_V(plant.at_ceramic_V(o.shot), o.shot), o.shot)
+    return resonance.motion(plant.hysteretic_V(plant.at_ceramic_V(o.excitation), o.excitation), o.excitation)
 
 
-def _features(hypothesis: Hypothesis, o: Observed, scale: float, size: float) -> Real:
+def _features(hypothesis: Hypothesis, o: ObservedRecording, scale: float, size: float) -> Real:
     """Columns, shape (n, k), the same k for every recording.
 
     ``scale`` and ``size`` are the largest drive and motion of all recordings: powers are of the same unit everywhere.
     """
     head = hypothesis.fit.head
-    plant, shot = head.plant(hypothesis.fit.with_values), o.shot
+    plant, excitation = head.plant(hypothesis.fit.with_values), o.excitation
     if o.channel == "drive_monitor":
-        return np.zeros((shot.samples, _count()))
-    drive = plant.at_ceramic_V(shot)
-    hysteretic = plant.hysteretic_V(drive, shot)
+        return np.zeros((excitation.samples, _count()))
+    drive = plant.at_ceramic_V(excitation)
+    hysteretic = plant.hysteretic_V(drive, excitation)
     resonance = Resonance(head.printhead.a0, head.printhead.a1, head.printhead.a0)
-    gain, place = plant.gain(o.channel), (o.shot.order - 1) / 30
-    v = shot.sampled(hysteretic)
-    u = shot.drive_V
+    gain, place = plant.gain(o.channel), (o.excitation.order - 1) / 30
+    v = excitation.sampled(hysteretic)
+    u = excitation.drive_V
     slope: Real = np.gradient(u)
-    if not shot.fast:
+    if not excitation.fast:
         shapes = [v, u, slope, v * np.abs(v) / scale, v**2 / scale, v**3 / scale**2, np.abs(u), u**2 / scale]
-        slow = [_decayed(slope, k, shot.periodic) for k in (3, 10, 30, 100, 300)]
+        slow = [_decayed(slope, k, excitation.periodic) for k in (3, 10, 30, 100, 300)]
         table = np.column_stack([*shapes, *slow, np.full(v.size, place), v * place])
         return np.hstack([table, np.zeros((v.size, _count() - table.shape[1]))])
     y = _motion(hypothesis, o)
-    step = 2 * np.pi * head.printhead.frequency_Hz * shot.step_s
+    step = 2 * np.pi * head.printhead.frequency_Hz * excitation.step_s
     speed: Real = np.gradient(y) / np.float64(step)
-    period = 1 / (head.printhead.frequency_Hz * shot.step_s)
+    period = 1 / (head.printhead.frequency_Hz * excitation.step_s)
 
     def rung(samples: Real) -> Real:
-        return resonance.motion(np.ascontiguousarray(shot.refined(samples)), shot)
+        return resonance.motion(np.ascontiguousarray(excitation.refined(samples)), excitation)
 
     even_odd = [y**2 / size, y**3 / size**2, y * np.abs(y) / size, y * speed / size, y**2 * speed / size**2,
                 speed * np.abs(speed) / size]  # fmt: skip
@@ -129,7 +129,7 @@ def _features(hypothesis: Hypothesis, o: Observed, scale: float, size: float) ->
         lambda: slope, lambda: np.abs(slope), lambda: slope * np.abs(slope) / scale,
     ]  # fmt: skip
     once_more = [rung(shape * scale / size) for shape in (y, speed, *even_odd)]
-    delayed = [_shifted(signal, round(d * period), shot.periodic) for d in DELAYS for signal in (y, speed)]
+    delayed = [_shifted(signal, round(d * period), excitation.periodic) for d in DELAYS for signal in (y, speed)]
     table = np.column_stack(
         [
             gain * np.column_stack([y, speed, *even_odd, *once_more, *(rung(push()) for push in pushes), *delayed]),

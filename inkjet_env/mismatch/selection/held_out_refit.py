@@ -1,4 +1,4 @@
-"""What held-out recordings that were foretold badly say once they are fitted."""
+"""What held-out recordings that were predicted badly say once they are fitted."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis
 from inkjet_env.mismatch.selection.score_test import signatures
 from inkjet_env.mismatch.settings import LEAST_EXCESS, LEFT_OVER, SURE
 
 
-def against_the_base_model(joint: JointFit) -> tuple[str, ...]:
+def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
     """Held-out recordings that the base model does not explain to their noise, even when it is fitted to them too.
 
-    What no fitted recording shows is looked for in none. A base model that foretold them badly, because little of what
+    What no fitted recording shows is looked for in none. A base model that predicted them badly, because little of what
     was fitted tells its parameters there, explains them once they tell as well.
 
     Parameters
@@ -34,27 +34,29 @@ def against_the_base_model(joint: JointFit) -> tuple[str, ...]:
     of_the_head = [o for o in joint.observed if o.channel != "drive_monitor"]
     for key in sorted({o.noise_key for o in of_the_head}):
         mine = [o for o in of_the_head if o.noise_key == key]
-        seen = np.concatenate([joint.base.left[o.name][o.rows(held_out=False)] for o in mine])
+        seen = np.concatenate([joint.base.residuals[o.name][o.rows(held_out=False)] for o in mine])
         usual = float(seen @ seen) / seen.size if seen.size else 1.0
         for o in mine:
-            left = whole.base.left[o.name][o.rows(held_out=True)]
-            if not left.size:
+            residuals = whole.base.residuals[o.name][o.rows(held_out=True)]
+            if not residuals.size:
                 continue
-            excess = float(left @ left) / left.size / usual - 1
-            doubt = np.sqrt(2 / left.size + 2 / max(seen.size, 1))
+            excess = float(residuals @ residuals) / residuals.size / usual - 1
+            doubt = np.sqrt(2 / residuals.size + 2 / max(seen.size, 1))
             if excess > LEAST_EXCESS + SURE * doubt:
-                found[o.name] = excess * left.size
+                found[o.name] = excess * residuals.size
     return tuple(sorted(found, key=lambda name: -found[name]))
 
 
-def _of_everything(joint: JointFit) -> JointFit:
+def _of_everything(joint: OutputErrorFit) -> OutputErrorFit:
     """The same with what was held out fitted too."""
-    everything = [replace(o, fitted=o.shot.samples) for o in joint.observed]
-    return JointFit(everything, joint.noise, joint.base.head, joint.standing)
+    everything = [replace(o, fitted=o.excitation.samples) for o in joint.observed]
+    return OutputErrorFit(everything, joint.noise, joint.base.head, joint.random_effects)
 
 
-def borne_out(joint: JointFit, chosen: Hypothesis, crew: Crew, progress: Callable[[str], None]) -> bool:
-    """Whether effects that foretold held-out recordings badly explain them once these may tell the values too.
+def explains_held_out_after_refit(
+    joint: OutputErrorFit, chosen: Hypothesis, pool: ProcessPool, progress: Callable[[str], None]
+) -> bool:
+    """Whether effects that predicted held-out recordings badly explain them once these may tell the values too.
 
     When a bubble came between two recordings that were fitted, nothing tells of those in between whether it was
     there. An effect that is not there does no better for being told.
@@ -64,21 +66,21 @@ def borne_out(joint: JointFit, chosen: Hypothesis, crew: Crew, progress: Callabl
     joint : JointFit
     chosen : Hypothesis
         On the same recordings.
-    crew : Crew
+    pool : Crew
         Where the fits run.
     progress : callable
     """
     whole = _of_everything(joint)
-    found, told = signatures(whole, chosen.fit.effects, crew), base_hypothesis(whole)
+    found, told = signatures(whole, chosen.fit.effects, pool), base_hypothesis(whole)
     for effect in chosen.fit.effects:
         beside = found.beside(told.columns)
-        told = next(iter(attribute(whole, told, [effect], beside, crew, progress)), told)
+        told = next(iter(attribute(whole, told, [effect], beside, pool, progress)), told)
     before = after = noise = 0.0
     for key in sorted({o.noise_key for o in joint.observed}):
         mine = [o for o in joint.observed if o.noise_key == key]
-        seen = np.concatenate([told.fit.left[o.name][o.rows(held_out=False)] for o in mine])
-        unseen = np.concatenate([told.fit.left[o.name][o.rows(held_out=True)] for o in mine])
-        before += sum(float(np.sum(whole.base.left[o.name][o.rows(held_out=True)] ** 2)) for o in mine)
+        seen = np.concatenate([told.fit.residuals[o.name][o.rows(held_out=False)] for o in mine])
+        unseen = np.concatenate([told.fit.residuals[o.name][o.rows(held_out=True)] for o in mine])
+        before += sum(float(np.sum(whole.base.residuals[o.name][o.rows(held_out=True)] ** 2)) for o in mine)
         after += float(unseen @ unseen)
         noise += unseen.size * (float(seen @ seen) / seen.size if seen.size else 1.0)
     return before - after >= (1 - LEFT_OVER) * (before - noise)

@@ -1,6 +1,6 @@
 """Effects that differ from recording to recording by chance — a hum, a drift — told from noise by likelihood.
 
-Their amplitudes are drawn anew in every recording, so no simulation foretells them and repeats differ by them: without
+Their amplitudes are drawn anew in every recording, so no simulation predicts them and repeats differ by them: without
 them they pass for noise. Both sides are compared whole, noise model and all: noise alone as coloured as the recordings
 show it, against less noise with amplitudes drawn from one normal distribution (its variance by maximum likelihood).
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from inkjet_env.identification.identification import Estimate
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.mismatch.fitting.dataset import Noise, Observed, noise_seen
+from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, noise_seen
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import Parameter, coordinates, values_at
 from inkjet_env.printhead import Printhead
@@ -39,7 +39,7 @@ LEAST_AT_REST = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class ByChance:
+class RandomEffect:
     """An effect by chance on one channel.
 
     Attributes
@@ -61,20 +61,20 @@ class ByChance:
     estimates: dict[str, Estimate]
 
 
-def by_chance(
-    observed: Sequence[Observed],
-    left: dict[str, Real],
+def detect_random_effects(
+    observed: Sequence[ObservedRecording],
+    residuals: dict[str, Real],
     noise: Noise,
     effects: Sequence[Effect],
     printhead: Printhead,
-) -> list[ByChance]:
+) -> list[RandomEffect]:
     """How well each such effect does, as one channel tells its shape, best first; only those that gain enough there.
 
     Parameters
     ----------
     observed : sequence of Observed
         The recordings to look at: those at rest, or all where the model explains them.
-    left : dict of str to ndarray
+    residuals : dict of str to ndarray
         Measured minus modelled, in the channel's unit.
     noise : Noise
         With nothing of the kind.
@@ -84,17 +84,17 @@ def by_chance(
         Which they may take their starts from.
     """
     channels: dict[str, _Channel] = {}
-    found: list[ByChance] = []
+    found: list[RandomEffect] = []
     for name in sorted({o.channel for o in observed} - {"drive_monitor"}):
         mine = [o for o in observed if o.channel == name]
-        level = float(np.mean(np.concatenate([left[o.name] for o in mine])))  # an offset is no drift
-        left = left | {o.name: left[o.name] - level for o in mine}
-        lines = _lines_Hz(mine, left)
+        level = float(np.mean(np.concatenate([residuals[o.name] for o in mine])))  # an offset is no drift
+        residuals = residuals | {o.name: residuals[o.name] - level for o in mine}
+        lines = _lines_Hz(mine, residuals)
         for o in mine:
-            o.shot.kept["lines_Hz"] = lines
+            o.excitation.cache["lines_Hz"] = lines
         # from these recordings, as it will be with the effect
-        alone = noise_seen(mine, left, dict(noise.models), noise.least)
-        channel = channels[name] = _Channel(mine, left, alone, _noise_alone(mine, left, alone))
+        alone = noise_seen(mine, residuals, dict(noise.models), noise.least)
+        channel = channels[name] = _Channel(mine, residuals, alone, _noise_alone(mine, residuals, alone))
         for effect in effects:
             best = _best(effect, channel, printhead)
             if best is None or best.gain <= _least_gain(effect, mine):
@@ -102,7 +102,7 @@ def by_chance(
             if _at_rest(best, channel) and not _rounded(best, channel):
                 found.append(_with_intervals(best, channel))
         for o in mine:
-            del o.shot.kept["lines_Hz"]
+            del o.excitation.cache["lines_Hz"]
     # One hum is heard on every channel: its frequency is the one that explains most on all of them together.
     together = [
         replace(
@@ -117,43 +117,47 @@ def by_chance(
 class _Channel:
     """Recordings of one channel, what is left of them, and their noise with its negative log-likelihood."""
 
-    observed: Sequence[Observed]
-    left: dict[str, Real]
+    observed: Sequence[ObservedRecording]
+    residuals: dict[str, Real]
     noise: Noise
     before: float
 
 
 def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> float:
     """What an effect with these shapes gains on another channel; 0 where that does not show it."""
-    if all(effect.nuisances(values, o.shot) is None for o in channel.observed):
+    if all(effect.random_effect_basis(values, o.excitation) is None for o in channel.observed):
         return 0.0
     less = _less(effect, values, channel)
-    gain = channel.before - _with_amplitudes(effect, values, channel.observed, channel.left, less)[0]
+    gain = channel.before - _with_amplitudes(effect, values, channel.observed, channel.residuals, less)[0]
     return gain if gain > LEAST_GAIN else 0.0
 
 
 def _less(effect: Effect, values: dict[str, float], channel: _Channel) -> Noise:
     """The noise with what the effect can explain taken out."""
-    rest = without(effect, values, channel.observed, channel.left)
+    rest = without(effect, values, channel.observed, channel.residuals)
     return noise_seen(channel.observed, rest, dict(channel.noise.models), channel.noise.least)
 
 
-def _least_gain(effect: Effect, observed: Sequence[Observed]) -> float:
+def _least_gain(effect: Effect, observed: Sequence[ObservedRecording]) -> float:
     shapes = len(effect.parameters) - len(effect.strengths)
-    return LEAST_GAIN + shapes * math.log(max(o.shot.samples for o in observed))
+    return LEAST_GAIN + shapes * math.log(max(o.excitation.samples for o in observed))
 
 
-def _at_rest(one: ByChance, channel: _Channel) -> bool:
+def _at_rest(one: RandomEffect, channel: _Channel) -> bool:
     """Whether recordings at rest, where there are any, show it too: what needs a drive is no hum and no drift."""
-    resting = [o for o in channel.observed if o.at_rest and one.effect.nuisances(one.values, o.shot) is not None]
+    resting = [
+        o
+        for o in channel.observed
+        if o.at_rest and one.effect.random_effect_basis(one.values, o.excitation) is not None
+    ]
     if not resting:
         return True
     less = _less(one.effect, one.values, channel)
-    before = _noise_alone(resting, channel.left, channel.noise)
-    return before - _with_amplitudes(one.effect, one.values, resting, channel.left, less)[0] > LEAST_AT_REST
+    before = _noise_alone(resting, channel.residuals, channel.noise)
+    return before - _with_amplitudes(one.effect, one.values, resting, channel.residuals, less)[0] > LEAST_AT_REST
 
 
-def _rounded(one: ByChance, channel: _Channel) -> bool:
+def _rounded(one: RandomEffect, channel: _Channel) -> bool:
     """Whether it may be the converter: less than its step, where the noise is too little to make rounding random."""
     step = math.sqrt(12) * channel.noise.least[one.channel]
     noise_rms = max(channel.noise.models[o.noise_key].rms for o in channel.observed)
@@ -162,73 +166,73 @@ def _rounded(one: ByChance, channel: _Channel) -> bool:
 
 
 def without(
-    effect: Effect, values: dict[str, float], observed: Sequence[Observed], left: dict[str, Real]
+    effect: Effect, values: dict[str, float], observed: Sequence[ObservedRecording], residuals: dict[str, Real]
 ) -> dict[str, Real]:
     """What is left of each recording when the effect's amplitudes have been fitted to it."""
-    result = dict(left)
+    result = dict(residuals)
     for o in observed:
-        columns = None if o.channel == "drive_monitor" else effect.nuisances(values, o.shot)
+        columns = None if o.channel == "drive_monitor" else effect.random_effect_basis(values, o.excitation)
         if columns is not None:
-            result[o.name] = left[o.name] - columns @ np.linalg.lstsq(columns, left[o.name], rcond=None)[0]
+            result[o.name] = residuals[o.name] - columns @ np.linalg.lstsq(columns, residuals[o.name], rcond=None)[0]
     return result
 
 
-def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> ByChance | None:
+def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffect | None:
     from scipy.optimize import minimize_scalar
 
-    observed, left, noise = channel.observed, channel.left, channel.noise
+    observed, residuals, noise = channel.observed, channel.residuals, channel.noise
     free = [p for p in effect.parameters if p.name not in effect.strengths and p.scale == "log"]
     starts = [
         start
-        for start in effect.starts(printhead, [o.shot for o in observed])
-        if any(effect.nuisances(start, o.shot) is not None for o in observed)
+        for start in effect.starts(printhead, [o.excitation for o in observed])
+        if any(effect.random_effect_basis(start, o.excitation) is not None for o in observed)
     ]
     # A loud tone shapes the noise model that is to judge it; so starts are ranked by bare power as well.
     tried: list[tuple[int, Noise]] = []
     for judge in (noise, _white(noise)):
-        before = _noise_alone(observed, left, judge)
-        losses = [_with_amplitudes(effect, start, observed, left, judge)[0] for start in starts]
+        before = _noise_alone(observed, residuals, judge)
+        losses = [_with_amplitudes(effect, start, observed, residuals, judge)[0] for start in starts]
         ranked = sorted(range(len(starts)), key=losses.__getitem__)[:2]
         fair = [k for k in ranked if before - losses[k] > WORTH_REFINING]
         tried += [(k, judge) for k in fair if free or k not in [other for other, _ in tried]]
-    best: ByChance | None = None
+    best: RandomEffect | None = None
     for k, judge in tried:
         start = starts[k]
         values = dict(start)
         if len(free) == 1:  # refine a frequency within the width of a line
             place = [p.name for p in effect.parameters].index(free[0].name)
-            point = coordinates(effect, values)
-            longest = max(o.shot.samples * o.shot.step_s for o in observed)
+            theta = coordinates(effect, values)
+            longest = max(o.excitation.samples * o.excitation.step_s for o in observed)
             width = 1 / max(values[free[0].name] * longest, 1.0)
 
-            def worse(z: float, point: Real = point, place: int = place, judge: Noise = judge) -> float:
-                there = point.copy()
+            def worse(z: float, theta: Real = theta, place: int = place, judge: Noise = judge) -> float:
+                there = theta.copy()
                 there[place] = z
-                return _with_amplitudes(effect, values_at(effect, there), observed, left, judge)[0]
+                return _with_amplitudes(effect, values_at(effect, there), observed, residuals, judge)[0]
 
-            bounds = (point[place] - width, point[place] + width)
+            bounds = (theta[place] - width, theta[place] + width)
             refined = minimize_scalar(worse, bounds=bounds, method="bounded", options={"xatol": 1e-3 * width})
-            point[place] = refined.x
-            values = values_at(effect, point)
+            theta[place] = refined.x
+            values = values_at(effect, theta)
         less = _less(effect, values, channel)
-        after, peaks = _with_amplitudes(effect, values, observed, left, less)
+        after, peaks = _with_amplitudes(effect, values, observed, residuals, less)
         size = _root_mean_square(peaks)
         for name in effect.strengths:
             values[name] = size.value
         if best is None or channel.before - after > best.gain:
             estimates = dict.fromkeys(effect.strengths, size)
-            best = ByChance(effect, observed[0].channel, values, channel.before - after, estimates)
+            best = RandomEffect(effect, observed[0].channel, values, channel.before - after, estimates)
     return best
 
 
-def _with_intervals(best: ByChance, channel: _Channel) -> ByChance:
+def _with_intervals(best: RandomEffect, channel: _Channel) -> RandomEffect:
     """With the estimates of its shapes."""
     effect, values = best.effect, best.values
     less = _less(effect, values, channel)
     estimates = {
         p.name: best.estimates[p.name]
         if p.name in effect.strengths
-        else _shapes_interval(effect, values, p, channel.observed, channel.left, less)
+        else _shapes_interval(effect, values, p, channel.observed, channel.residuals, less)
         if p.scale == "log"
         else Estimate(values[p.name], values[p.name], values[p.name])  # chosen, not fitted
         for p in effect.parameters
@@ -249,28 +253,28 @@ def _shapes_interval(
     effect: Effect,
     values: dict[str, float],
     parameter: Parameter,
-    observed: Sequence[Observed],
-    left: dict[str, Real],
+    observed: Sequence[ObservedRecording],
+    residuals: dict[str, Real],
     noise: Noise,
 ) -> Estimate:
     """Where the log-likelihood, amplitudes at their likeliest, is so little less: by bisection from outside in."""
     place = [p.name for p in effect.parameters].index(parameter.name)
-    point = coordinates(effect, values)
-    least = _with_amplitudes(effect, values, observed, left, noise)[0]
-    longest = max(o.shot.samples * o.shot.step_s for o in observed)
+    theta = coordinates(effect, values)
+    least = _with_amplitudes(effect, values, observed, residuals, noise)[0]
+    longest = max(o.excitation.samples * o.excitation.step_s for o in observed)
     width = 1 / max(values[parameter.name] * longest, 1.0)
     ends = []
     for sign in (-1, 1):
         inside, outside = 0.0, width
         for _ in range(BISECTIONS):
             middle = 0.5 * (inside + outside)
-            there = point.copy()
+            there = theta.copy()
             there[place] += sign * middle
-            if _with_amplitudes(effect, values_at(effect, there), observed, left, noise)[0] - least < PROFILE_90:
+            if _with_amplitudes(effect, values_at(effect, there), observed, residuals, noise)[0] - least < PROFILE_90:
                 inside = middle
             else:
                 outside = middle
-        ends.append(parameter.value(float(point[place] + sign * outside)))
+        ends.append(parameter.value(float(theta[place] + sign * outside)))
     return Estimate(values[parameter.name], min(ends), max(ends))
 
 
@@ -280,32 +284,36 @@ def _white(noise: Noise) -> Noise:
     return replace(noise, models=models)
 
 
-def _noise_alone(observed: Sequence[Observed], left: dict[str, Real], noise: Noise) -> float:
+def _noise_alone(observed: Sequence[ObservedRecording], residuals: dict[str, Real], noise: Noise) -> float:
     """Negative log-likelihood of what is left as noise."""
     total = 0.0
     for o in observed:
-        white = noise.whitened(o, left[o.name])
-        total += o.shot.samples * noise.log_scale(o) + 0.5 * float(white @ white)
+        white = noise.whitened(o, residuals[o.name])
+        total += o.excitation.samples * noise.log_scale(o) + 0.5 * float(white @ white)
     return total
 
 
 def _with_amplitudes(
-    effect: Effect, values: dict[str, float], observed: Sequence[Observed], left: dict[str, Real], noise: Noise
+    effect: Effect,
+    values: dict[str, float],
+    observed: Sequence[ObservedRecording],
+    residuals: dict[str, Real],
+    noise: Noise,
 ) -> tuple[float, Real]:
     """Negative log-likelihood with random amplitudes of the likeliest variance; and the peak in each recording."""
     squares, sizes = [], []
     explained = []
     for o in observed:
-        columns = effect.nuisances(values, o.shot)
+        columns = effect.random_effect_basis(values, o.excitation)
         if columns is None:
             continue
-        white = noise.whitened(o, np.column_stack([columns, left[o.name]]))
+        white = noise.whitened(o, np.column_stack([columns, residuals[o.name]]))
         q, r = np.linalg.qr(white[:, :-1])
         amplitudes = q.T @ white[:, -1]
         squares.append(amplitudes**2)
         sizes.append(np.full(amplitudes.size, float(np.mean(np.diag(r) ** 2))))
         explained.append(columns @ np.linalg.lstsq(r, amplitudes, rcond=1e-12)[0])
-    total = _noise_alone(observed, left, noise)
+    total = _noise_alone(observed, residuals, noise)
     if not squares:
         return total, np.zeros(1)
     a, size = np.concatenate(squares), np.concatenate(sizes)
@@ -315,20 +323,20 @@ def _with_amplitudes(
     return total - max(float(gains.max()), 0.0), np.array([np.max(np.abs(e)) for e in explained])
 
 
-def _lines_Hz(observed: Sequence[Observed], left: dict[str, Real]) -> list[float]:
+def _lines_Hz(observed: Sequence[ObservedRecording], residuals: dict[str, Real]) -> list[float]:
     """Frequencies of the strongest lines in the pooled periodogram of what is left."""
-    by_step: dict[float, list[Observed]] = {}
+    by_step: dict[float, list[ObservedRecording]] = {}
     for o in observed:
         by_step.setdefault(o.noise_key[1], []).append(o)
-    step_s, mine = max(by_step.items(), key=lambda pair: sum(o.shot.samples for o in pair[1]))
-    longest = max(o.shot.samples for o in mine)
+    step_s, mine = max(by_step.items(), key=lambda pair: sum(o.excitation.samples for o in pair[1]))
+    longest = max(o.excitation.samples for o in mine)
     length = 4 * longest
     power = np.zeros(length // 2 + 1)
     for o in mine:
-        signal = left[o.name] - left[o.name].mean()
+        signal = residuals[o.name] - residuals[o.name].mean()
         lines = np.abs(np.fft.rfft(signal * np.hanning(signal.size), length)) ** 2
         power += lines / max(float(np.median(lines)), 1e-300)
-    frequency = np.fft.rfftfreq(length, mine[0].shot.step_s)
+    frequency = np.fft.rfftfreq(length, mine[0].excitation.step_s)
     found: list[float] = []
     for at in np.argsort(power)[::-1]:
         if frequency[at] * longest * step_s < 1.5:

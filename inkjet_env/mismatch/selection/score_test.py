@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import coordinates
 from inkjet_env.plant.errors import NUMERICAL
@@ -44,9 +44,9 @@ class Signatures:
     columns: Real
     sizes: Real
 
-    def scores(self, left: Real) -> Real:
-        """Standard normal where the model that left ``left`` (rows,) is right, one a column."""
-        scores: Real = self.columns.T @ left
+    def scores(self, residuals: Real) -> Real:
+        """Standard normal where the model that left ``residuals`` (rows,) is right, one a column."""
+        scores: Real = self.columns.T @ residuals
         return scores
 
     def beside(self, basis: Real) -> Signatures:
@@ -76,30 +76,30 @@ class Signatures:
         bound = self.sizes.size * math.erfc(abs(score) / math.sqrt(2))  # Bonferroni's, good in the tail
         return float(min(bound, (above + 1) / DRAWS))
 
-    def ranked(self, effect: Effect, left: Real) -> list[tuple[float, dict[str, float]]]:
+    def ranked(self, effect: Effect, residuals: Real) -> list[tuple[float, dict[str, float]]]:
         """Scores and starts of one effect, best first; strengths scaled to what the recordings show."""
-        scores = self.scores(left)
+        scores = self.scores(residuals)
         mine = [i for i, e in enumerate(self.effects) if e.id == effect.id]
         mine.sort(key=lambda i: -abs(float(scores[i])))
         return [(float(scores[i]), _scaled(effect, self.starts[i], float(scores[i] / self.sizes[i]))) for i in mine]
 
-    def best(self, left: Real) -> dict[str, float]:
+    def best(self, residuals: Real) -> dict[str, float]:
         """By effect's id, the largest score's size."""
         found: dict[str, float] = {}
-        for effect, score in zip(self.effects, self.scores(left), strict=True):
+        for effect, score in zip(self.effects, self.scores(residuals), strict=True):
             found[effect.id] = max(found.get(effect.id, 0.0), abs(float(score)))
         return found
 
 
 def signatures(
-    joint: JointFit,
+    joint: OutputErrorFit,
     effects: Iterable[Effect],
-    crew: Crew,
+    pool: ProcessPool,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Signatures:
     """Signatures of all effects at all their starts."""
-    shots = [o.shot for o in joint.seen if o.channel != "drive_monitor"]
-    tasks = [(effect, start) for effect in effects for start in effect.starts(joint.base.head.printhead, shots)]
+    excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
+    tasks = [(effect, start) for effect in effects for start in effect.starts(joint.base.head.printhead, excitations)]
 
     def column(task: tuple[Effect, dict[str, float]]) -> Real | None:
         try:
@@ -108,40 +108,40 @@ def signatures(
             return None
 
     q, _ = joint.basis
-    kept, columns, sizes = [], [], []
-    for k, (task, found) in enumerate(zip(tasks, crew.map(column, tasks), strict=True)):
+    shown, columns, sizes = [], [], []
+    for k, (task, found) in enumerate(zip(tasks, pool.map(column, tasks), strict=True)):
         progress(f"what {task[0].id} would add ({k + 1} of {len(tasks)})")
         if found is None or not np.isfinite(found).all():
             continue
         projected = found - q @ (q.T @ found)
         size = float(np.linalg.norm(projected))
         if size > math.sqrt(LEAST_SHARE) * float(np.linalg.norm(found)) and size > 1e-9:
-            kept.append(task)
+            shown.append(task)
             columns.append(projected / size)
             sizes.append(size)
     rows = int(joint.ends[-1])
     return Signatures(
-        tuple(effect for effect, _ in kept),
-        tuple(start for _, start in kept),
+        tuple(effect for effect, _ in shown),
+        tuple(start for _, start in shown),
         np.column_stack(columns) if columns else np.zeros((rows, 0)),
         np.array(sizes),
     )
 
 
-def superposed(joint: JointFit, effect: Effect, left: Real, basis: Real) -> list[dict[str, float]]:
+def superposed(joint: OutputErrorFit, effect: Effect, residuals: Real, basis: Real) -> list[dict[str, float]]:
     """Where a fit of an effect's whole law may begin, what looks most like the residual first, all unlike each other.
 
     Parameters
     ----------
     joint : JointFit
     effect : Effect
-    left : ndarray, shape (rows,)
+    residuals : ndarray, shape (rows,)
         Whitened residual without the effect.
     basis : ndarray, shape (rows, q)
         Orthonormal columns of what may adapt.
     """
-    shots = [o.shot for o in joint.seen if o.channel != "drive_monitor"]
-    law = effect.superposed(joint.base.head.printhead, shots)
+    excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
+    law = effect.superposed(joint.base.head.printhead, excitations)
     if law is None:
         return []
     plain, starts, weights = law
@@ -152,7 +152,7 @@ def superposed(joint: JointFit, effect: Effect, left: Real, basis: Real) -> list
     columns -= basis @ (basis.T @ columns)
     gram = columns.T @ columns
     size = np.sqrt(np.maximum(weights.multiply(weights @ gram).sum(axis=1), 1e-300))
-    scores = np.asarray(weights @ (columns.T @ left)) / size
+    scores = np.asarray(weights @ (columns.T @ residuals)) / size
     found: list[int] = []
     for k in np.argsort(-np.abs(scores)):
         alike = weights[found] @ gram @ weights[[k]].toarray()[0] / (size[found] * size[k])
@@ -175,6 +175,6 @@ def _scaled(effect: Effect, start: dict[str, float], factor: float) -> dict[str,
     return values
 
 
-def point_of(effects: Sequence[Effect], values: Sequence[dict[str, float]]) -> Real:
+def theta_of(effects: Sequence[Effect], values: Sequence[dict[str, float]]) -> Real:
     """Coordinates of several effects one after another."""
     return np.concatenate([coordinates(e, v) for e, v in zip(effects, values, strict=True)] or [np.zeros(0)])

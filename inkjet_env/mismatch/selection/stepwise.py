@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inkjet_env.mismatch.fitting.checkpoint import Kept
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import LEAST_SHARE, Hypothesis, attribute, base_hypothesis, settled
-from inkjet_env.mismatch.selection.score_test import Signatures, point_of
+from inkjet_env.mismatch.selection.score_test import Signatures, theta_of
 from inkjet_env.mismatch.settings import LEFT_OVER
 from inkjet_env.plant import Effect
 from inkjet_env.plant.errors import NUMERICAL
@@ -25,9 +25,9 @@ WORTH_CARRYING = 0.5
 CHANCE = 1e-3
 """Probability of a score by noise alone from which on an effect is looked for."""
 STANDARD_ERRORS = 2.0
-"""By so many, conditions left out must be foretold better."""
+"""By so many, conditions left out must be predicted better."""
 CONDITIONS_GAIN = 0.5
-"""Share of the conditions an effect touches that must be foretold better."""
+"""Share of the conditions an effect touches that must be predicted better."""
 TOUCHED = 2.0
 """Standard deviations by which an effect changes a condition that it touches."""
 LEAST_OF_LEFTOVER, LEAST_IF_LARGE = 0.5, 0.25
@@ -68,15 +68,15 @@ class Selection:
 
 
 def select(
-    joint: JointFit,
+    joint: OutputErrorFit,
     effects: Sequence[Effect],
     found: Signatures,
-    crew: Crew,
+    pool: ProcessPool,
     rng: np.random.Generator,
     progress: Callable[[str], None],
-    kept: Kept | None = None,
+    checkpoint: FitCheckpoint | None = None,
 ) -> Selection:
-    """Forward from the base model in a beam, then deletions and swaps; each addition must foretell the unseen."""
+    """Forward from the base model in a beam, then deletions and swaps; each addition must predict the unseen."""
     base = base_hypothesis(joint)
     beam, chosen = [base], base
     compared: dict[frozenset[str], Hypothesis] = {frozenset(): base}
@@ -85,7 +85,7 @@ def select(
         added: list[Hypothesis] = []
         for parent in beam:
             beside = found.beside(parent.columns)
-            scores = beside.best(parent.left)
+            scores = beside.best(parent.residuals)
             p_value = beside.chance(max(scores.values(), default=0.0), rng)
             if p_value > CHANCE:
                 continue
@@ -95,7 +95,7 @@ def select(
                 worth = LEAST_LOOK * scores[promising[0]]
                 tried = [e for e in tried if scores[e.id] > worth]
             found_good = 0
-            for hypothesis in attribute(joint, parent, tried, beside, crew, progress, kept=kept):
+            for hypothesis in attribute(joint, parent, tried, beside, pool, progress, checkpoint=checkpoint):
                 ids = frozenset(hypothesis.ids)
                 compared[ids] = hypothesis
                 p_values[ids] = p_values[frozenset(parent.ids)] | {hypothesis.ids[-1]: p_value}
@@ -117,7 +117,7 @@ def select(
     tests = p_values.get(frozenset(chosen.ids), p_values[frozenset(grown.ids)])
     lost = chosen.noise_known and chosen.excess > LOST * (chosen.excess + 2 * chosen.gain)
     alternatives = {
-        name: _as_good(joint, chosen, name, effects, found, compared, crew, progress, kept)
+        name: _as_good(joint, chosen, name, effects, found, compared, pool, progress, checkpoint)
         for name in (() if lost else chosen.ids)
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
@@ -125,10 +125,10 @@ def select(
 
 
 def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
-    """Whether conditions left out are foretold better with the further effect, by more than chance and mostly."""
+    """Whether conditions left out are predicted better with the further effect, by more than chance and mostly."""
     if with_it.degenerate:
         return False
-    gains, errors = without.foretold.gains_of(with_it.foretold)
+    gains, errors = without.predicted.log_likelihood_gain(with_it.predicted)
     if gains.sum() <= STANDARD_ERRORS * math.sqrt(float(np.sum(errors**2))) or with_it.score <= without.score:
         return False
     touched = errors > TOUCHED
@@ -139,10 +139,10 @@ def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
     """Whether a further effect explains a good part of what is left beyond noise; the first one always may."""
     if not without.ids:
         return True
-    more, left, mismatch = explained(without, with_it), unexplained(without), 2 * with_it.gain
-    if more >= LARGE_SHARE * mismatch and more >= LEAST_IF_LARGE * left:
+    more, residuals, mismatch = explained(without, with_it), unexplained(without), 2 * with_it.gain
+    if more >= LARGE_SHARE * mismatch and more >= LEAST_IF_LARGE * residuals:
         return True
-    return more >= max(LEAST_OF_LEFTOVER * left, LEAST_SHARE * mismatch)
+    return more >= max(LEAST_OF_LEFTOVER * residuals, LEAST_SHARE * mismatch)
 
 
 def explained(without: Hypothesis, with_it: Hypothesis) -> float:
@@ -158,10 +158,10 @@ def unexplained(hypothesis: Hypothesis) -> float:
 def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:
     """Whether any effect's signature still shows in what a hypothesis leaves."""
     beside = found.beside(hypothesis.columns)
-    return beside.chance(max(beside.best(hypothesis.left).values(), default=0.0), rng) <= CHANCE
+    return beside.chance(max(beside.best(hypothesis.residuals).values(), default=0.0), rng) <= CHANCE
 
 
-def _without_idle(joint: JointFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:
+def _without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:
     """The hypothesis less whatever effect it does not need."""
     while len(chosen.ids) > 1:
         for effect in chosen.fit.effects:
@@ -179,25 +179,27 @@ def _without_idle(joint: JointFit, chosen: Hypothesis, compared: dict[frozenset[
     return chosen
 
 
-def _only(joint: JointFit, chosen: Hypothesis, rest: Sequence[tuple[Effect, dict[str, float]]]) -> Hypothesis | None:
+def _only(
+    joint: OutputErrorFit, chosen: Hypothesis, rest: Sequence[tuple[Effect, dict[str, float]]]
+) -> Hypothesis | None:
     """The chosen hypothesis with some of its effects alone; None where they cannot be simulated there."""
-    point = point_of([e for e, _ in rest], [v for _, v in rest])
+    theta = theta_of([e for e, _ in rest], [v for _, v in rest])
     try:
-        return settled(joint, joint.fit([e for e, _ in rest], point, chosen.fit.head))
+        return settled(joint, joint.fit([e for e, _ in rest], theta, chosen.fit.head))
     except NUMERICAL:
         return None
 
 
 def _as_good(
-    joint: JointFit,
+    joint: OutputErrorFit,
     chosen: Hypothesis,
     name: str,
     effects: Sequence[Effect],
     found: Signatures,
     compared: dict[frozenset[str], Hypothesis],
-    crew: Crew,
+    pool: ProcessPool,
     progress: Callable[[str], None],
-    kept: Kept | None,
+    checkpoint: FitCheckpoint | None,
 ) -> tuple[str, ...]:
     """Effects that could stand in for one of the chosen: swaps, judged by likelihood and by signature."""
     rest = [(e, v) for e, v in chosen.fit.with_values if e.id != name]
@@ -209,10 +211,10 @@ def _as_good(
     missing = [e for e in effects if e.id not in chosen.ids and ids | {e.id} not in compared]
     if missing and rest:
         beside = found.beside(without.columns)
-        scores = beside.best(without.left)
+        scores = beside.best(without.residuals)
         worth = LEAST_LOOK * max(scores.values(), default=0.0)
         missing = [e for e in missing if scores.get(e.id, 0.0) > worth]
-        for hypothesis in attribute(joint, without, missing, beside, crew, progress, NEARLY_AS_GOOD, kept):
+        for hypothesis in attribute(joint, without, missing, beside, pool, progress, NEARLY_AS_GOOD, checkpoint):
             compared[frozenset(hypothesis.ids)] = hypothesis
     same = []
     for effect in effects:
@@ -220,7 +222,7 @@ def _as_good(
         if other is None or other.degenerate or effect.id == name or effect.id in chosen.ids:
             continue
         behind = chosen.score - other.score  # one that must bend more parameters to be the other is no equal
-        apart = float(np.linalg.norm(other.left - chosen.left))
+        apart = float(np.linalg.norm(other.residuals - chosen.residuals))
         alike = abs(cosine(without, chosen, other)) > SAME_COSINE and 2 * behind < chosen.excess
         if behind <= STANDARD_ERRORS * apart or alike:
             same.append((behind, effect.id))
@@ -229,6 +231,6 @@ def _as_good(
 
 def cosine(without: Hypothesis, one: Hypothesis, other: Hypothesis) -> float:
     """Between what two hypotheses add to a third, whitened, base parameters adapted."""
-    a, b = without.left - one.left, without.left - other.left
+    a, b = without.residuals - one.residuals, without.residuals - other.residuals
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size else 0.0

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from inkjet_env.mismatch.fitting.base_parameters import Head, in_convention
-from inkjet_env.mismatch.fitting.fit_result import Fit
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.fit_result import FitResult
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.hypotheses import LEAST_SHARE, Hypothesis
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
@@ -35,7 +35,7 @@ LEAST_SINE = 1e-5
 """Of the angle between what two laws can say, below which they say the same."""
 
 
-def straight_beyond(joint: JointFit, chosen: Hypothesis, least: float = 0.0) -> JointFit | None:
+def fit_truncated_law(joint: OutputErrorFit, chosen: Hypothesis, least: float = 0.0) -> OutputErrorFit | None:
     """The base model with a law that goes straight beyond a smaller full scale, if it explains surely more.
 
     Parameters
@@ -53,10 +53,10 @@ def straight_beyond(joint: JointFit, chosen: Hypothesis, least: float = 0.0) -> 
         much, more than a parameter would by chance (Schwarz's criterion), and more than the share of the mismatch that
         equations may be wrong by.
     """
-    worth = max(0.5 * math.log(chosen.left.size), LEAST_SHARE * chosen.gain, least)
+    worth = max(0.5 * math.log(chosen.residuals.size), LEAST_SHARE * chosen.gain, least)
     if max(_bend(joint, chosen, part) for part in LOOKED_AT) <= worth:
         return None
-    fits: dict[float, Fit] = {}
+    fits: dict[float, FitResult] = {}
 
     def nll(part: float) -> float:
         found = _fitted(joint, chosen, part)
@@ -68,7 +68,7 @@ def straight_beyond(joint: JointFit, chosen: Hypothesis, least: float = 0.0) -> 
     lowest = chosen.fit.nll
     for part in FULL_SCALES:
         found = nll(float(part))
-        if found > lowest + REFUTED * chosen.left.size:
+        if found > lowest + REFUTED * chosen.residuals.size:
             break
         lowest = min(lowest, found)
     if not fits:
@@ -79,29 +79,31 @@ def straight_beyond(joint: JointFit, chosen: Hypothesis, least: float = 0.0) -> 
     best = min(fits, key=lambda part: fits[part].nll)
     if chosen.fit.nll - fits[best].nll <= worth:
         return None
-    begun = JointFit(joint.observed, joint.noise, fits[best].head, joint.standing)
-    return JointFit(joint.observed, joint.noise, in_convention(begun.base.head), joint.standing)
+    begun = OutputErrorFit(joint.observed, joint.noise, fits[best].head, joint.random_effects)
+    return OutputErrorFit(joint.observed, joint.noise, in_convention(begun.base.head), joint.random_effects)
 
 
-def _bend(joint: JointFit, chosen: Hypothesis, part: float) -> float:
+def _bend(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> float:
     """What laws of another full scale would explain of what a hypothesis leaves, less what so many would by chance.
 
     To first order, by projection: a law enters linearly.
     """
-    other = JointFit(joint.observed, joint.noise, narrower(chosen.fit.head, part), joint.standing, joint.base)
+    other = OutputErrorFit(
+        joint.observed, joint.noise, narrower(chosen.fit.head, part), joint.random_effects, joint.base
+    )
     own, (columns, _) = chosen.columns, other.basis
     for _ in range(2):  # once more, for they are nearly alike
         columns = columns - own @ (own.T @ columns)
     u, sines, _ = np.linalg.svd(columns, full_matrices=False)
     new = u[:, sines > LEAST_SINE]
-    return 0.5 * float(np.sum((new.T @ chosen.left) ** 2)) - 0.5 * new.shape[1] * math.log(chosen.left.size)
+    return 0.5 * float(np.sum((new.T @ chosen.residuals) ** 2)) - 0.5 * new.shape[1] * math.log(chosen.residuals.size)
 
 
-def _fitted(joint: JointFit, chosen: Hypothesis, part: float) -> Fit | None:
+def _fitted(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> FitResult | None:
     """A hypothesis gone on with from a law of another full scale; None where it cannot be simulated with that."""
     begun = replace(chosen.fit, head=narrower(chosen.fit.head, part))
     try:
-        return joint.near(begun).fit(begun.effects, begun.point, most_steps=FITTED)
+        return joint.near(begun).fit(begun.effects, begun.theta, most_steps=FITTED)
     except NUMERICAL:
         return None
 

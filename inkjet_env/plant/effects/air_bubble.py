@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.effects.second_mode import resolved_Hz
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import Mode, Resonance, too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
@@ -44,14 +44,14 @@ class AirBubble(Effect):
         Parameter("bubble_strength", "1", -2.0, 2.0, meaning="static deflection by the bubble's mode over the head's"),
     )
     strengths = ("frequency_change", "damping_change", "bubble_strength")
-    parts = (("frequency_change", "bubble_strength"), ("damping_change",))
+    terms = (("frequency_change", "bubble_strength"), ("damping_change",))
     signature = "recordings before the onset fit the base model, those after it all show the same other resonances"
     confusable_with = ("thermal_drift", "second_mode")
     shown_by = "one recording repeated through the whole session"
     depends_on_order = True
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        orders = sorted({shot.order for shot in shots if shot.fast})
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        orders = sorted({excitation.order for excitation in excitations if excitation.fast})
         onsets = orders[1 :: max(1, len(orders) // MOST_ONSETS)] or orders
         change = 0.1 * printhead.damping_ratio
         return [
@@ -76,16 +76,18 @@ class AirBubble(Effect):
             "bubble_strength": 0.05,
         }
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
-        orders = sorted({shot.order for shot in shots if shot.fast})
-        return {"onset_order": (orders[0], orders[-1] + 1), "bubble_frequency_Hz": resolved_Hz(shots)}
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        orders = sorted({excitation.order for excitation in excitations if excitation.fast})
+        return {"onset_order": (orders[0], orders[-1] + 1), "bubble_frequency_Hz": resolved_Hz(excitations)}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        if len({shot.order for shot in shots if shot.fast}) < FEWEST_ORDERS:
-            return too_slow(shots) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        if len({excitation.order for excitation in excitations if excitation.fast}) < FEWEST_ORDERS:
+            return (
+                too_slow(excitations) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
+            )
         return None
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         change = values["frequency_change"]
         does = []
         if change:
@@ -98,8 +100,8 @@ class AirBubble(Effect):
         listed = " and ".join(filter(None, [", ".join(does[:-1]), *does[-1:]]))
         return f"From recording {math.ceil(values['onset_order'])} on, an air bubble {listed}."
 
-    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
-        present = min(max(shot.order - values["onset_order"] + 1, 0.0), 1.0)
+    def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
+        present = min(max(excitation.order - values["onset_order"] + 1, 0.0), 1.0)
         detuned = 1 + present * values["frequency_change"]
         strength = present * values["bubble_strength"]
         omega = 2 * math.pi * values["bubble_frequency_Hz"]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from inkjet_env.plant.bandwidth import BANDWIDTH, SECOND_ORDER, low_pass_starts
 from inkjet_env.plant.effect import Effect, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.low_pass import low_passed, time_constant_s
 from inkjet_env.plant.resonance import too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -29,20 +29,20 @@ class AmplifierBandwidth(Effect):
     confusable_with = ("sensor_bandwidth", "trigger_delay", "slew_limit")
     shown_by = "the voltage at the head, recorded along (column drive_monitor_V)"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         return low_pass_starts(printhead)
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"bandwidth_Hz": 6 * printhead.frequency_Hz}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return too_slow(shots)
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         return f"The amplifier passes only up to {with_prefix(values['bandwidth_Hz'], 'Hz', 3)}."
 
-    def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
+    def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         if math.isinf(values["bandwidth_Hz"]):
             return drive_V
         time_s = time_constant_s(values["bandwidth_Hz"], values["second_order"])
-        return low_passed(drive_V, time_s, values["second_order"], shot.node_step_s, shot.periodic)
+        return low_passed(drive_V, time_s, values["second_order"], excitation.node_step_s, excitation.periodic)

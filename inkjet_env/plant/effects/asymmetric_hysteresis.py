@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.plays import PLAYS, play_sum_V
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import law_levels
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
@@ -47,12 +47,12 @@ class AsymmetricHysteresis(Effect):
         Parameter("tilt", "1", -1.0, 1.0, meaning="the same for a threshold of half the full scale, in proportion"),
     )
     strengths = ("asymmetry", "bowing", "bending", "arching", "lean", "tilt")
-    parts = (("asymmetry",), ("bowing", "knee_V"), ("bending",), ("arching",), ("lean",), ("tilt",))
+    terms = (("asymmetry",), ("bowing", "knee_V"), ("bending",), ("arching",), ("lean",), ("tilt",))
     signature = "even harmonics, at slow rates too; the answer to a drive turned upside down is not turned upside down"
     confusable_with = ("sensor_saturation",)
     shown_by = "a pulse and the same one upside down, and a slow loop over the whole range"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         off = dict.fromkeys(self.strengths, 0.0) | {"knee_V": 0.0}
         knee = {"knee_V": KNEE * printhead.full_scale_V}
         sizes = {"asymmetry": 0.03, "bending": 0.03, "arching": 0.03, "lean": 0.1, "tilt": 0.2}
@@ -61,10 +61,10 @@ class AsymmetricHysteresis(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"asymmetry": 0.03, "bending": 0.02}
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
         return {"knee_V": (0.0, 0.5 * printhead.full_scale_V)}
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         said = []
         even = values["bending"] + values["arching"]
         asymmetry = values["asymmetry"]
@@ -89,17 +89,21 @@ class AsymmetricHysteresis(Effect):
             )
         return " ".join(said) or self.sentence
 
-    def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+    def hysteresis(
+        self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
         half_V = 0.5 * printhead.full_scale_V
         asymmetry, bowing, bending = values["asymmetry"], values["bowing"], values["bending"] / half_V
         lean, tilt = values["lean"], values["tilt"] / half_V
         if values["arching"]:
             arched_V = drive_V + values["arching"] / half_V * drive_V * drive_V
-            hysteretic_V = hysteretic_V + law_levels(arched_V, printhead, shot) - law_levels(drive_V, printhead, shot)
+            hysteretic_V = (
+                hysteretic_V + law_levels(arched_V, printhead, excitation) - law_levels(drive_V, printhead, excitation)
+            )
             drive_V = arched_V
         if lean or tilt:
-            ends_V = np.append(drive_V, drive_V[0]) if shot.periodic else np.ascontiguousarray(drive_V)
-            law, periodic = printhead.branch_law, shot.periodic
+            ends_V = np.append(drive_V, drive_V[0]) if excitation.periodic else np.ascontiguousarray(drive_V)
+            law, periodic = printhead.branch_law, excitation.periodic
             change_V = leaning_plays_V(ends_V, lean, tilt, law, periodic)
             change_V -= leaning_plays_V(ends_V, 0.0, 0.0, law, periodic)
             hysteretic_V = hysteretic_V + change_V[: drive_V.size]
@@ -123,5 +127,5 @@ def leaning_plays_V(
     return play_sum_V(compiled_hysteresis.leaning_plays, ends_V, (lean, tilt_per_V), law, periodic, plays)
 
 
-def _further(part: float) -> str:
-    return f"{percent(abs(part))} {'less far' if part < 0 else 'further'}"
+def _further(term: float) -> str:
+    return f"{percent(abs(term))} {'less far' if term < 0 else 'further'}"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
-from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.wording import SENSOR_UNIT, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -18,7 +18,7 @@ DEGREES = (2, 4, 8)
 
 
 class BaselineDrift(Effect):
-    """A polynomial in time under every recording, its own in each. No simulation foretells it."""
+    """A polynomial in time under every recording, its own in each. No simulation predicts it."""
 
     id = "baseline_drift"
     stage = "sensing"
@@ -35,24 +35,24 @@ class BaselineDrift(Effect):
     shown_by = "recordings of zero drive, some at the session's start and some at its end"
     random = True
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         return [{"amplitude": 1.0, "degree": float(degree)} for degree in DEGREES]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"amplitude": 2.0 * noise_rms}
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         return (
             "The sensor's baseline is another in every recording and drifts slowly, whatever the drive, "
             f"by about {with_prefix(values['amplitude'], unit)}."
         )
 
-    def nuisances(self, values: Values, shot: Shot) -> Real | None:
-        if values["amplitude"] == 0 or shot.channel == "drive_monitor":
+    def random_effect_basis(self, values: Values, excitation: Excitation) -> Real | None:
+        if values["amplitude"] == 0 or excitation.channel == "drive_monitor":
             return None
         degree = round(values["degree"])
         key = f"{self.id} {degree}"
-        if key not in shot.kept:
-            shot.kept[key] = legendre.legvander(np.linspace(-1, 1, shot.samples), degree)
-        columns: Real = shot.kept[key]
+        if key not in excitation.cache:
+            excitation.cache[key] = legendre.legvander(np.linspace(-1, 1, excitation.samples), degree)
+        columns: Real = excitation.cache[key]
         return columns

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.lag import lagged
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -48,28 +48,31 @@ class Creep(Effect):
     )
     strengths = ("creep_per_decade", "retarded_1", "retarded_2")
     plain_leaves = 0.025  # so little a logarithm that begins or ends within the records may leave
-    parts = (("creep_per_decade",), ("retarded_1", "time_1_s"), ("retarded_2", "time_2_s"))
+    terms = (("creep_per_decade",), ("retarded_1", "time_1_s"), ("retarded_2", "time_2_s"))
     signature = "after a step the displacement follows a line over the logarithm of time, for decades"
     confusable_with = ("baseline_drift", "meniscus_refill", "rate_dependent_hysteresis")
     shown_by = "a slow recording of a step that is held for three decades of time"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         return [complete(self, creep_per_decade=0.02, onset_s=onset_s) for onset_s in (0.1, 0.01, 1.0)]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"creep_per_decade": 0.015, "onset_s": 0.1}
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
-        slow = [shot for shot in shots if not shot.fast] or shots
-        times_s = min(shot.step_s for shot in slow), max(shot.samples * shot.step_s for shot in slow)
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        slow = [excitation for excitation in excitations if not excitation.fast] or excitations
+        times_s = (
+            min(excitation.step_s for excitation in slow),
+            max(excitation.samples * excitation.step_s for excitation in slow),
+        )
         return {"time_1_s": times_s, "time_2_s": times_s}
 
-    def told(self, values: Values, unit: str = "V") -> str:
-        part, onset_s = values["creep_per_decade"], values["onset_s"]
+    def description(self, values: Values, unit: str = "V") -> str:
+        term, onset_s = values["creep_per_decade"], values["onset_s"]
         said = [
-            f"goes {_where(part)} by {percent(abs(part))} of what it moved with every tenfold time, from about "
+            f"goes {_where(term)} by {percent(abs(term))} of what it moved with every tenfold time, from about "
             f"{with_prefix(onset_s, 's')} on"
-        ] * bool(part)
+        ] * bool(term)
         said += [
             f"goes {_where(values[f'retarded_{k}'])} by {percent(abs(values[f'retarded_{k}']))} within about "
             f"{with_prefix(values[f'time_{k}_s'], 's')}"
@@ -78,21 +81,23 @@ class Creep(Effect):
         ]
         return f"After a change of the drive the head {', and '.join(said)}." if said else self.sentence
 
-    def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+    def hysteresis(
+        self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
         result = hysteretic_V
         if values["creep_per_decade"]:
-            creep_V = crept(hysteretic_V, values["onset_s"], shot.node_step_s, shot.periodic)
+            creep_V = crept(hysteretic_V, values["onset_s"], excitation.node_step_s, excitation.periodic)
             result = result + values["creep_per_decade"] * creep_V
-        moved_V = hysteretic_V - (hysteretic_V.mean() if shot.periodic else hysteretic_V[0])
+        moved_V = hysteretic_V - (hysteretic_V.mean() if excitation.periodic else hysteretic_V[0])
         for k in (1, 2):
             if values[f"retarded_{k}"]:
-                late_V = lagged(moved_V, values[f"time_{k}_s"], shot.node_step_s, shot.periodic)
+                late_V = lagged(moved_V, values[f"time_{k}_s"], excitation.node_step_s, excitation.periodic)
                 result = result + values[f"retarded_{k}"] * late_V
         return result
 
 
-def _where(part: float) -> str:
-    return "back" if part < 0 else "on"
+def _where(term: float) -> str:
+    return "back" if term < 0 else "on"
 
 
 def crept(signal: Real, onset_s: float, step_s: float, periodic: bool) -> Real:

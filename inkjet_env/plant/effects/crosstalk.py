@@ -9,7 +9,7 @@ import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.effects.feedthrough import rms, slopes
-from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.stages import Plant
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
@@ -52,10 +52,10 @@ class Crosstalk(Effect):
     shown_by = "the neighbour alone driven, and both together (column neighbour_V)"
     needs_neighbour = True
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        heard = [s for s in shots if s.channel != "drive_monitor" and s.neighbour_V is not None]
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        heard = [s for s in excitations if s.channel != "drive_monitor" and s.neighbour_V is not None]
         answers, rises, drives = (
-            rms([part[k] for part in (_parts(printhead, shot) for shot in heard)]) for k in range(3)
+            rms([term[k] for term in (_parts(printhead, excitation) for excitation in heard)]) for k in range(3)
         )
         off = complete(self)
         return [
@@ -67,15 +67,15 @@ class Crosstalk(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"mechanical": 0.03}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        neighbours = [shot.neighbour_V for shot in shots if shot.neighbour_V is not None]
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        neighbours = [excitation.neighbour_V for excitation in excitations if excitation.neighbour_V is not None]
         if not neighbours:
             return "no recording has the neighbouring channel's drive (column neighbour_V)"
         if not any(np.ptp(neighbour) > 0 for neighbour in neighbours):
             return "the neighbouring channel's drive (column neighbour_V) never moves"
         return None
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         mechanical, electrical, direct = (values[name] for name in self.strengths)
         heard = []
         if mechanical:
@@ -86,35 +86,39 @@ class Crosstalk(Effect):
             heard.append(f"with {with_prefix(100 * direct, unit)} while it stands at 100 V")
         return f"The neighbouring channel's drive is heard: {', '.join(heard)}."
 
-    def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+    def sensing(
+        self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
         strengths = [values[name] for name in self.strengths]
-        if shot.neighbour_V is None or not any(strengths):
+        if excitation.neighbour_V is None or not any(strengths):
             return signal
         detuned, damped = 1 + values["detuning"], 1 + values["damping_change"]
         a0, a1 = printhead.a0 * detuned**2, printhead.a1 * detuned * damped
-        parts = _parts(replace(printhead, a0=a0, a1=a1, b1=printhead.b1 * detuned), shot)
-        return signal + sum(strength * part for strength, part in zip(strengths, parts, strict=True))
+        terms = _parts(replace(printhead, a0=a0, a1=a1, b1=printhead.b1 * detuned), excitation)
+        return signal + sum(strength * term for strength, term in zip(strengths, terms, strict=True))
 
 
-def _parts(printhead: Printhead, shot: Shot) -> tuple[Real, Real, Real]:
+def _parts(printhead: Printhead, excitation: Excitation) -> tuple[Real, Real, Real]:
     """What the neighbour's drive adds at strength 1, each of shape (n,); the shot keeps that of the last head."""
     key = (printhead.a0, printhead.a1, printhead.b1, printhead.coefficients, printhead.full_scale_V)
-    kept_key, parts = shot.kept.get("crosstalk", (None, None))
+    kept_key, terms = excitation.cache.get("crosstalk", (None, None))
     if kept_key != key:
-        neighbour = _neighbour(shot)
-        scale = printhead.b1 if shot.channel == "self_sensing" else 1.0
+        neighbour = _neighbour(excitation)
+        scale = printhead.b1 if excitation.channel == "self_sensing" else 1.0
         answer = scale * Plant(printhead).motion(neighbour.drive_at_nodes_V, neighbour)
         rise = REFERENCE_S * slopes(neighbour.drive_at_nodes_V, neighbour)
-        parts = (answer, rise, neighbour.drive_V)
-        shot.kept["crosstalk"] = (key, parts)
-    found: tuple[Real, Real, Real] = parts
+        terms = (answer, rise, neighbour.drive_V)
+        excitation.cache["crosstalk"] = (key, terms)
+    found: tuple[Real, Real, Real] = terms
     return found
 
 
-def _neighbour(shot: Shot) -> Shot:
+def _neighbour(excitation: Excitation) -> Excitation:
     """The neighbour's drive as if it were the head's own; kept, since it keeps what follows from the drive alone."""
-    if shot.neighbour_V is not None and "neighbour" not in shot.kept:
-        initial_state = "periodic" if shot.periodic else "demagnetised"
-        shot.kept["neighbour"] = replace(shot, drive_V=shot.neighbour_V, initial_state=initial_state, kept={})
-    neighbour: Shot = shot.kept["neighbour"]
+    if excitation.neighbour_V is not None and "neighbour" not in excitation.cache:
+        initial_state = "periodic" if excitation.periodic else "demagnetised"
+        excitation.cache["neighbour"] = replace(
+            excitation, drive_V=excitation.neighbour_V, initial_state=initial_state, cache={}
+        )
+    neighbour: Excitation = excitation.cache["neighbour"]
     return neighbour

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -35,18 +35,18 @@ class CubicStiffness(Effect):
     confusable_with = ("ferroelastic_softening", "quadratic_damping")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         shift = 0.1 * printhead.damping_ratio
-        stiffening = shift * 8 / 3 / reach_V(printhead, shots) ** 2
+        stiffening = shift * 8 / 3 / reach_V(printhead, excitations) ** 2
         return [{"stiffening_per_V2": sign * stiffening} for sign in (1.0, -1.0)]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"stiffening_per_V2": 1.2e-6}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return too_slow(shots)
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         k = values["stiffening_per_V2"]
         size_V = next((size_V for size_V in (100.0, 10.0, 1.0, 0.1) if abs(k) * size_V**2 < 0.1), 0.01)
         change = "stiffer" if k > 0 else "softer"
@@ -55,7 +55,7 @@ class CubicStiffness(Effect):
             f"{percent(abs(k) * size_V**2)} {change} than at rest."
         )
 
-    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+    def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
         k = values["stiffening_per_V2"]
         if k == 0:
             return resonance

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.low_pass import low_passed
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.stages import Plant
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
@@ -41,11 +41,11 @@ class Feedthrough(Effect):
     confusable_with = ("crosstalk", "second_mode")
     shown_by = "edges of several steepnesses at the same voltage, self-sensed"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        own = [shot for shot in shots if shot.channel == "self_sensing"]
-        size = rms([Plant(printhead).signal(shot) for shot in own])
-        slope = rms([slopes(shot.drive_at_nodes_V, shot) for shot in own])
-        drive = rms([shot.drive_V for shot in own])
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        own = [excitation for excitation in excitations if excitation.channel == "self_sensing"]
+        size = rms([Plant(printhead).signal(excitation) for excitation in own])
+        slope = rms([slopes(excitation.drive_at_nodes_V, excitation) for excitation in own])
+        drive = rms([excitation.drive_V for excitation in own])
         return [
             {"capacitive_s": MIDDLING * size / slope, "lossy": 0.0, "lag_s": 0.0},
             {"capacitive_s": 0.0, "lossy": MIDDLING * size / drive, "lag_s": 0.0},
@@ -54,12 +54,12 @@ class Feedthrough(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"capacitive_s": 0.01 * printhead.b1 / printhead.a0, "lossy": 2e-4}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        if any(shot.channel == "self_sensing" and np.ptp(shot.drive_V) > 0 for shot in shots):
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        if any(excitation.channel == "self_sensing" and np.ptp(excitation.drive_V) > 0 for excitation in excitations):
             return None
         return "no recording is self-sensed under a drive that moves"
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         per_s = values["capacitive_s"]
         edge_V_s = 1e7 if abs(per_s) < 1e-5 else 1e4
         heard = []
@@ -69,21 +69,27 @@ class Feedthrough(Effect):
             heard.append(f"a steady drive of 100 V as {with_prefix(100 * values['lossy'], 'V')}")
         return f"The capacitance compensation is imperfect; the sensor shows {' and '.join(heard)}."
 
-    def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
-        if shot.channel != "self_sensing":
+    def sensing(
+        self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
+        if excitation.channel != "self_sensing":
             return signal
-        charging_V = low_passed(drive_V, values["lag_s"], 0.0, shot.node_step_s, shot.periodic)
-        return signal + values["capacitive_s"] * slopes(charging_V, shot) + values["lossy"] * shot.sampled(drive_V)
+        charging_V = low_passed(drive_V, values["lag_s"], 0.0, excitation.node_step_s, excitation.periodic)
+        return (
+            signal
+            + values["capacitive_s"] * slopes(charging_V, excitation)
+            + values["lossy"] * excitation.sampled(drive_V)
+        )
 
 
-def slopes(at_nodes_V: Real, shot: Shot) -> Real:
+def slopes(at_nodes_V: Real, excitation: Excitation) -> Real:
     """Slope at the samples, shape (n,), in V/s: the mean of the slopes to the nodes on either side.
 
     At the ends of a drive that does not repeat it is the slope on the one side there is.
     """
-    h = shot.node_step_s
-    after, before = at_nodes_V[1 :: shot.parts], at_nodes_V[shot.parts - 1 :: shot.parts]
-    if shot.periodic:
+    h = excitation.node_step_s
+    after, before = at_nodes_V[1 :: excitation.substeps], at_nodes_V[excitation.substeps - 1 :: excitation.substeps]
+    if excitation.periodic:
         return (after - np.roll(before, 1)) / (2 * h)
     first, last = at_nodes_V[1] - at_nodes_V[0], at_nodes_V[-1] - at_nodes_V[-2]
     return np.concatenate([[first / h], (after[1:] - before[:-1]) / (2 * h), [last / h]])

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -54,8 +54,8 @@ class FerroelasticSoftening(Effect):
     confusable_with = ("cubic_stiffness", "quadratic_damping")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        shift = 0.1 * printhead.damping_ratio / reach_V(printhead, shots)
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        shift = 0.1 * printhead.damping_ratio / reach_V(printhead, excitations)
         slips = {"softening_per_V": 0.0, "loss_ratio": 1.0, "rayleigh_per_V": 2 * shift, "power": 0.0}
         ratios = (0.3, 1.0, 3.0)
         at_once = [complete(self, softening_per_V=shift / max(1.0, q), loss_ratio=q) for q in ratios]
@@ -64,10 +64,10 @@ class FerroelasticSoftening(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"softening_per_V": 1.5e-4, "loss_ratio": 0.5}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return too_slow(shots)
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         softening, slipping = values["softening_per_V"], values["rayleigh_per_V"]
         largest = max(abs(softening), abs(slipping))
         size_V = 100.0 if largest * 100 < 1 else 1.0 if largest < 1 else 0.01
@@ -80,14 +80,16 @@ class FerroelasticSoftening(Effect):
             f"{'rises' if loss > 0 else 'falls'} by {abs(loss):.2g}."
         )
 
-    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+    def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
         softening = values["softening_per_V"]
         forces = resonance.forces
         if softening:
             numbers = np.array([2 * softening, 2 * softening * values["loss_ratio"]])
             forces = (*forces, Force(_compiled(_law), numbers))
         if values["rayleigh_per_V"]:
-            reach_V = REACH * float(np.abs(shot.drive_V).max()) + abs(shot.start[0]) + abs(shot.start[1])
+            reach_V = (
+                REACH * float(np.abs(excitation.drive_V).max()) + abs(excitation.start[0]) + abs(excitation.start[1])
+            )
             width_V = max(reach_V, LEAST_V) / ELEMENTS
             slips_V = (np.arange(ELEMENTS) + 0.5) * width_V
             weights = 2 * values["rayleigh_per_V"] * width_V * (slips_V / REFERENCE_V) ** values["power"]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
-from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.wording import SENSOR_UNIT, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -25,7 +25,7 @@ LEAST_OWN = 1e-3
 class MainsHum(Effect):
     """A tone, and multiples of it, whose amplitudes and phases differ from recording to recording.
 
-    No simulation foretells it: it explains recordings. One that is sampled less than twice a period shows it at another
+    No simulation predicts it: it explains recordings. One that is sampled less than twice a period shows it at another
     frequency, one that is far slower shows none of it.
     """
 
@@ -45,10 +45,10 @@ class MainsHum(Effect):
     shown_by = "a recording of zero drive over several periods of the mains"
     random = True
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        seen = [float(line) for shot in shots for line in shot.kept.get("lines_Hz", ())]
-        usual = [f for f in MAINS_HZ if any(_shows(shot, f) for shot in shots)]
-        longest_s = max((shot.samples * shot.step_s for shot in shots), default=1.0)
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        seen = [float(line) for excitation in excitations for line in excitation.cache.get("lines_Hz", ())]
+        usual = [f for f in MAINS_HZ if any(_shows(excitation, f) for excitation in excitations)]
+        longest_s = max((excitation.samples * excitation.step_s for excitation in excitations), default=1.0)
         guesses: list[float] = []
         for frequency in (*seen, *usual, *(periods / longest_s for periods in (3, 10))):
             if all(abs(frequency - other) * longest_s > 0.5 for other in guesses):
@@ -62,23 +62,23 @@ class MainsHum(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"frequency_Hz": 0.9 * printhead.frequency_Hz, "multiples": 1.0, "amplitude": 2.0 * noise_rms}
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         return (
             f"An interference at {with_prefix(values['frequency_Hz'], 'Hz', 3)} is in the recordings, not locked to "
             f"the trigger{', with multiples of it' if values['multiples'] > 1 else ''}; it adds up to about "
             f"{with_prefix(values['amplitude'], unit)}."
         )
 
-    def nuisances(self, values: Values, shot: Shot) -> Real | None:
+    def random_effect_basis(self, values: Values, excitation: Excitation) -> Real | None:
         frequency = values["frequency_Hz"]
-        heard = range(1, min(round(values["multiples"]), int(FASTEST / (frequency * shot.step_s))) + 1)
-        if values["amplitude"] == 0 or shot.channel == "drive_monitor" or not heard:
+        heard = range(1, min(round(values["multiples"]), int(FASTEST / (frequency * excitation.step_s))) + 1)
+        if values["amplitude"] == 0 or excitation.channel == "drive_monitor" or not heard:
             return None
-        angle = 2 * np.pi * frequency * shot.step_s * np.arange(shot.samples)
+        angle = 2 * np.pi * frequency * excitation.step_s * np.arange(excitation.samples)
         waves = np.column_stack([wave(k * angle) for k in heard for wave in (np.cos, np.sin)])
         # Sampled less than twice a period, one may look like another, or like nothing.
         own = np.abs(np.diag(np.linalg.qr(waves, mode="r")))
-        return waves[:, own > LEAST_OWN * np.sqrt(shot.samples)]
+        return waves[:, own > LEAST_OWN * np.sqrt(excitation.samples)]
 
     def random_amplitudes(self, count: int, rng: np.random.Generator) -> Real:
         """Of length 1: as loud in every recording, in any phase."""
@@ -86,6 +86,6 @@ class MainsHum(Effect):
         return drawn / np.float64(np.linalg.norm(drawn))
 
 
-def _shows(shot: Shot, frequency_Hz: float) -> bool:
+def _shows(excitation: Excitation, frequency_Hz: float) -> bool:
     """Whether a recording is sampled more than twice a period and lasts half a period or more."""
-    return frequency_Hz * shot.step_s < 0.5 <= frequency_Hz * shot.step_s * shot.samples
+    return frequency_Hz * excitation.step_s < 0.5 <= frequency_Hz * excitation.step_s * excitation.samples

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import FLOW_V, Refill, Resonance, reach_V, too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -45,14 +45,17 @@ class MeniscusRefill(Effect):
     confusable_with = ("thermal_drift", "cubic_stiffness", "creep")
     shown_by = "pairs of equal pulses with several gaps between them"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         off = {"stiffness_change": 0.0, "flow_change": 0.0, "power": 1.0, "second_order": 0.0}
         found = []
         shift = 0.3 * printhead.damping_ratio
-        flow = reach_V(printhead, shots) / FLOW_V
+        flow = reach_V(printhead, excitations) / FLOW_V
         for periods in (1.0, 4.0, 15.0):
             recovery_s = periods / printhead.frequency_Hz
-            largest = max((float(drawn_back(shot, recovery_s).max()) for shot in shots if shot.fast), default=1.0)
+            largest = max(
+                (float(drawn_back(excitation, recovery_s).max()) for excitation in excitations if excitation.fast),
+                default=1.0,
+            )
             found.append(off | {"recovery_s": recovery_s, "stiffness_change": shift / max(largest, 1e-12)})
             change = min(shift * max(1.0, periods / 3) / flow, 10.0)
             found.append(off | {"recovery_s": recovery_s, "flow_change": change})
@@ -64,15 +67,17 @@ class MeniscusRefill(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"recovery_s": 6 * (1 / printhead.frequency_Hz), "stiffness_change": 0.02}
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
-        longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=1.0)
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        longest_s = max(
+            (excitation.samples * excitation.step_s for excitation in excitations if excitation.fast), default=1.0
+        )
         shortest_s = 0.3 / printhead.frequency_Hz
         return {"recovery_s": (shortest_s, max(10 * longest_s, 2 * shortest_s))}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return too_slow(shots)
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         said = []
         for name, after in (
             ("stiffness_change", f"edges of {EDGES_V:g} V together leave"),
@@ -86,28 +91,28 @@ class MeniscusRefill(Effect):
         recovery = with_prefix(values["recovery_s"], "s")
         return f"{told[0].upper()}{told[1:]}; it recovers with a time constant of {recovery}."
 
-    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+    def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
         change, flow = values["stiffness_change"], values["flow_change"]
         if change:
-            resonance = resonance.with_softening(change * drawn_back(shot, values["recovery_s"]))
+            resonance = resonance.with_softening(change * drawn_back(excitation, values["recovery_s"]))
         if flow:
             refill = Refill(flow, values["power"], values["recovery_s"], values["second_order"])
             resonance = replace(resonance, refills=(*resonance.refills, refill))
         return resonance
 
 
-def drawn_back(shot: Shot, recovery_s: float) -> Real:
+def drawn_back(excitation: Excitation, recovery_s: float) -> Real:
     """The slow state ``s`` at the nodes, shape (nodes,): exact, as the drive's rate is constant between them."""
     from inkjet_env.plant import compiled
 
-    drive_V = shot.drive_at_nodes_V
-    ends_V = np.append(drive_V, drive_V[0]) if shot.periodic else drive_V
+    drive_V = excitation.drive_at_nodes_V
+    ends_V = np.append(drive_V, drive_V[0]) if excitation.periodic else drive_V
     travel = np.abs(np.diff(ends_V, prepend=ends_V[0])) / EDGES_V
-    z = shot.node_step_s / recovery_s
+    z = excitation.node_step_s / recovery_s
     keep, new = math.exp(-z), -math.expm1(-z) / z
     state = np.empty(travel.size)
     start = 0.0
-    if shot.periodic:
+    if excitation.periodic:
         start = compiled.lagged(travel, keep, 0.0, new, 0.0, state) / -math.expm1(-z * drive_V.size)
     compiled.lagged(travel, keep, 0.0, new, start, state)
     return state[: drive_V.size]

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -34,17 +34,17 @@ class QuadraticDamping(Effect):
     confusable_with = ("ferroelastic_softening", "cubic_stiffness")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        damping = 0.1 * printhead.damping_ratio * 3 * math.pi / 4 / reach_V(printhead, shots)
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        damping = 0.1 * printhead.damping_ratio * 3 * math.pi / 4 / reach_V(printhead, excitations)
         return [{"damping_per_V": damping}]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"damping_per_V": 2e-4}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return too_slow(shots)
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         c = values["damping_per_V"]
         size_V = 100.0 if abs(c) * 100 < 1 else 1.0 if abs(c) < 1 else 0.01
         rise = 4 * c * size_V / (3 * math.pi)
@@ -53,7 +53,7 @@ class QuadraticDamping(Effect):
             f"the head, {rise:.2g} is added to the damping ratio."
         )
 
-    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+    def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
         c = values["damping_per_V"]
         if c == 0:
             return resonance

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.plays import PLAYS, play_sum_V
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.hysteresis import BranchLaw
@@ -56,10 +56,10 @@ class RateDependentHysteresis(Effect):
     confusable_with = ("creep", "quadratic_damping")
     shown_by = "slow loops of one amplitude at rates over several decades"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         usual = []
-        for channel in sorted({shot.channel for shot in shots}):
-            rates = np.concatenate([np.abs(np.diff(s.drive_V)) / s.step_s for s in shots if s.channel == channel])
+        for channel in sorted({excitation.channel for excitation in excitations}):
+            rates = np.concatenate([np.abs(np.diff(s.drive_V)) / s.step_s for s in excitations if s.channel == channel])
             if rates.any():
                 usual.append(float(np.median(rates[rates > 0])))
         highest = max(usual, default=0.0) or printhead.full_scale_V * printhead.frequency_Hz
@@ -77,7 +77,7 @@ class RateDependentHysteresis(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"growth": 0.06, "rate_V_s": 100.0}
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         said = []
         growth = values["growth"] * math.log(10)
         wide = [percent(abs(growth))] if growth else []
@@ -100,22 +100,26 @@ class RateDependentHysteresis(Effect):
             said.append(f"The hysteresis follows the drive with a lag of {with_prefix(values['relaxation_s'], 's')}.")
         return " ".join(said) or self.sentence
 
-    def hysteresis(self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+    def hysteresis(
+        self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
         if not any(values[name] for name in self.strengths):
             return hysteretic_V
-        ends_V = np.append(drive_V, drive_V[0]) if shot.periodic else np.ascontiguousarray(drive_V)
-        measure = rate_measure(ends_V, values["rate_V_s"], values["settling_s"], shot.node_step_s, shot.periodic)
-        law = printhead.branch_law
-        asked = drive_V is shot.drive_at_nodes_V
-        plain = shot.kept.get(self.id) if asked else None
-        if plain is None or plain[0] != law:
-            plain = law, plays_V(ends_V, np.zeros_like(measure), law, shot.periodic)
-            if asked:
-                shot.kept[self.id] = plain
-        relaxation = values["relaxation_s"] / shot.node_step_s
-        changed_V = plays_V(ends_V, measure, law, shot.periodic, values["growth"], values["widening_V"], relaxation) * (
-            1 + values["gain"] * measure
+        ends_V = np.append(drive_V, drive_V[0]) if excitation.periodic else np.ascontiguousarray(drive_V)
+        measure = rate_measure(
+            ends_V, values["rate_V_s"], values["settling_s"], excitation.node_step_s, excitation.periodic
         )
+        law = printhead.branch_law
+        asked = drive_V is excitation.drive_at_nodes_V
+        plain = excitation.cache.get(self.id) if asked else None
+        if plain is None or plain[0] != law:
+            plain = law, plays_V(ends_V, np.zeros_like(measure), law, excitation.periodic)
+            if asked:
+                excitation.cache[self.id] = plain
+        relaxation = values["relaxation_s"] / excitation.node_step_s
+        changed_V = plays_V(
+            ends_V, measure, law, excitation.periodic, values["growth"], values["widening_V"], relaxation
+        ) * (1 + values["gain"] * measure)
         return hysteretic_V + (changed_V - plain[1])[: drive_V.size]
 
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import Mode, Resonance, too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
@@ -20,12 +20,14 @@ RESOLVED = 0.4
 """Of a sampling frequency: higher modes are not looked for."""
 
 
-def resolved_Hz(shots: Sequence[Shot]) -> tuple[float, float]:
+def resolved_Hz(excitations: Sequence[Excitation]) -> tuple[float, float]:
     """Frequencies of which the fast shots hold a period, and which they sample finely enough."""
-    fast = [shot for shot in shots if shot.fast]
+    fast = [excitation for excitation in excitations if excitation.fast]
     if not fast:
         return 1e-2, 1e8
-    return 0.5 / max(shot.samples * shot.step_s for shot in fast), RESOLVED / min(shot.step_s for shot in fast)
+    return 0.5 / max(excitation.samples * excitation.step_s for excitation in fast), RESOLVED / min(
+        excitation.step_s for excitation in fast
+    )
 
 
 class SecondMode(Effect):
@@ -52,10 +54,10 @@ class SecondMode(Effect):
     confusable_with = ("wave_echo", "air_bubble")
     shown_by = "a multisine over many octaves, and a steep step with its whole ring-down"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        fast = [shot for shot in shots if shot.fast]
-        highest_Hz = RESOLVED / min((shot.step_s for shot in fast), default=1.0)
-        speed = any(shot.channel == "self_sensing" for shot in fast)
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        fast = [excitation for excitation in excitations if excitation.fast]
+        highest_Hz = RESOLVED / min((excitation.step_s for excitation in fast), default=1.0)
+        speed = any(excitation.channel == "self_sensing" for excitation in fast)
         return [
             complete(
                 self,
@@ -70,13 +72,13 @@ class SecondMode(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"frequency_Hz": 1.7 * printhead.frequency_Hz, "damping_ratio": 0.04, "strength": 0.02}
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
-        return {"frequency_Hz": resolved_Hz(shots)}
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        return {"frequency_Hz": resolved_Hz(excitations)}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return too_slow(shots)
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         coupled = " Damping couples the two." if values["exchange"] else ""
         return (
             f"The head rings in a second mode at {with_prefix(values['frequency_Hz'], 'Hz', 3)} with a damping ratio "
@@ -84,7 +86,7 @@ class SecondMode(Effect):
             f"{coupled}"
         )
 
-    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+    def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
         if values["strength"] == 0:
             return resonance
         omega = 2 * math.pi * values["frequency_Hz"]

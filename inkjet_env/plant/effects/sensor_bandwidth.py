@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from inkjet_env.plant.bandwidth import BANDWIDTH, SECOND_ORDER, low_pass_starts
 from inkjet_env.plant.effect import Effect, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.low_pass import low_passed, time_constant_s
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -28,20 +28,26 @@ class SensorBandwidth(Effect):
     confusable_with = ("amplifier_bandwidth", "trigger_delay")
     shown_by = "the voltage at the head, recorded along (column drive_monitor_V)"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         return low_pass_starts(printhead)
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"bandwidth_Hz": 6 * printhead.frequency_Hz}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return None if any(shot.fast for shot in shots) else "no recording is fast enough to show the resonance"
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return (
+            None
+            if any(excitation.fast for excitation in excitations)
+            else "no recording is fast enough to show the resonance"
+        )
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         return f"The sensing amplifier passes only up to {with_prefix(values['bandwidth_Hz'], 'Hz', 3)}."
 
-    def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
-        if not shot.fast or math.isinf(values["bandwidth_Hz"]):
+    def sensing(
+        self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
+        if not excitation.fast or math.isinf(values["bandwidth_Hz"]):
             return signal
         time_s = time_constant_s(values["bandwidth_Hz"], values["second_order"])
-        return low_passed(signal, time_s, values["second_order"], shot.step_s, shot.periodic, cubic=True)
+        return low_passed(signal, time_s, values["second_order"], excitation.step_s, excitation.periodic, cubic=True)

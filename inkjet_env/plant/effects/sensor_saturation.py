@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
-from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.stages import Plant
 from inkjet_env.plant.wording import SENSOR_UNIT, with_prefix
 from inkjet_env.printhead import Printhead
@@ -46,22 +46,22 @@ class SensorSaturation(Effect):
     confusable_with = ("quadratic_damping", "asymmetric_hysteresis")
     shown_by = "the same waveform at a third of the voltage and at full voltage"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        fast = [shot for shot in shots if shot.fast]
-        largest = max((_largest(printhead, shot) for shot in fast), default=0.0) or 1.0
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        fast = [excitation for excitation in excitations if excitation.fast]
+        largest = max((_largest(printhead, excitation) for excitation in fast), default=0.0) or 1.0
         return [
-            {"limit": (1 + abs(skew)) * part * largest, "hardness": hardness, "skew": skew}
+            {"limit": (1 + abs(skew)) * term * largest, "hardness": hardness, "skew": skew}
             for skew in (0.0, 1.0, -1.0)
-            for part, hardness in GUESSES
+            for term, hardness in GUESSES
         ]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"limit": 0.75 * largest, "hardness": 6.0}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return None if any(shot.fast for shot in shots) else "no recording is of a fast sensor"
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return None if any(excitation.fast for excitation in excitations) else "no recording is of a fast sensor"
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         does = "clips" if values["hardness"] > 10 else "compresses"
         shares = [1 + side * values["skew"] for side in (1, -1)]
         rails = [values["limit"] / share if OUT_OF_REACH * share > max(shares) else 0.0 for share in shares]
@@ -71,9 +71,11 @@ class SensorSaturation(Effect):
         never = [f"more than {above}"] * bool(rails[0]) + [f"less than -{below}"] * bool(rails[1])
         return f"The sensor {does}: it never shows {' and '.join(never)}."
 
-    def sensing(self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, shot: Shot) -> Real:
+    def sensing(
+        self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
         limit, hardness = values["limit"], values["hardness"]
-        if not shot.fast or math.isinf(limit):
+        if not excitation.fast or math.isinf(limit):
             return signal
         ratio = np.abs(signal) * (1 + values["skew"] * np.sign(signal)) / limit
         above = np.maximum(ratio, 1.0)
@@ -81,8 +83,8 @@ class SensorSaturation(Effect):
         return signal / above * (1 + below**hardness) ** (-1 / hardness)
 
 
-def _largest(printhead: Printhead, shot: Shot) -> float:
+def _largest(printhead: Printhead, excitation: Excitation) -> float:
     """Largest magnitude: what was measured, where that is known, else what the base model shows."""
-    if "largest" in shot.kept:
-        return float(shot.kept["largest"])
-    return float(np.abs(Plant(printhead).signal(shot)).max())
+    if "largest" in excitation.cache:
+        return float(excitation.cache["largest"])
+    return float(np.abs(Plant(printhead).signal(excitation)).max())

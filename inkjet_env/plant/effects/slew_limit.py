@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -50,8 +50,14 @@ class SlewLimit(Effect):
     confusable_with = ("amplifier_bandwidth",)
     shown_by = "trapezoids of one level with edges from gentle to as steep as can be asked for"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        slopes = np.array([float(np.abs(np.diff(shot.drive_V)).max()) / shot.step_s for shot in shots if shot.fast])
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        slopes = np.array(
+            [
+                float(np.abs(np.diff(excitation.drive_V)).max()) / excitation.step_s
+                for excitation in excitations
+                if excitation.fast
+            ]
+        )
         if not slopes.any():
             slopes = np.array([printhead.full_scale_V * printhead.frequency_Hz])
         limits = np.geomspace(STEEPEST * slopes.max(), GENTLEST * np.median(slopes[slopes > 0]), STARTS)
@@ -61,21 +67,21 @@ class SlewLimit(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"slew_rate_V_s": 450.0 * printhead.frequency_Hz}
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
-        steepest = max((float(np.abs(np.diff(s.drive_V)).max()) / s.step_s for s in shots if s.fast), default=0.0)
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        steepest = max((float(np.abs(np.diff(s.drive_V)).max()) / s.step_s for s in excitations if s.fast), default=0.0)
         return {"slew_rate_V_s": (1.0, LINEAR * steepest)} if steepest > 1.0 else {}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return too_slow(shots)
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         return f"The amplifier cannot follow edges steeper than {with_prefix(values['slew_rate_V_s'], 'V/s', 3)}."
 
-    def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
+    def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         if math.isinf(values["slew_rate_V_s"]):
             return drive_V
-        lag = values["lag_s"] / shot.node_step_s
-        return slew_limited(drive_V, values["slew_rate_V_s"] * shot.node_step_s, shot.periodic, lag)
+        lag = values["lag_s"] / excitation.node_step_s
+        return slew_limited(drive_V, values["slew_rate_V_s"] * excitation.node_step_s, excitation.periodic, lag)
 
 
 def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0) -> Real:

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import Resonance, too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -47,16 +47,16 @@ class ThermalDrift(Effect):
         ),
     )
     strengths = tuple(parameter.name for parameter in parameters[1:])
-    parts = (strengths[:KNOTS], strengths[KNOTS:])
+    terms = (strengths[:KNOTS], strengths[KNOTS:])
     signature = "width and pitch of the resonance follow the order of the recordings, whatever their drives"
     confusable_with = ("air_bubble", "meniscus_refill", "quadratic_damping")
     shown_by = "one recording repeated through the whole session, amplitudes in random order"
     depends_on_order = True
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         places = np.arange(1, KNOTS + 1) / KNOTS
         courses = (places, np.sin(math.pi * places), np.sin(2 * math.pi * places), 1 - np.cos(2 * math.pi * places))
-        off = {"last_order": last_order(shots)} | dict.fromkeys(self.strengths, 0.0)
+        off = {"last_order": last_order(excitations)} | dict.fromkeys(self.strengths, 0.0)
         return [
             off | {f"{name}_{k}": float(size * course[k - 1]) for k in range(1, KNOTS + 1)}
             for name, size in (("frequency", 0.1 * printhead.damping_ratio), ("damping", 0.1))
@@ -68,24 +68,26 @@ class ThermalDrift(Effect):
         frequency = {f"frequency_{k}": -0.01 * k / KNOTS + 0.012 * k * (KNOTS - k) / KNOTS**2 for k in places}
         return {"last_order": 29.0, **frequency, **{f"damping_{k}": -0.1 * k / KNOTS for k in places}}
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
-        last = last_order(shots)
-        latest = max((shot.order for shot in shots if shot.fast), default=1)
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        last = last_order(excitations)
+        latest = max((excitation.order for excitation in excitations if excitation.fast), default=1)
         reached = math.ceil(KNOTS * (latest - 1) / (last - 1))
         beyond = range(reached + 1, KNOTS + 1)
         return {"last_order": (last, last)} | {f"{n}_{k}": (0.0, 0.0) for n in ("frequency", "damping") for k in beyond}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        if len({shot.order for shot in shots if shot.fast}) < FEWEST_ORDERS:
-            return too_slow(shots) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        if len({excitation.order for excitation in excitations if excitation.fast}) < FEWEST_ORDERS:
+            return (
+                too_slow(excitations) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
+            )
         return None
 
-    def changes(self, name: str, shot: Shot, values: Values) -> bool:
+    def changes(self, name: str, excitation: Excitation, values: Values) -> bool:
         if name == "last_order":
             return True
-        return bool(_weights(shot.order, values["last_order"])[int(name.rpartition("_")[2])])
+        return bool(_weights(excitation.order, values["last_order"])[int(name.rpartition("_")[2])])
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         said, orders = [], 1.0
         for name, more, less, verb in (
             ("frequency", "higher", "lower", "rings"),
@@ -104,16 +106,16 @@ class ThermalDrift(Effect):
             return self.sentence
         return f"After {round(orders)} recordings the head {' and '.join(said)}."
 
-    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
-        weights = _weights(shot.order, values["last_order"])
+    def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
+        weights = _weights(excitation.order, values["last_order"])
         frequency = 1 + sum(float(weights[k]) * values[f"frequency_{k}"] for k in range(1, KNOTS + 1))
         damping = 1 + sum(float(weights[k]) * values[f"damping_{k}"] for k in range(1, KNOTS + 1))
         return replace(resonance, a0=resonance.a0 * frequency**2, a1=resonance.a1 * frequency * damping)
 
 
-def last_order(shots: Sequence[Shot]) -> float:
+def last_order(excitations: Sequence[Excitation]) -> float:
     """Where the ninth place is: at the last fast recording, or later where there are too few of them for so many."""
-    orders = {shot.order for shot in shots if shot.fast} or {2}
+    orders = {excitation.order for excitation in excitations if excitation.fast} or {2}
     latest = max(*orders, 2)
     return 1 + (latest - 1) * max(1.0, KNOTS * ORDERS_A_KNOT / len(orders))
 

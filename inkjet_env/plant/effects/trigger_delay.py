@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
-from inkjet_env.plant.shot import Shot
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -31,8 +31,11 @@ class TriggerDelay(Effect):
     confusable_with = ("amplifier_bandwidth", "sensor_bandwidth")
     shown_by = "a steep step, sampled as finely as the instrument can"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        step_s = min((shot.step_s for shot in shots if shot.fast), default=shots[0].step_s if shots else 0.0)
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        step_s = min(
+            (excitation.step_s for excitation in excitations if excitation.fast),
+            default=excitations[0].step_s if excitations else 0.0,
+        )
         period_s = 1 / printhead.frequency_Hz
         sizes = {periods * period_s for periods in PERIODS} | {samples * step_s for samples in SAMPLES}
         return [{"delay_s": sign * size} for size in sorted(sizes - {0.0}) for sign in (1, -1)]
@@ -40,15 +43,15 @@ class TriggerDelay(Effect):
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"delay_s": 0.03 * (1 / printhead.frequency_Hz)}
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         delay_s = values["delay_s"]
         when = "later" if delay_s > 0 else "earlier"
         return f"The drive reaches the ceramic {with_prefix(abs(delay_s), 's')} {when} than the recording says."
 
-    def drive(self, values: Values, drive_V: Real, shot: Shot) -> Real:
+    def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         if values["delay_s"] == 0:
             return drive_V
-        return late(drive_V, values["delay_s"] / shot.node_step_s, shot.periodic)
+        return late(drive_V, values["delay_s"] / excitation.node_step_s, excitation.periodic)
 
 
 def late(signal: Real, nodes: float, periodic: bool) -> Real:
@@ -63,8 +66,8 @@ def late(signal: Real, nodes: float, periodic: bool) -> Real:
         The value after the last is the first; else the signal stands still before its first value and after its last.
     """
     whole = math.floor(nodes)
-    part = nodes - whole
+    term = nodes - whole
     index = np.arange(-1, signal.size) - whole
     moved = signal[index % signal.size if periodic else np.clip(index, 0, signal.size - 1)]
-    result: Real = moved[1:] + part * (moved[:-1] - moved[1:])
+    result: Real = moved[1:] + term * (moved[:-1] - moved[1:])
     return result

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
+from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.resonance import Echo, Resonance, too_slow
-from inkjet_env.plant.shot import Shot
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
@@ -54,13 +54,15 @@ class WaveEcho(Effect):
         Parameter("loss_s", "s", 0.0, 1.0, meaning="lag at each reflection", open_ended=True, plain=0.0),
     )
     strengths = ("strength",)
-    parts = (("strength",), ("second_reflection", "second_delay_s", "reflection"))
+    terms = (("strength",), ("second_reflection", "second_delay_s", "reflection"))
     signature = "every feature of a response comes back after the same delay; the spectrum is rippled at 1/delay"
     confusable_with = ("second_mode", "trigger_delay")
     shown_by = "one short steep pulse with a long quiet time after it"
 
-    def starts(self, printhead: Printhead, shots: Sequence[Shot]) -> list[dict[str, float]]:
-        longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=0.0)
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        longest_s = max(
+            (excitation.samples * excitation.step_s for excitation in excitations if excitation.fast), default=0.0
+        )
         period_s = 1 / printhead.frequency_Hz
         delays_s = [guess * period_s for guess in GUESSES if guess * period_s < longest_s] or [longest_s / 2]
         return [complete(self, delay_s=delay_s, strength=0.03) for delay_s in delays_s]
@@ -69,10 +71,12 @@ class WaveEcho(Effect):
         return {"delay_s": 2.6 * (1 / printhead.frequency_Hz), "strength": 0.06}
 
     def superposed(
-        self, printhead: Printhead, shots: Sequence[Shot]
+        self, printhead: Printhead, excitations: Sequence[Excitation]
     ) -> tuple[list[dict[str, float]], list[dict[str, float]], csr_array]:
         """Waves between two ends: of the delays of each end on a grid, and of both signs of each reflection."""
-        longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=0.0)
+        longest_s = max(
+            (excitation.samples * excitation.step_s for excitation in excitations if excitation.fast), default=0.0
+        )
         step_s = GRID / printhead.frequency_Hz
         latest = min(LATEST, max(FIRST, int(longest_s / 2 / step_s)))
         copies = 3 * latest
@@ -106,16 +110,18 @@ class WaveEcho(Effect):
             )
         return elements, starts, vstack(weights, format="csr")
 
-    def bounds(self, printhead: Printhead, shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
-        longest_s = max((shot.samples * shot.step_s for shot in shots if shot.fast), default=1.0)
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        longest_s = max(
+            (excitation.samples * excitation.step_s for excitation in excitations if excitation.fast), default=1.0
+        )
         shortest_s = SHORTEST / printhead.frequency_Hz
         delays_s = (shortest_s, max(longest_s / 2, 2 * shortest_s))
         return {"delay_s": delays_s, "second_delay_s": delays_s, "loss_s": (0.0, 1 / printhead.frequency_Hz)}
 
-    def untestable(self, shots: Sequence[Shot]) -> str | None:
-        return too_slow(shots)
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
 
-    def told(self, values: Values, unit: str = "V") -> str:
+    def description(self, values: Values, unit: str = "V") -> str:
         turned = ", turned over," if values["strength"] < 0 else ""
         told = (
             f"A wave returns {with_prefix(values['delay_s'], 's')} later{turned} "
@@ -132,7 +138,7 @@ class WaveEcho(Effect):
             )
         return told
 
-    def resonator(self, values: Values, resonance: Resonance, shot: Shot) -> Resonance:
+    def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
         if values["strength"] == 0:
             return resonance
         echo = Echo(*(values[parameter.name] for parameter in self.parameters))

@@ -9,11 +9,11 @@ import pytest
 from inkjet_env.mismatch.design.drive_library import Train, benches, library
 from inkjet_env.mismatch.design.next_experiment import next_experiment
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.dataset import Observed, noise_seen, observe
-from inkjet_env.mismatch.fitting.fit_result import Fit, Place
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording, noise_seen, observe
+from inkjet_env.mismatch.fitting.fit_result import FitResult, Place
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.localization.views import largest_V
-from inkjet_env.plant import Effect, Parameter, Plant, Shot, catalogue
+from inkjet_env.plant import Effect, Excitation, Parameter, Plant, catalogue
 from inkjet_env.plant.effect import coordinates
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
@@ -37,14 +37,14 @@ class Gain(Effect):
 class WeakAmplifier(Gain):
     id, stage, sentence = "weak_amplifier", "drive", "The amplifier gives less than it is asked for."
 
-    def drive(self, values, drive_V, shot):
+    def drive(self, values, drive_V, excitation):
         return drive_V * (1 + values["strength"])
 
 
 class WeakSensor(Gain):
     id, stage, sentence = "weak_sensor", "sensing", "The sensor shows less than there is."
 
-    def sensing(self, values, signal, drive_V, printhead, shot):
+    def sensing(self, values, signal, drive_V, printhead, excitation):
         return signal * (1 + values["strength"])
 
 
@@ -55,11 +55,11 @@ def joint_of(printhead, labels, effects=()):
     plain, planted = plants(printhead, effects)
     recordings = []
     for o, r in zip(observe(campaign), campaign.recordings, strict=True):
-        recordings.append(replace(r, sensor=r.sensor + planted.signal(o.shot) - plain.signal(o.shot)))
-    observed = tuple(replace(o, fitted=o.shot.samples) for o in observe(Campaign("test", tuple(recordings))))
+        recordings.append(replace(r, sensor=r.sensor + planted.signal(o.excitation) - plain.signal(o.excitation)))
+    observed = tuple(replace(o, fitted=o.excitation.samples) for o in observe(Campaign("test", tuple(recordings))))
     head = Head(printhead, {"self_sensing": printhead.b1}, {"self_sensing": 0.0})
-    noise = noise_seen(observed, {o.name: o.measured - planted.signal(o.shot) for o in observed}, {})
-    return JointFit(observed, noise, head)
+    noise = noise_seen(observed, {o.name: o.measured - planted.signal(o.excitation) for o in observed}, {})
+    return OutputErrorFit(observed, noise, head)
 
 
 def plants(printhead, effects):
@@ -68,66 +68,72 @@ def plants(printhead, effects):
 
 def candidate(joint, effect, values):
     """An effect with these values beside the base model, not fitted."""
-    point = coordinates(effect, values)
+    theta = coordinates(effect, values)
     low, high = (np.array(ends) for ends in zip(*(p.bounds for p in effect.parameters), strict=True))
-    slopes = joint.slopes(joint.base.head, (effect,), point, joint.base.states, low, high)
+    jacobian = joint.jacobian(joint.base.head, (effect,), theta, joint.base.states, low, high)
     base = joint.base
-    place = Place(base.head, point, base.states)
-    return Fit(base.head, (effect,), point, base.states, base.left, base.nll, slopes, True, place, False, joint.start)
+    place = Place(base.head, theta, base.states)
+    return FitResult(
+        base.head, (effect,), theta, base.states, base.residuals, base.nll, jacobian, True, place, False, joint.start
+    )
 
 
 @pytest.fixture(scope="module")
 def one_amplitude():
     """Damping that grows with speed, seen under one gentle pulse alone; fits of two explanations of it."""
     damping = EFFECTS["quadratic_damping"]
-    shots = [Shot(b.channel, b.initial_state, b.step_s, b.drive_V) for b in self_sensing_battery(HEAD.frequency_Hz)]
-    values = {name: 0.2 * value for name, value in damping.starts(HEAD, shots)[0].items()}
+    excitations = [
+        Excitation(b.channel, b.initial_state, b.step_s, b.drive_V) for b in self_sensing_battery(HEAD.frequency_Hz)
+    ]
+    values = {name: 0.2 * value for name, value in damping.starts(HEAD, excitations)[0].items()}
     joint = joint_of(HEAD, ("trapezoid-gentle", "zero"), [(damping, values)])
     fits = []
     for name in ("quadratic_damping", "ferroelastic_softening"):
         effect = EFFECTS[name]
-        starts = effect.starts(HEAD, [o.shot for o in joint.observed])
+        starts = effect.starts(HEAD, [o.excitation for o in joint.observed])
         fits.append(min((joint.fit((effect,), coordinates(effect, s)) for s in starts), key=lambda fit: fit.nll))
     return joint, fits, (damping, values)
 
 
 def test_the_separation_is_what_the_best_refit_of_the_rival_leaves():
     joint = joint_of(HEAD, ("trapezoid-60V", "trapezoid-100V", "zero"))
-    shots = [o.shot for o in joint.observed]
+    excitations = [o.excitation for o in joint.observed]
     fits = []
     for name in ("second_mode", "wave_echo"):
-        start = EFFECTS[name].starts(HEAD, shots)[0]
+        start = EFFECTS[name].starts(HEAD, excitations)[0]
         fits.append(candidate(joint, EFFECTS[name], start))
     found = next_experiment(fits, joint.noise, joint.observed)
-    shot = Shot(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=6)
-    o = Observed("next", found.channel, "V", -1, shot, np.zeros(shot.samples), shot.samples)
-    signals = [fit.head.plant(fit.with_values).signal(shot) for fit in fits]
-    left = []
+    excitation = Excitation(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=6)
+    o = ObservedRecording("next", found.channel, "V", -1, excitation, np.zeros(excitation.samples), excitation.samples)
+    signals = [fit.head.plant(fit.with_values).signal(excitation) for fit in fits]
+    residuals = []
     for fit in fits:
         # the rival sees the campaign again, where it fits, and the new recording, where it does not
-        new = np.column_stack([fit.head.sensitivities(o), new_slopes(fit, shot)])
-        again = np.column_stack([joint.stacked({s.name: joint.start.sensitivities(s) for s in joint.seen}), fit.slopes])
+        new = np.column_stack([fit.head.sensitivities(o), new_slopes(fit, excitation)])
+        again = np.column_stack(
+            [joint.stacked({s.name: joint.start.sensitivities(s) for s in joint.seen}), fit.jacobian]
+        )
         columns = np.concatenate([again, joint.noise.whitened(o, new)])
         target = np.concatenate([np.zeros(len(again)), joint.noise.whitened(o, signals[0] - signals[1])])
         size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
         step = np.linalg.lstsq(columns / size, target, rcond=None)[0]
-        left.append(0.5 * np.sum((target - columns / size @ step) ** 2))
-    assert found.separation == pytest.approx(min(left), rel=1e-2)
+        residuals.append(0.5 * np.sum((target - columns / size @ step) ** 2))
+    assert found.separation == pytest.approx(min(residuals), rel=1e-2)
 
 
-def new_slopes(fit, shot):
+def new_slopes(fit, excitation):
     """Central differences of the signal with respect to a candidate's coordinates."""
     (effect,) = fit.effects
     columns = []
     for k, parameter in enumerate(effect.parameters):
-        step = 1e-4 * (1.0 if parameter.scale == "log" else abs(fit.point[k]) or 1e-2)
+        step = 1e-4 * (1.0 if parameter.scale == "log" else abs(fit.theta[k]) or 1e-2)
         ends = []
         for sign in (1, -1):
-            point = fit.point.copy()
-            point[k] += sign * step
-            values = {p.name: p.value(z) for p, z in zip(effect.parameters, point, strict=True)}
-            ends.append(fit.head.plant([(effect, values)]).signal(shot))
+            theta = fit.theta.copy()
+            theta[k] += sign * step
+            values = {p.name: p.value(z) for p, z in zip(effect.parameters, theta, strict=True)}
+            ends.append(fit.head.plant([(effect, values)]).signal(excitation))
         columns.append((ends[0] - ends[1]) / (2 * step))
     return np.column_stack(columns)
 
@@ -138,12 +144,12 @@ def test_what_a_campaign_leaves_alike_is_told_apart_by_the_recording_that_was_as
     found = next_experiment(fits, joint.noise, joint.observed)
     assert abs(before) < 3
     assert found.separation > 20
-    shot = Shot(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=9)
-    signal = Plant(HEAD, effects=(planted,)).signal(shot)
+    excitation = Excitation(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=9)
+    signal = Plant(HEAD, effects=(planted,)).signal(excitation)
     noise = joint.noise.models[joint.observed[0].noise_key].rms * np.random.default_rng(1).standard_normal(signal.size)
-    more = (*joint.observed, Observed("next", found.channel, "V", 99, shot, signal + noise, signal.size))
-    again = JointFit(more, joint.noise, joint.start)
-    after = [again.fit(fit.effects, fit.point, fit.head) for fit in fits]
+    more = (*joint.observed, ObservedRecording("next", found.channel, "V", 99, excitation, signal + noise, signal.size))
+    again = OutputErrorFit(more, joint.noise, joint.start)
+    after = [again.fit(fit.effects, fit.theta, fit.head) for fit in fits]
     gained = after[1].nll - after[0].nll
     assert gained > max(10, 0.3 * found.separation)
     assert after[0].nll < 0.55 * sum(o.fitted for o in more)  # the true one explains the new recording, too
@@ -168,9 +174,9 @@ def test_the_sentence_tells_drive_channel_difference_and_noise(one_amplitude):
 
 def test_no_drive_goes_beyond_what_the_campaign_dared(one_amplitude):
     joint, fits, _ = one_amplitude
-    assert {float(o.shot.drive_V.min()) for o in joint.observed} == {0.0}  # 0 … 80 V alone
+    assert {float(o.excitation.drive_V.min()) for o in joint.observed} == {0.0}  # 0 … 80 V alone
     (bench,) = benches(joint.observed, HEAD.frequency_Hz)
-    drives = [p.shot.drive_V for p in library(bench)]
+    drives = [p.excitation.drive_V for p in library(bench)]
     drives.append(np.array(next_experiment(fits, joint.noise, joint.observed).drive_V))
     for drive in drives:
         assert 0 <= drive.min() <= drive.max() <= 80
@@ -182,13 +188,14 @@ def test_every_channel_of_a_campaign_has_drives_of_its_own():
     observed = observe(campaign)
     for bench in benches(observed, HEAD.frequency_Hz):
         proposals = library(bench)
-        assert {p.shot.channel for p in proposals} == {bench.channel}
+        assert {p.excitation.channel for p in proposals} == {bench.channel}
         assert len({p.words for p in proposals}) == len(proposals)
         most = max(largest_V(o) for o in observed)
-        assert max(np.abs(p.shot.drive_V).max() for p in proposals) <= most
-        assert any(not p.shot.drive_V.any() for p in proposals)
+        assert max(np.abs(p.excitation.drive_V).max() for p in proposals) <= most
+        assert any(not p.excitation.drive_V.any() for p in proposals)
         assert {o.noise_key for o in observed if o.channel == bench.channel} >= {
-            Observed("", bench.channel, "V", 0, p.shot, p.shot.drive_V, 0).noise_key for p in proposals
+            ObservedRecording("", bench.channel, "V", 0, p.excitation, p.excitation.drive_V, 0).noise_key
+            for p in proposals
         }
 
 

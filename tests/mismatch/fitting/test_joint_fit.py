@@ -8,10 +8,10 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 from inkjet_env.identification import identify
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.dataset import Noise, Observed, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer, noise_seen, observe
 from inkjet_env.mismatch.fitting.fit_result import Place
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.plant import Plant, Shot
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.plant import Excitation, Plant
 from inkjet_env.plant.effect import complete, coordinates
 from inkjet_env.printhead import Printhead
 
@@ -31,8 +31,8 @@ def four_channels(head):
 
 def pulse(channel, state="periodic"):
     drive_V = np.interp(np.arange(300.0), [0, 10, 25, 60, 75, 100, 110], [0, 0, 80, 80, -50, -50, 0])
-    shot = Shot(channel, state, 2e-7, drive_V)
-    return Observed(channel, channel, "V", 0, shot, np.zeros(300), 300)
+    excitation = Excitation(channel, state, 2e-7, drive_V)
+    return ObservedRecording(channel, channel, "V", 0, excitation, np.zeros(300), 300)
 
 
 @pytest.mark.parametrize("state", ["periodic", "demagnetised"])
@@ -44,12 +44,12 @@ def test_sensitivities_are_derivatives_of_the_plants_signal(channel, state, four
     for k in range(four_channels.size):
         step = np.zeros(four_channels.size)
         step[k] = 1e-4
-        ends = [four_channels.moved(sign * step).plant().signal(o.shot) for sign in (1, -1)]
+        ends = [four_channels.moved(sign * step).plant().signal(o.excitation) for sign in (1, -1)]
         expected = (ends[0] - ends[1]) / 2e-4
         np.testing.assert_allclose(found[:, k], expected, atol=1e-6 * (np.abs(expected).max() + 1e-9))
 
 
-def test_sensitivities_beside_an_effect_foretell_what_a_law_of_high_degree_does(head, effects):
+def test_sensitivities_beside_an_effect_predict_what_a_law_of_high_degree_does(head, effects):
     """Its coefficients are large and cancel: two laws a hair apart differ by thousands in single coefficients."""
     bump = Chebyshev.basis(11, domain=[0.0, 1.0]).convert(kind=Polynomial).coef
     large = replace(head, coefficients=tuple(np.pad(head.coefficients, (12 - len(head.coefficients), 0))
@@ -61,7 +61,7 @@ def test_sensitivities_beside_an_effect_foretell_what_a_law_of_high_degree_does(
     for degree in (3, 7, 11):
         powers = Chebyshev.basis(degree, domain=[0.0, 1.0]).convert(kind=Polynomial).coef[1:]
         step[:11] = 1e-3 * np.pad(powers, (0, 11 - degree))
-        ends = [start.moved(sign * step).plant(beside).signal(o.shot) for sign in (1, -1)]
+        ends = [start.moved(sign * step).plant(beside).signal(o.excitation) for sign in (1, -1)]
         expected = (ends[0] - ends[1]) / 2
         found = start.sensitivities(o, beside) @ step
         assert np.linalg.norm(found - expected) < 1e-4 * np.linalg.norm(expected)
@@ -87,7 +87,7 @@ def test_the_base_fit_leaves_what_an_identification_leaves(recorded):
     found = identify(campaign, degree=9)
     head = Head(found.printhead, {c: g.value for c, g in found.gains.items()}, found.offsets)
     observed = observe(campaign)
-    joint = JointFit(observed, Noise(found.noise, dict.fromkeys(found.noise, 1)), head)
+    joint = OutputErrorFit(observed, Noise(found.noise, dict.fromkeys(found.noise, 1)), head)
     modelled = joint.modelled(joint.base)
     for recording, o in zip(found.recordings, observed, strict=True):
         assert recording.name == o.name
@@ -100,15 +100,17 @@ def test_noise_alone_leaves_as_much_as_noise_less_the_parameters(plain):
     rows = int(plain.ends[-1])
     expected = rows - plain.basis[0].shape[1]
     assert 2 * plain.base.nll == pytest.approx(expected, abs=5 * np.sqrt(2 * rows))
-    left = np.concatenate([plain.base.left[o.name][: o.fitted] for o in plain.seen])
-    assert 0.5 * left @ left == pytest.approx(plain.base.nll)
-    assert np.linalg.norm(plain.basis[0].T @ left) < 0.05  # nothing the base could still say, in standard deviations
+    residuals = np.concatenate([plain.base.residuals[o.name][: o.fitted] for o in plain.seen])
+    assert 0.5 * residuals @ residuals == pytest.approx(plain.base.nll)
+    assert (
+        np.linalg.norm(plain.basis[0].T @ residuals) < 0.05
+    )  # nothing the base could still say, in standard deviations
 
 
 def errors_of(joint, fit):
     """Standard errors of the point, base parameters adapting."""
     q, _ = joint.near(fit).basis
-    own = fit.slopes - q @ (q.T @ fit.slopes)
+    own = fit.jacobian - q @ (q.T @ fit.jacobian)
     told = ~fit.idle
     errors = np.full(told.size, np.inf)
     errors[told] = np.sqrt(np.diag(np.linalg.inv(own[:, told].T @ own[:, told])))
@@ -120,14 +122,14 @@ def test_a_planted_effect_is_recovered_to_its_standard_errors(name, recorded, fi
     effect = effects[name]
     joint = fitted(recorded(name, strength=0.35))
     truth = coordinates(effect, values(name, 0.35))
-    begin = next(iter(effect.starts(joint.base.head.printhead, [o.shot for o in joint.seen])))
+    begin = next(iter(effect.starts(joint.base.head.printhead, [o.excitation for o in joint.seen])))
     fit = joint.fit([effect], coordinates(effect, begin))
-    fit = joint.near(fit).fit([effect], fit.point, fit.head)
+    fit = joint.near(fit).fit([effect], fit.theta, fit.head)
     assert fit.converged
     assert fit.nll < joint.base.nll - 10
     told = [i for i, p in enumerate(effect.parameters) if p.name in effect.strengths and not fit.idle[i]]
     assert told
-    apart = (fit.point - truth) / errors_of(joint, fit)
+    apart = (fit.theta - truth) / errors_of(joint, fit)
     assert np.abs(apart[told]).max() < 4
     rows = int(joint.ends[-1])
     assert 2 * fit.nll == pytest.approx(rows, abs=5 * np.sqrt(2 * rows))
@@ -139,17 +141,17 @@ def test_errors_of_a_strength_are_as_large_as_told(recorded, fitted, effects, va
     truth = values("feedthrough")
     plant = true_head(campaign).plant([(effect, truth)])
     joint = fitted(campaign)
-    clean = {o.name: plant.signal(o.shot) for o in joint.observed}
+    clean = {o.name: plant.signal(o.excitation) for o in joint.observed}
     rng = np.random.default_rng(8)
     apart = []
     for _ in range(30):
         observed = []
         for o in joint.observed:
             rms = joint.noise.models[o.noise_key].rms
-            observed.append(replace(o, measured=clean[o.name] + rms * rng.standard_normal(o.shot.samples)))
-        again = JointFit(observed, joint.noise, joint.start)
+            observed.append(replace(o, measured=clean[o.name] + rms * rng.standard_normal(o.excitation.samples)))
+        again = OutputErrorFit(observed, joint.noise, joint.start)
         fit = again.fit([effect], coordinates(effect, truth))
-        apart.append(((fit.point - coordinates(effect, truth)) / errors_of(again, fit))[~fit.idle])
+        apart.append(((fit.theta - coordinates(effect, truth)) / errors_of(again, fit))[~fit.idle])
     size = np.sqrt(np.mean(np.array(apart) ** 2, axis=0))
     assert np.all((size > 0.65) & (size < 1.4))
     assert np.all(np.abs(np.mean(apart, axis=0)) < 4 / np.sqrt(30))
@@ -158,19 +160,19 @@ def test_errors_of_a_strength_are_as_large_as_told(recorded, fitted, effects, va
 def test_slopes_are_derivatives_of_what_is_compared(recorded, fitted, effects, values):
     effect = effects["second_mode"]
     joint = fitted(recorded("second_mode"))
-    point = coordinates(effect, values("second_mode"))
+    theta = coordinates(effect, values("second_mode"))
     low, high = joint.limits([effect])
-    slopes = joint.slopes(joint.start, (effect,), point, {}, low, high)
+    jacobian = joint.jacobian(joint.start, (effect,), theta, {}, low, high)
     for k, size in enumerate((1e-3, 1e-3, 1e-4)):
         ends = []
         for sign in (1, -1):
-            there = point.copy()
+            there = theta.copy()
             there[k] += sign * size
             of = {p.name: p.value(z) for p, z in zip(effect.parameters, there, strict=True)}
             signals = joint.signals(joint.start, [(effect, of)], {}, joint.seen)
             ends.append(joint.stacked(signals))
         expected = (ends[0] - ends[1]) / (2 * size)
-        assert np.linalg.norm(slopes[:, k] - expected) < 2e-3 * np.linalg.norm(expected)
+        assert np.linalg.norm(jacobian[:, k] - expected) < 2e-3 * np.linalg.norm(expected)
 
 
 def test_a_parameter_that_the_base_model_can_stand_in_for_stays_where_it_is(recorded, fitted, effects):
@@ -181,7 +183,7 @@ def test_a_parameter_that_the_base_model_can_stand_in_for_stays_where_it_is(reco
         begin = complete(effect, asymmetry=0.02, bowing=0.01, knee_V=knee_V)
         fit = joint.fit((effect,), coordinates(effect, begin), most_steps=1)
         assert fit.idle[names.index("bowing")] == stays
-        assert (fit.point[names.index("bowing")] == 0.01) == stays
+        assert (fit.theta[names.index("bowing")] == 0.01) == stays
         assert not fit.idle[names.index("asymmetry")]
 
 
@@ -189,24 +191,24 @@ def test_sensitivities_taken_elsewhere_lead_to_the_same_end(recorded, fitted, ef
     joint = fitted(recorded("feedthrough", "quadratic_damping"))
     first = joint.fit((effects["quadratic_damping"],), np.array([1e-4]))
     both = (effects["quadratic_damping"], effects["feedthrough"])
-    begin = np.concatenate([first.point, coordinates(both[1], complete(both[1], capacitive_s=1e-9))])
+    begin = np.concatenate([first.theta, coordinates(both[1], complete(both[1], capacitive_s=1e-9))])
     own = joint.fit(both, begin, first.head)
-    lent = joint.fit(both, begin, first.head, known=first.slopes)
+    lent = joint.fit(both, begin, first.head, known=first.jacobian)
     assert lent.nll == pytest.approx(own.nll, abs=0.1)
     assert lent.nll < first.nll - 100
-    again = joint.again(both, Place(lent.head, lent.point, lent.states), lent.sloped, lent.started, True, False)
-    np.testing.assert_array_equal(lent.slopes, again.slopes)
+    again = joint.again(both, Place(lent.head, lent.theta, lent.states), lent.jacobian_at, lent.started, True, False)
+    np.testing.assert_array_equal(lent.jacobian, again.jacobian)
 
 
 def test_a_fit_begun_where_the_head_has_no_rest_under_the_first_drive_fails(head, effects):
     cubic = effects["cubic_stiffness"]
     o = pulse("self_sensing", "demagnetised")
-    o = replace(o, shot=replace(o.shot, drive_V=o.shot.drive_V + 40, kept={}))
+    o = replace(o, excitation=replace(o.excitation, drive_V=o.excitation.drive_V + 40, cache={}))
     start = Head(head, {"self_sensing": head.b1}, {"self_sensing": 0.0})
-    clean = start.plant([(cubic, {"stiffening_per_V2": 1e-5})]).signal(o.shot)
+    clean = start.plant([(cubic, {"stiffening_per_V2": 1e-5})]).signal(o.excitation)
     measured = clean + 1e-3 * np.ptp(clean) * np.random.default_rng(0).standard_normal(clean.size)
     observed = [replace(o, measured=measured)]
-    joint = JointFit(observed, noise_seen(observed, {o.name: measured - clean}, {}), start)
+    joint = OutputErrorFit(observed, noise_seen(observed, {o.name: measured - clean}, {}), start)
     assert joint.fit([cubic], np.array([1e-5])).nll == pytest.approx(0.5 * o.fitted, rel=0.2)
     with pytest.raises(FloatingPointError, match="no rest was found"):
         joint.fit([cubic], np.array([5e-4]))
@@ -217,7 +219,7 @@ def test_a_fit_stays_within_its_bounds(recorded, fitted, effects, values):
     joint = fitted(recorded("second_mode"))
     low, high = joint.limits([effect])
     fit = joint.fit([effect], np.array([1e3, 1e3, -1e3, 0.0]), most_steps=3)
-    assert np.all((low <= fit.point) & (fit.point <= high))
+    assert np.all((low <= fit.theta) & (fit.theta <= high))
 
 
 def test_what_was_held_out_tells_a_fit_nothing(recorded, fitted, effects, values):
@@ -225,18 +227,19 @@ def test_what_was_held_out_tells_a_fit_nothing(recorded, fitted, effects, values
     joint = fitted(campaign)
     rng = np.random.default_rng(9)
     changed = tuple(
-        replace(o, measured=o.measured + 10 * rng.standard_normal(o.shot.samples)) if not o.fitted else o
+        replace(o, measured=o.measured + 10 * rng.standard_normal(o.excitation.samples)) if not o.fitted else o
         for o in joint.observed
     )
     assert any(not o.fitted for o in changed)
-    point = coordinates(effect, values("feedthrough"))
+    theta = coordinates(effect, values("feedthrough"))
     one, other = (
-        JointFit(observed, joint.noise, joint.start).fit([effect], point) for observed in (joint.observed, changed)
+        OutputErrorFit(observed, joint.noise, joint.start).fit([effect], theta)
+        for observed in (joint.observed, changed)
     )
-    np.testing.assert_array_equal(one.point, other.point)
+    np.testing.assert_array_equal(one.theta, other.theta)
     assert one.nll == other.nll
     for o in changed:
-        same = np.array_equal(one.left[o.name], other.left[o.name])
+        same = np.array_equal(one.residuals[o.name], other.residuals[o.name])
         assert same == bool(o.fitted)
 
 
@@ -248,12 +251,13 @@ def ringing_on(head, states, seed=1):
     for k, start in enumerate((*states, None), start=1):
         state = "demagnetised" if start is None else "free"
         volts = np.zeros(500) if start is None else (0.4 + 0.3 * k) * drive_V
-        shot = Shot("self_sensing", state, 2e-7, volts, k, None, 16, start or (0.0, 0.0))
-        measured = plant.signal(shot) + 0.02 * rng.standard_normal(500)
-        recordings.append(Observed(f"r{k}", "self_sensing", "V", k, replace(shot, parts=2, start=(0.0, 0.0), kept={}),
+        excitation = Excitation("self_sensing", state, 2e-7, volts, k, None, 16, start or (0.0, 0.0))
+        measured = plant.signal(excitation) + 0.02 * rng.standard_normal(500)
+        coarse = replace(excitation, substeps=2, start=(0.0, 0.0), cache={})
+        recordings.append(ObservedRecording(f"r{k}", "self_sensing", "V", k, coarse,
                                    measured, 0 if k == 2 else 500))  # fmt: skip
     noise = noise_seen(recordings, {o.name: o.measured for o in recordings}, {})
-    return JointFit(recordings, noise, Head(head, {"self_sensing": head.b1}, {"self_sensing": 0.0}))
+    return OutputErrorFit(recordings, noise, Head(head, {"self_sensing": head.b1}, {"self_sensing": 0.0}))
 
 
 def test_unknown_initial_states_are_found_held_out_ones_too(head):
@@ -264,14 +268,16 @@ def test_unknown_initial_states_are_found_held_out_ones_too(head):
         assert joint.base.states[name] == pytest.approx(truth, abs=0.15)
     rows = int(joint.ends[-1])
     assert 2 * joint.base.nll == pytest.approx(rows, abs=6 * np.sqrt(2 * rows))
-    held_out = joint.base.left["r2"]
+    held_out = joint.base.residuals["r2"]
     assert np.std(held_out) < 1.3
 
 
 def test_a_state_said_to_be_at_rest_is_not_fitted(head):
     joint = ringing_on(head, ((8.0, -3.0), (0.0, 12.0)))
-    at_rest = [replace(o, shot=replace(o.shot, initial_state="demagnetised", kept={})) for o in joint.observed]
-    wrong = JointFit(at_rest, joint.noise, joint.start)
+    at_rest = [
+        replace(o, excitation=replace(o.excitation, initial_state="demagnetised", cache={})) for o in joint.observed
+    ]
+    wrong = OutputErrorFit(at_rest, joint.noise, joint.start)
     assert wrong.base.states == {}
     assert wrong.base.nll > 10 * joint.base.nll
 
@@ -280,21 +286,21 @@ def test_a_state_said_to_be_at_rest_is_not_fitted(head):
 def test_what_a_standing_effect_can_explain_changes_no_fit(name, recorded, fitted, effects, values):
     """However much of it is in each recording."""
     effect, told = effects[name], values(name)
-    joint = fitted(recorded(), standing=[(effect, told)])
+    joint = fitted(recorded(), random_effects=[(effect, told)])
     rng = np.random.default_rng(4)
     changed = []
     for o in joint.observed:
-        columns = effect.nuisances(told, o.shot)
+        columns = effect.random_effect_basis(told, o.excitation)
         more = 0.0 if columns is None else columns @ (3 * rng.standard_normal(columns.shape[1]))
         changed.append(replace(o, measured=o.measured + more))
-    other = JointFit(changed, joint.noise, joint.start, joint.standing)
+    other = OutputErrorFit(changed, joint.noise, joint.start, joint.random_effects)
     assert other.base.nll == pytest.approx(joint.base.nll, rel=1e-6)
     assert other.base.head.printhead.a0 == pytest.approx(joint.base.head.printhead.a0, rel=1e-6)
-    bare = JointFit(changed, joint.noise, joint.start)
+    bare = OutputErrorFit(changed, joint.noise, joint.start)
     assert bare.base.nll > 3 * other.base.nll
     for o in changed:  # and its own share of each recording is in what is modelled
-        left = joint.noise.whitened(o, o.measured - other.modelled(other.base)[o.name])
-        assert np.sqrt(np.mean(left**2)) < 1.6
+        residuals = joint.noise.whitened(o, o.measured - other.modelled(other.base)[o.name])
+        assert np.sqrt(np.mean(residuals**2)) < 1.6
 
 
 @pytest.mark.parametrize("name", ["cubic_stiffness", "sensor_bandwidth"])
@@ -302,9 +308,9 @@ def test_the_numerical_error_falls_with_the_nodes(name, recorded, fitted, effect
     effect, told = effects[name], values(name)
     joint = fitted(recorded(name))
     errors = []
-    for parts in (2, 4, 8):
-        fine = JointFit(finer(joint.observed, parts), joint.noise, joint.start, base=joint.base)
-        fit = replace(joint.base, effects=(effect,), point=coordinates(effect, told))
+    for substeps in (2, 4, 8):
+        fine = OutputErrorFit(finer(joint.observed, substeps), joint.noise, joint.start, base=joint.base)
+        fit = replace(joint.base, effects=(effect,), theta=coordinates(effect, told))
         errors.append(fine.numerical_error(fit))
     assert errors[0] > 3 * errors[1] > 9 * errors[2] > 0
 
@@ -313,7 +319,7 @@ def test_a_signature_is_what_switching_the_effect_on_changes(plain, effects, val
     effect, told = effects["feedthrough"], values("feedthrough")
     found = plain.signature(effect, told)
     on, off = (plain.base.head.plant(e) for e in ([(effect, told)], []))
-    expected = plain.stacked({o.name: on.signal(o.shot) - off.signal(o.shot) for o in plain.seen})
+    expected = plain.stacked({o.name: on.signal(o.excitation) - off.signal(o.excitation) for o in plain.seen})
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
     doubled = {name: 2 * value for name, value in told.items()}
     np.testing.assert_allclose(plain.signature(effect, doubled), 2 * found, atol=1e-9 * np.abs(found).max())
@@ -324,5 +330,5 @@ def test_a_head_of_another_frequency_is_found_from_a_start_that_is_off(recorded,
     joint, truth = fitted(campaign), true_head(campaign)
     off = replace(truth, printhead=Printhead(1.02 * truth.printhead.a0, 1.2 * truth.printhead.a1, truth.printhead.b1,
                                              truth.printhead.coefficients, truth.printhead.full_scale_V))  # fmt: skip
-    other = JointFit(joint.observed, joint.noise, off)
+    other = OutputErrorFit(joint.observed, joint.noise, off)
     assert other.base.nll == pytest.approx(joint.base.nll, rel=1e-4)

@@ -8,7 +8,7 @@ import pytest
 
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import Noise, noise_seen, observe
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, surplus, taken_by_fit
 from inkjet_env.mismatch.localization.drift import shifts
 from inkjet_env.mismatch.localization.locate import _sentence, locate
@@ -34,10 +34,10 @@ def fitted(campaign, noise=None):
     head = Head(HEAD, {"self_sensing": HEAD.b1}, {"self_sensing": 0.0})
     if noise is None:
         for _ in range(2):
-            left = {o.name: o.measured - head.plant().signal(o.shot) for o in observed}
-            noise = noise_seen(observed, left, {})
-            head = JointFit(observed, noise, head).base.head
-    return JointFit(observed, noise, head)
+            residuals = {o.name: o.measured - head.plant().signal(o.excitation) for o in observed}
+            noise = noise_seen(observed, residuals, {})
+            head = OutputErrorFit(observed, noise, head).base.head
+    return OutputErrorFit(observed, noise, head)
 
 
 def located(campaign):
@@ -72,7 +72,7 @@ def small():
 
 @pytest.fixture(scope="module")
 def draw(small):
-    """A function: what would be left of noise alone, of unit variance but for its own doubt, by `JointFit`'s fit."""
+    """A function: what would be left of noise alone, of unit variance but for its own doubt, by an output-error fit."""
     columns = {o.name: small.noise.whitened(o, small.start.sensitivities(o)) for o in small.observed}
     seen = np.concatenate([columns[o.name][: o.fitted] for o in small.seen])
     size = np.linalg.norm(seen, axis=0)
@@ -84,10 +84,10 @@ def draw(small):
         noise = {}
         scale = np.sqrt(told / rng.chisquare(told))
         for o in small.observed:
-            noise[o.name] = scale * rng.standard_normal(o.shot.samples)
+            noise[o.name] = scale * rng.standard_normal(o.excitation.samples)
             noise[o.name][: small.noise.models[o.noise_key].lost] = 0.0
         step = back @ np.concatenate([noise[o.name][: o.fitted] for o in small.seen])
-        return replace(small.base, left={n: noise[n] - (columns[n] / size) @ step for n in noise})
+        return replace(small.base, residuals={n: noise[n] - (columns[n] / size) @ step for n in noise})
 
     return one
 
@@ -133,7 +133,7 @@ def test_lines_and_samples_reckon_alike(small):
     samples = sample_rows(small.observed, small.noise, small.base, taken)
     lines = line_rows(small.observed, small.noise, small.base, taken)
     for i, o in enumerate(small.observed):
-        mean = np.sum(small.base.left[o.name]) ** 2 / o.shot.samples
+        mean = np.sum(small.base.residuals[o.name]) ** 2 / o.excitation.samples
         assert lines.power[lines.record == i].sum() == pytest.approx(samples.power[samples.record == i].sum() - mean)
         ends = [rows.expected[rows.record == i].sum() for rows in (lines, samples)]
         assert ends[0] == pytest.approx(ends[1] - 1, abs=1.0)  # the mean is no line
@@ -241,7 +241,7 @@ def test_a_drive_is_cut_at_its_edges_and_pulses():
     by = {o.name: o for o in observe(campaign)}
     of = {r.excitation: by[r.name] for r in campaign.recordings}
     pair = of["pulse_pair"]
-    drive = pair.shot.drive_V
+    drive = pair.excitation.drive_V
     assert np.array_equal(phases(pair) == 0, np.diff(drive, prepend=drive[-1]) != 0)
     assert np.all(drive[phases(pair) == 1] != 0)
     assert np.all(drive[phases(pair) == 2] == 0)

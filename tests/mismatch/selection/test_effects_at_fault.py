@@ -25,13 +25,13 @@ class Leak(Effect):
     parameters = (Parameter("leak_per_s", "1/s", -1e6, 1e6),)
     strengths = ("leak_per_s",)
 
-    def starts(self, printhead, shots):
+    def starts(self, printhead, excitations):
         return [{"leak_per_s": 0.05 * printhead.frequency_Hz}]
 
-    def sensing(self, values, signal, drive_V, printhead, shot):
-        if shot.channel != "self_sensing":
+    def sensing(self, values, signal, drive_V, printhead, excitation):
+        if excitation.channel != "self_sensing":
             return signal
-        return signal + values["leak_per_s"] * shot.step_s * np.cumsum(signal - signal.mean())
+        return signal + values["leak_per_s"] * excitation.step_s * np.cumsum(signal - signal.mean())
 
 
 def faulty(method, error):
@@ -73,7 +73,7 @@ def test_values_that_cannot_be_simulated_are_no_fault(error):
 
 def test_a_method_that_comes_from_beside_the_effect_is_named_too():
     class Beside:
-        def drive(self, values, drive_V, shot):
+        def drive(self, values, drive_V, excitation):
             return values["missing"]
 
     class Mixed(Beside, Leak):
@@ -89,15 +89,15 @@ def test_a_signal_of_another_length_is_told(stage, result, fitted, recorded):
     effect = type("Short", (Leak,), {"id": "short", "stage": stage, stage: lambda self, *_: result})()
     joint = fitted(recorded())
     with pytest.raises(EffectError, match=rf"'short': its {stage}\(\) must return an array of shape \(\d+,\)"):
-        joint.base.head.plant([(effect, {"leak_per_s": 1.0})]).signal(joint.seen[-1].shot)
+        joint.base.head.plant([(effect, {"leak_per_s": 1.0})]).signal(joint.seen[-1].excitation)
 
 
 def test_a_resonator_that_is_none_is_told(fitted, recorded):
     effect = type("Lost", (Leak,), {"id": "lost", "stage": "resonator", "resonator": lambda self, *_: None})()
     joint = fitted(recorded())
-    shot = next(o.shot for o in joint.seen if o.shot.fast)
+    excitation = next(o.excitation for o in joint.seen if o.excitation.fast)
     with pytest.raises(EffectError, match=r"its resonator\(\) must return a Resonance; got NoneType"):
-        joint.base.head.plant([(effect, {"leak_per_s": 1.0})]).signal(shot)
+        joint.base.head.plant([(effect, {"leak_per_s": 1.0})]).signal(excitation)
 
 
 @pytest.mark.parametrize("start", [{}, {"leak_per_s": 0.0}])
@@ -111,16 +111,18 @@ def test_an_effect_that_cannot_be_simulated_in_places_is_fitted_elsewhere(record
     class Narrow(Leak):
         id = "narrow"
 
-        def sensing(self, values, signal, drive_V, printhead, shot):
+        def sensing(self, values, signal, drive_V, printhead, excitation):
             if values["leak_per_s"] > 2.2e3:
                 raise SimulationError("more than it can hold")
-            return super().sensing(values, signal, drive_V, printhead, shot)
+            return super().sensing(values, signal, drive_V, printhead, excitation)
 
     joint = fitted(recorded())
     plant = joint.base.head.plant([(Leak(), {"leak_per_s": 2e3})])
-    joint = type(joint)([replace(o, measured=plant.signal(o.shot)) for o in joint.observed], joint.noise, joint.start)
+    joint = type(joint)(
+        [replace(o, measured=plant.signal(o.excitation)) for o in joint.observed], joint.noise, joint.start
+    )
     found = settled(joint, joint.fit([Narrow()], np.array([1.0])))
-    assert found.fit.point[0] == pytest.approx(2e3, rel=1e-3)
+    assert found.fit.theta[0] == pytest.approx(2e3, rel=1e-3)
 
 
 class Stiff(Leak):
@@ -128,7 +130,7 @@ class Stiff(Leak):
 
     id, stage = "stiff", "resonator"
 
-    def resonator(self, values, resonance, shot):
+    def resonator(self, values, resonance, excitation):
         if resonance.a0 != self.a0:
             raise SimulationError("no steady state")
         return resonance
@@ -138,10 +140,10 @@ def test_sensitivities_that_cannot_be_taken_with_an_effect_on_are_those_without(
     joint = fitted(recorded())
     effect = Stiff()
     effect.a0 = joint.base.head.printhead.a0
-    fit = replace(joint.base, effects=(effect,), point=np.array([1.0]))
-    plain = type(joint)(joint.observed, joint.noise, joint.base.head, joint.standing, joint.base)
+    fit = replace(joint.base, effects=(effect,), theta=np.array([1.0]))
+    plain = type(joint)(joint.observed, joint.noise, joint.base.head, joint.random_effects, joint.base)
     with pytest.raises(SimulationError):
-        fit.head.sensitivities(next(o for o in joint.seen if o.shot.fast), fit.with_values)
+        fit.head.sensitivities(next(o for o in joint.seen if o.excitation.fast), fit.with_values)
     np.testing.assert_allclose(np.abs(joint.near(fit).basis[1]), np.abs(plain.basis[1]), rtol=1e-3, atol=1e-3)
 
 
@@ -157,8 +159,8 @@ def test_a_step_to_what_is_no_printhead_is_a_failed_trial(true_head, recorded):
 def test_effects_that_cannot_be_simulated_without_one_of_them_keep_it(recorded, fitted, effects, values, monkeypatch):
     joint = fitted(recorded("feedthrough", "quadratic_damping"))
     two = [effects["feedthrough"], effects["quadratic_damping"]]
-    point = np.concatenate([coordinates(e, values(e.id)) for e in two])
-    chosen = settled(joint, joint.fit(two, point))
+    theta = np.concatenate([coordinates(e, values(e.id)) for e in two])
+    chosen = settled(joint, joint.fit(two, theta))
 
     def unanswered(self, *_, **__):
         raise SimulationError("no steady state under the repeated drive.")
@@ -185,15 +187,15 @@ def test_finer_nodes_without_an_answer_are_said_and_not_gone_to(recorded, head, 
     class Coarse(Leak):
         id = "coarse"
 
-        def sensing(self, values, signal, drive_V, printhead, shot):
-            if shot.parts > 2 and values["leak_per_s"]:
+        def sensing(self, values, signal, drive_V, printhead, excitation):
+            if excitation.substeps > 2 and values["leak_per_s"]:
                 raise SimulationError("no steady state")
-            return super().sensing(values, signal, drive_V, printhead, shot)
+            return super().sensing(values, signal, drive_V, printhead, excitation)
 
     campaign = recorded()
     plant = true_head(campaign).plant()
     leaking = plant.with_effects([(Leak(), {"leak_per_s": 2e3})])
-    leaked = [leaking.signal(o.shot) - plant.signal(o.shot) for o in observe(campaign)]
+    leaked = [leaking.signal(o.excitation) - plant.signal(o.excitation) for o in observe(campaign)]
     recordings = [replace(r, sensor=r.sensor + more) for r, more in zip(campaign.recordings, leaked, strict=True)]
     found = diagnose(Campaign("leaking", tuple(recordings)), head, [Coarse()], workers=1)
     assert [n.effect.id for n in found.effects] == ["coarse"]

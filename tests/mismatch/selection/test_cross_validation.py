@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.selection.cross_validation import foretold, orthonormal
+from inkjet_env.mismatch.selection.cross_validation import orthonormal, predicted
 
 CONDITIONS = (40, 25, 60, 31)
 
@@ -36,20 +36,23 @@ def residual(design, data):
     return data - q @ (q.T @ data)
 
 
-def test_each_condition_left_out_is_foretold_as_by_a_refit_without_it(linear):
+def test_each_condition_left_out_is_predicted_as_by_a_refit_without_it(linear):
     design, data, groups = linear
-    result = foretold(residual(design, data), design, groups)
+    result = predicted(residual(design, data), design, groups)
     for rows in groups:
-        np.testing.assert_allclose(result.left[rows], refitted(design, data, rows), rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(result.residuals[rows], refitted(design, data, rows), rtol=1e-9, atol=1e-11)
 
 
 def test_columns_said_twice_and_empty_ones_change_nothing(linear):
     design, data, groups = linear
     again = np.column_stack([design, design[:, 0] - 3 * design[:, 3], np.zeros(len(data))])
     assert orthonormal(again).shape[1] == 4
-    left = residual(design, data)
+    residuals = residual(design, data)
     np.testing.assert_allclose(
-        foretold(left, again, groups).left, foretold(left, design, groups).left, rtol=1e-8, atol=1e-10
+        predicted(residuals, again, groups).residuals,
+        predicted(residuals, design, groups).residuals,
+        rtol=1e-8,
+        atol=1e-10,
     )
 
 
@@ -58,29 +61,29 @@ def test_a_parameter_that_one_condition_alone_tells_stays_as_fitted_there(linear
     alone = np.zeros((len(data), 1))
     alone[groups[3]] = np.random.default_rng(6).standard_normal((CONDITIONS[3], 1))
     both = np.column_stack([design, alone])
-    result = foretold(residual(both, data), both, groups)
+    result = predicted(residual(both, data), both, groups)
     # Elsewhere the column says nothing: leaving another condition out goes as ever.
-    np.testing.assert_allclose(result.left[groups[1]], refitted(both, data, groups[1]), rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(result.residuals[groups[1]], refitted(both, data, groups[1]), rtol=1e-8, atol=1e-10)
     # In its own condition: a refit without it, its weight held.
     weight = np.linalg.lstsq(both / np.linalg.norm(both, axis=0), data, rcond=1e-12)[0][-1] / np.linalg.norm(alone)
-    own = orthonormal(both[groups[3]])  # what that condition's rows make of the shared columns stays foretold
+    own = orthonormal(both[groups[3]])  # what that condition's rows make of the shared columns stays predicted
     shared = refitted(design, data - weight * alone[:, 0], groups[3])
     assert own.shape[1] == 5
-    assert np.linalg.norm(result.left[groups[3]]) == pytest.approx(np.linalg.norm(shared), rel=0.2)
-    assert np.isfinite(result.left).all()
+    assert np.linalg.norm(result.residuals[groups[3]]) == pytest.approx(np.linalg.norm(shared), rel=0.2)
+    assert np.isfinite(result.residuals).all()
 
 
 def test_gains_are_differences_of_the_likelihood_condition_by_condition(linear):
     design, data, groups = linear
-    poor = foretold(residual(design[:, :2], data), design[:, :2], groups)
-    rich = foretold(residual(design, data), design, groups)
-    gains, errors = poor.gains_of(rich)
+    poor = predicted(residual(design[:, :2], data), design[:, :2], groups)
+    rich = predicted(residual(design, data), design, groups)
+    gains, errors = poor.log_likelihood_gain(rich)
     for gain, error, rows in zip(gains, errors, groups, strict=True):
         a, b = refitted(design[:, :2], data, rows), refitted(design, data, rows)
         assert gain == pytest.approx(0.5 * np.sum(a**2) - 0.5 * np.sum(b**2), rel=1e-9)
         assert error == pytest.approx(np.linalg.norm(a - b), rel=1e-9)
-    np.testing.assert_array_equal(rich.gains_of(rich), np.zeros((2, 4)))
-    np.testing.assert_allclose(rich.gains_of(poor)[0], -gains)
+    np.testing.assert_array_equal(rich.log_likelihood_gain(rich), np.zeros((2, 4)))
+    np.testing.assert_allclose(rich.log_likelihood_gain(poor)[0], -gains)
 
 
 def test_the_standard_error_is_that_of_the_gain_under_noise():
@@ -91,8 +94,8 @@ def test_the_standard_error_is_that_of_the_gain_under_noise():
     gains, errors = [], []
     for _ in range(400):
         noise = rng.standard_normal(400)
-        one, other = (foretold(noise + sign * shape, np.zeros((400, 0)), groups) for sign in (1, -1))
-        gain, error = one.gains_of(other)
+        one, other = (predicted(noise + sign * shape, np.zeros((400, 0)), groups) for sign in (1, -1))
+        gain, error = one.log_likelihood_gain(other)
         gains.append(gain[0])
         errors.append(error[0])
     assert np.std(gains) == pytest.approx(np.mean(errors), rel=0.12)

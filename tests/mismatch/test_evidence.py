@@ -7,8 +7,8 @@ import pytest
 
 from inkjet_env.mismatch.evidence import share_left
 from inkjet_env.mismatch.fitting.dataset import Noise
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.mismatch.selection.discrepancy_regression import flexible_residual
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
 from inkjet_env.plant.effect import coordinates
 
@@ -19,7 +19,7 @@ FEW = 200
 def hardly_told(joint):
     """The same where little tells how loud the noise is."""
     noise = Noise(joint.noise.models, dict.fromkeys(joint.noise.samples, FEW), (), joint.noise.least)
-    return JointFit(joint.observed, noise, joint.start)
+    return OutputErrorFit(joint.observed, noise, joint.start)
 
 
 @pytest.fixture(scope="module")
@@ -30,16 +30,16 @@ def explained(recorded, fitted, effects, values):
 
 def louder(hypothesis, factors):
     """The hypothesis with the rest of some recordings multiplied."""
-    left = {name: factors.get(name, 1.0) * rest for name, rest in hypothesis.fit.left.items()}
-    return Hypothesis(replace(hypothesis.fit, left=left), hypothesis.joint)
+    residuals = {name: factors.get(name, 1.0) * rest for name, rest in hypothesis.fit.residuals.items()}
+    return Hypothesis(replace(hypothesis.fit, residuals=residuals), hypothesis.joint)
 
 
 def share(chosen):
-    return share_left(base_hypothesis(chosen.joint), chosen, flexible_residual(chosen))
+    return share_left(base_hypothesis(chosen.joint), chosen, discrepancy_regression(chosen))
 
 
 def fast(chosen):
-    return [o.name for o in chosen.joint.seen if o.shot.fast]
+    return [o.name for o in chosen.joint.seen if o.excitation.fast]
 
 
 def test_nothing_is_left_of_what_is_explained(explained):
@@ -48,9 +48,9 @@ def test_nothing_is_left_of_what_is_explained(explained):
 
 def test_a_rest_that_is_louder_in_few_recordings_is_no_noise_however_badly_that_is_known(explained):
     joint, one = explained.joint, fast(explained)[0]
-    moved = [o for o in joint.seen if o.shot.fast]
-    mismatch = sum(float(np.sum(joint.base.left[o.name][: o.fitted] ** 2)) - o.fitted for o in moved)
-    more = 1.25 * float(np.sum(explained.fit.left[one] ** 2))
+    moved = [o for o in joint.seen if o.excitation.fast]
+    mismatch = sum(float(np.sum(joint.base.residuals[o.name][: o.fitted] ** 2)) - o.fitted for o in moved)
+    more = 1.25 * float(np.sum(explained.fit.residuals[one] ** 2))
     assert share(louder(explained, {one: 1.5})) == pytest.approx(more / mismatch, rel=0.1)
 
 
@@ -59,14 +59,14 @@ def test_a_rest_that_is_as_loud_everywhere_may_be_noise(explained):
 
 
 def test_of_few_recordings_none_is_called_loud(explained):
-    few = [o for o in explained.joint.observed if not o.shot.fast or o.name in fast(explained)[:4]]
-    joint = JointFit(few, explained.joint.noise, explained.joint.start)
-    fit = joint.fit(explained.fit.effects, explained.fit.point)
+    few = [o for o in explained.joint.observed if not o.excitation.fast or o.name in fast(explained)[:4]]
+    joint = OutputErrorFit(few, explained.joint.noise, explained.joint.start)
+    fit = joint.fit(explained.fit.effects, explained.fit.theta)
     assert share(louder(Hypothesis(fit, joint), {fast(explained)[0]: 1.4})) == 0
 
 
 def test_where_nothing_was_chosen_only_the_sum_counts(recorded, fitted):
     joint = hardly_told(fitted(recorded("feedthrough")))
     base = base_hypothesis(joint)
-    assert base.excess > 0.1 * base.left.size
-    assert share_left(base, base, flexible_residual(base)) == 0
+    assert base.excess > 0.1 * base.residuals.size
+    assert share_left(base, base, discrepancy_regression(base)) == 0

@@ -1,4 +1,4 @@
-"""Which parts of an effect's law a fit keeps: the rest is let in where it is needed, and sent away where it is not."""
+"""Which terms of an effect's law a fit keeps: the rest is let in where it is needed, and sent away where it is not."""
 
 import math
 
@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch.evidence import named_effects
-from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, settled, shaped, simplest
 from inkjet_env.mismatch.selection.score_test import signatures
 from inkjet_env.mismatch.selection.stepwise import Selection
-from inkjet_env.plant.effect import complete, coordinates, parts_of, rest
+from inkjet_env.plant.effect import complete, coordinates, rest, terms_of
 
 STANDARD_ERRORS = 4.0
 """By so many an estimate may be off: of normal errors one in 16,000 is."""
@@ -22,7 +22,7 @@ SEVERAL = {
     "asymmetric_hysteresis": {"asymmetry": 0.03, "bending": 0.02, "lean": 0.05},
     "creep": {"creep_per_decade": 0.01, "onset_s": 0.05, "retarded_1": 0.1, "time_1_s": 0.1},
 }
-"""Recorded laws of several parts."""
+"""Recorded laws of several terms."""
 BEGUN = {
     "feedthrough": {"capacitive_s": 2e-9},
     "ferroelastic_softening": {"softening_per_V": 1e-4, "loss_ratio": 1.0},
@@ -64,33 +64,33 @@ def at(effects, recorded_as, fitted):
 def on(hypothesis):
     """Parts of the last effect's law that are on."""
     effect = hypothesis.fit.effects[-1]
-    return parts_of(effect, hypothesis.fit.point[-len(effect.parameters) :])[0]
+    return terms_of(effect, hypothesis.fit.theta[-len(effect.parameters) :])[0]
 
 
 def errors_off(hypothesis, truth):
     """By how many standard errors each parameter that was fitted misses the truth, base parameters free too."""
     fit, q = hypothesis.fit, hypothesis.joint.basis[0]
-    slopes = fit.slopes[:, ~fit.idle]
-    own = slopes - q @ (q.T @ slopes)
+    jacobian = fit.jacobian[:, ~fit.idle]
+    own = jacobian - q @ (q.T @ jacobian)
     errors = np.sqrt(np.diag(np.linalg.inv(own.T @ own)))
     (effect,) = fit.effects
-    return (fit.point - coordinates(effect, complete(effect, **truth)))[~fit.idle] / errors
+    return (fit.theta - coordinates(effect, complete(effect, **truth)))[~fit.idle] / errors
 
 
 def noise_of_excess(hypothesis):
-    return math.sqrt(2 * hypothesis.left.size)
+    return math.sqrt(2 * hypothesis.residuals.size)
 
 
-def scores_without(hypothesis, parts):
+def scores_without(hypothesis, terms):
     """The score with each of these parts of the last effect's law off and everything else fitted again."""
     fit, scores = hypothesis.fit, {}
     effect = fit.effects[-1]
-    first = fit.point.size - len(effect.parameters)
-    for part in parts:
-        point = fit.point.copy()
+    first = fit.theta.size - len(effect.parameters)
+    for term in terms:
+        theta = fit.theta.copy()
         for k, p in enumerate(effect.parameters, start=first):
-            point[k] = rest(effect, p) if p.name in part else point[k]
-        scores[part] = settled(hypothesis.joint, hypothesis.joint.fit(fit.effects, point, fit.head)).score
+            theta[k] = rest(effect, p) if p.name in term else theta[k]
+        scores[term] = settled(hypothesis.joint, hypothesis.joint.fit(fit.effects, theta, fit.head)).score
     return scores
 
 
@@ -99,9 +99,9 @@ def test_the_whole_law_comes_on_where_several_parts_of_it_were_recorded(name, at
     joint, begun = at(name, SEVERAL[name], BEGUN[name])
     plain = simplest(joint, begun)
     assert len(on(plain)) == 1
-    assert plain.lacks_parts
+    assert plain.lacks_terms
     whole = shaped(joint, plain.fit, base_hypothesis(joint))
-    assert {n for part in on(whole) for n in part} == set(SEVERAL[name]) - OF_NO_PART
+    assert {n for term in on(whole) for n in term} == set(SEVERAL[name]) - OF_NO_PART
     assert whole.score > plain.score
     assert plain.excess - whole.excess > SURE**2 * (whole.free - plain.free)
     assert abs(whole.excess) < SURE * noise_of_excess(whole)
@@ -112,8 +112,8 @@ def test_the_whole_law_comes_on_where_several_parts_of_it_were_recorded(name, at
 def test_parts_that_were_not_recorded_are_sent_away_and_the_others_come_out_right(name, at):
     joint, begun = at(name, PLAIN[name], TOO_MUCH[name])
     everything, plain = settled(joint, begun), simplest(joint, begun)
-    assert {n for part in on(everything) for n in part} > set(PLAIN[name]) - OF_NO_PART
-    assert {n for part in on(plain) for n in part} == set(PLAIN[name]) - OF_NO_PART
+    assert {n for term in on(everything) for n in term} > set(PLAIN[name]) - OF_NO_PART
+    assert {n for term in on(plain) for n in term} == set(PLAIN[name]) - OF_NO_PART
     assert plain.free == len(PLAIN[name]) < everything.free
     assert plain.score > everything.score
     assert np.abs(errors_off(plain, PLAIN[name])).max() < STANDARD_ERRORS
@@ -125,7 +125,7 @@ def test_parts_that_a_law_hardly_wants_stay_off(at):
                       BEGUN["creep"])  # fmt: skip
     plain = simplest(joint, begun)
     assert plain.leaves_much
-    assert not plain.lacks_parts
+    assert not plain.lacks_terms
 
 
 def test_what_does_nothing_has_a_value_and_no_interval(at):
@@ -152,8 +152,8 @@ def test_what_is_plain_stays_plain_where_the_whole_law_is_let_in(name, at):
 def test_the_law_that_an_effect_is_attributed_with_has_all_the_parts_it_needs(effects, recorded_as, fitted):
     """No start has both strengths on."""
     joint, effect = fitted(recorded_as("feedthrough", **SEVERAL["feedthrough"])), effects["feedthrough"]
-    found = signatures(joint, [effect], Crew(1))
-    (best,) = attribute(joint, base_hypothesis(joint), [effect], found, Crew(1), lambda _: None)
+    found = signatures(joint, [effect], ProcessPool(1))
+    (best,) = attribute(joint, base_hypothesis(joint), [effect], found, ProcessPool(1), lambda _: None)
     assert on(best) == [("capacitive_s",), ("lossy",), ("lag_s",)]
     assert abs(best.excess) < SURE * noise_of_excess(best)
 
@@ -163,7 +163,7 @@ def test_an_idle_part_is_the_one_without_which_the_score_is_best(name, at):
     joint, begun = at(name, PLAIN[name], TOO_MUCH[name])
     everything = settled(joint, begun)
     scores = scores_without(everything, on(everything))
-    idle = everything.idle_part()
+    idle = everything.idle_term()
     assert scores[idle] == max(scores.values()) > everything.score
 
 
@@ -172,7 +172,7 @@ def test_a_part_is_idle_that_the_base_model_could_stand_in_for(at):
     truth = {"gain": 0.02, "rate_V_s": 100.0}
     joint, begun = at("rate_dependent_hysteresis", truth, {**truth, "growth": 0.01})
     everything = settled(joint, begun)
-    assert everything.idle_part() == ("growth",)
+    assert everything.idle_term() == ("growth",)
     assert scores_without(everything, [("growth",)])["growth",] > everything.score
 
 
@@ -183,14 +183,14 @@ def test_an_idle_part_is_of_the_last_effect(effects, values, recorded, fitted):
     planted[1][2] = 1e-6  # a lag that was not recorded
     everything = settled(joint, joint.fit(both, np.concatenate(planted)))
     scores = scores_without(everything, on(everything))
-    assert everything.idle_part() == max(scores, key=scores.get) == ("lag_s",)
+    assert everything.idle_term() == max(scores, key=scores.get) == ("lag_s",)
 
 
 def test_no_part_is_idle_where_every_one_is_worth_its_parameters(at):
     joint, begun = at("feedthrough", SEVERAL["feedthrough"], SEVERAL["feedthrough"])
     everything = settled(joint, begun)
     assert max(scores_without(everything, on(everything)).values()) < everything.score
-    assert everything.idle_part() is None
+    assert everything.idle_term() is None
 
 
 def test_an_effects_only_strength_is_never_idle(effects, recorded, fitted):
@@ -198,4 +198,4 @@ def test_an_effects_only_strength_is_never_idle(effects, recorded, fitted):
     joint, effect = fitted(recorded()), effects["feedthrough"]
     alone = settled(joint, joint.fit((effect,), coordinates(effect, complete(effect, capacitive_s=5e-9))))
     assert alone.score < base_hypothesis(joint).score
-    assert alone.idle_part() is None
+    assert alone.idle_term() is None

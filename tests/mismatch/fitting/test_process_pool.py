@@ -2,7 +2,7 @@
 
 import pytest
 
-from inkjet_env.mismatch.fitting.process_pool import Crew
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 
 
 @pytest.mark.parametrize("workers", [1, 2, 5])
@@ -12,7 +12,7 @@ def test_results_come_in_the_order_of_the_tasks(workers):
     def work(task):
         return sum(range(50_000 // (task + 1))) * 0 + offset + task  # the first task takes longest
 
-    assert list(Crew(workers).map(work, range(12))) == [100 + task for task in range(12)]
+    assert list(ProcessPool(workers).map(work, range(12))) == [100 + task for task in range(12)]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -22,26 +22,26 @@ def test_an_error_of_a_task_comes_through_and_the_crew_works_on(workers):
             raise FloatingPointError("the motion of task 2 grows without bound")
         return task
 
-    crew = Crew(workers)
+    pool = ProcessPool(workers)
     with pytest.raises(FloatingPointError, match="task 2"):
-        list(crew.map(work, range(4)))
-    assert list(crew.map(str, range(3))) == ["0", "1", "2"]
+        list(pool.map(work, range(4)))
+    assert list(pool.map(str, range(3))) == ["0", "1", "2"]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_no_task_gives_no_result(workers):
-    assert list(Crew(workers).map(str, [])) == []
+    assert list(ProcessPool(workers).map(str, [])) == []
 
 
 def test_work_that_is_given_up_leaves_the_crew_ready():
-    crew = Crew(2)
-    results = crew.map(abs, range(6))
+    pool = ProcessPool(2)
+    results = pool.map(abs, range(6))
     assert next(results) == 0
     results.close()
-    assert list(crew.map(abs, [-1, -2])) == [1, 2]
+    assert list(pool.map(abs, [-1, -2])) == [1, 2]
 
 
 @pytest.mark.parametrize("workers", [0, -1])
 def test_a_crew_of_nobody_is_refused(workers):
     with pytest.raises(ValueError, match=f"workers must be at least 1; got {workers}"):
-        Crew(workers)
+        ProcessPool(workers)

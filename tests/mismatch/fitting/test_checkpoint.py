@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch import diagnose
-from inkjet_env.mismatch.fitting.checkpoint import Kept
+from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
 
 attribute = importlib.import_module("inkjet_env.mismatch.selection.hypotheses")
 LOOKED_FOR = ("cubic_stiffness", "quadratic_damping", "feedthrough", "mains_hum")
@@ -55,9 +55,9 @@ def test_an_interrupted_diagnosis_ends_as_if_it_had_not_been(run, tmp_path, monk
     whole, _ = run(None)
     with pytest.raises(Stopped):
         run(tmp_path / "fits", "to the end")
-    kept = sorted((tmp_path / "fits").iterdir())
-    assert len(kept) >= 4
-    assert {file.suffix for file in kept} == {".json"}
+    checkpoint = sorted((tmp_path / "fits").iterdir())
+    assert len(checkpoint) >= 4
+    assert {file.suffix for file in checkpoint} == {".json"}
     again = []
     tried = attribute._tried
 
@@ -166,14 +166,14 @@ def test_a_diagnosis_with_an_effect_typed_at_a_console_goes_on(recorded, head, e
     ],
 )
 def test_code_that_was_typed_is_told_from_other_code(old, new, tmp_path):
-    assert Kept(tmp_path, [typed()]).code == Kept(tmp_path, [typed()]).code
-    assert Kept(tmp_path, [typed()]).code != Kept(tmp_path, [typed(old, new)]).code
+    assert FitCheckpoint(tmp_path, [typed()]).code == FitCheckpoint(tmp_path, [typed()]).code
+    assert FitCheckpoint(tmp_path, [typed()]).code != FitCheckpoint(tmp_path, [typed(old, new)]).code
 
 
 def test_what_an_effect_holds_counts(tmp_path):
     one, other = typed(), typed()
     one.scale, other.scale = np.array([1.0]), np.array([2.0])
-    assert Kept(tmp_path, [one]).code != Kept(tmp_path, [other]).code
+    assert FitCheckpoint(tmp_path, [one]).code != FitCheckpoint(tmp_path, [other]).code
 
 
 def test_typed_code_is_told_alike_in_every_process(tmp_path):
@@ -190,8 +190,8 @@ def test_typed_code_is_told_alike_in_every_process(tmp_path):
 
 
 def test_only_fits_are_cleared_away(tmp_path):
-    kept = Kept(tmp_path)
+    checkpoint = FitCheckpoint(tmp_path)
     (tmp_path / "mine.txt").write_text("mine")
     (tmp_path / "0.fit.json").write_text("{}")
-    kept.clear()
+    checkpoint.clear()
     assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]

@@ -11,7 +11,7 @@ from inkjet_env.mismatch.fitting.base_model import base_model
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.mismatch.selection.hypotheses import base_hypothesis
-from inkjet_env.mismatch.selection.truncated_law import narrower, straight_beyond
+from inkjet_env.mismatch.selection.truncated_law import fit_truncated_law, narrower
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig.battery import default_battery
 
@@ -31,7 +31,7 @@ def recorded_without_a_gauge(*effects, printhead=PUBLISHED):
 
 def bent_and_not(campaign):
     joint = base_model(campaign, observe(campaign, None), None, None, lambda _: None)
-    return straight_beyond(joint, base_hypothesis(joint)), joint
+    return fit_truncated_law(joint, base_hypothesis(joint)), joint
 
 
 def test_the_swing_from_which_a_law_goes_straight_is_found():

@@ -11,7 +11,7 @@ from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class Excitation:
     """A drive, how it was applied, and the nodes it is followed on: everything of a recording but what was measured.
 
     Parameters
@@ -27,7 +27,7 @@ class Shot:
         When it was taken within the session.
     neighbour_V : ndarray, shape (n,), optional
         Drive of the neighbouring channel.
-    parts : int
+    substeps : int
         Nodes a sampling step: even, because the resonator goes over two nodes at a time.
     start : tuple of float
         Deflection, from where the first drive would hold it, and scaled speed ``x' / ω0``, in hysteretic volts, at the
@@ -40,13 +40,15 @@ class Shot:
     drive_V: Real
     order: int = 1
     neighbour_V: Real | None = None
-    parts: int = 2
+    substeps: int = 2
     start: tuple[float, float] = (0.0, 0.0)
-    kept: dict[Any, Any] = field(default_factory=dict, repr=False)
+    cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        if self.parts < 2 or self.parts % 2:
-            raise ValueError(f"parts must be an even number of nodes a sampling step, 2 or more; got {self.parts}.")
+        if self.substeps < 2 or self.substeps % 2:
+            raise ValueError(
+                f"substeps must be an even number of nodes a sampling step, 2 or more; got {self.substeps}."
+            )
 
     @property
     def samples(self) -> int:
@@ -66,12 +68,12 @@ class Shot:
     @property
     def node_step_s(self) -> float:
         """Time between nodes."""
-        return self.step_s / self.parts
+        return self.step_s / self.substeps
 
     @property
     def nodes(self) -> int:
         """Number of nodes: one period without its end where periodic, else up to the last sample."""
-        return self.samples * self.parts if self.periodic else (self.samples - 1) * self.parts + 1
+        return self.samples * self.substeps if self.periodic else (self.samples - 1) * self.substeps + 1
 
     @property
     def time_s(self) -> Real:
@@ -81,18 +83,18 @@ class Shot:
     def refined(self, samples: Real) -> Real:
         """Values at the samples, made linear between them: shape (n,) to (nodes,)."""
         ends = np.append(samples, samples[0]) if self.periodic else samples
-        fractions = np.arange(self.parts) / self.parts
+        fractions = np.arange(self.substeps) / self.substeps
         between = ends[:-1, None] + np.diff(ends)[:, None] * fractions
         return between.ravel() if self.periodic else np.append(between.ravel(), ends[-1])
 
     @property
     def drive_at_nodes_V(self) -> Real:
         """The drive that was asked for at the nodes, shape (nodes,)."""
-        if "drive" not in self.kept:
-            self.kept["drive"] = self.refined(self.drive_V)
-        drive: Real = self.kept["drive"]
+        if "drive" not in self.cache:
+            self.cache["drive"] = self.refined(self.drive_V)
+        drive: Real = self.cache["drive"]
         return drive
 
     def sampled(self, at_nodes: Real) -> Real:
         """Values at the samples from values at the nodes."""
-        return at_nodes[:: self.parts]
+        return at_nodes[:: self.substeps]

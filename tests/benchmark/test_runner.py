@@ -459,7 +459,7 @@ def test_runs_that_were_finished_before_the_objective_fails_are_kept(tmp_path, m
     whole, folder = tmp_path / "whole", tmp_path / "r"
     run_bench(small_settings(), whole)
     first = RunKey("pso", "nominal", 1).seed(0)
-    known = Problem.told
+    known = Problem.as_measured
 
     def fails_in_one_run(self, seed, first_evaluation=0):
         if seed == first:
@@ -467,7 +467,7 @@ def test_runs_that_were_finished_before_the_objective_fails_are_kept(tmp_path, m
         return known(self, seed, first_evaluation)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Problem, "told", fails_in_one_run)
+        patched.setattr(Problem, "as_measured", fails_in_one_run)
         with pytest.raises(ZeroDivisionError, match="of ours") as caught:
             run_bench(small_settings(), folder)
     assert "At the worker:" in caught.value.__notes__[0]

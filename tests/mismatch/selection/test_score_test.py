@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch.fitting.joint_fit import JointFit
-from inkjet_env.mismatch.fitting.process_pool import Crew
-from inkjet_env.mismatch.selection.score_test import Signatures, point_of, signatures, superposed
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
+from inkjet_env.mismatch.selection.score_test import Signatures, signatures, superposed, theta_of
 from inkjet_env.plant.effect import complete, coordinates
 
 LOOKED_FOR = ("feedthrough", "cubic_stiffness", "second_mode", "sensor_bandwidth")
@@ -22,26 +22,26 @@ def plain(recorded, fitted):
 
 @pytest.fixture(scope="module")
 def found(plain, effects):
-    return signatures(plain, [effects[name] for name in LOOKED_FOR], Crew(1))
+    return signatures(plain, [effects[name] for name in LOOKED_FOR], ProcessPool(1))
 
 
 def left_of(joint):
-    return np.concatenate([joint.base.left[o.name][: o.fitted] for o in joint.seen])
+    return np.concatenate([joint.base.residuals[o.name][: o.fitted] for o in joint.seen])
 
 
 def redrawn(joint, rng):
     """The same recordings with other noise, refitted."""
-    clean = {o.name: joint.start.plant().signal(o.shot) for o in joint.observed}
+    clean = {o.name: joint.start.plant().signal(o.excitation) for o in joint.observed}
     observed = []
     for o in joint.observed:
         rms = joint.noise.models[o.noise_key].rms
-        observed.append(replace(o, measured=clean[o.name] + rms * rng.standard_normal(o.shot.samples)))
-    return JointFit(observed, joint.noise, joint.start)
+        observed.append(replace(o, measured=clean[o.name] + rms * rng.standard_normal(o.excitation.samples)))
+    return OutputErrorFit(observed, joint.noise, joint.start)
 
 
 def test_every_start_has_a_unit_column_that_the_base_cannot_say(plain, found, effects):
-    shots = [o.shot for o in plain.seen]
-    starts = [s for name in LOOKED_FOR for s in effects[name].starts(plain.base.head.printhead, shots)]
+    excitations = [o.excitation for o in plain.seen]
+    starts = [s for name in LOOKED_FOR for s in effects[name].starts(plain.base.head.printhead, excitations)]
     assert list(found.starts) == starts
     np.testing.assert_allclose(np.linalg.norm(found.columns, axis=0), 1.0)
     assert np.abs(plain.basis[0].T @ found.columns).max() < 1e-9
@@ -113,7 +113,7 @@ def test_beside_more_columns_only_what_they_cannot_say_is_left():
 
 def test_the_effect_that_is_there_scores_highest(recorded, fitted, effects):
     joint = fitted(recorded("feedthrough"))
-    table = signatures(joint, [effects[name] for name in LOOKED_FOR], Crew(1))
+    table = signatures(joint, [effects[name] for name in LOOKED_FOR], ProcessPool(1))
     best = table.best(left_of(joint))
     assert max(best, key=best.get) == "feedthrough"
     assert best["feedthrough"] > 15
@@ -122,7 +122,7 @@ def test_the_effect_that_is_there_scores_highest(recorded, fitted, effects):
 
 def test_a_start_is_scaled_to_what_the_recordings_show(recorded, fitted, effects, values):
     joint, effect = fitted(recorded("feedthrough")), effects["feedthrough"]
-    table = signatures(joint, [effect], Crew(1))
+    table = signatures(joint, [effect], ProcessPool(1))
     ranked = table.ranked(effect, left_of(joint))
     assert len(ranked) == 2
     assert abs(ranked[0][0]) >= abs(ranked[1][0])
@@ -137,7 +137,7 @@ def test_a_start_is_scaled_to_what_the_recordings_show(recorded, fitted, effects
 
 def test_a_reciprocal_strength_keeps_its_sign_and_its_bounds(recorded, fitted, effects):
     joint, effect = fitted(recorded("sensor_bandwidth")), effects["sensor_bandwidth"]
-    table = signatures(joint, [effect], Crew(1))
+    table = signatures(joint, [effect], ProcessPool(1))
     low, high = next((p.low, p.high) for p in effect.parameters if p.name == "bandwidth_Hz")
     for _, start in table.ranked(effect, -1e6 * left_of(joint)):
         assert 0 < start["bandwidth_Hz"] <= high
@@ -148,7 +148,7 @@ def test_an_effect_that_cannot_be_simulated_or_shows_nothing_has_no_signature(pl
     class Raises(type(effects["feedthrough"])):
         id = "raises"
 
-        def sensing(self, values, signal, drive_V, printhead, shot):
+        def sensing(self, values, signal, drive_V, printhead, excitation):
             if values["capacitive_s"]:
                 raise FloatingPointError("grows without bound")
             return signal
@@ -156,28 +156,28 @@ def test_an_effect_that_cannot_be_simulated_or_shows_nothing_has_no_signature(pl
     class Silent(type(effects["feedthrough"])):
         id = "silent"
 
-        def sensing(self, values, signal, drive_V, printhead, shot):
+        def sensing(self, values, signal, drive_V, printhead, excitation):
             return signal
 
     class Offset(type(effects["feedthrough"])):
         id = "offset"  # which the base model fits itself
 
-        def sensing(self, values, signal, drive_V, printhead, shot):
-            return signal + values["lossy"] * (shot.channel == "self_sensing")
+        def sensing(self, values, signal, drive_V, printhead, excitation):
+            return signal + values["lossy"] * (excitation.channel == "self_sensing")
 
-    found = signatures(plain, [Raises(), Silent(), Offset(), effects["cubic_stiffness"]], Crew(1))
+    found = signatures(plain, [Raises(), Silent(), Offset(), effects["cubic_stiffness"]], ProcessPool(1))
     assert {e.id for e in found.effects} <= {"raises", "cubic_stiffness"}
     assert sum(e.id == "cubic_stiffness" for e in found.effects) == 2
 
 
 def test_what_is_being_looked_for_is_told(plain, effects):
     told = []
-    signatures(plain, [effects["cubic_stiffness"]], Crew(1), told.append)
+    signatures(plain, [effects["cubic_stiffness"]], ProcessPool(1), told.append)
     assert told == ["what cubic_stiffness would add (1 of 2)", "what cubic_stiffness would add (2 of 2)"]
 
 
 def test_two_workers_find_what_one_does(plain, found, effects):
-    again = signatures(plain, [effects[name] for name in LOOKED_FOR], Crew(2))
+    again = signatures(plain, [effects[name] for name in LOOKED_FOR], ProcessPool(2))
     np.testing.assert_array_equal(again.columns, found.columns)
     assert again.starts == found.starts
 
@@ -186,8 +186,8 @@ def test_coordinates_of_several_effects_come_one_after_another(effects, values):
     two = [effects["second_mode"], effects["feedthrough"]]
     of = [values(e.id) for e in two]
     expected = np.concatenate([coordinates(e, v) for e, v in zip(two, of, strict=True)])
-    np.testing.assert_array_equal(point_of(two, of), expected)
-    assert point_of([], []).shape == (0,)
+    np.testing.assert_array_equal(theta_of(two, of), expected)
+    assert theta_of([], []).shape == (0,)
 
 
 def test_the_whole_law_may_begin_where_its_signature_looks_most_like_the_residual(recorded, fitted, effects, head):
@@ -202,8 +202,8 @@ def test_the_whole_law_may_begin_where_its_signature_looks_most_like_the_residua
     }
     joint = fitted(recorded())
     plant = joint.base.head.plant([(echo, complete(echo, strength=0.05, **truth))])
-    observed = [replace(o, measured=plant.signal(o.shot)) if o.shot.fast else o for o in joint.observed]
-    joint = JointFit(observed, joint.noise, joint.base.head)
+    observed = [replace(o, measured=plant.signal(o.excitation)) if o.excitation.fast else o for o in joint.observed]
+    joint = OutputErrorFit(observed, joint.noise, joint.base.head)
     starts = superposed(joint, echo, left_of(joint), joint.basis[0])
     ends = [joint.fit([echo], coordinates(echo, start), most_steps=6, whole=True) for start in starts]
     best = min(ends, key=lambda fit: fit.nll)

@@ -7,7 +7,7 @@ from experiments.proof.corpus import corpus
 from experiments.proof.fresh_drive_error import LEAST_CLOSURE, Model, closure, model_of
 from experiments.proof.judge import located, parameters, questions
 from experiments.proof.waveform_gain import searched
-from inkjet_env.plant import Plant, Shot, catalogue
+from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead
 from inkjet_env.storage import json_text
@@ -31,7 +31,9 @@ class Double:
         return [SimpleNamespace(drive_V=pulse, **how) for pulse in pulses]
 
     def response(self, drive_V, step_s, channel, initial_state):
-        return 0.3 + Plant(HEAD, effects=self.effects).signal(Shot(channel, initial_state, step_s, drive_V, parts=16))
+        return 0.3 + Plant(HEAD, effects=self.effects).signal(
+            Excitation(channel, initial_state, step_s, drive_V, substeps=16)
+        )
 
 
 def model(*effects):
@@ -132,7 +134,7 @@ def test_a_model_knows_the_gains_of_its_channels():
     assert found.channels == {"self_sensing", "strain_gauge"}
     slow = np.repeat([0.0, 50.0, 0.0], 100)
     gauge, fast = (found.signal(slow, 1e-3, channel, "demagnetised") for channel in ("strain_gauge", "self_sensing"))
-    hysteretic_V = Plant(HEAD).hysteretic_V(slow, Shot("strain_gauge", "demagnetised", 1e-3, slow))
+    hysteretic_V = Plant(HEAD).hysteretic_V(slow, Excitation("strain_gauge", "demagnetised", 1e-3, slow))
     assert gauge.max() == pytest.approx(0.02 * hysteretic_V.max(), rel=0.05)
     assert fast.shape == slow.shape
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.mismatch.fitting.dataset import Noise, Observed, noise_seen
-from inkjet_env.mismatch.selection.random_effects import by_chance, without
-from inkjet_env.plant import Shot
+from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, noise_seen
+from inkjet_env.mismatch.selection.random_effects import detect_random_effects, without
+from inkjet_env.plant import Excitation
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig import StrainGauge
 
@@ -24,21 +24,23 @@ def recordings(channel="self_sensing", resting=2, moving=6, step_s=STEP_S, sampl
     made = []
     for k in range(resting + moving):
         drive_V = np.zeros(samples) if k < resting else PULSE_V[:samples] * (0.3 + 0.1 * k)
-        shot = Shot(channel, "periodic", step_s, drive_V, k + 1)
+        excitation = Excitation(channel, "periodic", step_s, drive_V, k + 1)
         condition = 0 if k < resting else k
-        made.append(Observed(f"{channel}-{k}", channel, "V", condition, shot, np.zeros(samples), samples))
+        made.append(
+            ObservedRecording(f"{channel}-{k}", channel, "V", condition, excitation, np.zeros(samples), samples)
+        )
     return made
 
 
 def white(observed, rng, rms=RMS):
-    return {o.name: rms * rng.standard_normal(o.shot.samples) for o in observed}
+    return {o.name: rms * rng.standard_normal(o.excitation.samples) for o in observed}
 
 
 def tone(observed, rng, frequency_Hz, amplitude):
     """A hum of one loudness, its phase another in every recording."""
     result = {}
     for o in observed:
-        angle = 2 * np.pi * (frequency_Hz * o.shot.step_s * np.arange(o.shot.samples) + rng.random())
+        angle = 2 * np.pi * (frequency_Hz * o.excitation.step_s * np.arange(o.excitation.samples) + rng.random())
         result[o.name] = amplitude * np.cos(angle)
     return result
 
@@ -46,7 +48,7 @@ def tone(observed, rng, frequency_Hz, amplitude):
 def drift(observed, rng, size):
     result = {}
     for o in observed:
-        at = np.linspace(-1, 1, o.shot.samples)
+        at = np.linspace(-1, 1, o.excitation.samples)
         result[o.name] = np.polynomial.polynomial.polyval(at, size * rng.standard_normal(3))
     return result
 
@@ -59,8 +61,10 @@ def together(*parts):
 def look(effects):
     """A function: what is found in what is left of some recordings."""
 
-    def found(observed, left, names=("mains_hum", "baseline_drift")):
-        return by_chance(observed, left, noise_seen(observed, left, {}), [effects[name] for name in names], HEAD)
+    def found(observed, residuals, names=("mains_hum", "baseline_drift")):
+        return detect_random_effects(
+            observed, residuals, noise_seen(observed, residuals, {}), [effects[name] for name in names], HEAD
+        )
 
     return found
 
@@ -77,8 +81,8 @@ def test_the_strain_gauges_own_noise_is_neither_hum_nor_drift(look):
     observed = recordings("strain_gauge", 2, 4, GAUGE_STEP_S)
     noise = StrainGauge().noise
     for _ in range(12):
-        left = {o.name: noise.draw(rng, o.shot.samples, 1 / o.shot.step_s) for o in observed}
-        assert look(observed, left) == []
+        residuals = {o.name: noise.draw(rng, o.excitation.samples, 1 / o.excitation.step_s) for o in observed}
+        assert look(observed, residuals) == []
 
 
 def test_noise_of_a_steep_spectrum_is_neither_hum_nor_drift(look):
@@ -86,18 +90,18 @@ def test_noise_of_a_steep_spectrum_is_neither_hum_nor_drift(look):
     rng = np.random.default_rng(23)
     observed = recordings()
     for _ in range(10):
-        left = white(observed, rng)
-        for name, signal in left.items():
+        residuals = white(observed, rng)
+        for name, signal in residuals.items():
             for k in range(1, signal.size):
                 signal[k] += 0.9 * signal[k - 1]
-            left[name] = signal
-        assert look(observed, left) == []
+            residuals[name] = signal
+        assert look(observed, residuals) == []
 
 
 def test_an_offset_that_all_recordings_share_is_no_drift(look):
     observed = recordings()
-    left = white(observed, np.random.default_rng(24))
-    assert look(observed, {name: signal + 5.0 for name, signal in left.items()}) == []
+    residuals = white(observed, np.random.default_rng(24))
+    assert look(observed, {name: signal + 5.0 for name, signal in residuals.items()}) == []
 
 
 @pytest.mark.parametrize("frequency_Hz", [43_210.0, 300_000.0])
@@ -138,10 +142,10 @@ def test_the_less_there_is_the_less_is_gained_until_nothing_is_found(look):
 def test_only_the_channel_that_has_it_is_named(where, look):
     rng = np.random.default_rng(28)
     observed = recordings() + recordings("strain_gauge", 2, 4, GAUGE_STEP_S)
-    left = white(observed, rng)
+    residuals = white(observed, rng)
     mine = [o for o in observed if o.channel == where]
-    left |= together({o.name: left[o.name] for o in mine}, drift(mine, rng, 2 * RMS))
-    found = look(observed, left)
+    residuals |= together({o.name: residuals[o.name] for o in mine}, drift(mine, rng, 2 * RMS))
+    found = look(observed, residuals)
     assert {f.channel for f in found} == {where}
     assert found[0].effect.id == "baseline_drift"
 
@@ -150,11 +154,11 @@ def test_a_hum_on_every_channel_has_the_frequency_that_the_longest_recordings_te
     """Fast ones last a thousandth of its period and show a slope; by themselves they would tell any low frequency."""
     rng = np.random.default_rng(35)
     observed = recordings() + recordings("strain_gauge", 2, 4, GAUGE_STEP_S)
-    left = together(white(observed, rng), tone(observed, rng, 7.3, 20 * RMS))
-    best = look(observed, left, ("mains_hum",))[0]
+    residuals = together(white(observed, rng), tone(observed, rng, 7.3, 20 * RMS))
+    best = look(observed, residuals, ("mains_hum",))[0]
     assert best.channel == "strain_gauge"
     assert best.values["frequency_Hz"] == pytest.approx(7.3, abs=0.01)
-    clean = without(best.effect, best.values, observed, left)
+    clean = without(best.effect, best.values, observed, residuals)
     assert np.std(np.concatenate(list(clean.values()))) == pytest.approx(RMS, rel=0.05)
 
 
@@ -172,9 +176,9 @@ def test_what_recordings_at_rest_do_not_show_is_no_hum(look):
 def test_both_at_once_are_found_one_after_another(look, effects):
     rng = np.random.default_rng(30)
     observed = recordings()
-    left = together(white(observed, rng), tone(observed, rng, 2e5, RMS), drift(observed, rng, 3 * RMS))
-    best = look(observed, left)[0]
-    rest = without(best.effect, best.values, observed, left)
+    residuals = together(white(observed, rng), tone(observed, rng, 2e5, RMS), drift(observed, rng, 3 * RMS))
+    best = look(observed, residuals)[0]
+    rest = without(best.effect, best.values, observed, residuals)
     after = look(observed, rest)[0]
     assert {best.effect.id, after.effect.id} == {"mains_hum", "baseline_drift"}
     clean = without(after.effect, after.values, observed, rest)
@@ -187,19 +191,19 @@ def test_the_gain_is_that_of_a_likelihood_with_normal_amplitudes(effects):
     rng = np.random.default_rng(31)
     observed = recordings(resting=0, moving=5, samples=60)
     effect = effects["baseline_drift"]
-    left = together(white(observed, rng, 1.0), drift(observed, rng, 3.0))
+    residuals = together(white(observed, rng, 1.0), drift(observed, rng, 3.0))
     key = observed[0].noise_key
     given = Noise({key: NoiseModel(np.ones(1), 1.0, 1.0, "a test")}, {key: 300})
-    (found,) = by_chance(observed, left, given, [effect], HEAD)
-    level = np.mean(np.concatenate(list(left.values())))
+    (found,) = detect_random_effects(observed, residuals, given, [effect], HEAD)
+    level = np.mean(np.concatenate(list(residuals.values())))
 
     def loss(share):
         total = 0.0
         for o in observed:
-            q, r = np.linalg.qr(effect.nuisances(found.values, o.shot))
+            q, r = np.linalg.qr(effect.random_effect_basis(found.values, o.excitation))
             covariance = np.eye(60) + share * np.mean(np.diag(r) ** 2) * q @ q.T
             _, log_determinant = np.linalg.slogdet(covariance)
-            signal = left[o.name] - level
+            signal = residuals[o.name] - level
             total += 0.5 * float(signal @ np.linalg.solve(covariance, signal) + log_determinant)
         return total
 
@@ -209,14 +213,14 @@ def test_the_gain_is_that_of_a_likelihood_with_normal_amplitudes(effects):
 
 def test_a_converter_whose_steps_hide_the_noise_neither_hums_nor_drifts(look, effects):
     """At rest every sample is the same; what is below the step, which the moving recordings tell, is nothing."""
-    observed = [replace(o, measured=np.round(20 * np.sin(o.shot.drive_V / 30)) / 20) for o in recordings()]
+    observed = [replace(o, measured=np.round(20 * np.sin(o.excitation.drive_V / 30)) / 20) for o in recordings()]
     rng = np.random.default_rng(34)
-    left = {o.name: np.zeros(600) if o.still else 0.05 * (rng.random(600) - 0.5) for o in observed}
-    noise = noise_seen(observed, left, {})
+    residuals = {o.name: np.zeros(600) if o.still else 0.05 * (rng.random(600) - 0.5) for o in observed}
+    noise = noise_seen(observed, residuals, {})
     resting = [o for o in observed if o.still]
     looked_for = [effects[name] for name in ("mains_hum", "baseline_drift")]
     rounding = {o.name: np.full(600, 1e-18 * (-1) ** k) for k, o in enumerate(observed)}
-    assert by_chance(resting, rounding, noise, looked_for, HEAD) == []
+    assert detect_random_effects(resting, rounding, noise, looked_for, HEAD) == []
 
 
 @pytest.mark.parametrize(("steps", "heard"), [(0.02, True), (3.0, False)])
@@ -226,11 +230,13 @@ def test_a_hum_of_less_than_a_step_is_heard_only_where_noise_makes_rounding_rand
     observed = recordings()
     noisy = together(white(observed, rng), tone(observed, rng, 9e4, 0.5 * RMS))
     step = steps * RMS
-    measured = {o.name: step * np.round((noisy[o.name] + 20 * np.sin(o.shot.drive_V / 30)) / step) for o in observed}
+    measured = {
+        o.name: step * np.round((noisy[o.name] + 20 * np.sin(o.excitation.drive_V / 30)) / step) for o in observed
+    }
     observed = [replace(o, measured=measured[o.name]) for o in observed]
-    left = {o.name: o.measured - 20 * np.sin(o.shot.drive_V / 30) for o in observed}
-    noise = noise_seen(observed, left, {})
-    assert bool(by_chance(observed, left, noise, [effects["mains_hum"]], HEAD)) == heard
+    residuals = {o.name: o.measured - 20 * np.sin(o.excitation.drive_V / 30) for o in observed}
+    noise = noise_seen(observed, residuals, {})
+    assert bool(detect_random_effects(observed, residuals, noise, [effects["mains_hum"]], HEAD)) == heard
 
 
 def test_a_drive_monitor_hums_to_nobody(look):

@@ -41,10 +41,15 @@ def test_recordings_keep_the_campaigns_order_and_what_they_are(recorded):
     assert [o.name for o in found] == list(of)
     for o in found:
         r = of[o.name]
-        assert (o.channel, o.unit, o.shot.order, o.shot.initial_state) == (r.channel, "V", r.order, r.initial_state)
+        assert (o.channel, o.unit, o.excitation.order, o.excitation.initial_state) == (
+            r.channel,
+            "V",
+            r.order,
+            r.initial_state,
+        )
         np.testing.assert_array_equal(o.measured, r.sensor)
-        np.testing.assert_array_equal(o.shot.drive_V, r.drive_V)
-        assert o.shot.step_s == pytest.approx(r.step_s)
+        np.testing.assert_array_equal(o.excitation.drive_V, r.drive_V)
+        assert o.excitation.step_s == pytest.approx(r.step_s)
         assert o.still == (np.ptp(r.drive_V) == 0)
 
 
@@ -52,9 +57,10 @@ def test_recordings_of_one_drive_share_a_condition_and_no_others_do(recorded):
     found = observe(recorded())
     for a in found:
         for b in found:
-            same = (a.channel, a.shot.initial_state) == (b.channel, b.shot.initial_state) and np.array_equal(
-                a.shot.drive_V, b.shot.drive_V
-            )
+            same = (a.channel, a.excitation.initial_state) == (
+                b.channel,
+                b.excitation.initial_state,
+            ) and np.array_equal(a.excitation.drive_V, b.excitation.drive_V)
             assert (a.condition == b.condition) == same
 
 
@@ -71,7 +77,7 @@ def test_whole_conditions_are_held_out_as_in_an_identification(recorded):
     assert held_out
     assert len(held_out) < len(found)
     for o in found:
-        assert o.fitted in (0, o.shot.samples)
+        assert o.fitted in (0, o.excitation.samples)
         assert (o.rows(True), o.rows(False)) == (slice(o.fitted, None), slice(0, o.fitted))
     chosen = next(o for o in found if sum(other.condition == o.condition for other in found) == 2)
     names = {o.name for o in observe(recorded(), [chosen.name]) if not o.fitted}
@@ -105,7 +111,7 @@ def test_a_drive_monitor_is_a_recording_of_its_own(recorded):
     for o, r in zip(monitors, made.recordings, strict=True):
         beside = by_name[r.name]
         assert (o.unit, o.fitted, o.condition) == ("V", beside.fitted, -1 - beside.condition)
-        assert not o.shot.fast
+        assert not o.excitation.fast
         np.testing.assert_array_equal(o.measured, r.drive_monitor_V)
 
 
@@ -113,10 +119,10 @@ def test_finer_recordings_follow_the_same_drive_on_more_nodes(recorded):
     found = observe(recorded())
     fine = finer(found, 8)
     for a, b in zip(found, fine, strict=True):
-        assert (b.shot.parts, b.name, b.fitted) == (8, a.name, a.fitted)
-        assert b.shot.kept.keys() <= {"largest"}  # nothing computed on the coarser nodes
-        np.testing.assert_allclose(b.shot.sampled(b.shot.drive_at_nodes_V), a.shot.drive_V)
-        assert a.shot.parts == 2
+        assert (b.excitation.substeps, b.name, b.fitted) == (8, a.name, a.fitted)
+        assert b.excitation.cache.keys() <= {"largest"}  # nothing computed on the coarser nodes
+        np.testing.assert_allclose(b.excitation.sampled(b.excitation.drive_at_nodes_V), a.excitation.drive_V)
+        assert a.excitation.substeps == 2
 
 
 @pytest.mark.parametrize("rms", [1e-6, 3.0])
