@@ -46,7 +46,7 @@ def diagnose(
     ] = None,
     seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,
     workers: Annotated[int | None, typer.Option(help="processes (2)")] = None,
-    keep: Annotated[
+    checkpoint: Annotated[
         Path | None,
         typer.Option(
             help="folder for what is done when interrupted; beside the JSON, report or printhead file unless given"
@@ -85,14 +85,16 @@ def diagnose(
     if workers is not None:
         options["workers"] = workers
     reading = reading_options(channel, columns, initial_state)
-    options["keep"] = keep = _folder_to_keep(keep, json, report, printhead_out)
+    options["checkpoint"] = checkpoint = _checkpoint_folder(checkpoint, json, report, printhead_out)
     try:
         found = _diagnosed(folder, printhead, reading, chosen_seed(seed), options)
     except KeyboardInterrupt:
-        if keep is None:
-            print("Interrupted; nothing is kept. With --keep FOLDER the fits made so far would be.", file=sys.stderr)
+        if checkpoint is None:
+            print(
+                "Interrupted; nothing is kept. With --checkpoint FOLDER the fits made so far would be.", file=sys.stderr
+            )
         else:
-            print(f"Interrupted; finished fits are kept in {keep}. The same command goes on.", file=sys.stderr)
+            print(f"Interrupted; finished fits are kept in {checkpoint}. The same command goes on.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     written = _written(found, json, files)
     if str(json) != "-":
@@ -101,12 +103,12 @@ def diagnose(
             print(f"{file}: {what}")
 
 
-def _folder_to_keep(keep: Path | None, *outputs: Path | None) -> Path | None:
+def _checkpoint_folder(given: Path | None, *outputs: Path | None) -> Path | None:
     """Where finished fits go: where it was said, or beside the first file that is asked for."""
-    if keep is not None and keep.exists() and not keep.is_dir():
-        raise ValueError(f"--keep: {keep} is a file. Name a folder, or one that is not there yet.")
+    if given is not None and given.exists() and not given.is_dir():
+        raise ValueError(f"--checkpoint: {given} is a file. Name a folder, or one that is not there yet.")
     named = [path for path in outputs if path is not None and str(path) != "-"]
-    return keep or (named[0].with_name(f"{named[0].name}.fits") if named else None)
+    return given or (named[0].with_name(f"{named[0].name}.fits") if named else None)
 
 
 def _diagnosed(

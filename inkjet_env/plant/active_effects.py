@@ -9,9 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.plant.effect import Effect, Parameter, Values, coordinates, limits, rest, terms_of, values_at
-from inkjet_env.plant.excitation import Excitation
-from inkjet_env.printhead import Printhead
+from inkjet_env.plant.effect import Effect, Parameter, Values, coordinates, rest, terms_of, values_at
 from inkjet_env.typing import Real
 
 SMALLEST_SCALE = 1e-6
@@ -100,6 +98,12 @@ class ActiveEffects:
         """One more effect on, after the others."""
         return ActiveEffects((*self.effects, effect), np.concatenate([self.theta, coordinates(effect, values)]))
 
+    def with_values(self, effect: Effect, values: Values) -> ActiveEffects:
+        """The same effects, one of them with other values."""
+        theta = self.theta.copy()
+        theta[self.slices[effect.id]] = coordinates(effect, values)
+        return self.at(theta)
+
     def minus(self, effect: Effect) -> ActiveEffects:
         """Without one of the effects."""
         return ActiveEffects.of((e, v) for e, v in self.pairs if e.id != effect.id)
@@ -129,12 +133,6 @@ class ActiveEffects:
             names = {name for term in self.terms(effect)[1] for name in term}
             result[self.slices[effect.id]] = [p.name in names for p in effect.parameters]
         return result
-
-    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> tuple[Real, Real]:
-        """Bounds of the coordinates on these recordings: lower and upper, shape (k,) each."""
-        ends = [limits(effect, printhead, excitations) for effect in self.effects]
-        empty = [np.zeros(0)]
-        return np.concatenate([a for a, _ in ends] or empty), np.concatenate([b for _, b in ends] or empty)
 
     def scale(self, place: int) -> float:
         """Scale of a coordinate for a finite difference: its own size, or a small part of its range."""

@@ -31,7 +31,7 @@ class ObservedRecording:
         Nanometres are turned into micrometres.
     condition : int
         Recordings of the same drive on the same channel share one.
-    excitation : Shot
+    excitation : Excitation
     measured : ndarray, shape (n,)
     fitted : int
         Samples from the start that a fit may see: n, 0 (held out) or between (its end is held out).
@@ -193,7 +193,7 @@ def noise_seen(
 
     Parameters
     ----------
-    observed : sequence of Observed
+    observed : sequence of ObservedRecording
     residuals : mapping of str to ndarray
         Measured minus modelled of each recording, in the channel's unit.
     otherwise : mapping

@@ -72,14 +72,14 @@ def detect_random_effects(
 
     Parameters
     ----------
-    observed : sequence of Observed
+    observed : sequence of ObservedRecording
         The recordings to look at: those at rest, or all where the model explains them.
     residuals : dict of str to ndarray
         Measured minus modelled, in the channel's unit.
     noise : Noise
         With nothing of the kind.
     effects : sequence of Effect
-        Those that have nuisances.
+        Those that have a random-effect basis.
     printhead : Printhead
         Which they may take their starts from.
     """
