@@ -59,7 +59,7 @@ def test_a_head_that_answers_the_other_way_round_has_the_same_interval_mirrored(
     head = hypothesis.fit.head
     mirrored = replace(head, printhead=replace(head.printhead, b1=-head.printhead.b1))
     b1 = dynamics(hypothesis)["b1"]
-    other = dynamics(replace(hypothesis, fit=replace(hypothesis.fit, head=mirrored)))["b1"]
+    other = dynamics(replace(hypothesis, fit=hypothesis.fit.moved(head=mirrored)))["b1"]
     assert (other.value, other.low, other.high) == (-b1.value, -b1.high, -b1.low)
 
 

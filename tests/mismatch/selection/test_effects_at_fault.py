@@ -141,7 +141,7 @@ def test_sensitivities_that_cannot_be_taken_with_an_effect_on_are_those_without(
     joint = fitted(recorded())
     effect = Stiff()
     effect.a0 = joint.base.head.printhead.a0
-    fit = replace(joint.base, effects=(effect,), theta=np.array([1.0]))
+    fit = joint.base.moved(active=ActiveEffects((effect,), np.array([1.0])))
     plain = type(joint)(joint.observed, joint.noise, joint.base.head, joint.random_effects, joint.base)
     with pytest.raises(SimulationError):
         fit.head.sensitivities(next(o for o in joint.seen if o.excitation.fast), fit.active.pairs)

@@ -108,15 +108,14 @@ def test_an_effect_with_a_shape_at_its_bound_has_become_another(looked, effects)
     low, high = joint.limits([mode])
     inside = coordinates(mode, complete(mode, frequency_Hz=1e5, damping_ratio=0.05, strength=0.02))
     jacobian = np.ones((int(joint.ends[-1]), inside.size))
-    hypothesis = replace(
-        base_hypothesis(joint), fit=replace(joint.base, effects=(mode,), theta=inside, jacobian=jacobian)
-    )
+    fit = replace(joint.base.moved(active=ActiveEffects((mode,), inside)), jacobian=jacobian)
+    hypothesis = replace(base_hypothesis(joint), fit=fit)
     assert not hypothesis.degenerate
     for k, degenerate in ((0, True), (1, True), (2, False)):  # a strength may be anything
         for end in (low, high):
             theta = inside.copy()
             theta[k] = end[k]
-            at_bound = replace(hypothesis, fit=replace(hypothesis.fit, theta=theta))
+            at_bound = replace(hypothesis, fit=fit.moved(active=fit.active.at(theta)))
             assert at_bound.degenerate == degenerate
             slopes_without = np.where(np.arange(inside.size) == k, 0.0, jacobian)
             assert not replace(at_bound, fit=replace(at_bound.fit, jacobian=slopes_without)).degenerate  # does nothing
