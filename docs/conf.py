@@ -1,0 +1,74 @@
+"""How the documentation is built: ``make docs``, without network; every warning is an error."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import metadata
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+
+# Tutorials run the command: it lies beside the interpreter that builds. One process a core; plain text, no colours.
+os.environ["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), os.environ.get("PATH", "")))
+os.environ.update(COLUMNS="100", NO_COLOR="1", TERM="dumb", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+
+project = "inkjet-env"
+author = "the inkjet-env authors"
+project_copyright = "MIT licence"
+version = release = metadata.version("inkjet-env")
+
+extensions = [
+    "sphinx.ext.autodoc",
+    "numpydoc",
+    "myst_nb",
+    "command_help",
+    "mathml",
+    "module_map",
+    "offline",
+    "references",
+]
+exclude_patterns = ["_ext"]
+templates_path = []
+nitpicky = True
+nitpick_ignore_regex = [
+    # Other projects' objects: their inventories would have to be fetched from the network.
+    (r"py:.*", r"(?!inkjet_env|optimizers|experiments).*"),
+]
+default_role = "py:obj"
+show_warning_types = True
+
+html_theme = "pydata_sphinx_theme"
+html_title = "inkjet-env"
+html_static_path = ["_static"]
+html_css_files = ["inkjet.css"]
+html_math_renderer = "mathml"
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options = {
+    "navbar_align": "left",
+    "navbar_end": ["theme-switcher"],
+    "header_links_before_dropdown": 7,
+    "show_toc_level": 2,
+    "navigation_with_keys": False,
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "secondary_sidebar_items": ["page-toc"],
+}
+
+myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 4
+myst_update_mathjax = False
+
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_in_temp = True
+nb_execution_timeout = 240
+nb_output_stderr = "remove"  # progress
+nb_ipywidgets_js = {}
+nb_merge_streams = True
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+numpydoc_show_class_members = False
+numpydoc_class_members_toctree = False
