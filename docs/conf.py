@@ -23,6 +23,7 @@ extensions = [
     "numpydoc",
     "myst_nb",
     "command_help",
+    "effect_catalogue",
     "mathml",
     "module_map",
     "offline",
