@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -21,7 +22,9 @@ class CommandHelp(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Ask the command; a command that fails fails the build."""
         program = Path(sys.executable).with_name("inkjet")
-        asked = subprocess.run([program, *self.arguments, "--help"], capture_output=True, text=True, check=False)
+        plain = os.environ | {"COLUMNS": "90", "NO_COLOR": "1", "TERM": "dumb"}
+        command = [program, *self.arguments, "--help"]
+        asked = subprocess.run(command, capture_output=True, text=True, check=False, env=plain)
         if asked.returncode:
             raise self.error(f"inkjet {' '.join(self.arguments)} --help failed: {asked.stderr.strip()}")
         shown = "\n".join(line.rstrip() for line in asked.stdout.strip().splitlines())
