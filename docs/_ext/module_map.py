@@ -1,4 +1,4 @@
-"""The directive ``module-map``: every module of a package with the first sentence of its docstring, read from source."""
+"""The directive ``module-map``: every module of a package with the first sentence of its docstring."""
 
 from __future__ import annotations
 
