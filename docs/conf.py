@@ -14,26 +14,20 @@ sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
 # Tutorials run the command, which lies beside the interpreter that builds, on one thread a process.
 os.environ["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), os.environ.get("PATH", "")))
-os.environ.update(COLUMNS="100", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+os.environ.update(COLUMNS="88", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
-# Their kernels follow nobody's own settings, and what they run prints plain text: a kernel asks for colours.
+# Their kernels follow nobody's own settings. What they run prints plain text, though a kernel asks for colours, and a
+# terminal's cell prints its output as it came, or fails.
 profile = Path(tempfile.mkdtemp(prefix="inkjet-docs-"), "profile_default")
-profile.mkdir()
-(profile / "ipython_kernel_config.py").write_text("""
-c.IPKernelApp.log_level = 40
-c.InteractiveShellApp.exec_lines = [
-    "import os",
-    "[os.environ.pop(name, None) for name in ('FORCE_COLOR', 'CLICOLOR', 'CLICOLOR_FORCE')]",
-    "os.environ.update(NO_COLOR='1', TERM='dumb')",
-    "del os",
-]
-""")
+(profile / "startup").mkdir(parents=True)
+(profile / "ipython_kernel_config.py").write_text("c.IPKernelApp.log_level = 40\n")
+shutil.copy(Path(__file__).parent / "_ext" / "kernel_startup.py", profile / "startup")
 os.environ["IPYTHONDIR"] = str(profile.parent)
 atexit.register(shutil.rmtree, profile.parent, ignore_errors=True)
 
 project = "inkjet-env"
 author = "the inkjet-env authors"
-project_copyright = "MIT licence"
+project_copyright = "the inkjet-env authors, MIT licence"
 version = release = metadata.version("inkjet-env")
 
 extensions = [
