@@ -12,7 +12,10 @@ os.environ.update(NO_COLOR="1", TERM="dumb")
 
 def bash(line: str, cell: str) -> None:
     """The cell magic ``%%bash``: commands of a terminal, their standard output whole; one that fails fails the cell."""
-    print(subprocess.run(["bash", "-ec", cell], stdout=subprocess.PIPE, text=True, check=True).stdout, end="")
+    run = subprocess.run(["bash", "-ec", cell], capture_output=True, text=True, check=False)
+    print(run.stdout, end="")
+    if run.returncode:
+        raise RuntimeError(f"exit status {run.returncode}\n{run.stderr}")
 
 
 get_ipython().register_magic_function(bash, "cell", "bash")
