@@ -32,12 +32,12 @@ def test_it_has_three_examples_and_every_python_one_shows_its_output():
     assert len(PYTHON) == TEXT.count("```python")
 
 
-@pytest.mark.parametrize(("code", "shown"), PYTHON)
+@pytest.mark.parametrize(("code", "shown"), PYTHON, ids=[f"example {n}" for n in range(1, len(PYTHON) + 1)])
 def test_python_examples_print_what_is_shown(code, shown, tmp_path):
     (tmp_path / "example.py").write_text(code, encoding="utf-8")
     assert printed("python example.py", tmp_path) == shown
 
 
-@pytest.mark.parametrize(("command", "shown"), CONSOLE)
+@pytest.mark.parametrize(("command", "shown"), CONSOLE, ids=[command.split()[1] for command, _ in CONSOLE])
 def test_commands_print_what_is_shown(command, shown, tmp_path):
     assert printed(command, tmp_path) == shown
