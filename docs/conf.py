@@ -74,7 +74,8 @@ myst_heading_anchors = 4
 myst_update_mathjax = False
 
 nb_execution_mode = "force"
-nb_execution_raise_on_error = True
+nb_execution_raise_on_error = False  # a cell that fails is a warning, so an error here, and the others are still run
+nb_execution_show_tb = True
 nb_execution_in_temp = True
 nb_execution_timeout = 240
 nb_output_stderr = "remove"  # progress
