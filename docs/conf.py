@@ -49,6 +49,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"(?!inkjet_env|optimizers|experiments).*"),
 ]
 default_role = "py:obj"
+highlight_language = "text"
 show_warning_types = True
 
 html_theme = "pydata_sphinx_theme"
