@@ -32,6 +32,12 @@ class Excitation:
     start : tuple of float
         Deflection, from where the first drive would hold it, and scaled speed ``x' / ω0``, in hysteretic volts, at the
         first sample; used where ``free``.
+    largest_signal : float, optional
+        Largest magnitude that was measured, in the sensor's unit, where that is known: a sensor that clips is scaled
+        by it.
+    residual_lines_Hz : tuple of float
+        Frequencies of the strongest lines in what the base model leaves of recordings like this one: where a hum may
+        be looked for.
     """
 
     channel: str
@@ -42,6 +48,8 @@ class Excitation:
     neighbour_V: Real | None = None
     substeps: int = 2
     start: tuple[float, float] = (0.0, 0.0)
+    largest_signal: float | None = None
+    residual_lines_Hz: tuple[float, ...] = ()
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:

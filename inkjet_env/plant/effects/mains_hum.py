@@ -46,7 +46,7 @@ class MainsHum(Effect):
     random = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
-        seen = [float(line) for excitation in excitations for line in excitation.cache.get("lines_Hz", ())]
+        seen = [line for excitation in excitations for line in excitation.residual_lines_Hz]
         usual = [f for f in MAINS_HZ if any(_shows(excitation, f) for excitation in excitations)]
         longest_s = max((excitation.samples * excitation.step_s for excitation in excitations), default=1.0)
         guesses: list[float] = []

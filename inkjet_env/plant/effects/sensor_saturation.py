@@ -85,6 +85,6 @@ class SensorSaturation(Effect):
 
 def _largest(printhead: Printhead, excitation: Excitation) -> float:
     """Largest magnitude: what was measured, where that is known, else what the base model shows."""
-    if "largest" in excitation.cache:
-        return float(excitation.cache["largest"])
+    if excitation.largest_signal is not None:
+        return excitation.largest_signal
     return float(np.abs(Plant(printhead).signal(excitation)).max())
