@@ -25,7 +25,7 @@ def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns)
     """Response to ``v = Σ_j c_j φ_j``, one column for each power ``j`` of the branch law.
 
     The complex amplitude of each column obeys ``A' = λA + φ_j' / Im λ``, so ``Im A`` is the response of
-    ``s / (s² + a1 s + a0)``: Eq. (1) and (2) of `inkjet_env.printhead.resonator`, exact on every piece.
+    ``s / (s² + a1 s + a0)``: Eq. (8a) and (8b) of `inkjet_env.printhead.resonator`, exact on every piece.
 
     Parameters
     ----------
