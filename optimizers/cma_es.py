@@ -104,10 +104,10 @@ class CmaEs(Optimizer):
 class BipopCmaEs(CmaEs):
     """CMA-ES with two kinds of restarts (BIPOP); the kind with fewer evaluations so far goes next.
 
-    The searches are pycma's.
     Hansen, GECCO Companion (2009) 2389: one kind doubles the population each time. The other draws a population
     between the default and half of the largest, ``λ (λ_large / 2λ)^(U²)``, and an initial step ``10^(-2U)`` times as
-    large; it gets at most half as many evaluations as the last large one. U is uniform on [0, 1].
+    large; it gets at most half as many evaluations as the last large one. U is uniform on [0, 1]. Each search itself
+    is pycma's.
     """
 
     name = "bipop-cma-es"
