@@ -213,7 +213,7 @@ def test_same_seed_same_bytes_other_seed_other_bytes(inkjet, tmp_path):
         (["--budget", "0"], "--budget must be at least 1; got 0"),
         (["--seed", "-1"], "--seed must be at least 0; got -1"),
         (["--budget", "100", "--generations", "2"], "--generations or --budget, not both"),
-        (["--optimizer", "random", "--particles", "3"], "--particles and --generations belong to pso"),
+        (["--optimizer", "random", "--particles", "3"], "--particles and --generations apply to pso"),
         (["--sample-rate", "1"], "--sample-rate must be 1e7 to 1e11 Hz"),
         (["--resume", "none.npz"], "none.npz: there is no such file"),
         (["--resume", "none.npz", "--seed", "1"], "leave out --seed"),
@@ -254,7 +254,7 @@ def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, 
 
     batches.extend([0] * 9)  # no more interruptions
     (tmp_path / "my part.png").unlink()
-    command, *told = shlex.split(err.partition("To go on: ")[2])
+    command, *told = shlex.split(err.partition("To resume: ")[2])
     assert command == "inkjet"
     assert inkjet(*told)[0] == 0
     for ending in ("json", "csv", "png"):
