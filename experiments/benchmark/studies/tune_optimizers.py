@@ -119,7 +119,7 @@ def training_problems(seed: int, heads: int = HEADS) -> tuple[Problem, ...]:
 
 @functools.cache
 def best_and_scale_V(problem: Problem) -> tuple[float, float]:
-    """Best cost of a training problem in a long search, and mean regret of the best of 50 random waveforms, in volts."""
+    """Best cost in volts of a long search on a training problem, and mean regret of the best of 50 random waveforms."""
     import optimizers
 
     search = optimizers.make("lbfgsb-multistart", 7, REFERENCE_BUDGET, 0)
