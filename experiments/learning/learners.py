@@ -76,7 +76,7 @@ def one_waveform(seed: int) -> Table:
 
 
 def labelled(evaluations: int, seed: int) -> tuple[Real, Real, int]:
-    """Heads, shape (n, 4), and their best waveforms, shape (n, 7), found with about ``evaluations``; the number spent."""
+    """Heads, shape (n, 4), and their best waveforms, shape (n, 7), with about ``evaluations``; and the number spent."""
     observations: list[Real] = []
     points: list[Real] = []
     spent = 0
