@@ -1,4 +1,4 @@
-"""The command ``inkjet`` whole: that of the printhead, with optimize, bench and prove beside it."""
+"""The complete command ``inkjet``: the printhead's commands plus optimize, bench and prove."""
 
 from __future__ import annotations
 

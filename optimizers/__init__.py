@@ -1,4 +1,4 @@
-"""Optimisers behind one ask-and-tell interface: made by name, run by `optimizers.loop.minimise`."""
+"""Optimisers with one ask-and-tell interface, created by name and run by `optimizers.loop.minimise`."""
 
 from optimizers.base import Optimizer
 from optimizers.registry import (

@@ -1,4 +1,4 @@
-"""What every optimiser is: something that is asked for points and told their costs."""
+"""The interface of every optimiser: `ask` returns points, `tell` takes their costs."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-Real = NDArray[np.float64]  # not from inkjet_env: whoever wants an optimiser alone imports no Gymnasium
+Real = NDArray[np.float64]  # not from inkjet_env, so that an optimiser alone does not import Gymnasium
 
 
 class Optimizer:
-    """An optimiser over the box ``[-1, 1]^d`` that spends a budget of evaluations, to the last one, and no more.
+    """An optimiser over the box ``[-1, 1]^d`` that spends exactly its budget of evaluations.
 
-    A subclass writes `propose` and `learn`. It need not count: `ask` cuts the last batch to what is left of the
-    budget, and nothing is learnt from a batch that no other can follow.
+    A subclass implements `propose` and `learn`. It need not count evaluations: `ask` cuts the last batch to the
+    remaining budget, and `learn` is not called after the last batch.
 
     Parameters
     ----------
     dimension : int
-        d, at least 1.
+        d, the number of coordinates; at least 1.
     budget : int
-        Evaluations in all, at least 1.
+        Total number of evaluations, at least 1.
     seed : int
-        At least 0. The same seed and the same costs give the same points, bit for bit.
+        Seed of the random generator, at least 0. The same seed and the same costs give the same points, bit for bit.
     **options
-        Keywords of the subclass.
+        Keyword arguments of the subclass.
 
     Raises
     ------
     ValueError, TypeError
-        A number that is out of range or not an integer.
+        A number is out of range or not an integer.
     """
 
     name: str = ""
@@ -46,9 +46,9 @@ class Optimizer:
         self._asked: Real | None = None
 
     def ask(self) -> Real:
-        """Points to evaluate, side by side if one likes: shape (n, d) in ``[-1, 1]``, n at most what is left.
+        """The next points to evaluate, in parallel if desired: shape (n, d) in ``[-1, 1]``, n at most `remaining`.
 
-        Asked again before it is told, it repeats itself.
+        Called again before `tell`, it returns the same points.
 
         Raises
         ------
@@ -62,23 +62,24 @@ class Optimizer:
         return self._asked.copy()
 
     def tell(self, points: Real, costs: Real, gradients: Real | None = None) -> None:
-        """Tell the costs of the points asked for last.
+        """Report the costs of the points that `ask` returned last.
 
         Parameters
         ----------
         points : ndarray, shape (n, d)
-            As `ask` returned them.
+            The points as `ask` returned them.
         costs : ndarray, shape (n,)
+            Cost of each point, in the unit of the objective; lower is better.
         gradients : ndarray, shape (n, d), optional
-            Needed where `uses_gradient`.
+            Gradient of the cost at each point; required where `uses_gradient` is true.
 
         Raises
         ------
         ValueError
-            Other points than those asked for, another number of costs, or no gradients where they are needed.
+            The points are not those asked for, the number of costs differs, or required gradients are missing.
         """
         if self._asked is None or not np.array_equal(points, self._asked):
-            raise ValueError("tell wants the very points that ask returned last, in the same order.")
+            raise ValueError("tell needs exactly the points that ask returned last, in the same order.")
         if costs.shape != (len(self._asked),):
             raise ValueError(f"costs must have shape ({len(self._asked)},); got {costs.shape}.")
         if self.uses_gradient and (gradients is None or gradients.shape != self._asked.shape):
@@ -90,19 +91,19 @@ class Optimizer:
             self.learn(asked, costs, gradients)
 
     def propose(self) -> Real:
-        """The next batch, shape (n, d), n at least 1, however much budget is left."""
+        """The next batch, shape (n, d), n at least 1; it may exceed the remaining budget."""
         raise NotImplementedError
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
-        """Take in the costs of a whole batch."""
+        """Update the search with the costs of a whole batch."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Release what the optimiser holds. It may be called more than once."""
+        """Release the optimiser's resources. It may be called more than once."""
 
 
 def checked_count(label: str, value: int, least: int = 1) -> int:
-    """``value`` as an int of at least ``least``, or an error that says what came instead."""
+    """``value`` as an int of at least ``least``; otherwise an error that names the value given."""
     try:
         count = operator.index(value)
     except TypeError:

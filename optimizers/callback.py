@@ -1,4 +1,4 @@
-"""Ask and tell for libraries that would rather call a function themselves."""
+"""Ask and tell for libraries that call the objective function themselves."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from optimizers.base import Optimizer, Real
 class CallbackOptimizer(Optimizer):
     """An optimiser around a library that calls its objective.
 
-    The library runs on a stack of its own (a greenlet), which stands still inside `evaluate` until the costs are told.
-    A subclass writes `search`; whenever a search ends before the budget does, the next one begins, on the same
-    random stream.
+    The library runs on its own stack (a greenlet), which is suspended inside `evaluate` until `tell` supplies the
+    costs. A subclass implements `search`; if a search ends before the budget is spent, the next one begins on the
+    same random stream.
     """
 
     def __init__(self, dimension: int, budget: int, seed: int) -> None:
@@ -26,29 +26,32 @@ class CallbackOptimizer(Optimizer):
         self._evaluated = False
 
     def search(self) -> None:
-        """One run of the library, from its start to its own end, on `evaluate`."""
+        """Run the library once, from start to its own stopping criterion, with `evaluate` as its objective."""
         raise NotImplementedError
 
     def evaluate(self, points: Real) -> Any:
-        """For the library: costs, shape (n,), of points, shape (n, d); with gradients (n, d) where they are used."""
+        """The objective that the library calls: costs, shape (n,), of points, shape (n, d); plus gradients where used.
+
+        Gradients have shape (n, d).
+        """
         if self._closed:
             raise GreenletExit
         self._evaluated = True
         return getcurrent().parent.switch(np.array(points, dtype=np.float64))
 
     def propose(self) -> Real:
-        """Let the library go on to its next call of `evaluate`."""
+        """Resume the library until its next call of `evaluate`."""
         if self._library is None:
             self._library = greenlet(self._search_for_ever)
         self._library.parent = getcurrent()
         return self._library.switch(*(() if self._answer is None else (self._answer,)))
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
-        """Keep the answer until the library goes on."""
+        """Store the costs until the library is resumed."""
         self._answer = (costs, gradients) if self.uses_gradient else costs
 
     def close(self) -> None:
-        """End the library where it stands."""
+        """Stop the library at its present call of `evaluate`."""
         self._closed = True
         if self._library is not None:
             self._library.parent = getcurrent()
@@ -60,4 +63,4 @@ class CallbackOptimizer(Optimizer):
             self._evaluated = False
             self.search()
             if not self._evaluated:
-                raise RuntimeError(f"{self.name} ended a search without one evaluation.")
+                raise RuntimeError(f"{self.name} ended a search without evaluating a point.")

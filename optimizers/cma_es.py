@@ -10,30 +10,32 @@ import numpy as np
 from optimizers.base import Optimizer, Real, checked_count
 
 STEP = 0.5
-"""First step of a search that begins anywhere, in half widths of the box."""
+"""Initial step size of a search from a random start, in half widths of the box."""
 
 
 class CmaEs(Optimizer):
-    """CMA-ES with restarts of growing population (IPOP), by the package ``cma`` (pycma).
+    """CMA-ES with restarts of growing population (IPOP), from the package ``cma`` (pycma).
 
     Hansen & Ostermeier, Evol. Comput. 9 (2001) 159; restarts after Auger & Hansen, Proc. CEC 2005: when pycma's own
     criteria stop a search, the next begins elsewhere with twice the population, until the budget is spent. Starts are
-    uniform in the box, the first step is 0.5, a quarter of its width. The box is kept by pycma's `BoundTransform`;
-    everything else is pycma's default.
+    uniform in the box; the initial step size is 0.5, a quarter of the box's width. pycma's `BoundTransform` enforces
+    the box; all other settings are pycma's defaults.
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`; at least 2 dimensions.
     start : sequence of d floats, optional
-        Where the first search begins, in the box, as a warm start; the others begin anywhere.
+        Start of the first search, in the box (a warm start); the later ones start at random points.
     first_step : float
-        Of the first search, in half widths of the box.
+        Initial step size of the first search, in half widths of the box; above 0, at most 2.
     population : int, optional
-        Of the first search, at least 2; pycma's ``4 + ⌊3 ln d⌋`` unless given.
+        Population of the first search, at least 2; pycma's ``4 + ⌊3 ln d⌋`` unless given.
 
     Raises
     ------
     ValueError
-        Fewer than two dimensions, which pycma does not do; or a start outside the box.
+        Fewer than two dimensions, which pycma does not support, or a start outside the box.
     """
 
     name = "cma-es"
@@ -65,8 +67,8 @@ class CmaEs(Optimizer):
         options = {
             "bounds": [-1.0, 1.0],
             "randn": lambda *shape: self.rng.standard_normal(shape),
-            "seed": np.nan,  # leaves NumPy's process-wide generator alone
-            "verbose": -10,  # silent, and no look at files in the working directory
+            "seed": np.nan,  # leaves NumPy's process-wide generator untouched
+            "verbose": -10,  # silent, and does not read files in the working directory
             "verb_disp": 0,
             "verb_log": 0,
         }
@@ -77,11 +79,11 @@ class CmaEs(Optimizer):
         return cma.CMAEvolutionStrategy(start, first_step or STEP, options)
 
     def _restart(self, ended: cma.CMAEvolutionStrategy) -> cma.CMAEvolutionStrategy:
-        """The search that follows one that pycma's criteria, or `_spent`, have ended."""
+        """The next search after one that pycma's criteria or `_spent` have ended."""
         return self._begin(2 * ended.popsize)
 
     def _spent(self, search: cma.CMAEvolutionStrategy) -> bool:
-        """Whether a search has had its share of evaluations."""
+        """Whether a search has used its share of evaluations."""
         return False
 
     def propose(self) -> Real:
@@ -100,11 +102,12 @@ class CmaEs(Optimizer):
 
 
 class BipopCmaEs(CmaEs):
-    """CMA-ES with two kinds of restarts (BIPOP), whichever has had fewer evaluations: the searches are pycma's.
+    """CMA-ES with two kinds of restarts (BIPOP); the kind with fewer evaluations so far goes next.
 
-    Hansen, GECCO Companion (2009) 2389: one kind doubles the population each time; the other draws a population
-    between the default and half of the largest, ``λ (λ_large / 2λ)^(U²)``, and a first step ``10^(-2U)`` times as
-    large, and gets at most half of what the last large one had. U is uniform.
+    Hansen, GECCO Companion (2009) 2389: one kind doubles the population each time. The other draws a population
+    between the default and half of the largest, ``λ (λ_large / 2λ)^(U²)``, and an initial step ``10^(-2U)`` times as
+    large; it gets at most half as many evaluations as the last large one. U is uniform on [0, 1]. Each search itself
+    is pycma's.
     """
 
     name = "bipop-cma-es"

@@ -1,4 +1,4 @@
-"""Tuning by hand, as it is done at the bench: one parameter at a time."""
+"""Manual tuning as it is done in the lab: one parameter at a time."""
 
 from __future__ import annotations
 
@@ -8,25 +8,27 @@ from optimizers.base import Real, checked_count
 from optimizers.callback import CallbackOptimizer
 
 FINEST = 1e-3
-"""Half width of a scan, in parts of the box's, below which nobody reads a generator's display."""
+"""Smallest half width of a scan, as a fraction of the box's: below it a generator's display shows no difference."""
 DIGITS = 9
-"""Points that agree so far are one; scans that share a value compute it differently."""
+"""Decimals to which coordinates are rounded before points are compared: scans compute a shared value differently."""
 
 
 class Coordinate(CallbackOptimizer):
-    """Coordinate search: a parameter is scanned, its best value kept, and the next one is scanned.
+    """Coordinate search: one parameter is scanned and set to its best value, then the next one is scanned.
 
-    The usual way to tune a jetting waveform: pulse widths and voltages one after another, a scan over the whole range
-    first, then finer ones about what was found; as a method of optimisation, Kolda, Lewis & Torczon, SIAM Rev. 45
-    (2003) 385, section 1.2. A round scans all parameters in an order drawn anew; a round without improvement halves the
-    width of the scans. Nobody measures twice: waveforms that the search has tried already cost nothing. Scans that have
-    become finer than a thousandth of the box end the search, and the next begins at another random point; the first
-    begins at the centre.
+    This is the usual way to tune a jetting waveform: pulse widths and voltages one after another, first over the whole
+    range, then in finer scans around the best value. As an optimisation method: Kolda, Lewis & Torczon, SIAM Rev. 45
+    (2003) 385, section 1.2. A round scans all parameters in a new random order; a round without improvement halves the
+    width of the scans. A waveform that the search has already evaluated is not evaluated again. A search ends when its
+    scans are finer than a thousandth of the box, and the next starts at another random point; the first starts at the
+    centre.
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`.
     steps : int
-        Values of a scan, at least 2.
+        Number of values in a scan, at least 2.
     """
 
     name = "coordinate"
@@ -37,7 +39,7 @@ class Coordinate(CallbackOptimizer):
         self._begun = False
 
     def search(self) -> None:
-        """From one starting point until the scans are too fine."""
+        """Search from one starting point until the scans are finer than `FINEST`."""
         known: dict[tuple[float, ...], float] = {}
         here = self.rng.uniform(-1.0, 1.0, self.dimension) if self._begun else np.zeros(self.dimension)
         self._begun = True
@@ -55,7 +57,7 @@ class Coordinate(CallbackOptimizer):
                 width /= 2
 
     def _costs(self, points: Real, known: dict[tuple[float, ...], float]) -> list[float]:
-        """Costs of points (n, d): known ones as they were read, the others measured."""
+        """Costs of points, shape (n, d): looked up where known, evaluated otherwise."""
         keys = [tuple(point) for point in np.round(points, DIGITS).tolist()]
         new = [k for k, key in enumerate(keys) if key not in known]
         if new:
@@ -63,7 +65,7 @@ class Coordinate(CallbackOptimizer):
         return [known[key] for key in keys]
 
     def _scan(self, here: Real, k: int, width: float) -> Real:
-        """Points that differ in one coordinate, over a stretch about where it is, which the box may shift."""
+        """Points that differ in coordinate ``k`` only, spread around its present value but shifted into the box."""
         low = np.clip(here[k] - width, -1.0, 1.0 - 2 * width)
         points = np.tile(here, (self._steps, 1))
         points[:, k] = np.clip(np.linspace(low, low + 2 * width, self._steps), -1.0, 1.0)

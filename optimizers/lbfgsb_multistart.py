@@ -9,10 +9,10 @@ from optimizers.callback import CallbackOptimizer
 
 
 class LbfgsbMultistart(CallbackOptimizer):
-    """L-BFGS-B on the exact gradient from uniform random starts, one after the other, until the budget is spent.
+    """L-BFGS-B with the exact gradient from uniform random starts, one after another, until the budget is spent.
 
-    By `scipy.optimize.minimize`; Byrd, Lu, Nocedal & Zhu, SIAM J. Sci. Comput. 16 (1995) 1190. An evaluation gives
-    the cost and its gradient together and counts as one.
+    Implementation: `scipy.optimize.minimize`; Byrd, Lu, Nocedal & Zhu, SIAM J. Sci. Comput. 16 (1995) 1190. An
+    evaluation returns the cost together with its gradient and counts as one.
     """
 
     name = "lbfgsb-multistart"

@@ -1,4 +1,4 @@
-"""The loop between an objective and an optimiser: the one place that spends budget."""
+"""The loop between an objective and an optimiser: the only place that spends the budget."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from optimizers.base import Optimizer, Real, checked_count
 
 
 class Objective(Protocol):
-    """What is minimised. For optimisers that use gradients it also has `evaluate_with_gradient`."""
+    """The function to minimise. For optimisers that use gradients it also has `evaluate_with_gradient`."""
 
     def evaluate(self, points: Real) -> Real:
-        """Costs, shape (n,), of points, shape (n, d). A point's cost may not depend on the other points."""
+        """Costs, shape (n,), of points, shape (n, d). A point's cost must not depend on the other points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,13 @@ class Run:
     Parameters
     ----------
     points : ndarray, shape (n, d)
+        Evaluated points in ``[-1, 1]``.
     costs : ndarray, shape (n,)
+        Cost of each point, in the unit of the objective.
     gradients : ndarray, shape (n, d), or None
-        Where the optimiser uses them.
+        Gradient of the cost at each point; None where the optimiser does not use gradients.
     complete : bool
-        Whether the budget is spent; False for a run that was interrupted or is still going on.
+        Whether the budget is spent; False for a run that was interrupted or is still in progress.
     optimizer_seconds, objective_seconds : float
         Time spent in the optimiser's `ask` and `tell`, and in the objective.
     """
@@ -46,17 +48,17 @@ class Run:
 
     @property
     def evaluations(self) -> int:
-        """How many evaluations were made; one with its gradient counts as one."""
+        """Number of evaluations; a cost together with its gradient counts as one."""
         return len(self.costs)
 
     @property
     def best_point(self) -> Real | None:
-        """The first point of the least cost, shape (d,); None where nothing was evaluated."""
+        """The first point with the lowest cost, shape (d,); None if nothing was evaluated."""
         return self.points[int(np.argmin(self.costs))].copy() if self.evaluations else None
 
     @property
     def best_cost(self) -> float:
-        """The least cost; infinite where nothing was evaluated."""
+        """The lowest cost; infinite if nothing was evaluated."""
         return float(np.min(self.costs, initial=math.inf))
 
     @property
@@ -70,7 +72,7 @@ class Run:
 
 
 class ObjectiveError(ValueError):
-    """The objective returned what no costs or gradients of its points can be."""
+    """The objective returned values that cannot be the costs or gradients of its points."""
 
 
 class NonFiniteCostError(ObjectiveError):
@@ -82,11 +84,11 @@ class PointOutsideBoxError(ValueError):
 
 
 class ReplayMismatchError(ValueError):
-    """An optimiser, replayed, asked for other points than those recorded."""
+    """In a replay, an optimiser asked for points that differ from those recorded."""
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a run; `run` holds the evaluations made before it."""
+    """Ctrl-C during a run; `run` holds the evaluations made until then."""
 
     def __init__(self, run: Run) -> None:
         super().__init__(f"interrupted after {run.evaluations} evaluations")
@@ -110,35 +112,35 @@ def minimise(
         ``evaluate_with_gradient(points) -> (costs, gradients)``, shapes (n,) and (n, d); a gradient comes with its
         cost and the two count as one evaluation.
     optimizer : Optimizer
-        One that has not been asked yet.
+        An optimiser that has not been asked yet.
     budget : int
-        Evaluations in all; the one the optimiser was made for.
+        Total number of evaluations; it must equal the optimiser's own budget.
     recorded : Run or tuple (points, costs) or (points, costs, gradients), optional
-        The evaluations of an interrupted run of the same optimiser under the same seed. They are told again, without
-        calling the objective, and count towards the budget; then the run goes on as if it had never stopped.
+        The evaluations of an interrupted run of the same optimiser with the same seed. They are replayed without
+        calling the objective and count towards the budget; the run then continues as if it had never stopped.
     on_batch : callable, optional
-        Called after every batch with the run so far, whose arrays are views, to be copied by who keeps them.
+        Called after every batch with the run so far. Its arrays are views; copy them to keep them.
 
     Returns
     -------
     Run
-        Of exactly ``budget`` evaluations.
+        The run, of exactly ``budget`` evaluations.
 
     Raises
     ------
     ValueError
-        A budget below 1 or other than the optimiser's, a used optimiser, a record that does not fit, or an objective
-        that has no gradient where one is needed.
+        The budget is below 1 or not the optimiser's own, the optimiser is not fresh, the record does not fit, or the
+        objective lacks a gradient that the optimiser needs.
     ObjectiveError
-        The objective returns the wrong shape.
+        The objective returns an array of the wrong shape.
     NonFiniteCostError
-        The message names the evaluation, counted from 1, and the point.
+        A cost or gradient is not finite. The message names the evaluation, counted from 1, and the point.
     PointOutsideBoxError
-        Likewise.
+        The optimiser asks for a point outside the box. The message names the evaluation and the point.
     ReplayMismatchError
-        The optimiser asks for other points than those recorded: another seed, version or objective.
+        The optimiser asks for points that differ from those recorded: another seed, version or objective.
     Interrupted
-        On `KeyboardInterrupt`; its ``run`` is what was evaluated, ready to be given as ``recorded``.
+        On `KeyboardInterrupt`; its ``run`` holds the evaluations made, ready to be passed as ``recorded``.
     """
     try:
         _check_fresh(optimizer, budget)
@@ -158,7 +160,7 @@ def minimise(
 
 
 class _Ledger:
-    """The evaluations of one run as they come in."""
+    """The evaluations of one run, batch by batch."""
 
     def __init__(self, objective: Objective, optimizer: Optimizer, recorded: tuple[Real, Real, Real | None]) -> None:
         self.objective, self.optimizer, self.recorded = objective, optimizer, recorded
@@ -179,7 +181,7 @@ class _Ledger:
         )
 
     def one_batch(self) -> None:
-        """Ask, look up or evaluate, write down, tell."""
+        """Ask for a batch, look up or evaluate its costs, store them and tell the optimiser."""
         begin_s = time.perf_counter()
         points = self.optimizer.ask()
         self.optimizer_seconds += time.perf_counter() - begin_s
@@ -189,7 +191,7 @@ class _Ledger:
         known = self._look_up(batch)
         if known < batch.stop:
             self._evaluate(slice(known, batch.stop))
-        self.count = batch.stop  # last: an interrupt finds whole batches only
+        self.count = batch.stop  # last, so that an interrupt sees whole batches only
         begin_s = time.perf_counter()
         self.optimizer.tell(points, self.costs[batch], None if self.gradients is None else self.gradients[batch])
         self.optimizer_seconds += time.perf_counter() - begin_s
@@ -210,7 +212,7 @@ class _Ledger:
             )
 
     def _look_up(self, batch: slice) -> int:
-        """Fill in costs that were recorded; return the number of the first evaluation that was not."""
+        """Fill in the recorded costs; return the index of the first evaluation that was not recorded."""
         points, costs, gradients = self.recorded
         known = min(batch.stop, max(batch.start, len(costs)))
         part = slice(batch.start, known)
@@ -220,7 +222,7 @@ class _Ledger:
             raise ReplayMismatchError(
                 f"{self.optimizer.name} asked for {self.points[first].tolist()} at evaluation {first + 1}, but "
                 f"{points[first].tolist()} is recorded. Replay needs the same optimiser, options, budget, seed and "
-                "versions; or begin again without the record."
+                "versions. Otherwise start again without the record."
             )
         self.costs[part] = costs[part]
         if self.gradients is not None and gradients is not None:
@@ -228,7 +230,7 @@ class _Ledger:
         return known
 
     def _evaluate(self, part: slice) -> None:
-        asked = self.points[part].copy()  # the objective may do with it what it likes
+        asked = self.points[part].copy()  # the objective may modify its argument
         begin_s = time.perf_counter()
         if self.gradients is None:
             costs = self.objective.evaluate(asked)
@@ -257,7 +259,7 @@ def _check_fresh(optimizer: Optimizer, budget: int) -> None:
     if checked_count("budget", budget) != optimizer.budget:
         raise ValueError(f"budget must be the optimiser's own, {optimizer.budget}; got {budget}.")
     if optimizer.remaining != optimizer.budget:
-        raise ValueError(f"{optimizer.name} has been told costs before. A run needs a fresh optimiser.")
+        raise ValueError(f"{optimizer.name} has already received costs. A run needs a fresh optimiser.")
 
 
 def _checked_record(

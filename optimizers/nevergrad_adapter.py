@@ -1,4 +1,4 @@
-"""The optimisers of nevergrad."""
+"""Optimisers from nevergrad."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ class Nevergrad(Optimizer):
     """Any optimiser of nevergrad's registry, by its name there.
 
     Rapin & Teytaud, github.com/facebookresearch/nevergrad, 2018. It searches an `Array` bounded to the box (by
-    nevergrad's default, "bouncing"), started at the centre. Mind that some differ from their namesakes: `PSO` moves in
-    coordinates stretched by an arctangent. `NGOpt` chooses among the others by dimension and budget.
+    nevergrad's default, "bouncing") and starts at the centre. Some optimisers differ from their namesakes: `PSO` moves
+    in coordinates stretched by an arctangent. `NGOpt` chooses among the others by dimension and budget.
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`.
     method : str
         Name in `nevergrad.optimizers.registry`.
     workers : int
-        Points that are asked for side by side. One, nevergrad's default, lets it learn from every single evaluation.
+        Number of points asked for together. With 1, nevergrad's default, it learns from every single evaluation.
     """
 
     def __init__(self, dimension: int, budget: int, seed: int, *, method: str, workers: int = 1) -> None:
@@ -42,21 +44,21 @@ class Nevergrad(Optimizer):
         self._costs: list[float] = []
 
     def propose(self) -> Real:
-        """Tell the last costs, then ask for one point for each worker."""
+        """Tell nevergrad the last costs, then ask it for one point per worker."""
         with self._surroundings():
             for candidate, cost in zip(self._candidates, self._costs, strict=True):
                 self._search.tell(candidate, cost)
             self._candidates = [self._search.ask() for _ in range(min(self._workers, self.remaining))]
-        # The bounce back into the box may miss its wall by one rounding.
+        # "Bouncing" may exceed the wall of the box by one rounding error.
         return np.clip([candidate.value for candidate in self._candidates], -1.0, 1.0)
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
-        """Keep the costs until nevergrad's next turn."""
+        """Store the costs until the next `propose`."""
         self._costs = costs.tolist()
 
     @contextmanager
     def _surroundings(self) -> Iterator[None]:
-        """Own random streams, no threads, no advice on settings (of no use to who did not choose them)."""
+        """Private random streams, no threads, and no warnings about settings that the user did not choose."""
         with self._randomness, repeatable_nevergrad(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield

@@ -1,7 +1,7 @@
-"""Nevergrad's threads, replaced: some of its optimisers run a library's own loop in a thread.
+"""Greenlets in place of nevergrad's threads: some of its optimisers run a library's own loop in a thread.
 
-Such a thread draws from NumPy's process-wide generator whenever it happens to be scheduled, so that no seed makes its
-run repeatable, and one that is left waiting keeps the process from ending. A greenlet does the same work in turn.
+Such a thread draws from NumPy's process-wide generator whenever it happens to be scheduled, so no seed makes its run
+repeatable, and a thread that is left waiting keeps the process from ending. A greenlet does the same work in turn.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from nevergrad.optimization import recaster
 
 
 class Conversation:
-    """In place of `nevergrad.optimization.recaster.MessagingThread`: runs ``caller(fake_objective)`` by turns."""
+    """Replacement for `nevergrad.optimization.recaster.MessagingThread`: runs ``caller(fake_objective)`` in turns."""
 
     def __init__(self, caller: Callable[..., Any]) -> None:
         self._library = greenlet(lambda: caller(self._ask_outside))
@@ -30,24 +30,24 @@ class Conversation:
         self.messages_ask = _Door(get=self._next_asked)
 
     def is_alive(self) -> bool:
-        """Whether the library has not ended yet."""
+        """Whether the library is still running."""
         return not self._library.dead
 
     def stop(self) -> None:
-        """Nothing: a greenlet ends with the last reference to it."""
+        """Do nothing: a greenlet ends with the last reference to it."""
 
     def _ask_outside(self, *arguments: Any) -> Any:
         self._asked.append(arguments[0])
         return getcurrent().parent.switch()
 
     def _next_asked(self) -> Any:
-        """What the library asks next, once it has heard all that it was told; None, or its error, where it ended."""
+        """The library's next request after it has received all costs; None, or its exception, if it has ended."""
         if not self._library and not self._library.dead:
             self._resume()
         while self._told and not self._library.dead:
             self._resume(self._told.popleft())
         if not self._asked:
-            raise RuntimeError("nevergrad asks for a second point before the first one's cost is told.")
+            raise RuntimeError("nevergrad asks for a second point before it has received the first one's cost.")
         return self._asked.popleft()
 
     def _resume(self, *answer: Any) -> None:
@@ -72,9 +72,9 @@ class _Door:
 
 @contextmanager
 def repeatable_nevergrad() -> Iterator[None]:
-    """While it is entered, nevergrad starts no threads, and a pycma within draws from NumPy's generator as it stands.
+    """Within this context nevergrad starts no threads, and pycma inside it draws from NumPy's generator as it is.
 
-    (By default pycma reseeds that from the clock.)
+    (By default pycma reseeds that generator from the clock.)
     """
     with (
         mock.patch.object(recaster, "MessagingThread", Conversation),

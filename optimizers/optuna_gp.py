@@ -1,4 +1,4 @@
-"""Bayesian optimisation, by Optuna."""
+"""Bayesian optimisation with Optuna."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ from optimizers.base import Optimizer, Real, checked_count
 
 
 class OptunaGp(Optimizer):
-    """Bayesian optimisation with a Gaussian process, by Optuna's `GPSampler` at its defaults, one point at a time.
+    """Bayesian optimisation with a Gaussian process: Optuna's `GPSampler` with default settings, one point at a time.
 
-    Akiba et al., KDD (2019) 2623; Jones, Schonlau & Welch, J. Global Optim. 13 (1998) 455. Uniform points first, then
-    whatever maximises the logarithm of the expected improvement (Ament et al., arXiv:2310.20708) under a Matérn
-    kernel of 5/2 with a length for each parameter and a noise that is fitted too. Its own time grows with the cube
-    of the evaluations: seconds for 100, hours for thousands. It is made for objectives that take minutes each.
+    Akiba et al., KDD (2019) 2623; Jones, Schonlau & Welch, J. Global Optim. 13 (1998) 455. It starts with uniform
+    points, then takes the point that maximises the logarithm of the expected improvement (Ament et al.,
+    arXiv:2310.20708) under a Matérn-5/2 kernel with one length scale per parameter and a fitted noise variance. Its
+    own computing time grows with the cube of the number of evaluations: seconds for 100, hours for thousands. It is
+    meant for objectives that take minutes each.
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`.
     startup : int
-        Uniform points, Optuna's ``n_startup_trials``; 10 by default, as there.
+        Number of uniform points at the start, Optuna's ``n_startup_trials``; 10 by default, as there.
     """
 
     name = "optuna-gp"
@@ -37,18 +40,18 @@ class OptunaGp(Optimizer):
             n_startup_trials=checked_count("startup", startup),
         )
         level = optuna.logging.get_verbosity()
-        optuna.logging.set_verbosity(optuna.logging.WARNING)  # it would tell of every study that is made
+        optuna.logging.set_verbosity(optuna.logging.WARNING)  # otherwise it logs every new study
         self._study = optuna.create_study(storage=storage, sampler=sampler)
         optuna.logging.set_verbosity(level)
         self._trial: optuna.trial.Trial | None = None
 
     def propose(self) -> Real:
         """The next point."""
-        with threadpool_limits(1):  # matrices this small only lose by more
+        with threadpool_limits(1):  # more threads only slow down matrices this small
             self._trial = self._study.ask(self._box)
         return np.clip([[self._trial.params[name] for name in self._box]], -1.0, 1.0)
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
-        """Put the cost into the study."""
+        """Add the cost to the study."""
         if self._trial is not None:
             self._study.tell(self._trial, float(costs[0]))

@@ -1,4 +1,4 @@
-"""Particle swarms: the usual one, and the one that the paper prints."""
+"""Particle swarms: the standard one, and the one printed in the paper."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ class ParticleSwarm(Optimizer):
 
         v ← c1 v + c2 r2 (pbest − x) + c3 r3 (gbest − x),   x ← x + v
 
-    r2, r3 uniform on [0, 1], drawn anew for every particle, coordinate and generation; all particles move before any
-    best is renewed. Positions start uniform in the box, velocities at half the way to another uniform point.
-    Kennedy & Eberhart, Proc. ICNN 1995; the constriction coefficients c1 = 0.7298, c2 = c3 = 1.49618 are those of
-    Clerc & Kennedy, IEEE Trans. Evol. Comput. 6 (2002) 58. A particle that
-    would leave the box stops at its wall: that coordinate is set to the bound and its velocity to nothing, as in the
-    Standard PSO of 2007 (Clerc, HAL hal-00764996, 2012).
+    r2 and r3 are uniform on [0, 1] and drawn for every particle, coordinate and generation; all particles move before
+    any best is updated. Initial positions are uniform in the box, initial velocities half the distance to another
+    uniform point. Kennedy & Eberhart, Proc. ICNN 1995; the constriction coefficients c1 = 0.7298, c2 = c3 = 1.49618
+    are those of Clerc & Kennedy, IEEE Trans. Evol. Comput. 6 (2002) 58. A particle that would leave the box stops at
+    its wall: that coordinate is set to the bound and its velocity to zero, as in the Standard PSO of 2007 (Clerc, HAL
+    hal-00764996, 2012).
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`.
     particles : int
-        40 by default, so that a budget of 2,000 makes 50 generations.
+        Size of the swarm, at least 1; 40 by default, so that a budget of 2,000 gives 50 generations.
     c1, c2, c3 : float
-        Inertia, and pull of the particle's own best and of the swarm's.
+        Inertia, and the attraction to the particle's own best and to the swarm's best.
 
     Raises
     ------
@@ -66,7 +68,7 @@ class ParticleSwarm(Optimizer):
         return self._x
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
-        """Renew the bests, then move every particle."""
+        """Update the bests, then move every particle."""
         better = costs < self._best_cost
         self._best_x[better], self._best_cost[better] = points[better], costs[better]
         swarm_best = self._best_x[np.argmin(self._best_cost)]
@@ -82,16 +84,16 @@ class ParticleSwarm(Optimizer):
 
 
 class PrintedParticleSwarm(ParticleSwarm):
-    """The particle swarm as Zhu et al. (Micromachines 15, 2024, 1192) print it, without random factors.
+    """The particle swarm as printed in Zhu et al. (Micromachines 15, 2024, 1192), without random factors.
 
     ::
 
         v ← c1 v + c2 (pbest − x) + c3 (gbest − x),   x ← x + v
 
-    Start and walls are those of `ParticleSwarm`; only the first positions and velocities are drawn, every move after
-    that is determined. The paper prints neither c1, c2, c3 nor the population. Here c1 = 0.7298 and c2 = c3 = 0.74809:
-    the usual coefficients with the random factors at their mean of one half, so that the two swarms differ in nothing
-    but the randomness. (With c2 = c3 = 1.49618 and no factors, a particle would overshoot a settled best threefold.)
+    Start and walls are those of `ParticleSwarm`; only the initial positions and velocities are random, every later move
+    is deterministic. The paper prints neither c1, c2, c3 nor the population. Here c1 = 0.7298 and c2 = c3 = 0.74809:
+    the usual coefficients with the random factors at their mean of one half, so that the two swarms differ only in
+    the randomness. (With c2 = c3 = 1.49618 and no factors, a particle would overshoot a fixed best threefold.)
     """
 
     name = "pso-printed"

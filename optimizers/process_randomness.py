@@ -1,4 +1,4 @@
-"""Process-wide random generators, one set for each optimiser that insists on them."""
+"""A private set of process-wide random generators for each optimiser that uses them."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 
 
 class OwnRandomness:
-    """While it is entered, `numpy.random` and (if imported before) torch draw from streams of its own.
+    """Within this context, `numpy.random` and (if imported before) torch draw from the optimiser's own streams.
 
-    Some libraries draw from the process-wide generators. So that their runs depend on their seed alone, and nobody
-    else's draws on them, each keeps its own generators and puts the others' back. (One trace is left: NumPy drops the
-    second normal number that `numpy.random.randn` may hold in store.)
+    Some libraries draw from the process-wide generators. To make their runs depend on their seed alone, and to keep
+    other code's draws independent of them, each has its own generators and restores the others on exit. (One trace
+    remains: NumPy drops the second normal number that `numpy.random.randn` may have cached.)
 
     Parameters
     ----------
     seed : int
-        At least 0.
+        Seed of both streams, at least 0.
     """
 
     def __init__(self, seed: int) -> None:

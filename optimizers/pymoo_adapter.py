@@ -1,4 +1,4 @@
-"""Optimisers of pymoo."""
+"""Optimisers from pymoo."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from optimizers.base import Optimizer, Real, checked_count
 
 
 class _Pymoo(Optimizer):
-    """One of pymoo's algorithms, asked and told a generation at a time until the budget is spent.
+    """One of pymoo's algorithms, run one generation at a time until the budget is spent.
 
     Blank & Deb, IEEE Access 8 (2020) 89497.
     """
@@ -39,7 +39,7 @@ class _Pymoo(Optimizer):
         return points
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
-        """Put the costs into the generation and let it be followed."""
+        """Assign the costs to the generation and advance the algorithm."""
         self._generation.set("F", costs[:, None])
         for individual in self._generation:
             individual.evaluated.update({"F", "G", "H"})
@@ -47,16 +47,19 @@ class _Pymoo(Optimizer):
 
 
 class PymooPSO(_Pymoo):
-    """Particle swarm with pymoo's defaults: a peer of `pso` by other hands, and with other habits.
+    """Particle swarm with pymoo's defaults: an independent implementation of `pso` with other rules.
 
-    Inertia and pulls adapt to how spread the swarm is (Zhan et al., IEEE Trans. Syst. Man Cybern. B 39 (2009) 1362),
-    velocities are cut at a fifth of the box, and the swarm's best is perturbed in every generation. 25 particles.
+    Inertia and attraction adapt to the spread of the swarm (Zhan et al., IEEE Trans. Syst. Man Cybern. B 39 (2009)
+    1362), velocities are limited to a fifth of the box, and the swarm's best is perturbed in every generation.
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`.
     particles : int
+        Size of the swarm, at least 2; 25 by default, as in pymoo.
     fastest : float
-        Largest velocity, in parts of the box a generation.
+        Largest velocity, as a fraction of the box's width per generation.
     """
 
     name = "pymoo-pso"
@@ -71,19 +74,22 @@ class PymooPSO(_Pymoo):
 
 
 class PymooDE(_Pymoo):
-    """Differential evolution with pymoo's defaults: best/1/bin, F 0.5, CR 0.2, and a mutation now and then.
+    """Differential evolution with pymoo's defaults: best/1/bin, F 0.5, CR 0.2, and an occasional mutation.
 
-    Storn & Price, J. Global Optim. 11 (1997) 341. 100 individuals.
+    Storn & Price, J. Global Optim. 11 (1997) 341.
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`.
     individuals : int
+        Size of the population, at least 4; 100 by default, as in pymoo.
     variant : str
-        ``DE/<selection>/<differences>/<crossover>``, as pymoo has them.
+        ``DE/<selection>/<differences>/<crossover>`` in pymoo's notation.
     mutation : float
         Weight of a difference: pymoo's F.
     recombination : float
-        Chance of a coordinate to come from the mutant: pymoo's CR.
+        Probability that a coordinate comes from the mutant: pymoo's CR.
     """
 
     name = "pymoo-de"

@@ -1,4 +1,4 @@
-"""The optimisers by name, made when they are asked for; nothing heavy is imported before."""
+"""The optimisers by name. A third-party package is imported only when one of its optimisers is requested."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from optimizers.base import Optimizer
 
-# Name → module and class here. Names that begin with NEVERGRAD are of its own registry.
+# Name → module and class of this package. The rest of a name that begins with NEVERGRAD is one of nevergrad's registry.
 CLASSES: dict[str, tuple[str, str]] = {
     "random": ("sampling", "Random"),
     "sobol": ("sampling", "Sobol"),
@@ -45,11 +45,11 @@ class UnknownOptimizerError(ValueError):
 
 
 class UnavailableOptimizerError(ValueError):
-    """The optimiser exists but cannot be used here; the message says why."""
+    """The optimiser exists but cannot be used in this installation; the message gives the reason."""
 
 
 def names() -> tuple[str, ...]:
-    """Names of the optimisers that are compared. `make` takes any other ``nevergrad-<name of its registry>`` too."""
+    """Names of the optimisers that are compared. `make` also accepts any other ``nevergrad-<name of its registry>``."""
     return tuple(CLASSES)
 
 
@@ -59,20 +59,20 @@ def make(name: str, dimension: int = 7, budget: int = 2000, seed: int = 0, **opt
     Parameters
     ----------
     name : str
-        One of `names`, or ``nevergrad-`` and any name of nevergrad's registry.
+        One of `names`, or ``nevergrad-`` followed by any name of nevergrad's registry.
     dimension, budget, seed : int
         See `Optimizer`.
     **options
-        Keywords of that optimiser, such as ``particles`` of ``pso``.
+        Keyword arguments of that optimiser, such as ``particles`` of ``pso``.
 
     Raises
     ------
     UnknownOptimizerError
-        The message suggests the nearest name.
+        No optimiser has that name. The message suggests the nearest one.
     UnavailableOptimizerError
-        Its package is missing, or it is one that does not work.
+        Its package is not installed, or it is known not to work.
     ValueError
-        An option that it does not have, or a number out of range.
+        It has no such option, or a number is out of range.
     """
     module, class_name = CLASSES.get(name, CLASSES["nevergrad-NGOpt"])
     if name not in CLASSES and not name.startswith(NEVERGRAD):
@@ -94,7 +94,7 @@ def make(name: str, dimension: int = 7, budget: int = 2000, seed: int = 0, **opt
 
 
 def uses_gradient(name: str) -> bool:
-    """Whether an optimiser needs gradients; False for one that is not available."""
+    """Whether an optimiser needs gradients; False if it is not available."""
     module, class_name = CLASSES.get(name, CLASSES["nevergrad-NGOpt"])
     try:
         return bool(getattr(import_module(f"optimizers.{module}"), class_name).uses_gradient)
@@ -103,14 +103,14 @@ def uses_gradient(name: str) -> bool:
 
 
 def availability(of: Iterable[str] | None = None) -> dict[str, str | None]:
-    """Which optimisers work here: for each name None, or the reason why not.
+    """Which optimisers work in this installation: for each name None, or the reason why it does not.
 
-    Each is made for a budget of 2,000 and asked and told some dozens of evaluations, once in a process.
+    Each is created with a budget of 2,000 and tried for 64 evaluations, once per process.
 
     Parameters
     ----------
     of : iterable of str, optional
-        Names; those of `names` unless given.
+        Names of optimisers; those of `names` unless given.
     """
     return {name: _fault(name) for name in (names() if of is None else of)}
 
@@ -125,8 +125,8 @@ def _fault(name: str) -> str | None:
             optimizer.close()
     except UnavailableOptimizerError as error:
         return str(error)
-    except Exception as error:  # whatever a third party's optimiser throws is the reason
-        return f"it breaks down here: {type(error).__name__}: {error}"
+    except Exception as error:  # any exception of a third-party optimiser is the reason
+        return f"it fails in this installation: {type(error).__name__}: {error}"
     return None
 
 
@@ -146,7 +146,7 @@ def _check_nevergrad(name: str) -> None:
         raise UnknownOptimizerError(_unknown(name, [*CLASSES, *(NEVERGRAD + known for known in registry)]))
     if re.search("BO(?!BYQA)", method):
         raise UnavailableOptimizerError(
-            f"{name} is refused: nevergrad's Bayesian optimisers rest on outdated libraries and hang."
+            f"{name} is refused: nevergrad's Bayesian optimisers depend on outdated libraries and hang."
         )
 
 

@@ -1,4 +1,4 @@
-"""Search without learning: the floor that any optimiser should stand above."""
+"""Sampling without learning: the baseline that any optimiser should beat."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Random(Optimizer):
     name = "random"
 
     def propose(self) -> Real:
-        """The next points of the stream."""
+        """The next random points."""
         return self.rng.uniform(-1.0, 1.0, (BATCH, self.dimension))
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
@@ -21,7 +21,7 @@ class Random(Optimizer):
 
 
 class Sobol(Optimizer):
-    """A scrambled Sobol sequence, by `scipy.stats.qmc.Sobol` (Joe & Kuo 2008; scrambling after Matoušek 1998)."""
+    """A scrambled Sobol sequence from `scipy.stats.qmc.Sobol` (Joe & Kuo 2008; scrambling after Matoušek 1998)."""
 
     name = "sobol"
 
@@ -32,7 +32,7 @@ class Sobol(Optimizer):
         self._sequence = qmc.Sobol(self.dimension, rng=self.rng)
 
     def propose(self) -> Real:
-        """The next points of the sequence; batches are a power of two, which keeps it balanced."""
+        """The next points of the sequence; a batch is a power of two, which keeps the sequence balanced."""
         return 2.0 * self._sequence.random(BATCH) - 1.0
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:

@@ -1,4 +1,4 @@
-"""Reinforcement learning as an optimiser: Stable-Baselines3 on episodes of a single step."""
+"""Reinforcement learning as an optimiser: Stable-Baselines3 on single-step episodes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from optimizers.process_randomness import OwnRandomness
 
 
 class OneStepEnvs(VecEnv):
-    """Side by side, tasks of one step: the action is a point, the reward minus its cost, the observation constant."""
+    """Parallel single-step tasks: the action is a point, the reward minus its cost, the observation constant."""
 
     def __init__(self, optimizer: CallbackOptimizer, tasks: int) -> None:
         box = spaces.Box(-1.0, 1.0, (optimizer.dimension,), np.float32)
@@ -31,17 +31,17 @@ class OneStepEnvs(VecEnv):
         return np.ones((self.num_envs, 1), np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take the actions, shape (tasks, d), cut to the box."""
+        """Store the actions, shape (tasks, d), clipped to the box."""
         self._points = np.clip(actions.astype(np.float64), -1.0, 1.0)
 
     def step_wait(self) -> Any:
-        """Evaluate them; every episode ends."""
+        """Evaluate the actions; every episode ends."""
         costs = self._optimizer.evaluate(self._points)
         ended = np.ones(self.num_envs, dtype=bool)
         return self.reset(), -costs.astype(np.float32), ended, [{} for _ in range(self.num_envs)]
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: there are no resources to release."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The same attribute for each task."""
@@ -56,18 +56,18 @@ class OneStepEnvs(VecEnv):
         raise NotImplementedError("these tasks have no methods of their own")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """None is wrapped."""
+        """False for the one environment: it is not wrapped."""
         return [False] * self.num_envs
 
 
 class _OneStepLearner(CallbackOptimizer):
-    """Training is the search: every training episode is an evaluation of the budget, and there are no others."""
+    """Training is the search: every training episode is one evaluation of the budget, and there are no others."""
 
     def __init__(self, dimension: int, budget: int, seed: int, *, tasks: int) -> None:
         super().__init__(dimension, budget, seed)
         self._tasks = checked_count("tasks", tasks)
         self._randomness = OwnRandomness(self.seed)
-        torch.set_num_threads(1)  # networks this small only lose by more
+        torch.set_num_threads(1)  # more threads only slow down networks this small
 
     def algorithm(self, envs: VecEnv) -> BaseAlgorithm:
         """The untrained learner."""
@@ -75,40 +75,44 @@ class _OneStepLearner(CallbackOptimizer):
 
     def search(self) -> None:
         """Train until the budget is spent."""
-        # gamma = 0: an episode's return is its one reward. Costs have no scale known beforehand.
+        # gamma = 0: an episode's return is its only reward. It is normalised because the costs' scale is unknown.
         envs = VecNormalize(OneStepEnvs(self, self._tasks), norm_obs=False, norm_reward=True, gamma=0.0)
         algorithm = self.algorithm(envs)
-        algorithm.set_logger(Logger(None, []))  # SB3's own would leave a folder behind for every run
+        algorithm.set_logger(Logger(None, []))  # SB3's default logger creates a folder for every run
         algorithm.learn(total_timesteps=self.budget)
 
     def propose(self) -> Real:
-        """Train on, to the next episodes, on random streams of its own."""
+        """Continue training up to the next episodes, on private random streams."""
         with self._randomness:
             return super().propose()
 
     def close(self) -> None:
-        """End the training where it stands."""
+        """Stop the training at its present step."""
         with self._randomness:
             super().close()
 
 
 class OneStepPPO(_OneStepLearner):
-    """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), by Stable-Baselines3.
+    """Proximal policy optimisation (Schulman et al., arXiv:1707.06347) from Stable-Baselines3.
 
-    The policy is a Gaussian over the box, cut at its walls. With episodes of one step neither gamma nor lambda has an
-    effect: the advantage is the reward less its learnt mean. A rollout is one step of 40 tasks, as many as the swarm
-    has particles, so a budget of 2,000 gives 50 updates. Other than SB3's defaults, all because a budget of 2,000 is
-    tiny for reinforcement learning: learning rate 1e-2 instead of 3e-4, first standard deviation exp(-0.7), half the
-    half-width of the box, instead of 1, networks of one layer of 32, and batches of the whole rollout. The settings
-    were chosen on a bowl and a rippled bowl, none of the printhead's problems.
+    The policy is a Gaussian over the box, clipped at its walls. With single-step episodes neither gamma nor lambda has
+    an effect: the advantage is the reward minus its learnt mean. A rollout is one step of 40 tasks, as many as the
+    swarm has particles, so a budget of 2,000 gives 50 updates. Four settings differ from SB3's defaults, all because a
+    budget of 2,000 is tiny for reinforcement learning: the learning rate is 1e-2 instead of 3e-4, the initial standard
+    deviation exp(-0.7) (half the half width of the box) instead of 1, the networks have one layer of 32, and a batch
+    is the whole rollout. The settings were chosen on a sphere and a rippled sphere function, not on the printhead's
+    problems.
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`.
     tasks : int
-        Episodes side by side, at least 2.
+        Number of parallel episodes, at least 2.
     learning_rate : float
+        Step size of Adam.
     log_std : float
-        Logarithm of the first standard deviation, in half widths of the box.
+        Natural logarithm of the initial standard deviation, which is in half widths of the box.
     """
 
     name = "sb3-ppo"
@@ -143,23 +147,26 @@ class OneStepPPO(_OneStepLearner):
 
 
 class OneStepSAC(_OneStepLearner):
-    """Soft actor-critic (Haarnoja et al., arXiv:1801.01290, arXiv:1812.05905), by Stable-Baselines3.
+    """Soft actor-critic (Haarnoja et al., arXiv:1801.01290, arXiv:1812.05905) from Stable-Baselines3.
 
-    The policy is a Gaussian squeezed into the box by tanh. With episodes of one step the critics learn the reward
+    The policy is a Gaussian squashed into the box by tanh. With single-step episodes the critics learn the reward
     itself; gamma and the target networks have no effect. The first 100 evaluations are uniform; then 2 gradient steps
-    follow every 10 evaluations, about 380 in a budget of 2,000: SB3's default, one step for each evaluation, takes
-    five times as long, and a learning rate of 3e-3 instead of 3e-4 makes up for the fewer steps. Networks have two
-    layers of 64, batches 128. The entropy's weight is fixed at 0.02 (rewards are scaled to unit variance): SB3's
-    automatic weight holds the policy at an entropy of -d, too wide to settle on one best point. The settings were
-    chosen on a bowl and a rippled bowl, none of the printhead's problems.
+    follow every 10 evaluations, about 380 in a budget of 2,000. SB3's default, one gradient step per evaluation, takes
+    five times as long; a learning rate of 3e-3 instead of 3e-4 compensates for the fewer steps. The networks have two
+    layers of 64, the batches 128 samples. The entropy weight is fixed at 0.02 (rewards are scaled to unit variance):
+    SB3's automatic weight holds the policy at an entropy of -d, too wide to settle on one best point. The settings
+    were chosen on a sphere and a rippled sphere function, not on the printhead's problems.
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`.
     tasks : int
-        Episodes side by side.
+        Number of parallel episodes, at least 1.
     learning_rate : float
+        Step size of Adam.
     entropy : float
-        Its weight.
+        Weight of the policy's entropy in the objective, relative to rewards of unit variance.
     """
 
     name = "sb3-sac"

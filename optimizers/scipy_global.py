@@ -1,4 +1,4 @@
-"""SciPy's global optimisers."""
+"""Global optimisers from SciPy."""
 
 from __future__ import annotations
 
@@ -21,22 +21,24 @@ class _ScipyOptimizer(CallbackOptimizer):
 
 
 class DifferentialEvolution(_ScipyOptimizer):
-    """Differential evolution, by `scipy.optimize.differential_evolution`, a generation at a time.
+    """Differential evolution with `scipy.optimize.differential_evolution`, one generation at a time.
 
-    Storn & Price, J. Global Optim. 11 (1997) 341. SciPy's defaults (best1bin, 15 individuals a dimension, Latin
-    hypercube start), except that a whole generation is evaluated side by side (``updating="deferred"``), and that it
-    goes on until the population is one point, then begins anew. SciPy would stop where costs differ by 1 % of their
-    mean (``tol=0.01``) and leave the rest to a descent by differences (``polish=True``). Both are off: the tolerance
-    without the descent would leave every search a per cent short.
+    Storn & Price, J. Global Optim. 11 (1997) 341. SciPy's defaults (best1bin, 15 individuals per dimension, Latin
+    hypercube start), with two exceptions: a whole generation is evaluated together (``updating="deferred"``), and the
+    search continues until all costs are equal, then starts again. By default SciPy would stop when the costs differ by
+    1 % of their mean (``tol=0.01``) and finish with a finite-difference descent (``polish=True``). Both are off: the
+    tolerance without the descent would leave every search one per cent short.
 
     Parameters
     ----------
+    dimension, budget, seed : int
+        See `Optimizer`.
     individuals_per_dimension : int
         SciPy's ``popsize``.
     mutation : float or (float, float)
-        Weight of a difference, below 2; of two numbers one between them is drawn for each generation.
+        Weight of a difference, below 2; for a pair, a value between the two is drawn for each generation.
     recombination : float
-        Chance of a coordinate to come from the mutant.
+        Probability that a coordinate comes from the mutant.
     """
 
     name = "scipy-differential-evolution"
@@ -56,7 +58,7 @@ class DifferentialEvolution(_ScipyOptimizer):
         self._mutation, self._recombination = mutation, recombination
 
     def search(self) -> None:
-        """Run until all of the population have one cost."""
+        """Run until the whole population has the same cost."""
         optimize.differential_evolution(
             lambda columns: self.evaluate(columns.T),
             self._box(),
@@ -73,10 +75,10 @@ class DifferentialEvolution(_ScipyOptimizer):
 
 
 class DualAnnealing(_ScipyOptimizer):
-    """Generalised simulated annealing with local searches, by `scipy.optimize.dual_annealing`, at its defaults.
+    """Generalised simulated annealing with local searches: `scipy.optimize.dual_annealing` with default settings.
 
-    Xiang et al., Phys. Lett. A 233 (1997) 216. Its local searches are L-BFGS-B on finite differences, each difference
-    an evaluation. It ends after SciPy's 1,000 iterations and begins anew.
+    Xiang et al., Phys. Lett. A 233 (1997) 216. Its local searches are L-BFGS-B with finite differences; each
+    difference costs one evaluation. It ends after SciPy's 1,000 iterations and starts again.
     """
 
     name = "scipy-dual-annealing"
@@ -87,12 +89,12 @@ class DualAnnealing(_ScipyOptimizer):
 
 
 class Direct(_ScipyOptimizer):
-    """Dividing rectangles, by `scipy.optimize.direct`; it draws no random numbers, so every seed gives the same run.
+    """Dividing rectangles (`scipy.optimize.direct`); it uses no random numbers, so every seed gives the same run.
 
     Jones, Perttunen & Stuckman, J. Optim. Theory Appl. 79 (1993) 157; by default the locally biased variant of
     Gablonsky & Kelley, J. Global Optim. 21 (2001) 27, as in SciPy. SciPy's volume and length tolerances are set to
-    zero, so that it goes on for the whole budget. Where it still ends (its rectangles cannot be divided further) it
-    begins again by the other of the two rules.
+    zero, so that it uses the whole budget. If it still ends (its rectangles cannot be divided further), it starts
+    again with the other of the two rules.
     """
 
     name = "scipy-direct"
@@ -102,7 +104,7 @@ class Direct(_ScipyOptimizer):
         self._locally_biased = bool(locally_biased)
 
     def search(self) -> None:
-        """Divide until SciPy cannot."""
+        """Divide rectangles until SciPy stops."""
         limits: dict[str, Any] = {"maxfun": self.budget, "maxiter": self.budget, "vol_tol": 0.0, "len_tol": 0.0}
         optimize.direct(self._cost, self._box(), locally_biased=self._locally_biased, **limits)
         self._locally_biased = not self._locally_biased

@@ -1,1 +1,1 @@
-"""The comparison of optimisers: problems, runs, statistics and the page."""
+"""The comparison of optimisers: problems, runs, statistics and the report."""

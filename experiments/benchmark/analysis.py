@@ -1,8 +1,8 @@
-"""A finished comparison as numbers: who is how good, on which problems, after how many evaluations, and how surely.
+"""Statistics of a finished comparison: each optimiser's results by problem and budget, with their uncertainty.
 
-Regrets of different problems are compared after division by the problem's own scale: what the best of 50 random
-waveforms is worse than the best known, on the average. Runs are resampled within each problem for what is said of these
-problems; what is said of problems in general takes the problems as the sample. Intervals are of one figure at a time.
+Regrets on different problems are compared after division by the problem's own scale: the mean regret of the best of 50
+random waveforms. Statements about these problems resample the runs within each problem; statements about problems in
+general take the problems as the sample. Each interval holds for one number alone.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from inkjet_env.typing import Real
 
 BUDGETS = (50, 150, 2000, 20_000)
 TARGETS = tuple(float(t) for t in np.logspace(0, -4, 41))
-"""Of the distribution of running times: regrets in the problem's scale."""
+"""Target regrets of the running-time distribution, in the problem's scale."""
 SOLVED = 0.01
 """Regret in the problem's scale at which a problem counts as solved."""
 ALIKE = 0.01
-"""Difference of median regrets, in the problem's scale, that does not matter."""
+"""Difference of median regrets, in the problem's scale, that is practically irrelevant."""
 REFERENCE = "pso"
-"""The paper's optimiser, against which the others are held."""
+"""The paper's optimiser, with which the others are compared."""
 RESAMPLES = 1000
 
 
@@ -58,19 +58,21 @@ class Row:
     Attributes
     ----------
     optimizer : str
+        Name of the entrant.
     applies : int
-        On how many of the problems it can be used.
+        Number of the problems on which it can be used.
     quality : Estimate
-        Interquartile mean of the regret in the problems' scales. Where it cannot be used its runs count as infinitely
-        bad, so it is infinite where those are more than a quarter.
+        Interquartile mean of the regret in the problems' scales. Runs on problems where it cannot be used count as
+        infinite, so the mean is infinite if they are more than a quarter.
     solved : Estimate
-        Share of runs within a hundredth of the scale.
+        Fraction of runs with a regret of at most a hundredth of the scale.
     rank : float
-        Mean over the problems, of the median regret.
+        Mean over the problems of its rank by median regret; 1 is best.
     improvement : Estimate
-        Probability that a run of it ends lower than one of the reference.
+        Probability that one of its runs ends lower than one of the reference's.
     signed_rank : SignedRank
-        Against the reference, over such problems; ``first`` is this one. NaN where they share fewer than five.
+        Comparison with the reference over such problems; ``first`` is this optimiser. NaN if they share fewer than
+        five.
     """
 
     optimizer: str
@@ -99,16 +101,16 @@ class Standings:
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """All optimisers on all problems after the whole budget, with the uncertainty that the runs leave.
+    """All optimisers on all problems after the whole budget, with the uncertainty due to the runs.
 
     Attributes
     ----------
     standings : Standings
-        Best first, with Friedman's and Nemenyi's numbers.
+        Best first, with Friedman's p-value and Nemenyi's critical difference.
     mean_ranks : mapping of str to MeanRank
-        By optimiser.
+        Mean rank by optimiser.
     median_regrets_V : mapping of (str, str) to Estimate
-        By optimiser and problem: median final regret in volts with its 95 % interval. Only where it can be used.
+        Median final regret in volts with its 95 % interval, by optimiser and problem, where it can be used.
     """
 
     standings: Standings
@@ -117,21 +119,22 @@ class Ranking:
 
     @property
     def optimizers(self) -> tuple[str, ...]:
-        """From the best mean rank to the worst."""
+        """Names of the optimisers, from the best mean rank to the worst."""
         return tuple(row.optimizer for row in self.standings.rows)
 
 
 class Comparison:
-    """The runs of a finished bench, ranked: every number of its files, pages and tables comes from here.
+    """The ranked runs of a finished bench: the source of every number in its files, reports and tables.
 
     Parameters
     ----------
     outcome : BenchOutcome
+        The finished bench.
 
     Raises
     ------
     ValueError
-        No optimiser has a run of the whole budget.
+        No optimiser has a run with the whole budget.
     """
 
     def __init__(self, outcome: BenchOutcome) -> None:
@@ -148,26 +151,27 @@ class Comparison:
         self._standings: dict[tuple[str, int], Standings] = {}
 
     def in_family(self, family: str) -> tuple[str, ...]:
-        """Problems of a family; all where it is "all"."""
+        """Problems of a family; all problems for "all"."""
         return tuple(name for name in self.problems if family in ("all", family_of(name)))
 
     def regrets_V(self, optimizer: str, name: str, budget: int) -> Real:
-        """Regret in volts after a budget, shape (runs,); infinite where it has no run so long."""
+        """Regret in volts after a budget, shape (runs,); infinite if there is no run of that length."""
         runs = self.runs.get((optimizer, name), [])
         if not runs or runs[0].budget < budget:
             return np.full(self.outcome.settings.repeats, math.inf)
         return regrets_V(runs, budget)
 
     def regrets(self, optimizer: str, name: str, budget: int) -> Real:
-        """The same in the problem's scale, shape (runs,); those within a microvolt are equal."""
+        """Regret in the problem's scale, shape (runs,), rounded to a microvolt first."""
         rounded_V = RESOLUTION_V * np.round(self.regrets_V(optimizer, name, budget) / RESOLUTION_V)
         regrets: Real = rounded_V / scale_V(name)
         return regrets
 
     def hits(self, optimizer: str, name: str, targets: Sequence[float] = TARGETS) -> Real:
-        """Evaluations until each target is met, in the problem's scale, shape (runs, targets); infinite where never.
+        """Evaluations until each target regret is met, shape (runs, targets); infinite if it never is.
 
-        Where peaks are read with errors a waveform meets a target also if another one, read better, is kept later.
+        Targets are in the problem's scale. Where peaks are measured with errors, a waveform meets a target even if
+        another one with a lower reading is kept later.
         """
         runs = self.runs.get((optimizer, name), [])
         found = np.full((len(runs) or self.outcome.settings.repeats, len(targets)), math.inf)
@@ -179,12 +183,12 @@ class Comparison:
         return found
 
     def running_times(self, optimizer: str, family: str, evaluations: Sequence[int]) -> Real:
-        """Share of targets met on a family after so many evaluations, shape (n,)."""
+        """Fraction of targets met on a family after each number of evaluations, shape (n,)."""
         times = [self.hits(optimizer, name).ravel() for name in self.in_family(family)]
         return running_time_distribution(np.concatenate(times), evaluations)
 
     def expected_time(self, optimizer: str, name: str, target: float, rng: np.random.Generator) -> Estimate:
-        """Evaluations that it takes to meet a target on a problem, restarts counted; with an interval over runs."""
+        """Expected evaluations to meet a target on a problem, including restarts, with an interval over runs."""
         hits = self.hits(optimizer, name, [target])
         runs = self.runs.get((optimizer, name), [])
         if not runs:
@@ -193,7 +197,7 @@ class Comparison:
         return stratified_bootstrap(lambda h: expected_running_time(h[..., 0], budget), [hits], rng, RESAMPLES)
 
     def standings(self, family: str, budget: int) -> Standings:
-        """Who is how good on a family after a budget; whoever asks is told the same."""
+        """Standings on a family after a budget; computed once, so every caller gets the same numbers."""
         if (family, budget) not in self._standings:
             self._standings[family, budget] = self._standings_of(family, budget)
         return self._standings[family, budget]
@@ -238,7 +242,7 @@ class Comparison:
         )
 
     def rank_if_ended_after(self, budget: int, optimizer: str, found: Standings) -> float:
-        """Mean rank of an optimiser among the others of a standing if its runs had ended after fewer evaluations."""
+        """Mean rank that an optimiser would have in these standings if its runs had ended after ``budget``."""
         names = [row.optimizer for row in found.rows]
         medians_V = [
             [
@@ -251,7 +255,7 @@ class Comparison:
 
     @functools.cached_property
     def ranking(self) -> Ranking:
-        """All optimisers of the whole budget on all problems, with the uncertainty that the runs leave."""
+        """All optimisers with the whole budget on all problems, with the uncertainty due to the runs."""
         rng, budget = np.random.default_rng(self.outcome.settings.seed), self.outcome.settings.budget
         standings = self.standings("all", budget)
         ranked = {row.optimizer for row in standings.rows}

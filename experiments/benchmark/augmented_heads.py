@@ -1,6 +1,6 @@
-"""Heads with effects as a diagnosis finds them, for the suite: what an optimiser meets after `inkjet diagnose`.
+"""Heads with effects for the suite, as a diagnosis finds them: the task of an optimiser after `inkjet diagnose`.
 
-`studies.make_augmented_heads` makes and keeps them.
+`studies.make_augmented_heads` creates and stores them.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ FORMAT = "augmented_heads/1"
 
 @dataclass(frozen=True)
 class HeadDraw:
-    """Which head of the concealed plant to draw.
+    """Identifies one head drawn from the concealed plant.
 
     Parameters
     ----------
     effect : str
-        Id of its one effect.
+        Id of its only effect.
     strength : float
-        RMS of the mismatch over that of the noise.
+        Ratio of the mismatch's RMS to the noise's RMS.
     seed : int
-        Of the draw.
+        Seed of the draw.
     """
 
     effect: str

@@ -1,4 +1,4 @@
-"""What a reader may conclude from a comparison, in sentences made from its numbers."""
+"""Conclusions from a comparison, in sentences generated from its numbers."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from experiments.benchmark.entrants import entrant
 from inkjet_env.estimate import Estimate
 
 GRADIENT_COUNTS = {3: "which is its computing time here", 8: "which is what differences would take"}
-"""Evaluations that one with its gradient may also be counted as, and why."""
+"""Numbers of evaluations that one with its gradient could count as, with the reason."""
 FEW_RUNS = 5
-"""Fewer runs of each optimiser on each problem tell none from another."""
+"""Smallest number of runs per optimiser and problem from which a difference is concluded."""
 SIGNIFICANT = 0.05
-"""Friedman's p value below which the optimisers are said to differ."""
+"""Friedman's p-value below which the optimisers are said to differ."""
 
 
 def standings_sentences(compared: Comparison, family: str, budget: int) -> tuple[str, ...]:
-    """What a reader may conclude, after a budget: of the best, of the paper's swarm, of it as printed."""
+    """Conclusions after a budget: about the best optimiser, the paper's swarm, and the swarm as printed."""
     found = compared.standings(family, budget)
     by_name = {row.optimizer: row for row in found.rows}
     swarm, printed = by_name.get(REFERENCE), by_name.get("pso-printed")
@@ -50,7 +50,7 @@ def standings_sentences(compared: Comparison, family: str, budget: int) -> tuple
 
 
 def _with_dearer_gradients(compared: Comparison, found: Standings) -> str:
-    """Where those who are given gradients would stand if these cost more, in words; nothing if nobody is."""
+    """Mean rank of the optimisers that use gradients if these cost more, in words; empty if there are none."""
     if found.budget < max(GRADIENT_COUNTS):
         return ""
     said = ""
@@ -68,7 +68,7 @@ def _with_dearer_gradients(compared: Comparison, found: Standings) -> str:
 
 
 def _against(row: Row) -> str:
-    """How an optimiser stands to the reference, in words; nothing of the reference itself."""
+    """Comparison of an optimiser with the reference, in words; empty for the reference itself."""
     if not math.isfinite(row.improvement.value):
         return ""
     rank = row.signed_rank
@@ -82,13 +82,13 @@ def _against(row: Row) -> str:
 
 
 def _level_with(row: Row, found: Standings) -> str:
-    """Who has the same mean rank, in words; empty where nobody has."""
+    """The optimisers with the same mean rank, in words; empty if there are none."""
     level = [other.optimizer for other in found.rows if other is not row and other.rank == row.rank]
     return f"level with {' and '.join(level)}" if level else ""
 
 
 def _level_elsewhere(found: Standings, best: Row) -> str:
-    """How many are level with the best if the problems are a sample, in words; nothing of too few problems."""
+    """Number of optimisers level with the best if the problems are a sample, in words; empty for too few problems."""
     if not math.isfinite(found.critical_difference):
         return ""
     level = sum(row is not best and abs(row.rank - best.rank) < found.critical_difference for row in found.rows)
@@ -98,7 +98,7 @@ def _level_elsewhere(found: Standings, best: Row) -> str:
 
 
 def _ranged(estimate: Estimate, decimals: int | None = None) -> str:
-    """A number and its interval: two digits that count, or so many decimals."""
+    """A number and its interval, with two significant digits, or with ``decimals`` decimals."""
     written = [
         f"{value:.2g}" if decimals is None else f"{value:.{decimals}f}"
         for value in (estimate.value, estimate.low, estimate.high)
@@ -107,7 +107,7 @@ def _ranged(estimate: Estimate, decimals: int | None = None) -> str:
 
 
 def ranking_sentences(compared: Comparison) -> tuple[str, ...]:
-    """What the ranking after the whole budget allows one to say: of the winner, of who is tied with it, of problems."""
+    """Conclusions from the ranking after the whole budget: the winner, those tied with it, the problems as a sample."""
     settings, ranking = compared.outcome.settings, compared.ranking
     winner, *others = ranking.optimizers
     said = [

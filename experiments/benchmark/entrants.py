@@ -1,8 +1,8 @@
-"""Who takes part in a comparison: an optimiser with its defaults, or with the settings that were found for it.
+"""The entrants of a comparison: an optimiser with its defaults, or with tuned settings.
 
-``pso`` is the optimiser of that name, ``pso-tuned`` the same with the options that
-`experiments.benchmark.studies.tune_optimizers` found on heads outside the suite, and keeps in `tuned.json` with what
-they cost."""
+``pso`` is the optimiser of that name. ``pso-tuned`` is the same with the options that
+`experiments.benchmark.studies.tune_optimizers` found on heads outside the suite and stored in `tuned.json` with the
+evaluations that the tuning took."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ REMARKS = {
     "one point.",
     "scipy-direct": "Draws no random numbers: its runs are all the same, and its intervals know only the problems.",
 }
-"""What a reader has to mind of those whose names begin so."""
+"""Remarks for the reader on the optimisers whose names start with the key."""
 
 
 @dataclass(frozen=True)
 class Entrant:
-    """An optimiser as it takes part.
+    """An optimiser with its settings in a comparison.
 
     Parameters
     ----------
     name : str
-        In tables and on the command line.
+        Name in tables and on the command line.
     optimizer : str
-        Its name among the optimisers.
+        Name of the optimiser in the registry.
     options : dict
-        Its keywords; empty for its defaults.
+        Keyword arguments of the optimiser; empty for its defaults.
     """
 
     name: str
@@ -49,14 +49,14 @@ class Entrant:
     options: dict[str, Any] = field(default_factory=dict)
 
     def made(self, budget: int, seed: int) -> Any:
-        """The optimiser, fresh."""
+        """A new instance of the optimiser."""
         import optimizers
 
         return optimizers.make(self.optimizer, budget=budget, seed=seed, **self.options)
 
     @property
     def remark(self) -> str:
-        """What a reader has to mind; empty where that is nothing."""
+        """Remark for the reader; empty if there is none."""
         remarks = [text for prefix, text in REMARKS.items() if self.optimizer.startswith(prefix)]
         if self.name.endswith(TUNED):
             remarks.append(f"Tuned for {tuned_settings()[self.optimizer]['budget']:,} evaluations.")
@@ -64,13 +64,13 @@ class Entrant:
 
     @property
     def tuning_evaluations(self) -> int:
-        """What its settings took to be found; nothing for defaults."""
+        """Number of evaluations that tuning its settings took; 0 for defaults."""
         return int(tuned_settings()[self.optimizer]["evaluations"]) if self.name.endswith(TUNED) else 0
 
 
 @functools.cache
 def tuned_settings() -> dict[str, dict[str, Any]]:
-    """What was found for each optimiser: options, how, and after how many evaluations."""
+    """Tuned settings by optimiser: the options, how they were found, and after how many evaluations."""
     file = data_file(TUNED_FILE)
     if not file.is_file():
         return {}
@@ -78,7 +78,7 @@ def tuned_settings() -> dict[str, dict[str, Any]]:
 
 
 def entrants() -> tuple[str, ...]:
-    """Names of all: every optimiser, and those that have found settings."""
+    """Names of all entrants: every optimiser, and the tuned variant of those with tuned settings."""
     import optimizers
 
     return (*optimizers.names(), *(name + TUNED for name in tuned_settings()))
@@ -101,7 +101,7 @@ def entrant(name: str) -> Entrant:
         return Entrant(name, name)
     if of not in tuned_settings():
         raise ValueError(
-            f"there are no tuned settings of {of!r}; there are of {', '.join(tuned_settings()) or 'none'}. "
+            f"there are no tuned settings for {of!r}; there are for {', '.join(tuned_settings()) or 'none'}. "
             f"Find some with: python -m experiments.benchmark.studies.tune_optimizers {of}"
         )
     return Entrant(name, of, tuned_settings()[of]["options"])

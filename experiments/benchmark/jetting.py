@@ -1,4 +1,4 @@
-"""What a waveform is worth at the press: what is left ringing, when it has settled, how fast drops may follow."""
+"""Figures of merit of a waveform in printing: residual vibration, settling time, highest jetting frequency."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from inkjet_env.printhead import PeakCost
 from inkjet_env.typing import Real
 
 SETTLED = 0.05
-"""Of the effective peak: ringing below this does not disturb the next drop."""
+"""Ringing, as a fraction of the effective peak, below which it does not disturb the next drop."""
 
 
 @dataclass(frozen=True)
 class Jetting:
-    """Figures of one response; NaN where there is no effective peak.
+    """Figures of merit of one response; NaN if there is no effective peak.
 
     Attributes
     ----------
     effective_V : float
-        Height of the effective peak, in volts.
+        Height of the effective peak in volts.
     residual_V : float
-        The largest peak after it, in volts.
+        Height of the largest peak after it in volts.
     settling_s : float
-        From when on the response stays below 5 % of the effective peak, counted from the waveform's start, in seconds;
-        infinite where the window ends before.
+        Time in seconds from the waveform's start after which the response stays below 5 % of the effective peak;
+        infinite if the window ends earlier.
     highest_Hz : float
-        Drops a second at which the next waveform starts when this one has settled and ended; 0 where it never does.
+        Highest jetting frequency in hertz at which a waveform starts only when the previous one has ended and settled;
+        0 if it never settles.
     """
 
     effective_V: float
@@ -40,19 +41,19 @@ class Jetting:
 
     @property
     def residual(self) -> float:
-        """Of the effective peak."""
+        """Largest later peak as a fraction of the effective peak."""
         return self.residual_V / self.effective_V
 
 
 def jetting(response: Any, cost: PeakCost) -> Jetting:
-    """Figures of a response.
+    """Figures of merit of a response.
 
     Parameters
     ----------
     response : Response or AugmentedResponse
-        From rest, to one waveform.
+        Response from rest to one waveform.
     cost : PeakCost
-        Says which peak is effective.
+        Determines which peak is effective.
     """
     peaks_V = np.abs(response.peaks_V)
     e = cost.effective_index(response.peaks_V)
@@ -65,10 +66,10 @@ def jetting(response: Any, cost: PeakCost) -> Jetting:
 
 
 def _settling_s(response: Any, peaks_V: Real, level_V: float) -> float:
-    """When a response falls below a level for good; between one peak and the next it only falls or only rises."""
+    """Time in seconds after which a response stays below a level; it is monotonic between neighbouring peaks."""
     last = int(np.flatnonzero(peaks_V >= level_V)[-1])
     if last == peaks_V.size - 1:
-        return math.inf  # the last peak of the window is still large: nobody saw it settle
+        return math.inf  # the last peak in the window is still large, so settling is not observed
     sign = math.copysign(1.0, response.peaks_V[last])
 
     def above_V(time_s: float) -> float:

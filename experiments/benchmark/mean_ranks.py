@@ -1,8 +1,8 @@
-"""Mean ranks of optimisers over problems, and how far the runs and the problems determine them.
+"""Mean ranks of optimisers over problems, with the uncertainty due to the runs and to the problems.
 
-Two questions are kept apart. *On these problems*, is one optimiser better than another? The runs are resampled and the
-ranking is made anew each time. *On problems like these in general?* There the problems are the sample, and few of them
-prove little: the Friedman test and Nemenyi's critical difference say how little (Demšar, JMLR 7 (2006) 1).
+There are two separate questions. *On these problems*, is one optimiser better than another? The runs are resampled and
+ranked again each time. *On problems like these in general?* Then the problems are the sample, and few of them prove
+little: the Friedman test and Nemenyi's critical difference quantify how little (Demšar, JMLR 7 (2006) 1).
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from inkjet_env.typing import Real
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
 RESOLUTION_V = 1e-6
-"""Regrets that differ by less are ties: nobody measures a microvolt of peak cost."""
+"""Regrets in volts that differ by less are ties: a microvolt of peak cost cannot be measured."""
 ENOUGH_PROBLEMS = 5
-"""To be a sample of problems: what Friedman's test or a posterior tells of fewer could not be relied on."""
+"""Smallest number of problems taken as a sample: with fewer, Friedman's test or a posterior would be unreliable."""
 
 
 @dataclass(frozen=True)
 class MeanRank:
-    """Mean rank of one optimiser over the problems, and what other runs of all might have made of it.
+    """Mean rank of one optimiser over the problems, with the uncertainty due to the runs.
 
     Parameters
     ----------
     estimate : Estimate
         Mean rank, 1 is best, with its 95 % bootstrap interval.
     tied_with_winner : bool
-        Whether resampling the runs leaves open which of the two has the better mean rank; True of the winner itself.
+        Whether, after resampling the runs, either of the two may have the better mean rank; True for the winner.
     """
 
     estimate: Estimate
@@ -42,7 +42,7 @@ class MeanRank:
 
 
 def median_interval(values: ArrayLike, rng: np.random.Generator) -> Estimate:
-    """Median of ``values``, shape (n,), and its 95 % percentile-bootstrap interval; NaN ends of a single value."""
+    """Median of ``values``, shape (n,), and its 95 % percentile-bootstrap interval, NaN for a single value."""
     from scipy.stats import bootstrap
 
     values = np.asarray(values, dtype=np.float64)
@@ -52,7 +52,7 @@ def median_interval(values: ArrayLike, rng: np.random.Generator) -> Estimate:
         (values,),
         np.median,
         confidence_level=CONFIDENCE,
-        method="percentile",  # BCa breaks down for a median among ties
+        method="percentile",  # BCa fails for a median among ties
         n_resamples=2000,
         rng=rng,
     ).confidence_interval
@@ -70,6 +70,7 @@ def mean_ranks(medians_V: ArrayLike) -> Real:
     Returns
     -------
     ndarray, shape (..., optimisers)
+        Mean rank of each optimiser; 1 is best.
 
     Examples
     --------
@@ -82,7 +83,7 @@ def mean_ranks(medians_V: ArrayLike) -> Real:
 
 
 def resampled_mean_ranks(regrets_V: Real, rng: np.random.Generator, resamples: int = RESAMPLES) -> Real:
-    """Mean ranks of rankings made from resampled runs, shape (resamples, optimisers).
+    """Mean ranks computed from resampled runs, shape (resamples, optimisers).
 
     Parameters
     ----------
@@ -91,7 +92,7 @@ def resampled_mean_ranks(regrets_V: Real, rng: np.random.Generator, resamples: i
     rng : Generator
         Draws the runs.
     resamples : int
-        How many rankings are made.
+        Number of bootstrap resamples.
     """
     optimizers, problems, runs = regrets_V.shape
     medians_V = np.empty((resamples, optimizers, problems))
@@ -113,9 +114,9 @@ def mean_rank_intervals(regrets_V: Mapping[str, ArrayLike], rng: np.random.Gener
 
     Notes
     -----
-    Another optimiser is told from the winner where it ranks behind in all but ``0.05 / (optimisers − 1)`` of the
-    resampled rankings (Bonferroni: the chance of one false distinction among all is about 5 %; the winner comes from
-    the same runs, which of eighteen optimisers that are equal made it 3 to 9 %).
+    Another optimiser is distinguished from the winner if it ranks behind in all but ``0.05 / (optimisers − 1)`` of the
+    resampled rankings (Bonferroni: the probability of one false distinction among all is about 5 %. The winner is
+    chosen from the same runs; with eighteen equal optimisers the probability was 3 to 9 %).
     """
     values_V = np.array(list(regrets_V.values()), dtype=np.float64)
     means = mean_ranks(np.median(values_V, axis=2))
@@ -130,9 +131,9 @@ def mean_rank_intervals(regrets_V: Mapping[str, ArrayLike], rng: np.random.Gener
 
 
 def friedman_and_nemenyi(medians_V: Real) -> tuple[float, float]:
-    """Friedman's p value and Nemenyi's critical difference of mean ranks at 5 %.
+    """Friedman's p-value and Nemenyi's critical difference of mean ranks at 5 %.
 
-    NaN with fewer than three optimisers or `ENOUGH_PROBLEMS` problems.
+    Both are NaN with fewer than three optimisers or fewer than `ENOUGH_PROBLEMS` problems.
 
     Parameters
     ----------

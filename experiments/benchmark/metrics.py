@@ -1,7 +1,7 @@
-"""Measures of optimisers over many instances: how soon a target is met, how good a run ends, who is better.
+"""Measures of optimisers over many instances: time to a target, quality of the final result, pairwise comparison.
 
-Everything here is arithmetic on arrays. *Runs* are repeats on one instance; *instances* are problems. What is said of
-problems in general takes the instances as the sample, never the repeats.
+Everything here is arithmetic on arrays. *Runs* are repeats on one instance; *instances* are problems. Statements about
+problems in general take the instances as the sample, never the repeats.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from inkjet_env.estimate import Estimate
 from inkjet_env.typing import Real
 
 Places = NDArray[np.int64]
-"""Numbers of rows or columns that were drawn."""
+"""Indices of the rows or columns that were drawn."""
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
 AT_ONCE = 100
 PRIOR_STRENGTH = 0.5
-"""Of the pseudo-observation of no difference in `bayesian_signed_rank`, in observations; Benavoli et al.'s."""
+"""Weight of the pseudo-observation of no difference in `bayesian_signed_rank`, in observations (Benavoli et al.)."""
 
 
 def first_hits(best_so_far: ArrayLike, targets: ArrayLike) -> Real:
-    """Evaluations after which each run has met each target, shape (runs, targets); infinite where it never did.
+    """Number of evaluations after which each run meets each target, shape (runs, targets); infinite if it never does.
 
     Parameters
     ----------
     best_so_far : array_like, shape (runs, evaluations)
-        Least regret up to each evaluation, in volts.
+        Lowest regret up to each evaluation, in volts.
     targets : array_like, shape (targets,)
-        Regrets, in volts.
+        Target regrets in volts.
 
     Examples
     --------
@@ -48,21 +48,22 @@ def first_hits(best_so_far: ArrayLike, targets: ArrayLike) -> Real:
 
 
 def expected_running_time(hits: ArrayLike, budgets: ArrayLike) -> Real:
-    """Evaluations spent in all runs for every run that met the target; infinite where none did.
+    """Evaluations of all runs together per run that met the target; infinite if none did.
 
     Hansen, Auger, Ros, Mersmann, Tušar & Brockhoff, COCO, Optim. Methods Softw. 36 (2021) 114: the expected time of
-    an optimiser that is begun again until it succeeds.
+    an optimiser that is restarted until it succeeds.
 
     Parameters
     ----------
     hits : array_like, shape (..., runs)
-        From `first_hits`.
+        Evaluations to the target, from `first_hits`.
     budgets : array_like, shape (runs,) or ()
-        Evaluations that each run had.
+        Budget of each run in evaluations.
 
     Returns
     -------
     ndarray, shape (...)
+        Expected running time in evaluations.
 
     Examples
     --------
@@ -77,10 +78,10 @@ def expected_running_time(hits: ArrayLike, budgets: ArrayLike) -> Real:
 
 
 def simulated_restarts(hits: ArrayLike, budgets: ArrayLike, rng: np.random.Generator, draws: int = RESAMPLES) -> Real:
-    """Running times of an optimiser that is begun again until it meets the target, shape (draws,).
+    """Running times in evaluations of an optimiser that is restarted until it meets the target, shape (draws,).
 
-    Runs are drawn with replacement, and what each has spent is added, until one has succeeded (COCO, as above).
-    Infinite where none ever did.
+    Runs are drawn with replacement and their evaluations added until one succeeds (COCO, as above). Infinite if no
+    run ever does.
     """
     found = np.atleast_1d(np.asarray(hits, dtype=np.float64))
     spent = np.minimum(found, budgets)
@@ -96,17 +97,19 @@ def simulated_restarts(hits: ArrayLike, budgets: ArrayLike, rng: np.random.Gener
 
 
 def running_time_distribution(times: ArrayLike, evaluations: ArrayLike) -> Real:
-    """Share of (run, target, instance) triples that are met after each number of evaluations; COCO's ECDF.
+    """Fraction of (run, target, instance) triples met after each number of evaluations; COCO's ECDF.
 
     Parameters
     ----------
     times : array_like
-        Running times, any shape; infinite where a target was never met.
+        Running times in evaluations, any shape; infinite where a target was never met.
     evaluations : array_like, shape (n,)
+        Numbers of evaluations.
 
     Returns
     -------
     ndarray, shape (n,)
+        Fraction of the triples, 0 to 1.
     """
     ordered = np.sort(np.ravel(np.asarray(times, dtype=np.float64)))
     share: Real = np.searchsorted(ordered, np.asarray(evaluations, dtype=np.float64), side="right") / ordered.size
@@ -114,10 +117,10 @@ def running_time_distribution(times: ArrayLike, evaluations: ArrayLike) -> Real:
 
 
 def interquartile_mean(scores: ArrayLike) -> Real:
-    """Mean of the middle half of all runs on all instances, shape (..., runs, instances); the last two are one sample.
+    """Mean of the middle half of all runs on all instances, shape (..., runs, instances), over the last two axes.
 
-    Agarwal, Schwarzer, Castro, Courville & Bellemare, NeurIPS 34 (2021): less moved by single runs than a mean, and
-    tells more than a median. A quarter of the values, rounded down, is cut off at either end, as they do.
+    Agarwal, Schwarzer, Castro, Courville & Bellemare, NeurIPS 34 (2021): less sensitive to single runs than the mean,
+    and more efficient than the median. As there, a quarter of the values, rounded down, is cut off at either end.
 
     Examples
     --------
@@ -132,18 +135,19 @@ def interquartile_mean(scores: ArrayLike) -> Real:
 
 
 def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> Real:
-    """Chance that a run of the first ends lower than one of the second, on an instance drawn at random.
+    """Probability that a run of the first ends lower than one of the second on a random instance.
 
     Ties count half. Agarwal et al., as above: the mean over instances of the Mann–Whitney statistic.
 
     Parameters
     ----------
     first, second : array_like, shape (..., runs, instances)
-        Regrets: less is better. The numbers of runs may differ.
+        Regrets: lower is better. The numbers of runs may differ.
 
     Returns
     -------
     ndarray, shape (...)
+        Probability, 0 to 1.
     """
     a, b = (np.asarray(scores, dtype=np.float64) for scores in (first, second))
     mine, theirs = a[..., :, None, :], b[..., None, :, :]
@@ -153,9 +157,9 @@ def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> Real:
 
 
 def performance_profile(scores: ArrayLike, levels: ArrayLike) -> Real:
-    """Share of runs on all instances that end at or below each level, shape (levels,).
+    """Fraction of runs on all instances that end at or below each level, shape (levels,).
 
-    The distribution of run scores of Agarwal et al., as above, for scores of which less is better.
+    The run-score distribution of Agarwal et al., as above, for scores where lower is better.
     """
     return running_time_distribution(scores, levels)
 
@@ -171,10 +175,13 @@ def stratified_bootstrap(
     Parameters
     ----------
     statistic : callable
-        Of as many arrays (..., runs, instances) as there are samples: an array (...).
+        Maps one array of shape (..., runs, instances) per sample to an array of shape (...).
     samples : sequence of array_like, shape (runs, instances) each
+        Scores of one or more optimisers.
     rng : Generator
+        Draws the runs.
     resamples : int
+        Number of bootstrap resamples.
     """
     arrays = [np.asarray(sample, dtype=np.float64) for sample in samples]
     value = float(statistic(*arrays))
@@ -190,22 +197,25 @@ def stratified_bootstrap(
 def crossed_bootstrap(
     statistic: Callable[..., float], shape: tuple[int, ...], rng: np.random.Generator, resamples: int = RESAMPLES
 ) -> Estimate:
-    """A statistic of a table in which every row met every column, with an interval for other rows and other columns.
+    """A statistic of a fully crossed table, with an interval that generalises to other rows and other columns.
 
-    Rows and columns are drawn with replacement, each by itself (Owen, The pigeonhole bootstrap, Ann. Appl. Stat. 1
-    (2007) 386). Few of them would cover too seldom, so percentiles lie as far out as Student's distribution and the
-    n - 1 of a variance ask for (Hesterberg's expanded percentiles, Am. Stat. 69 (2015) 371), with n the fewest; where
-    the many decide, that is more than 95 %. No interval is wider than what there is: where five rows or fewer decide,
-    it covers too seldom all the same. A single row is given, and the interval is over columns alone.
+    Rows and columns are drawn with replacement, independently (Owen, The pigeonhole bootstrap, Ann. Appl. Stat. 1
+    (2007) 386). With few of them the interval would undercover, so the percentiles are widened according to Student's
+    distribution and the n - 1 of a variance (Hesterberg's expanded percentiles, Am. Stat. 69 (2015) 371), with n the
+    smaller of the two counts; if the larger axis dominates, the coverage exceeds 95 %. No interval is wider than the
+    range of the resamples: if five rows or fewer dominate, it still undercovers. A single row is taken as fixed, and
+    the interval is over columns alone.
 
     Parameters
     ----------
     statistic : callable
-        Of as many int arrays as there are axes: numbers of rows, of columns, each of which may come several times.
+        Maps one int array per axis (indices of rows, of columns, possibly repeated) to a number.
     shape : tuple of int
-        How many of each; of one axis at least 2.
+        Number of rows, columns and so on; at least one of them is 2 or more.
     rng : Generator
+        Draws rows and columns.
     resamples : int
+        Number of bootstrap resamples.
     """
     value = statistic(*(np.arange(count) for count in shape))
     drawn = np.array([statistic(*(rng.integers(0, count, count) for count in shape)) for _ in range(resamples)])
@@ -215,29 +225,29 @@ def crossed_bootstrap(
 
 
 def _expanded_tail(count: int) -> float:
-    """Share of resamples beyond either end of an interval from so many; the normal tail where they are many."""
+    """Fraction of resamples beyond either end of an interval from ``count`` samples; the normal tail for many."""
     from scipy.special import ndtr, stdtrit
 
     return float(ndtr(-math.sqrt(count / (count - 1)) * stdtrit(count - 1, (1 + CONFIDENCE) / 2)))
 
 
 def _parts(resamples: int) -> list[int]:
-    """So many at a time: arrays stay small."""
+    """Sizes of the batches in which the resamples are drawn, so that arrays stay small."""
     return [min(AT_ONCE, resamples - begun) for begun in range(0, resamples, AT_ONCE)]
 
 
 def _resampled(values: Real, rng: np.random.Generator, count: int) -> Real:
-    """Runs drawn with replacement, for each instance by itself, shape (count, runs, instances)."""
+    """Runs drawn with replacement within each instance, shape (count, runs, instances)."""
     drawn: Real = np.take_along_axis(values[None], rng.integers(0, len(values), (count, *values.shape)), axis=1)
     return drawn
 
 
 @dataclass(frozen=True)
 class SignedRank:
-    """Posterior probabilities that the first is better over all such instances, both are alike, the second is better.
+    """Posterior probabilities, over all such instances, that the first is better, both are alike, the second is better.
 
-    Better in the sense of Wilcoxon's test: of the mean of two instances' differences. It is no chance of being better
-    on the next instance.
+    "Better" is meant as in Wilcoxon's test: by the mean of two instances' differences. It is not the probability of
+    being better on the next instance.
     """
 
     first: float
@@ -251,17 +261,19 @@ def bayesian_signed_rank(
     """Bayesian signed-rank test over instances.
 
     Benavoli, Corani, Demšar & Zaffalon, J. Mach. Learn. Res. 18 (2017) 77, section 4.2: a Dirichlet process over the
-    differences, with a pseudo-observation of none; in each draw the largest of three shares of pairs of instances wins
-    (the mean of the two differences is better, within ``alike``, or worse).
+    differences, with a pseudo-observation of zero difference. In each draw the largest of three fractions of pairs of
+    instances wins (the mean of the two differences is better, within ``alike``, or worse).
 
     Parameters
     ----------
     first, second : array_like, shape (instances,)
-        One number an instance, such as the median regret: less is better.
+        One number per instance, such as the median regret: lower is better.
     alike : float
-        Difference that does not matter, at least 0.
+        Difference that is practically irrelevant, at least 0, in the unit of the scores.
     rng : Generator
+        Draws from the posterior.
     draws : int
+        Number of posterior draws.
     """
     difference = np.concatenate([[0.0], np.asarray(second, dtype=np.float64) - np.asarray(first, dtype=np.float64)])
     pairs = difference[:, None] + difference[None, :]

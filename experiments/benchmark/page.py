@@ -1,4 +1,4 @@
-"""The page that a comparison is read from: one file that needs nothing but itself."""
+"""The HTML report of a comparison: one self-contained file."""
 
 from __future__ import annotations
 
@@ -27,15 +27,16 @@ COLOURS = (
 
 
 def page(compared: Comparison, run: RunKey, waveforms: str) -> str:
-    """The page as HTML.
+    """The report as HTML text.
 
     Parameters
     ----------
     compared : Comparison
+        The comparison to report.
     run : RunKey
-        Whose waveforms are shown.
+        The run whose waveforms are shown.
     waveforms : str
-        The picture, as SVG.
+        Figure of its waveforms, as SVG.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from plotly.offline import get_plotlyjs
@@ -56,14 +57,14 @@ def page(compared: Comparison, run: RunKey, waveforms: str) -> str:
 
 
 def _script_text(value: Any) -> str:
-    """JSON that may stand in a script element: no closing tag can be in it."""
+    """JSON that is safe in a script element: it cannot contain a closing tag."""
     import json
 
     return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def page_data(compared: Comparison) -> dict[str, Any]:
-    """Everything the page shows, as plain JSON values."""
+    """All data of the report, as plain JSON values."""
     rng = np.random.default_rng(compared.outcome.settings.seed)
     budget, budget_of = compared.outcome.settings.budget, compared.outcome.settings.budget_of
     spaced = np.round(np.geomspace(1, budget, GRID)).astype(int)
@@ -104,7 +105,7 @@ def _finite(value: float) -> float | None:
 
 
 def standings_json(compared: Comparison, family: str, budget: int) -> dict[str, Any]:
-    """Who is how good on a family after a budget, and what may be concluded, as plain JSON values."""
+    """Standings on a family after a budget and the conclusions from them, as plain JSON values."""
     found = compared.standings(family, budget)
     rows = [
         {
@@ -138,7 +139,7 @@ def _profiles(compared: Comparison, family: str, budget: int) -> dict[str, list[
 
 
 def _curves(compared: Comparison, name: str, evaluations: list[int]) -> dict[str, list[list[float]]]:
-    """Quartiles of the regret in volts, by optimiser, as far as its runs go."""
+    """Quartiles of the regret in volts by optimiser, up to the length of its runs."""
     curves = {}
     for optimizer in compared.optimizers:
         runs = compared.runs.get((optimizer, name))
@@ -151,7 +152,7 @@ def _curves(compared: Comparison, name: str, evaluations: list[int]) -> dict[str
 def _physical(
     compared: Comparison, name: str, order: list[str], rng: np.random.Generator
 ) -> dict[str, list[dict[str, Any]]]:
-    """By budget, of each whose runs are so long: the run of median result, and how soon the problem is solved."""
+    """By budget, for each optimiser with runs of that length: figures of its median run, and its running times."""
     rows: dict[str, list[dict[str, Any]]] = {str(budget): [] for budget in compared.budgets}
     for optimizer in order:
         runs = compared.runs.get((optimizer, name))
@@ -168,7 +169,7 @@ def _physical(
 
 
 def _median_figures(runs: Sequence[RunResult], name: str, budget: int) -> dict[str, Any]:
-    """Cost and figures of the press of the run of median result after a budget, as plain JSON values."""
+    """Cost and jetting figures of the run with the median result after a budget, as plain JSON values."""
     run = sorted(runs, key=lambda one: float(one.kept_V(budget)))[(len(runs) - 1) // 2]
     solved = problem(name)
     figures = jetting(solved.respond(run.best_point(budget)), solved.cost)
@@ -184,7 +185,7 @@ def _median_figures(runs: Sequence[RunResult], name: str, budget: int) -> dict[s
 
 
 def _seconds(compared: Comparison, optimizer: str) -> float | None:
-    """Mean seconds a run, where it is known."""
+    """Mean computing time of a run in seconds; None if it is unknown."""
     found = [
         read_seconds(compared.outcome.folder, run.key).get("total", math.nan)
         for name in compared.problems
@@ -195,7 +196,7 @@ def _seconds(compared: Comparison, optimizer: str) -> float | None:
 
 
 def entrant_json(name: str, budget: int) -> dict[str, Any]:
-    """Who takes part, and how, as plain JSON values."""
+    """An entrant's options, tuning effort, budget and remark, as plain JSON values."""
     who = entrant(name)
     return {
         "name": name,

@@ -1,4 +1,4 @@
-"""What a problem is: a printhead, a cost, a search box, and what an optimiser is told; with the best waveform known."""
+"""A problem: a printhead, a cost, a search box and, optionally, measurement noise; and its best known waveform."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class BestKnown:
     Parameters
     ----------
     cost : float
-        In volts.
+        Its cost in volts.
     waveform : tuple of 7 floats
         ``U1 U2`` in volts, ``t1 … t5`` in seconds.
     found_by : str
-        How the search was made, in words.
+        Method of the search, in words.
     runs, runs_near : int
-        Whole runs of an optimiser that were part of it, and how many of them came near: how certain it is.
+        Number of complete optimiser runs in the search, and of those that ended near this cost: a measure of certainty.
     """
 
     cost: float
@@ -48,16 +48,17 @@ class BestKnown:
 
 @dataclass(frozen=True)
 class Spread:
-    """Heads around a nominal one, as a lot of them comes from the factory; a waveform is judged by all.
+    """Heads around a nominal one, as in a production lot; a waveform is judged on all of them.
 
     Parameters
     ----------
     relative : float
-        Half the width of the range of resonance, damping ratio, gain and hysteresis strength, relative; below 1.
+        Relative half width of the ranges of resonance, damping ratio, gain and hysteresis strength; above 0, below 1.
     heads : int
-        How many: the first points of Sobol's sequence over these ranges, of which the second is the nominal head.
+        Number of heads, at least 2: the first points of a Sobol sequence over these ranges; the second of them is the
+        nominal head.
     judged : {"worst", "mean"}
-        By the worst head, or by the mean over all.
+        Whether the cost is that of the worst head or the mean over all heads.
     """
 
     relative: float = 0.05
@@ -72,11 +73,11 @@ class Spread:
             raise ValueError(f"heads must be at least 2; got {self.heads!r}.")
 
     def around(self, head: Printhead) -> tuple[Printhead, ...]:
-        """The heads."""
+        """The heads around a nominal one."""
         from scipy.stats import qmc
 
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of a number that is no power of 2
+            warnings.simplefilter("ignore", UserWarning)  # about a number that is not a power of 2
             points = qmc.Sobol(4, scramble=False).random(self.heads)
         factors = 1 + self.relative * (2 * points - 1)
         return tuple(
@@ -92,23 +93,25 @@ class Problem:
     Parameters
     ----------
     name : str
-        Its name in tables and on the command line.
+        Name in tables and on the command line.
     printhead : Printhead or AugmentedPrinthead
-        One with effects is simulated on a grid, some hundred times slower, and has no gradients.
+        The head. A head with effects is simulated on a time grid, about a hundred times slower, and has no gradients.
     cost : PeakCost
+        The cost of a response, in volts.
     bounds : Bounds
-        The box in volts and seconds that ``[-1, 1]⁷`` maps to.
+        The box in volts and seconds to which ``[-1, 1]⁷`` is mapped.
     initial_state : {"periodic", "demagnetised"}
+        Initial state of the hysteresis: the waveform has been repeating, or the ceramic is demagnetised.
     window_s : float
-        Peaks count within this time of the waveform's start, in seconds; ``inf`` for the whole tail.
+        Time in seconds after the waveform's start within which peaks count; ``inf`` for the whole tail.
     jetting_Hz : float
-        The waveform is repeated so often a second that it starts in what all before it left ringing; peaks count
+        Repetition rate of the waveform in hertz: it starts in the ringing of all waveforms before it, and peaks count
         within one period. 0: drops are far apart.
     spread : Spread, optional
-        The waveform is judged on many heads about this one.
+        Heads around this one on which the waveform is judged.
     measurement_noise_V : float
-        Standard deviation of the error with which an optimiser is told each peak's height; see `read`. `evaluate` is
-        free of it.
+        Standard deviation in volts of the error of each peak height that an optimiser receives; see `read`. `evaluate`
+        is free of it.
     """
 
     name: str
@@ -126,7 +129,7 @@ class Problem:
             self.jetting_Hz or self.spread or self.measurement_noise_V
         ):
             raise ValueError(
-                "a printhead with effects is offered without jetting_Hz, spread and measurement_noise_V only."
+                "a printhead with effects cannot be combined with jetting_Hz, spread or measurement_noise_V."
             )
         longest_s = sum(self.bounds.upper[2:])
         if longest_s * self.jetting_Hz > 1 + 1e-9:
@@ -135,27 +138,29 @@ class Problem:
                 "Narrow the bounds of the durations."
             )
         if sum(map(bool, (self.jetting_Hz, self.spread, self.measurement_noise_V))) > 1:
-            raise ValueError("jetting_Hz, spread and measurement_noise_V are not offered together; give one of them.")
+            raise ValueError("jetting_Hz, spread and measurement_noise_V cannot be combined; give one of them.")
 
     @property
     def has_gradient(self) -> bool:
-        """Whether an optimiser may have gradients: not of heads with effects, nor of readings."""
+        """Whether gradients are available: not for heads with effects, nor with measurement noise."""
         return not (isinstance(self.printhead, AugmentedPrinthead) or self.measurement_noise_V)
 
     @functools.cached_property
     def _heads(self) -> Real:
-        """What a waveform is tried on, a row a head, for the compiled simulator."""
+        """The heads on which a waveform is tried, one row per head, for the compiled simulator."""
         from inkjet_env.printhead import batch
 
         if isinstance(self.printhead, AugmentedPrinthead):
-            raise ValueError("a printhead with effects has no gradients. Take an optimiser that needs none, as pso.")
+            raise ValueError(
+                "a printhead with effects has no gradients. Use an optimiser that needs none, such as pso."
+            )
         heads = self.spread.around(self.printhead) if self.spread else (self.printhead,)
         return batch.head_table(heads)
 
     def _fired(self, waveforms: Real) -> dict[str, Any]:
-        """Every waveform on every head, head by head, and how they are fired and looked at."""
+        """Keyword arguments of the simulator for every waveform on every head, head by head."""
         count, heads = len(waveforms), self._heads
-        if len(heads) > 1:  # in one call: a search that asks for one waveform at a time waits for calls mostly
+        if len(heads) > 1:  # in one call, whose overhead dominates a search that asks for one waveform at a time
             waveforms, heads = np.tile(waveforms, (len(heads), 1)), np.repeat(heads, count, axis=0)
         period_s = 1 / self.jetting_Hz if self.jetting_Hz else math.inf
         fired = {"initial_state": self.initial_state, "window_s": self.window_s, "period_s": period_s}
@@ -175,12 +180,12 @@ class Problem:
     def evaluate_with_gradient(self, points: ArrayLike) -> tuple[Real, Real]:
         """Costs in volts, shape (n,), and their exact gradients in volts per unit of the box, shape (n, 7).
 
-        Where the worst of several counts, its gradient; where two are equally bad, that of the first.
+        If the worst of several heads counts, the gradient is that head's; if two are equally bad, the first one's.
         """
         from inkjet_env.printhead import batch
 
         if self.measurement_noise_V:
-            raise ValueError("readings of peaks have no gradients. Take an optimiser that needs none, as pso.")
+            raise ValueError("noisy peak readings have no gradients. Use an optimiser that needs none, such as pso.")
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
         costs, gradients = batch.costs_and_gradients(**self._fired(waveforms))
         costs, gradients = costs.reshape(-1, len(waveforms)), gradients.reshape(-1, *waveforms.shape)
@@ -194,14 +199,15 @@ class Problem:
         return self.spread is not None and self.spread.judged == "mean"
 
     def read(self, points: ArrayLike, seed: int, first: int = 0) -> Real:
-        """What a measurement of points (n, 7) tells, in volts, shape (n,): the cost of peaks read with an error.
+        """Measured costs in volts, shape (n,): the cost of peak heights with measurement errors.
 
         Parameters
         ----------
-        points : array_like
-            In ``[-1, 1]``.
+        points : array_like, shape (n, 7)
+            Points in ``[-1, 1]``.
         seed, first : int
-            Of the run, and the number of the first point in it: an evaluation's error hangs on these alone.
+            Seed of the run, and the number of the first point in it, from 0: an evaluation's error depends on these
+            alone.
         """
         from inkjet_env.envs.task import make_task
 
@@ -219,23 +225,23 @@ class Problem:
         return task.measure(waveforms, task.heads([]), [np.random.default_rng([seed, k, 1]) for k in numbers])[0]
 
     def as_measured(self, seed: int, first: int = 0) -> Any:
-        """What an optimiser is given in a run of that seed: this problem, or a rig that reads with errors.
+        """The objective of a run with that seed: this problem, or a rig that measures with errors.
 
-        ``first``: how many evaluations the run has had before.
+        ``first`` is the number of evaluations that the run has already made.
         """
         return _Rig(self, seed, first) if self.measurement_noise_V else self
 
     def respond(self, point: ArrayLike) -> Any:
-        """Response of the nominal printhead, at rest before, to the waveform of one point in ``[-1, 1]``, shape (7,).
+        """Response of the nominal printhead, initially at rest, to the waveform at a point in ``[-1, 1]``, shape (7,).
 
-        A `Response`, or an `AugmentedResponse`, which has what pictures and costs need of one.
+        It is a `Response`, or an `AugmentedResponse`, which has the same interface for figures and costs.
         """
         waveform = Waveform.from_array(self.bounds.from_unit(point))
         return self.printhead.respond(waveform, self.initial_state, self.window_s)
 
     @property
     def best_known(self) -> BestKnown | None:
-        """The best waveform known (see `studies.search_best_known`), or None outside the suite."""
+        """The best known waveform (see `studies.search_best_known`); None outside the suite."""
         entry = _best_known_entries().get(self.name)
         if entry is None or entry["problem"] != self.settings():
             return None
@@ -260,7 +266,7 @@ class Problem:
         )
 
     def settings(self) -> dict[str, Any]:
-        """Everything that decides the numbers, as plain JSON values."""
+        """Everything that determines the numbers, as plain JSON values."""
         head = self.printhead
         augmented = {}
         if isinstance(head, AugmentedPrinthead):
@@ -272,7 +278,7 @@ class Problem:
         if self.jetting_Hz:
             more["jetting_Hz"] = self.jetting_Hz
         if self.measurement_noise_V:
-            more["reading_V"] = self.measurement_noise_V  # the key of files that are kept
+            more["reading_V"] = self.measurement_noise_V  # the key in stored files
         if self.spread:
             more["spread"] = asdict(self.spread)
         settings = {
@@ -293,7 +299,7 @@ class Problem:
 
 @dataclass
 class _Rig:
-    """A problem as a run of one seed is told it: readings, one after another, and no gradients."""
+    """A problem as measured in a run with one seed: consecutive readings with errors, without gradients."""
 
     problem: Problem
     seed: int

@@ -1,4 +1,4 @@
-"""The ranking of a comparison as tables on standard output."""
+"""The ranking of a comparison, printed as tables on standard output."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 from inkjet_env.reporting.tables import print_table
 
 SIDE_BY_SIDE = 6
-"""Problems that a ranking shows in columns of their own; more of them, and it tells of all together."""
+"""Largest number of problems with a column each; a ranking over more problems shows summaries instead."""
 
 
 def print_ranking(ranking: Mapping[str, Any]) -> None:
-    """Print the ranking of a ``ranking/1``, what may be concluded from it, and what was not compared."""
+    """Print the ranking in a ``ranking/1``, the conclusions from it, and the optimisers that were not compared."""
     from inkjet_env.reporting.formatting import volts
 
     names = [problem["name"] for problem in ranking["problems"]]
@@ -30,7 +30,7 @@ def print_ranking(ranking: Mapping[str, Any]) -> None:
         print("Median regret in volts above the best known cost.")
     else:
         print_table(*standings_table(ranking["standings"][str(ranking["settings"]["budget"])]))
-        print(f"Regret in the problems' scales, solved: within a hundredth of it; over all {len(names)} problems.")
+        print(f"Over all {len(names)} problems; regret in the problems' scales, solved: regret of at most 1/100.")
     for sentence in ranking["sentences"]:
         print(f"- {sentence}")
     for name, reason in ranking["unavailable"].items():

@@ -1,4 +1,4 @@
-"""Regret of runs: best cost above the best known one, in volts or in the problem's own scale."""
+"""Regret of runs: best cost minus the best known cost, in volts or in the problem's own scale."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RANDOM_POINTS, RANDOM_DRAWS = 50, 200
 
 
 def best_known_cost(name: str) -> float:
-    """Best known cost of a problem of the suite, in volts; ``ValueError`` where none is on record."""
+    """Best known cost of a problem of the suite, in volts; ``ValueError`` if none is on record."""
     known = problem(name).best_known
     if known is None:
         raise ValueError(
@@ -28,17 +28,19 @@ def best_known_cost(name: str) -> float:
 
 
 def regrets_V(runs: Sequence[RunResult], evaluations: ArrayLike) -> Real:
-    """Cost of what each run keeps after so many ``evaluations``, above the best known one, in volts.
+    """True cost of each run's best waveform after ``evaluations``, minus the best known cost, in volts.
 
     Parameters
     ----------
     runs : sequence of RunResult
+        Runs on problems with a best known cost.
     evaluations : array_like of int, any shape
-        At most a run's budget.
+        Numbers of evaluations, at most a run's budget.
 
     Returns
     -------
     ndarray, shape (runs, *evaluations.shape)
+        Regrets in volts.
     """
     return np.array([run.kept_V(evaluations) - best_known_cost(run.key.problem) for run in runs])
 

@@ -1,7 +1,7 @@
-"""The page and the tables that a finished comparison is read from.
+"""Report and tables of a finished comparison.
 
-`write_report` puts beside the runs ``report.html``, which needs nothing but itself, and ``ranking.csv`` and
-``ranking.json`` for machines. Tables depend on the runs alone: the same runs give the same bytes.
+`write_report` writes into the folder of the runs the self-contained ``report.html``, and ``ranking.csv`` and
+``ranking.json`` for programs. The tables depend on the runs alone: the same runs give the same bytes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from inkjet_env.storage import json_text, write_atomically
 
 RANKING_FORMAT = "ranking/1"
 GENERATION = 40
-"""Evaluations of the paper's first generation."""
+"""Number of evaluations in the first generation of 40 particles."""
 CSV_COLUMNS = (
     *("optimizer", "mean_rank", "mean_rank_low", "mean_rank_high", "problem", "runs"),
     *("median_regret_V", "regret_low_V", "regret_high_V"),
@@ -37,8 +37,9 @@ def write_report(compared: Comparison) -> tuple[Path, dict[str, Any]]:
     Returns
     -------
     page : Path
+        Path of report.html.
     ranking : dict
-        What ranking.json holds; under "sentences", what a reader may conclude.
+        Content of ranking.json; "sentences" holds the conclusions in words.
     """
     folder, problems = compared.outcome.folder, compared.problems
     ranking = ranking_json(compared)
@@ -54,9 +55,9 @@ def write_report(compared: Comparison) -> tuple[Path, dict[str, Any]]:
 
 
 def ranking_json(compared: Comparison) -> dict[str, Any]:
-    """The ranking after the whole budget, and who is how good after each, as plain JSON values.
+    """The ranking after the whole budget and the standings after each budget, as plain JSON values.
 
-    Numbers that do not exist are null.
+    Undefined numbers are null.
     """
     settings, ranking = compared.outcome.settings, compared.ranking
     return {
@@ -78,7 +79,7 @@ def ranking_json(compared: Comparison) -> dict[str, Any]:
 
 
 def _ranked_json(compared: Comparison, optimizer: str) -> dict[str, Any]:
-    """Mean rank of one optimiser, and its median regret on every problem that it can be used on."""
+    """Mean rank of one optimiser, and its median regret on every problem on which it can be used."""
     mean_rank = compared.ranking.mean_ranks[optimizer]
     problems = {}
     for name in compared.problems:
@@ -105,7 +106,7 @@ def _number(value: float) -> float | None:
 
 
 def ranking_csv(compared: Comparison) -> str:
-    """The ranking as CSV, one line for each optimiser and problem, the best optimiser first."""
+    """The ranking as CSV, one line per optimiser and problem, the best optimiser first."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
@@ -119,12 +120,12 @@ def ranking_csv(compared: Comparison) -> str:
 
 
 def median_run(results: Sequence[RunResult]) -> RunResult:
-    """The run whose final cost is the median (the better of the middle two)."""
+    """The run with the median final cost (the better of the middle two)."""
     return sorted(results, key=lambda result: float(result.costs_V[-1]))[(len(results) - 1) // 2]
 
 
 def before_after_figure(run: RunResult) -> Any:
-    """Best waveform of a run's first 40 evaluations beside the best of all."""
+    """Best waveform of a run's first 40 evaluations and the best of all, side by side."""
     solved = problem(run.key.problem)
     first, final = solved.respond(run.best_point(GENERATION)), solved.respond(run.best_point())
     last = run.budget

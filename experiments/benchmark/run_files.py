@@ -1,8 +1,8 @@
-"""One run of the comparison: an optimiser, a problem, a repeat; and the file that keeps it.
+"""One run of the comparison (an optimiser, a problem, a repeat) and the file that stores it.
 
-A run is kept by its improvements: after how many evaluations a better cost was told, of which waveform, and what that
-truly costs. The file is a Parquet table whose label says what it is a run of, on which code; it depends on nothing
-else, so that the same run gives the same bytes on every occasion. How long it took is kept in another file.
+A run is stored by its improvements: the number of evaluations after which a lower cost was reported, the waveform and
+its true cost. The file is a Parquet table whose label identifies the run and its code. It depends on nothing else, so
+the same run always gives the same bytes. The run's computing time is stored in another file.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ LABELLED = (
     *("format", "optimizer", "options", "problem", "problem_sha256"),
     *("repeat", "seed", "budget", "code", "versions"),
 )
-"""What a run's label tells."""
+"""Names of the entries in a run's label."""
 NUMBERS = ("told_V", "cost_V", *PARAMETER_NAMES)
 
 
 class DamagedResultError(ValueError):
-    """A result file that cannot be what the bench wrote."""
+    """A result file is not as the bench wrote it."""
 
 
 @dataclass(frozen=True)
 class RunKey:
-    """Which run: names of optimiser and problem, and the number of the repeat, from 0."""
+    """Identifies a run: the names of optimiser and problem, and the number of the repeat, from 0."""
 
     optimizer: str
     problem: str
     repeat: int
 
     def seed(self, bench_seed: int) -> int:
-        """Seed of this run, 31 bits: a hash of its names, the same whatever else the bench holds."""
+        """Seed of this run, 31 bits: a hash of the key and the bench's seed, independent of the bench's other runs."""
         text = f"{bench_seed}|{self.optimizer}|{self.problem}|{self.repeat}"
         return int.from_bytes(blake2b(text.encode(), digest_size=4).digest(), "big") >> 1
 
     @property
     def file_stem(self) -> str:
-        """Name of its files, without ending."""
+        """Name of the run's files without ending."""
         return f"{self.problem}--{self.optimizer}--{self.repeat:03d}"
 
 
@@ -66,16 +66,17 @@ class RunResult:
     Parameters
     ----------
     key : RunKey
+        Optimiser, problem and repeat.
     budget : int
         Evaluations of the run.
     evaluations : ndarray of int, shape (k,)
-        After which a better cost was told; the first is 1.
+        Numbers of evaluations after which a lower cost was reported; the first is 1.
     told_V : ndarray, shape (k,)
-        That cost, in volts; of readings, with their errors.
+        That cost in volts as the optimiser received it, with measurement errors where the problem has them.
     costs_V : ndarray, shape (k,)
-        What the waveform costs truly.
+        True cost of the waveform in volts.
     points : ndarray, shape (k, 7)
-        In ``[-1, 1]``.
+        The waveform as a point in ``[-1, 1]``.
     """
 
     key: RunKey
@@ -87,7 +88,7 @@ class RunResult:
 
     @classmethod
     def of(cls, key: RunKey, points: Real, told_V: Real) -> RunResult:
-        """The run of these evaluations, in order."""
+        """The run with these evaluations, in order."""
         best = np.minimum.accumulate(told_V)
         better = np.flatnonzero(np.concatenate([[True], told_V[1:] < best[:-1]]))
         kept = points[better]
@@ -96,12 +97,12 @@ class RunResult:
         return cls(key, len(told_V), better + 1, told_V[better].copy(), costs_V, kept)
 
     def kept_V(self, evaluations: ArrayLike) -> Real:
-        """True cost, in volts, of the best waveform told after each number of evaluations, same shape."""
+        """True cost in volts of the best waveform reported up to each number of evaluations, same shape."""
         kept: Real = self.costs_V[np.searchsorted(self.evaluations, np.asarray(evaluations), side="right") - 1]
         return kept
 
     def lowest_told_V(self, evaluations: ArrayLike) -> Real:
-        """What that waveform was told to cost, in volts: with errors where peaks are read with errors, same shape."""
+        """Reported cost of that waveform in volts, with measurement errors where the problem has them, same shape."""
         told: Real = self.told_V[np.searchsorted(self.evaluations, np.asarray(evaluations), side="right") - 1]
         return told
 
@@ -125,13 +126,14 @@ class RunResult:
 
 
 def label_of(key: RunKey, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """What the file of a run says of itself.
+    """The label of a run's file.
 
     Parameters
     ----------
     key : RunKey
+        Optimiser, problem and repeat.
     settings : mapping
-        Of the bench, as it writes them.
+        Settings of the bench, from `BenchSettings.to_json`.
     """
     of = json.dumps(settings["problems"][key.problem], sort_keys=True)
     return {
@@ -149,23 +151,23 @@ def label_of(key: RunKey, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def run_path(folder: Path, key: RunKey) -> Path:
-    """Where a bench's folder keeps a run."""
+    """Path of a run's file in a bench's folder."""
     return folder / "runs" / f"{key.file_stem}.parquet"
 
 
 def timing_path(folder: Path, key: RunKey) -> Path:
-    """Where a bench's folder keeps how long a run took."""
+    """Path of a run's computing times in a bench's folder."""
     return folder / "timings" / f"{key.file_stem}.json"
 
 
 def write_run(folder: Path, result: RunResult, label: Mapping[str, Any], seconds: dict[str, float]) -> None:
-    """Store a run: first its timing, then the result, whose presence means that the run is done."""
+    """Store a run: its timing first, then the result, whose presence means that the run is finished."""
     write_atomically(timing_path(folder, result.key), json_text(seconds))
     write_atomically(run_path(folder, result.key), result.to_bytes(label))
 
 
 def read_seconds(folder: Path, key: RunKey) -> dict[str, float]:
-    """Seconds that a run spent, by what it spent them on; empty where that was lost."""
+    """Seconds that a run took, by activity; empty if the file is missing or unreadable."""
     try:
         return dict(json.loads(timing_path(folder, key).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):
@@ -173,12 +175,12 @@ def read_seconds(folder: Path, key: RunKey) -> dict[str, float]:
 
 
 def read_run(folder: Path, key: RunKey, label: Mapping[str, Any]) -> RunResult:
-    """Read a run and check that it is whole and is the run asked for.
+    """Read a run and check that it is complete and is the run asked for.
 
     Raises
     ------
     DamagedResultError
-        The file is not what the bench writes for this run; the message names it and says what to do.
+        The file is not what the bench writes for this run; the message names the file and the remedy.
     """
     import pyarrow as pa
 
@@ -198,26 +200,26 @@ def read_run(folder: Path, key: RunKey, label: Mapping[str, Any]) -> RunResult:
 
 
 def runs_table(folder: str | os.PathLike[str]) -> Any:
-    """All runs of a bench's folder in one table, for a query or a plot of one's own.
+    """All runs of a bench's folder in one table, for your own queries and plots.
 
     Parameters
     ----------
     folder : str or Path
-        Of results.
+        Folder of a bench's results.
 
     Returns
     -------
     pyarrow.Table
-        A row an improvement: ``optimizer``, ``problem``, ``repeat``, ``seed`` and ``budget`` of its run; after which
-        ``evaluation``, what it was told to cost (``told_V``) and truly costs (``cost_V``), and its waveform, ``U1`` to
-        ``t5`` in [-1, 1] of the problem's bounds. Budgets of two optimisers may differ.
+        One row per improvement: ``optimizer``, ``problem``, ``repeat``, ``seed`` and ``budget`` of its run; the number
+        of the ``evaluation``, the reported cost (``told_V``) and the true cost (``cost_V``) in volts, and the waveform,
+        ``U1`` to ``t5`` in [-1, 1] of the problem's bounds. Two optimisers may have different budgets.
 
     Raises
     ------
     DamagedResultError
         A file cannot be read.
     ValueError
-        There are no runs; or two are of other code, packages, options or problems, so that they must not be merged.
+        There are no runs; or two differ in code, packages, options or problem, so that they must not be merged.
     """
     import pyarrow as pa
 
@@ -245,7 +247,7 @@ def runs_table(folder: str | os.PathLike[str]) -> Any:
 
 
 def _read_file(path: Path) -> tuple[Any, dict[str, Any]]:
-    """Table and label of a run's file, neither of them checked."""
+    """Table and label of a run's file, both unchecked."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -257,14 +259,14 @@ def _read_file(path: Path) -> tuple[Any, dict[str, Any]]:
 
 
 def _what_is_wrong(run: RunResult, seed: int) -> str:
-    """Say what improvements of a run cannot be; empty where they can."""
+    """Why these cannot be the improvements of a run, in words; empty if they can."""
     counts = run.evaluations
     if not (counts.size and counts[0] == 1 and (np.diff(counts) > 0).all() and counts[-1] <= run.budget):
         return f"its evaluations are not improvements of a run of {run.budget}"
     if not (np.isfinite(run.costs_V).all() and (np.abs(run.points) <= 1).all()):
         return "it holds a cost that is not finite or a point outside the box"
     if not (np.isfinite(run.told_V).all() and (np.diff(run.told_V) < 0).all()):
-        return "the costs that were told do not fall"
+        return "the reported costs do not decrease"
     of = problem(run.key.problem)
     again_V = of.evaluate(run.points)
     if difference := _first_other(again_V, run.costs_V, counts):
@@ -276,7 +278,7 @@ def _what_is_wrong(run: RunResult, seed: int) -> str:
 
 
 def first_other_cost(problem: Problem, points: Real, told_V: Real, seed: int) -> str:
-    """Say which recorded cost is not what its point is told to cost in a run of that seed; empty where all are."""
+    """The first recorded cost that a run with that seed would not report for its point, in words; empty if none."""
     return _first_other(problem.read(points, seed), told_V, np.arange(1, len(told_V) + 1))
 
 
@@ -289,4 +291,4 @@ def _first_other(again: Real, costs: Real, evaluations: NDArray[np.int64]) -> st
 
 
 def _damaged(path: Path, reason: str) -> DamagedResultError:
-    return DamagedResultError(f"{path} is damaged: {reason}. Delete that file to have its run done again.")
+    return DamagedResultError(f"{path} is damaged: {reason}. Delete that file to repeat its run.")

@@ -1,4 +1,4 @@
-"""The objective of one run of the comparison, told apart from its optimiser: where it fails, it says so itself."""
+"""The objective of one run of the comparison; its failures are reported separately from its optimiser's."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from inkjet_env.typing import Real
 
 
 class ObjectiveFailedError(RuntimeError):
-    """A problem's objective failed, which is no optimiser's fault; the message names problem, seed and point."""
+    """A problem's objective failed, which is not the optimiser's fault; the message names problem, seed and point."""
 
 
 class RunObjective:
-    """What an optimiser is given in a run; any exception of the objective becomes an `ObjectiveFailedError`.
+    """The objective of a run; any exception it raises becomes an `ObjectiveFailedError`.
 
     Parameters
     ----------
     key : RunKey
-        Of the run: its problem is what is evaluated, the rest is told where that fails.
+        The run: its problem is evaluated; optimiser and repeat are named in error messages.
     seed : int
-        Of the run.
+        Seed of the run.
     """
 
     def __init__(self, key: RunKey, seed: int) -> None:
@@ -35,7 +35,7 @@ class RunObjective:
             self.evaluate_with_gradient = self._watched(told, "evaluate_with_gradient")
 
     def failed(self, how: str) -> ObjectiveFailedError:
-        """The exception that tells how the objective failed in this run."""
+        """The exception that describes how the objective failed in this run."""
         key = self.key
         return ObjectiveFailedError(
             f"the objective of {key.problem} failed, in repeat {key.repeat} of {key.optimizer}, seed {self.seed}: {how}"
@@ -54,7 +54,7 @@ class RunObjective:
         return call
 
     def _first_failure(self, name: str, points: Real) -> str:
-        """The first of these points at which the objective fails alone; all of them where it fails at none alone."""
+        """The first point at which the objective fails on its own; all points if it fails at none of them alone."""
         for k, point in enumerate(points):
             alone = problem(self.key.problem).as_measured(self.seed, self.count + k)
             try:

@@ -1,7 +1,7 @@
-"""The comparison: problems × optimisers × repeats at equal budgets; resumes where it was stopped.
+"""The comparison: problems × optimisers × repeats at equal budgets; it resumes where it was stopped.
 
-A results folder holds ``bench.json`` (the settings), ``runs/`` (one file a finished run), ``timings/`` and, in the
-end, the report. Finished runs are never written again.
+A results folder holds ``bench.json`` (the settings), ``runs/`` (one file per finished run), ``timings/`` and, at the
+end, the report. Finished runs are never overwritten.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ from inkjet_env.progress import shown_progress
 from inkjet_env.storage import json_text, remove_unfinished, write_atomically
 
 REPEATS_A_JOB = 5
-"""Runs that a worker does before it tells of them; a lost worker's are done again."""
+"""Number of runs that a worker does before it returns them; a lost worker's runs are repeated."""
 Ended = tuple[RunKey, RunResult | None, dict[str, float], str]
-"""A run that has ended: its result, or None; seconds by what they were spent on; how it failed, in words."""
+"""A run that has ended: its key; its result, or None; seconds by activity; how it failed, in words."""
 Batch = tuple[list[Ended], Exception | None]
-"""The runs of a job that have ended, in order, and what stopped the others that it was to do."""
+"""The runs of a job that have ended, in order, and the exception that prevented the rest."""
 SLOWEST_FIRST = ("optuna-", "sb3-", "nevergrad-", "cma-es", "lbfgsb", "scipy-dual")
 
 
 def open_folder(folder: Path, settings: BenchSettings) -> None:
-    """Make ``folder`` this bench's own, or check that its runs may be among this bench's.
+    """Create this bench's ``folder``, or check that the runs in it may be used by this bench.
 
-    They may where nothing differs that a run hangs on; other optimisers, other problems and more or fewer repeats may
-    be asked for, and runs that are not asked for stay where they are.
+    They may if nothing differs on which a run depends. Optimisers, problems and the number of repeats may differ; runs
+    that are not asked for remain in the folder.
 
     Raises
     ------
     ValueError
-        It belongs to a bench of other settings, or to something else. Nothing in it is changed.
+        The folder belongs to a bench with other settings or to something else. Nothing in it is changed.
     """
     file = folder / "bench.json"
     asked = settings.to_json()
@@ -57,12 +57,12 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
             difference = first_difference(_decisive(stored, asked), _decisive(asked, stored))
         except (ValueError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(
-                f"{file} is damaged ({error}). Delete the folder {folder} to begin again, or give another folder."
+                f"{file} is damaged ({error}). Delete the folder {folder} to start again, or give another folder."
             ) from None
         if difference:
             raise ValueError(
-                f"{folder} holds a bench of other settings: {difference}. "
-                "Give another folder, or the same settings to go on, or delete that folder."
+                f"{folder} holds a bench with other settings: {difference}. "
+                "Give another folder, or the same settings to resume, or delete that folder."
             )
     elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ValueError(f"{folder} is neither empty nor a bench's results folder. Give another folder.")
@@ -74,7 +74,7 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
 
 
 def _decisive(settings: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
-    """What must be the same in two benches for their runs to be of one: all that a run of both is labelled with."""
+    """The settings that must agree for two benches to share runs: everything in the label of a common run."""
     common = {
         part: [name for name in settings.get(part, ()) if name in others.get(part, ())]
         for part in ("optimizers", "problems")
@@ -93,26 +93,27 @@ def run_bench(
 ) -> BenchOutcome:
     """Do every run of the bench that ``folder`` does not hold yet, and return all results.
 
-    In a script of your own, call it under ``if __name__ == "__main__":``, for it starts processes.
+    In your own script, call it under ``if __name__ == "__main__":``, because it starts processes.
 
     Parameters
     ----------
     settings : BenchSettings
+        Problems, optimisers, repeats, budget and seed.
     folder : Path
-        Made if missing.
+        Folder of the results; created if missing.
     workers : int, optional
-        Processes on this machine; as many as there are cores unless given.
+        Number of processes on this machine; the number of cores unless given.
     scheduler : str, optional
-        Of a Dask cluster, as ``tcp://host:8786``, which does the runs in place of processes here.
+        Address of a Dask cluster, such as ``tcp://host:8786``, which does the runs instead of local processes.
 
     Raises
     ------
     ValueError
-        The folder is another bench's, or holds a damaged file; or the cluster cannot do the work.
+        The folder belongs to another bench or holds a damaged file, or the cluster cannot do the work.
     ObjectiveFailedError
-        The objective of a problem fails at a point; runs that were finished are kept.
+        The objective of a problem fails at a point; finished runs are kept.
     KeyboardInterrupt
-        On Ctrl-C; runs that were finished are kept.
+        On Ctrl-C; finished runs are kept.
     """
     import optimizers
 
@@ -132,10 +133,10 @@ def run_bench(
     results = {key: read_run(folder, key, label_of(key, told)) for key in keys if run_path(folder, key).exists()}
     missing = [key for key in keys if key not in results]
     if results and missing:
-        print(f"{len(results)} of {len(keys)} runs are there already; going on.", file=sys.stderr, flush=True)
+        print(f"{len(results)} of {len(keys)} runs are finished already; resuming.", file=sys.stderr, flush=True)
     asked = {key.file_stem for key in keys}
     if others := sum(file.stem not in asked for file in (folder / "runs").glob("*.parquet")):
-        print(f"{others} runs in {folder} are not asked for, and on no page unless they are.", file=sys.stderr)
+        print(f"{others} runs in {folder} were not asked for and are not in the report.", file=sys.stderr)
     if missing:
         failures = _perform_all(missing, settings, folder, results, len(keys), workers, scheduler)
         unavailable |= failures
@@ -146,7 +147,7 @@ def run_bench(
 
 
 def applies(optimizer: str, name: str) -> bool:
-    """Whether a problem has what an optimiser needs: gradients, where it uses them."""
+    """Whether an optimiser can be used on a problem: the problem has gradients if the optimiser needs them."""
     import optimizers
 
     return problem(name).has_gradient or not optimizers.uses_gradient(entrant(optimizer).optimizer)
@@ -161,9 +162,9 @@ def _perform_all(
     workers: int | None,
     scheduler: str | None,
 ) -> dict[str, str]:
-    """Do the missing runs side by side, storing each as it ends; return the optimisers that broke down."""
+    """Do the missing runs in parallel and store each as it ends; return the optimisers that failed, with the reason."""
     told = settings.to_json()
-    # Compile once, here: the workers find the compiled code on disk.
+    # Compile once in this process: the workers find the compiled code on disk.
     problem("nominal").evaluate_with_gradient([[0.0] * 7])
     failures: dict[str, str] = {}
     done = len(results)
@@ -197,7 +198,7 @@ def _perform_all(
         elsewhere = 100 * (1 - useful_s / at_work_s)
         print(
             f"Optimisers and objective took {100 - elsewhere:.0f} % of the workers' time; the other {elsewhere:.0f} % "
-            "went into starting, storing and waiting for the last runs.",
+            "was spent on starting, storing and waiting for the last runs.",
             file=sys.stderr,
         )
     return failures
@@ -208,36 +209,36 @@ def _job(keys: Sequence[RunKey], settings: BenchSettings, told: Mapping[str, Any
 
 
 def perform_some(keys: Sequence[RunKey], settings: BenchSettings, code: str, packages: Mapping[str, str]) -> Batch:
-    """What `perform` makes of these runs, at a worker; those before one that it raises an exception of are not lost.
+    """Do these runs at a worker with `perform`; if one raises an exception, the runs before it are still returned.
 
     Raises
     ------
     ValueError
-        The worker's code, or one of its packages, is another.
+        The worker has other code, or another version of a package.
     """
     if _own_code() != code:
         raise ValueError(
-            "the code is not the one that this bench was begun with, here or at a worker. Put that code back on all "
-            "machines, start the workers again, and give the same command; or give another folder."
+            "the code differs, here or at a worker, from the code with which this bench was started. Restore that code "
+            "on all machines, restart the workers and repeat the command, or give another folder."
         )
     if difference := first_difference(dict(packages), _own_versions()):
         raise ValueError(
-            f"a worker has another package than this bench was begun with: {difference}. Install the same on all "
-            "machines, start the workers again, and give the same command."
+            f"a worker's packages differ from those with which this bench was started: {difference}. Install the same "
+            "on all machines, restart the workers and repeat the command."
         )
     ended: list[Ended] = []
     for key in keys:
         try:
             ended.append(perform(key, settings))
         except Exception as error:
-            error.add_note(f"At the worker:\n{traceback.format_exc()}")  # its traceback stays there
+            error.add_note(f"At the worker:\n{traceback.format_exc()}")  # the traceback itself is not sent back
             return ended, error
     return ended, None
 
 
 @functools.cache
 def _own_code() -> str:
-    """Of the code that this process has loaded: it is read once."""
+    """Digest of the code that this process has loaded; computed once."""
     return code_digest(SOURCES)
 
 
@@ -254,7 +255,7 @@ def _slowness(key: RunKey) -> int:
 
 
 def perform(key: RunKey, settings: BenchSettings) -> Ended:
-    """Do one run: its result and seconds, or else how its optimiser failed, in words.
+    """Do one run; return its result and seconds, or how its optimiser failed, in words.
 
     Raises
     ------
@@ -264,7 +265,7 @@ def perform(key: RunKey, settings: BenchSettings) -> Ended:
     from optimizers.loop import ObjectiveError, minimise
 
     seed = key.seed(settings.seed)
-    first = RunObjective(key, seed)  # nobody's run is charged with loading the compiled code
+    first = RunObjective(key, seed)  # so that no run's time includes loading the compiled code
     first.evaluate(np.zeros((1, 7)))
     if problem(key.problem).has_gradient:
         first.evaluate_with_gradient(np.zeros((1, 7)))
@@ -280,7 +281,7 @@ def perform(key: RunKey, settings: BenchSettings) -> Ended:
         raise
     except ObjectiveError as error:
         raise objective.failed(str(error)) from error
-    except Exception as error:  # whatever a third party's optimiser throws is reported, not scored
+    except Exception as error:  # any exception of a third-party optimiser is reported, not scored
         return key, None, {}, f"{type(error).__name__}: {error}"
     seconds = {
         "optimizer": run.optimizer_seconds,

@@ -1,4 +1,4 @@
-"""What a comparison compares, and what its numbers depend on."""
+"""Settings of a comparison, and everything that its numbers depend on."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ SOURCES = (
     *("experiments/benchmark/problem.py", "experiments/benchmark/suite.py", "experiments/benchmark/entrants.py"),
     *("experiments/benchmark/data/augmented_heads.json", "experiments/benchmark/data/tuned.json"),
 )
-"""What decides a run's numbers; identification and diagnosis do not."""
+"""Files that determine a run's numbers; identification and diagnosis are not among them."""
 LEFT_OUT = dict.fromkeys(
     ("nevergrad-NGOpt", "optuna-gp"),
     "Left out unless asked for (--optimizers all): it takes as long as all others together, or longer.",
 )
 LONGEST = {"optuna-gp": 150, "nevergrad-NGOpt": 2000, "sb3-ppo-tuned": 2000, "sb3-sac-tuned": 2000}
-"""Evaluations after which the runs of some end, whatever the budget: beyond them a bench would take days."""
+"""Largest number of evaluations of a run of some optimisers, for any budget: longer runs would take days."""
 
 
 @dataclass(frozen=True)
 class BenchSettings:
-    """What a bench compares.
+    """Settings of a bench.
 
     Parameters
     ----------
     problems, optimizers : tuple of str
-        Names.
+        Names of problems of the suite and of entrants, without duplicates.
     repeats, budget : int
-        Runs of each pair, and evaluations of each run.
+        Runs of each pair, and evaluations of each run; at least 1.
     seed : int
-        All other seeds derive from it.
+        Seed from which all other seeds are derived.
     """
 
     problems: tuple[str, ...]
@@ -59,7 +59,7 @@ class BenchSettings:
             if not names:
                 raise ValueError(f"{label} must name at least one; got none.")
             if len(set(names)) < len(names):
-                raise ValueError(f"{label} must not name one twice; got {', '.join(names)}.")
+                raise ValueError(f"{label} must not contain duplicates; got {', '.join(names)}.")
         for label, count in (("repeats", self.repeats), ("budget", self.budget)):
             if count < 1:
                 raise ValueError(f"{label} must be at least 1; got {count}.")
@@ -73,18 +73,18 @@ class BenchSettings:
 
     @classmethod
     def default(cls, **changes: Any) -> BenchSettings:
-        """The usual problems, all optimisers but those `LEFT_OUT`; ``changes`` by name."""
+        """The default problems and all optimisers except `LEFT_OUT`; ``changes`` replace fields by name."""
         import optimizers
 
         compared = tuple(name for name in optimizers.names() if name not in LEFT_OUT)
         return cls(**{"problems": BENCHED, "optimizers": compared, **changes})
 
     def budget_of(self, optimizer: str) -> int:
-        """Evaluations of a run of that optimiser."""
+        """Number of evaluations of a run of that optimiser."""
         return min(self.budget, LONGEST.get(optimizer, self.budget))
 
     def to_json(self) -> dict[str, Any]:
-        """Everything that decides the results, as plain JSON values."""
+        """Everything that determines the results, as plain JSON values."""
         return {
             "format": BENCH_FORMAT,
             "budget": self.budget,
@@ -106,11 +106,13 @@ class BenchOutcome:
     Parameters
     ----------
     settings : BenchSettings
+        Settings of the bench.
     folder : Path
+        Folder of its results.
     results : list of RunResult
-        In the order of problems, optimisers and repeats.
+        Finished runs, in the order of problems, optimisers and repeats.
     unavailable : dict of str to str
-        Optimisers that were left out, could not be run or broke down, and why; none of their runs is scored.
+        Optimisers that were left out, could not be run or failed, with the reason; none of their runs is scored.
     """
 
     settings: BenchSettings

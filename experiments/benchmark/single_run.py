@@ -1,4 +1,4 @@
-"""One optimiser on one problem, with a record of its evaluations from which an interrupted run goes on exactly."""
+"""One optimiser on one problem, with a record of its evaluations from which an interrupted run resumes exactly."""
 
 from __future__ import annotations
 
@@ -27,17 +27,20 @@ OPTIMUM_FORMAT = "optimum/1"
 
 @dataclass(frozen=True)
 class Optimisation:
-    """What is run: an optimiser by name with its options, a problem, a budget, a seed.
+    """Settings of one optimisation run.
 
     Parameters
     ----------
     problem : Problem
+        The problem to minimise.
     optimizer : str
+        Name of the optimiser in the registry.
     budget : int
-        Evaluations.
+        Number of evaluations.
     seed : int
+        Seed of the optimiser and of any measurement noise.
     options : dict
-        Keywords of the optimiser.
+        Keyword arguments of the optimiser.
     """
 
     problem: Problem
@@ -47,7 +50,7 @@ class Optimisation:
     options: dict[str, Any] = field(default_factory=dict)
 
     def label(self) -> dict[str, Any]:
-        """Everything that decides the run, as plain JSON values."""
+        """Everything that determines the run, as plain JSON values."""
         return {
             "format": RECORD_FORMAT,
             "problem": self.problem.name,
@@ -59,12 +62,12 @@ class Optimisation:
         }
 
     def carry_out(self, recorded: Run | tuple | None = None) -> Run:
-        """Run it, or what is left of it after ``recorded``; Ctrl-C gives the run so far, with ``complete`` False.
+        """Run it, resuming after ``recorded``; Ctrl-C returns the run so far, with ``complete`` False.
 
         Raises
         ------
         ValueError
-            Unknown or unavailable optimiser, unknown option, or a record that does not fit.
+            The optimiser is unknown or unavailable, an option is unknown, or the record does not fit.
         """
         import optimizers
         from optimizers.loop import Interrupted, minimise
@@ -84,9 +87,9 @@ class Optimisation:
             return interruption.run
 
     def optimum_json(self, run: Run) -> dict[str, Any]:
-        """The JSON that `inkjet optimize` promises; `ValueError` for a run without any evaluation."""
+        """The JSON output of `inkjet optimize`; a `ValueError` for a run without evaluations."""
         if run.best_point is None:
-            raise ValueError("a run without any evaluation has no best waveform.")
+            raise ValueError("a run without evaluations has no best waveform.")
         return {
             "format": OPTIMUM_FORMAT,
             "waveform": [float(v) for v in self.problem.bounds.from_unit(run.best_point)],
@@ -101,7 +104,7 @@ class Optimisation:
 
 
 def write_record(path: Path, optimisation: Optimisation, run: Run) -> None:
-    """Store all evaluations of a run and what it was a run of."""
+    """Store all evaluations of a run, labelled with its settings."""
     arrays = {"label": np.array(json.dumps(optimisation.label())), "points": run.points, "costs": run.costs}
     if run.gradients is not None:
         arrays["gradients"] = run.gradients
@@ -109,7 +112,7 @@ def write_record(path: Path, optimisation: Optimisation, run: Run) -> None:
 
 
 def read_record(path: Path) -> tuple[Optimisation, tuple]:
-    """What was run, and its evaluations as `optimizers.loop.minimise` takes them.
+    """The optimisation in a record, and its evaluations in the form that `optimizers.loop.minimise` takes.
 
     Raises
     ------
@@ -118,7 +121,7 @@ def read_record(path: Path) -> tuple[Optimisation, tuple]:
     """
     try:
         if path.is_file() and not zipfile.is_zipfile(path):
-            raise ValueError("it is no .npz archive")
+            raise ValueError("it is not an .npz archive")
         with np.load(path, allow_pickle=False) as archive:
             label = json.loads(str(archive["label"]))
             recorded = tuple(archive[name] for name in ("points", "costs", "gradients") if name in archive)
@@ -133,20 +136,20 @@ def read_record(path: Path) -> tuple[Optimisation, tuple]:
     except UnregisteredEffectError as error:
         raise ValueError(f"{path}: {error}") from None
     except FileNotFoundError:
-        raise ValueError(f"{path}: there is no such file. Give the .npz that the interrupted run left.") from None
+        raise ValueError(f"{path}: there is no such file. Give the .npz file that the interrupted run wrote.") from None
     except (
         ValueError, KeyError, TypeError, EOFError, OSError, RecursionError, zipfile.BadZipFile, NotImplementedError
     ) as error:  # fmt: skip
         reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
         raise ValueError(
-            f"{path}: is not a whole record of an optimisation ({str(reason).rstrip('.') or type(error).__name__}). "
-            "Give the .npz that the interrupted run left, or begin again without it."
+            f"{path}: is not a complete record of an optimisation ({str(reason).rstrip('.') or type(error).__name__}). "
+            "Give the .npz file that the interrupted run wrote, or start again without it."
         ) from None
     return optimisation, recorded
 
 
 def _check_evaluations(optimisation: Optimisation, points: Real, costs: Real, *gradients: Real) -> None:
-    """Raise ``ValueError`` unless these are evaluations that `carry_out` may be told again."""
+    """Raise ``ValueError`` unless `carry_out` can resume after these evaluations."""
     for name, array, shape in (
         ("points", points, (len(costs), 7)),
         ("costs", costs, (len(costs),)),

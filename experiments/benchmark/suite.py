@@ -1,4 +1,4 @@
-"""The problems that optimisers are compared on: named instances in families, versioned."""
+"""The problems on which optimisers are compared: named instances in families, versioned."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from experiments.benchmark.problem import Problem, Spread
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, check_name
 
 VERSION = 2
-"""Raised whenever an instance changes or goes; that one comes does not change what was found on the others."""
+"""Version of the suite, raised when an instance changes or is removed; a new instance leaves other results valid."""
 BENCHED = ("nominal", "literal-5-1", "literal-10-5", "stiff-head", "soft-head")
-"""The instances of a comparison that is not told which."""
+"""Names of the instances that a comparison uses by default."""
 
 
 def _durations(longest_s: float) -> Bounds:
@@ -24,20 +24,21 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
     """The instances by family.
 
     ``cost``
-        The default problem, and the cost as the paper prints it ("first" peak) with weights at which doing nothing is
-        not the answer.
+        The default problem, and the cost as printed in the paper ("first" peak) with weights at which a zero waveform
+        is not the optimum.
     ``head``, ``hysteresis``, ``damping``
-        The published head with another resonance, damping, gain and hysteresis; one property alone in the last two.
+        The published head with another resonance, damping, gain and hysteresis; a single property in the last two.
     ``durations``
-        Edges and dwells of at most 10 or 40 µs in place of 20.
+        Edges and dwells of at most 10 or 40 µs instead of 20 µs.
     ``reading``
-        Peaks are read with an error of that standard deviation.
+        Peak heights are measured with an error of the named standard deviation.
     ``drop``
-        The effective peak must reach that height, and higher is no better: a volt less costs more than all ringing.
+        The effective peak must reach the named height, and more is no better: one volt less costs more than all
+        ringing.
     ``lot``
         Sixteen heads within 5 % of the published one, judged by the worst or by the mean.
     ``train``
-        Drops at a jetting frequency, in the steady state: each meets what those before it left ringing.
+        Drops at a jetting frequency, in the steady state: each waveform starts in the ringing of those before it.
     ``augmented``
         Heads with an effect, as a diagnosis found them; see `experiments.benchmark.augmented_heads`.
     """
@@ -79,7 +80,7 @@ def suite() -> dict[str, Problem]:
 
 
 def problem(name: str) -> Problem:
-    """The instance of that name; an unknown name is a ``ValueError`` that suggests the nearest."""
+    """The instance of that name; an unknown name raises a ``ValueError`` that suggests the nearest."""
     check_name("problem", name, suite())
     return suite()[name]
 

@@ -15,25 +15,28 @@ from inkjet_env.progress import announce_compiling
 
 
 def bench(
-    results: Annotated[Path, typer.Option(help="results folder; runs found there are not done again")] = Path(
+    results: Annotated[Path, typer.Option(help="results folder; runs found there are not repeated")] = Path(
         "results/bench"
     ),
     problems: Annotated[
-        str | None, typer.Option(help='names, with commas between, or "all"; the usual five unless given')
+        str | None, typer.Option(help='names separated by commas, or "all"; the five default problems unless given')
     ] = None,
     optimizers: Annotated[
-        str | None, typer.Option(help='names, with commas between, or "all"; all but the slowest unless given')
+        str | None, typer.Option(help='names separated by commas, or "all"; all but the slowest unless given')
     ] = None,
-    repeats: Annotated[int, typer.Option(help="runs of each optimiser on each problem")] = 15,
-    budget: Annotated[int, typer.Option(help="evaluations of each run")] = 2000,
-    seed: Annotated[int, typer.Option(help="all other seeds derive from it")] = 0,
-    workers: Annotated[int | None, typer.Option(help="processes on this machine; one a core unless given")] = None,
+    repeats: Annotated[int, typer.Option(help="number of runs of each optimiser on each problem")] = 15,
+    budget: Annotated[int, typer.Option(help="number of evaluations in each run")] = 2000,
+    seed: Annotated[int, typer.Option(help="seed from which all other seeds are derived")] = 0,
+    workers: Annotated[
+        int | None, typer.Option(help="number of processes on this machine; one per core unless given")
+    ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="of a Dask cluster, as tcp://host:8786; processes of this machine unless given")
+        str | None,
+        typer.Option(help="address of a Dask cluster, such as tcp://host:8786; local processes unless given"),
     ] = None,
     json: JsonFile = None,
 ) -> None:
-    """Compare the optimisers on the problem suite; resumes where it was stopped.
+    """Compare the optimisers on the problem suite; the same command resumes where it was stopped.
 
     inkjet bench --optimizers pso,pso-printed,cma-es --problems nominal --repeats 5 --results results/quick
     """
@@ -45,7 +48,7 @@ def bench(
         raise ValueError(f"--workers must be at least 1; got {workers}.")
     if scheduler is not None and workers is not None:
         raise ValueError(
-            "--workers belongs to this machine; a cluster given by --scheduler has its own. Leave one out."
+            "--workers sets local processes, but the cluster of --scheduler has its own workers. Leave one out."
         )
     chosen = {
         label: tuple(name.strip() for name in names.split(",") if name.strip())
@@ -65,7 +68,7 @@ def bench(
     try:
         outcome = run_bench(settings, results, workers, scheduler)
     except KeyboardInterrupt:
-        print(f"Interrupted; finished runs are kept in {results}. The same command goes on.", file=sys.stderr)
+        print(f"Interrupted; finished runs are kept in {results}. Run the same command to resume.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     from experiments.benchmark.analysis import Comparison
     from experiments.benchmark.report import write_report

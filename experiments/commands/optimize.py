@@ -1,4 +1,4 @@
-"""``inkjet optimize``: one optimiser on one problem, the best waveform as CSV, what was interrupted gone on with."""
+"""``inkjet optimize``: run one optimiser on one problem, write the best waveform as CSV, resume interrupted runs."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ OPTIMIZERS_TOLD = "pso, pso-printed, cma-es, lbfgsb-multistart, random …; a wr
 
 def optimize(
     optimizer: Annotated[str | None, typer.Option(help=f"{OPTIMIZERS_TOLD} (pso)")] = None,
-    problem: Annotated[str | None, typer.Option(help="a problem of the comparison's suite (nominal)")] = None,
-    particles: Annotated[int | None, typer.Option(help="of pso and pso-printed (40)")] = None,
-    generations: Annotated[int | None, typer.Option(help="of pso and pso-printed (50)")] = None,
-    budget: Annotated[int | None, typer.Option(help="evaluations of any optimiser (2000)")] = None,
-    seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,
+    problem: Annotated[str | None, typer.Option(help="name of a problem of the suite (nominal)")] = None,
+    particles: Annotated[int | None, typer.Option(help="number of particles of pso and pso-printed (40)")] = None,
+    generations: Annotated[int | None, typer.Option(help="number of generations of pso and pso-printed (50)")] = None,
+    budget: Annotated[int | None, typer.Option(help="number of evaluations, for any optimiser (2000)")] = None,
+    seed: Annotated[int | None, typer.Option(help="seed of all random numbers (0)")] = None,
     printhead: PrintheadFile = None,
     effect: OwnEffects = None,
     cost_a: CostA = None,
@@ -50,22 +50,23 @@ def optimize(
     window: Window = None,
     initial_state: InitialState = None,
     out: Annotated[
-        Path, typer.Option(help="best waveform as CSV: time_s, drive_V, uniformly sampled, first and last 0 V")
+        Path,
+        typer.Option(help="CSV file for the best waveform: time_s and drive_V, uniformly sampled, 0 V at both ends"),
     ] = Path("optimum.csv"),
-    sample_rate: Annotated[float, typer.Option(help="of that CSV, in Hz")] = SAMPLE_RATE_HZ,
+    sample_rate: Annotated[float, typer.Option(help="sample rate of that CSV file, in Hz")] = SAMPLE_RATE_HZ,
     plot: PlotFile = None,
     json: JsonFile = None,
     resume: Annotated[
-        Path | None, typer.Option(help="go on exactly from the .npz that an interrupted run left beside its CSV")
+        Path | None, typer.Option(help="resume exactly from the .npz file that an interrupted run wrote beside its CSV")
     ] = None,
 ) -> None:
-    """Search for the waveform of the least cost with one optimiser.
+    """Search with one optimiser for the waveform with the lowest cost.
 
     inkjet optimize --optimizer pso --particles 40 --generations 50 --seed 1 --out waveform.csv
 
     inkjet optimize --printhead augmented.json --effect my_effects:QuadraticStiffness
 
-    Ctrl-C keeps the best so far and the record to --resume from.
+    Ctrl-C keeps the best waveform so far and a record from which --resume continues.
     """
     from dataclasses import replace
 
@@ -109,14 +110,14 @@ def optimize(
 def _finish_optimize(
     plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None, own: list[str] | None
 ) -> None:
-    """Write what an optimisation found, whole or stopped, and say it."""
+    """Write and print the result of an optimisation, complete or interrupted."""
     from experiments.benchmark.single_run import write_record
     from inkjet_env.cli.drive_csv import sampled_waveform, write_columns
     from inkjet_env.printhead import Waveform
     from inkjet_env.storage import write_json
 
     if run.best_point is None:
-        print("Interrupted before the first evaluation; nothing is written.", file=sys.stderr)
+        print("Interrupted before the first evaluation; nothing was written.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED)
     found = plan.optimum_json(run)
     time_s, drive_V = sampled_waveform(Waveform.from_array(found["waveform"]), sample_rate)
@@ -144,21 +145,21 @@ def _finish_optimize(
                 again += [option, value]
         print(
             f"Interrupted after {run.evaluations} of {plan.budget} evaluations; the best so far is kept. "
-            f"To go on: {shlex.join(map(str, again))}",
+            f"To resume: {shlex.join(map(str, again))}",
             file=sys.stderr,
         )
         raise typer.Exit(INTERRUPTED)
 
 
 def _record_file(out: Path) -> Path:
-    """Where an interrupted run leaves its evaluations."""
+    """The file in which an interrupted run keeps its evaluations."""
     return out.with_name(f"{out.name}.evaluations.npz")
 
 
 def chosen_problem(
     name: str | None, head_file: Path | None, cost: CostGiven, window_s: float | None, initial_state: str | None
 ) -> Problem:
-    """The problem of that name with what was asked to be otherwise; then it is called "custom"."""
+    """The problem of that name with the requested changes; if there are any, it is called "custom"."""
     from dataclasses import replace
 
     from experiments.benchmark.suite import problem
@@ -174,7 +175,7 @@ def chosen_problem(
     if window_s is not None:
         changes["window_s"] = check_window(window_s)
     if initial_state is not None:
-        periods_before_recording(initial_state)  # raises where the name is unknown
+        periods_before_recording(initial_state)  # raises if the name is unknown
         changes["initial_state"] = initial_state
     return replace(base, name="custom", **changes) if changes else base
 
@@ -182,7 +183,7 @@ def chosen_problem(
 def swarm_options(
     name: str, particles: int | None, generations: int | None, budget: int | None
 ) -> tuple[dict[str, Any], int]:
-    """Options of the optimiser, and its budget, from what was given."""
+    """Options of the optimiser and its budget, from the command-line options."""
     from experiments.benchmark.problem import MAX_BUDGET
 
     for label, value in (("--particles", particles), ("--generations", generations), ("--budget", budget)):
@@ -194,7 +195,9 @@ def swarm_options(
         raise ValueError(f"--particles × --generations must be at most {MAX_BUDGET:,}.")
     if not name.startswith("pso"):
         if particles is not None or generations is not None:
-            raise ValueError(f"--particles and --generations belong to pso and pso-printed; give {name} a --budget.")
+            raise ValueError(
+                f"--particles and --generations apply to pso and pso-printed only; give {name} a --budget."
+            )
         return {}, budget or 2000
     if generations is not None and budget is not None:
         raise ValueError("give --generations or --budget, not both: the budget is particles × generations.")

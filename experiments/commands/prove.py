@@ -1,4 +1,4 @@
-"""The command that proves: `inkjet prove`."""
+"""``inkjet prove``: the blind proof of the diagnosis."""
 
 from __future__ import annotations
 
@@ -17,36 +17,46 @@ REPORT = "report.html"
 
 
 def prove(
-    out: Annotated[Path, typer.Option(help="results folder; what is found there is not done again")] = Path(
+    out: Annotated[Path, typer.Option(help="results folder; finished cases found there are not repeated")] = Path(
         "results/proof"
     ),
-    seed: Annotated[int | None, typer.Option(help="of the corpus, for development (1)")] = None,
+    seed: Annotated[int | None, typer.Option(help="seed of the corpus, for development (1)")] = None,
     published: Annotated[
         bool,
-        typer.Option("--published", help="the corpus of the published seed: once a version, when the code is done"),
+        typer.Option(
+            "--published", help="use the corpus of the published seed: once per version, when the code is final"
+        ),
     ] = False,
-    quick: Annotated[bool, typer.Option("--quick", help="60 cases of every kind in place of 1,200")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="60 cases of all kinds instead of 1,200")] = False,
     scheduler: Annotated[
-        str | None, typer.Option(help="of a Dask cluster, as tcp://host:8786; processes of this machine unless given")
+        str | None,
+        typer.Option(help="address of a Dask cluster, such as tcp://host:8786; local processes unless given"),
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="processes on this machine; one a core unless given")] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="number of processes on this machine; one per core unless given")
+    ] = None,
     reoptimise: Annotated[
-        int | None, typer.Option(help="heads whose waveform is optimised anew (100; with --quick 1)")
+        int | None, typer.Option(help="number of heads whose waveform is re-optimised (100; with --quick 1)")
     ] = None,
     baselines: Annotated[
-        int | None, typer.Option(help="cases that refit, SINDy and network are tried on too (60; with --quick 0)")
+        int | None,
+        typer.Option(
+            help="number of cases on which the baselines refit, SINDy and NARX are tried too (60; with --quick 0)"
+        ),
     ] = None,
     json: JsonFile = None,
-    report: Annotated[Path | None, typer.Option(help="the page: .html; report.html in the folder unless given")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="file for the report: .html; report.html in the folder unless given")
+    ] = None,
 ) -> None:
-    """Conceal effects in heads of another make, diagnose them blind, and score what was said.
+    """Conceal effects in heads of an independent plant, diagnose them blind, and score the diagnoses.
 
     inkjet prove --quick --out results/quick-proof
 
     A plant that shares no code with the diagnosis draws heads, conceals effects in them and records campaigns under
-    opaque names. The truth is sealed and its SHA-256 printed; then a process that has nothing but one campaign at a
-    time runs "inkjet diagnose"; the answers are hashed, the truth is unsealed, and everything is scored. Stopped, the
-    same command goes on. Exit status 1 where a figure falls short of what is asked of a first-rate diagnosis.
+    opaque names. The truth is sealed and its SHA-256 printed. Then a process that has access to only one campaign at a
+    time runs "inkjet diagnose". The answers are hashed, the truth is unsealed, and everything is scored. The same
+    command resumes a stopped proof. The exit status is 1 if a criterion of a first-rate diagnosis is not met.
     """
     from experiments.proof.corpus import DEVELOPMENT_SEED, PUBLISHED_SEED
     from experiments.proof.sealing import Settings
@@ -59,16 +69,16 @@ def prove(
         raise ValueError(f"--report must end in .html; got {report}.")
     if scheduler is not None and workers is not None:
         raise ValueError(
-            "--workers belongs to this machine; a cluster given by --scheduler has its own. Leave one out."
+            "--workers sets local processes, but the cluster of --scheduler has its own workers. Leave one out."
         )
     if published and seed is not None:
-        raise ValueError("--published has a seed of its own; leave out --seed.")
+        raise ValueError("--published sets its own seed; leave out --seed.")
     if published and quick:
-        raise ValueError("--published is run whole, and once a version; leave out --quick.")
+        raise ValueError("--published needs the full corpus, once per version; leave out --quick.")
     if seed is not None and seed < 0:
         raise ValueError(f"--seed must be at least 0; got {seed}.")
     if seed == PUBLISHED_SEED:
-        raise ValueError(f"seed {seed} is the published one: give --published in its place, once the code is done.")
+        raise ValueError(f"seed {seed} is the published one: give --published instead, once the code is final.")
     chosen = PUBLISHED_SEED if published else DEVELOPMENT_SEED if seed is None else seed
     settings = Settings(chosen, "quick" if quick else "full")
     asked = (
@@ -78,7 +88,7 @@ def prove(
     try:
         status = _proved(settings, out, scheduler, workers, asked, json, report or out / REPORT)
     except KeyboardInterrupt:
-        print(f"Interrupted; finished cases are kept in {out}. The same command goes on.", file=sys.stderr)
+        print(f"Interrupted; finished cases are kept in {out}. Run the same command to resume.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     raise typer.Exit(status)
 
@@ -92,7 +102,7 @@ def _proved(
     json: Path | None,
     report: Path,
 ) -> int:
-    """Do the proof, write and print what it came to; the exit status."""
+    """Run the proof, write and print its score; return the exit status."""
     from experiments.execution import cluster
     from experiments.proof.judge import judge_case, questions
     from experiments.proof.printing import print_score
@@ -103,7 +113,7 @@ def _proved(
     from inkjet_env.storage import json_text, write_atomically, write_json
 
     steps = Steps(conceal_case, answer_case, judge_case)
-    open_folder(out, settings)  # what cannot go on is refused before any process is started
+    open_folder(out, settings)  # refuses an unsuitable folder before any process is started
     with cluster.workers_of(scheduler, workers) as client:
         outcome = prove(settings, out, client, steps, lambda draws: questions(draws, *asked))
     found = score(outcome)

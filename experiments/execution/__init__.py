@@ -1,1 +1,1 @@
-"""Where work is done, on processes or a cluster, and on which code and packages its numbers depend."""
+"""Execution of work on processes or a cluster, and its provenance: code and packages on which numbers depend."""

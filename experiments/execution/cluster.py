@@ -1,4 +1,4 @@
-"""Where cases run: a Dask cluster on this machine, or any other; a lost worker loses nothing."""
+"""Execution of jobs on a Dask cluster, local or remote; the work of a lost worker is repeated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
 TRIES = 5
-"""How often a case is begun before it counts as one that kills whoever works on it."""
+"""Number of times that a job is started before it is taken to kill its workers."""
 IN_FLIGHT_A_WORKER = 2
 POLL_S = 0.1
 COUNT_EVERY_S = 0.5
@@ -26,35 +26,35 @@ CONNECT_S = 15.0
 
 
 class ClusterError(ValueError):
-    """The cluster cannot do the work; what was finished is kept."""
+    """The cluster cannot do the work; finished jobs are kept."""
 
 
 class WorkLostError(RuntimeError):
-    """A process was killed from outside: its work is to be done again."""
+    """A process was killed from outside; its work must be repeated."""
 
 
 @contextmanager
 def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
-    """A Dask client: of the cluster at an address, or of processes on this machine, which end with the block.
+    """A Dask client of the cluster at an address, or of processes on this machine, which end with the block.
 
     Parameters
     ----------
     scheduler : str or None
-        As ``tcp://host:8786``.
+        Address of the cluster, such as ``tcp://host:8786``; None for local processes.
     workers : int or None
-        Processes, where there is no scheduler; as many as cores unless given.
+        Number of local processes if there is no scheduler; the number of cores if None.
 
     Raises
     ------
     ClusterError
-        Nobody answers at the address.
+        No scheduler answers at the address.
     """
     import dask
     from distributed import Client, LocalCluster
     from distributed.comm import get_address_host_port
 
     settings = {
-        "distributed.scheduler.allowed-failures": 0,  # `run_each` begins again, and counts
+        "distributed.scheduler.allowed-failures": 0,  # `run_each` restarts jobs itself, and counts
         "distributed.worker.daemon": False,
         "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
@@ -62,7 +62,7 @@ def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     with dask.config.set(settings):
         if scheduler is not None:
             try:
-                # asked for first: a client that finds nobody goes on trying when it is thrown away
+                # connect first: a client without a scheduler keeps trying even after it is discarded
                 socket.create_connection(get_address_host_port(scheduler), CONNECT_S).close()
                 client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
             except (OSError, ValueError) as error:
@@ -87,7 +87,7 @@ def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
 
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Processes that are started meanwhile leave Ctrl-C to this one."""
+    """Processes started within this context ignore Ctrl-C and leave it to this one."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -104,25 +104,26 @@ def run_each(
     jobs: Mapping[str, Callable[[], tuple[Any, ...]]],
     keep: Callable[[str, Any], None],
 ) -> None:
-    """Call a function for every job on the cluster, and keep each result as it comes.
+    """Call a function for every job on the cluster, and keep each result as it arrives.
 
     Parameters
     ----------
     client : distributed.Client
+        Client of the cluster, as from `workers_of`.
     function : callable
-        Of a module that the workers have too.
+        Function of a module that the workers can import.
     jobs : mapping of str to callable
-        By name: makes the arguments, when the job's turn comes.
+        By the job's name, a function that makes the arguments when the job's turn comes.
     keep : callable
-        Of name and result; called here, once a job.
+        Called in this process with name and result, once per job.
 
     Raises
     ------
     ClusterError
-        The scheduler is gone; or a job that `TRIES` workers did not survive. What was kept stays kept.
+        The scheduler is gone, or `TRIES` workers did not survive a job. Results already kept remain.
     Exception
-        What the function raises, but for `WorkLostError`: its job is done again. What other jobs have returned by then
-        is kept first.
+        Any exception of the function except `WorkLostError`, whose job is repeated. The results that other jobs have
+        returned by then are kept first.
     """
     from distributed import as_completed
 
@@ -160,12 +161,12 @@ def run_each(
                         failure = failure or error
                 elif begun[name] >= TRIES:
                     failure = failure or ClusterError(
-                        f"{name} was begun {TRIES} times and never ended: {lost}. See the workers' logs."
+                        f"{name} was started {TRIES} times and never ended: {lost}. See the workers' logs."
                     )
                 else:
                     _check_connection(client)
                     waiting.append(name)
-            if failure is not None:  # only now that the results of all others are kept
+            if failure is not None:  # only after the results of all others are kept
                 raise failure
             if done or workers:
                 since_s = time.monotonic()
@@ -181,23 +182,23 @@ def run_each(
 
 
 def worker_count(client: Any) -> int:
-    """How many threads of a cluster there are to work."""
+    """Number of worker threads of a cluster."""
     try:
         told = client.scheduler_info(n_workers=-1)["workers"]
     except OSError:
-        return 0  # the next look at the connection says so
+        return 0  # the next check of the connection reports it
     return sum(worker["nthreads"] for worker in told.values())
 
 
 def _check_connection(client: Any) -> None:
     if client.status != "running":
         raise ClusterError(
-            "the Dask scheduler is gone. What is finished is kept: start another, and give the same command."
+            "the Dask scheduler is gone. Finished work is kept: start another scheduler and repeat the command."
         )
 
 
 def _lost(future: Any) -> str | None:
-    """How the work was lost, in words; None where there is a result, or an error of the function's own."""
+    """How the work was lost, in words; None if there is a result or the function's own exception."""
     from concurrent.futures import CancelledError as Cancelled
 
     from distributed import CancelledError, KilledWorker

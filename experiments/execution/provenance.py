@@ -1,4 +1,4 @@
-"""What numbers hang on beside their settings: versions of packages, and the code itself."""
+"""What numbers depend on besides their settings: versions of packages, and the code itself."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DECISIVE_PACKAGES = (
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages that decide the numbers."""
+    """Versions of Python and of the packages that determine the numbers."""
     found = {"python": ".".join(str(part) for part in sys.version_info[:3])}
     for package in DECISIVE_PACKAGES:
         try:
@@ -35,7 +35,7 @@ def versions() -> dict[str, str]:
 
 
 def code_digest(patterns: Iterable[str]) -> str:
-    """SHA-256 over the package's sources that match, in hexadecimal.
+    """SHA-256, in hexadecimal, over the source files that match any of the patterns.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def code_digest(patterns: Iterable[str]) -> str:
     Raises
     ------
     ValueError
-        A pattern matches no file: whatever it was meant for would silently be missing from the digest.
+        A pattern matches no file: the files it was meant for would silently be missing from the digest.
     """
     root = Path(__file__).resolve().parents[2]
     found: set[Path] = set()
@@ -54,7 +54,7 @@ def code_digest(patterns: Iterable[str]) -> str:
         if not matching:
             raise ValueError(
                 f"code_digest: the pattern {pattern!r} matches no file below {root}. "
-                "Correct the pattern where a file was moved or renamed."
+                "Correct the pattern if a file was moved or renamed."
             )
         found |= matching
     total = sha256()
@@ -64,7 +64,7 @@ def code_digest(patterns: Iterable[str]) -> str:
 
 
 def first_difference(stored: Any, asked: Any, place: str = "") -> str:
-    """Say where two JSON values first differ; empty where they agree."""
+    """The first difference between two JSON values, in words; empty if they agree."""
     if isinstance(stored, dict) and isinstance(asked, dict):
         for name in [*asked, *(name for name in stored if name not in asked)]:
             inner = f"{place} {name}".strip()

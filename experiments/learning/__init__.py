@@ -1,1 +1,1 @@
-"""Learning over heads: policies, few-shot tuning, repeated training."""
+"""Learning over heads: policies, few-shot tuning and repeated training."""

@@ -1,11 +1,11 @@
-"""Learning once over many heads, against optimising every head from scratch.
+"""Learning once over many heads, compared with optimising every head from scratch.
 
-With one head an agent is only a search distribution. Over heads it is *amortised*: it is trained on some, and a head
-that it never saw gets its waveform at once, or a warm start. Four ways of learning, and tables of waveforms that learn
-nothing, are compared on one ledger, in which every evaluation of a waveform counts, those of training too; one with its
-gradient counts as one. Everything that learns is learnt several times.
+On one head an agent is only a search distribution. Over many heads it is *amortised*: it is trained on some heads, and
+an unseen head gets its waveform at once, or a warm start. Four learning methods, and lookup tables of waveforms, are
+compared by the number of evaluations: every evaluation of a waveform counts, including those of training; one with its
+gradient counts as one. Everything that learns is trained several times.
 
-``python -m experiments.learning.amortised`` trains, tests and tells; what a folder holds is not done again.
+``python -m experiments.learning.amortised`` trains, tests and prints the results; results in its folder are reused.
 """
 
 from __future__ import annotations
@@ -45,26 +45,27 @@ TITLE = "Learning over heads"
 BUDGETS = (50, 150, 2000)
 SCRATCH = ("cma-es", "lbfgsb-multistart", "pso", "coordinate")
 WARM = "cma-es"
-"""Goes on from what a policy or a table gives."""
+"""Optimiser that continues from the waveform of a policy or a table."""
 REFERENCE = "table of one head"
-"""The least that an engineer would do."""
+"""Baseline of least effort: one waveform, stretched to the period of each head."""
 SMALLER = 10
-"""The smaller table costs so many times less than a training."""
+"""Ratio of a training's evaluations to those of the smaller table."""
 
 
 @dataclass(frozen=True, eq=False)
 class TuningResult:
-    """What a way of tuning came to on heads that nobody had seen.
+    """Result of a tuning method on unseen heads.
 
     Parameters
     ----------
     name : str
+        Name of the method.
     at_once_V : ndarray, shape (trainings, heads)
-        Regret of the policy's own waveform; NaN where there is no policy.
+        Regret in volts of the policy's own waveform; NaN if there is no policy.
     curves_V : ndarray, shape (trainings, heads, evaluations)
-        Regret of the best waveform after each further evaluation.
+        Regret in volts of the best waveform after each further evaluation.
     trained : ndarray, shape (trainings,)
-        Evaluations that each training cost; none where nothing is learnt.
+        Evaluations that each training took; 0 if nothing is learnt.
     """
 
     name: str
@@ -74,15 +75,15 @@ class TuningResult:
 
 
 def soonest(scratch: Sequence[TuningResult], target_V: float, heads: Places) -> tuple[float, str]:
-    """Evaluations after which the median over heads of one from scratch is at a regret, and the name of who is first.
+    """Evaluations until the first from-scratch method reaches a median regret over the heads, and that method's name.
 
-    Infinite, with the name of who is lowest in the end, where none comes there.
+    If none reaches it, infinity and the name of the method with the lowest final median.
     """
     found = []
     for one in scratch:
 
         def risen(place: int, curves_V: Real = one.curves_V) -> float:
-            """Curves fall, and so do their medians."""
+            """The negative median regret, which rises with the evaluations because all regret curves fall."""
             return -float(np.median(curves_V[0, heads, place]))
 
         longest = one.curves_V.shape[-1]
@@ -99,19 +100,21 @@ def break_even(
     trainings: Places | None = None,
     heads: Places | None = None,
 ) -> float:
-    """Heads from which on learning has cost less than optimising each from scratch, to be as good as it is.
+    """Number of heads above which learning takes fewer evaluations than optimising each head from scratch.
 
-    As good: the policy's median regret after so many evaluations a head. Infinite where scratch is not later there,
-    nothing where it never comes there.
+    Both must reach the policy's median regret after ``evaluations`` on each head. Infinite if from-scratch
+    optimisation reaches it no later; 0 if it never reaches it.
 
     Parameters
     ----------
     policy : TuningResult
+        Result of the method that learns.
     scratch : sequence of TuningResult
-        Of which the soonest counts.
+        Results of the methods from scratch, of which the fastest counts.
     evaluations : int
+        Evaluations per head after the policy's waveform.
     trainings, heads : ndarray of int, optional
-        Which of them count; all unless given.
+        Indices of the trainings and heads that count; all unless given.
     """
     trainings = np.arange(len(policy.trained)) if trainings is None else trainings
     heads = np.arange(policy.at_once_V.shape[1]) if heads is None else heads
@@ -121,7 +124,7 @@ def break_even(
 
 
 def told(results: Sequence[TuningResult], rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Medians of regret over trainings and heads with their intervals, at once and after each budget; break-evens."""
+    """Median regrets over trainings and heads with intervals, at once and after each budget, and break-even numbers."""
     scratch = [one for one in results if not one.trained.any()]
     seen = {one.name: {"0": one.at_once_V} | {str(b): one.curves_V[..., b - 1] for b in BUDGETS} for one in results}
     every_head = np.arange(results[0].at_once_V.shape[1])
@@ -144,16 +147,16 @@ def told(results: Sequence[TuningResult], rng: np.random.Generator) -> list[dict
 
 
 def tables(evaluations: int) -> dict[str, Callable[[int], Table]]:
-    """Tables by name, each from a seed."""
+    """Functions that make a lookup table from a seed, by name."""
     spent = {f"table for {count:,}": count for count in (max(1, evaluations // SMALLER), evaluations)}
     made = {name: functools.partial(table_of, count) for name, count in spent.items()}
     return {"table of one head": one_waveform, **made}
 
 
 def tested(folder: Path, way: str, training: int, evaluations: int, seed: int, heads: int) -> Arrays:
-    """Learn from a seed, or optimise from scratch, and tune the test heads: what `tuned_costs_V` returns.
+    """Learn with a seed, or optimise from scratch, and tune the test heads; the result is that of `tuned_costs_V`.
 
-    The folder keeps it, and the policy; what it keeps is neither learnt nor tested again.
+    Result and policy are stored in the folder; what is stored there is reused.
     """
     file = f"{way.replace(' ', '-').replace(',', '')}-{training}"
     asked = {"way": way, "evaluations": evaluations, "seed": seed}
@@ -176,26 +179,27 @@ def tested(folder: Path, way: str, training: int, evaluations: int, seed: int, h
 def study(
     folder: Path, evaluations: int, heads: int, labelling: int, seed: int, trainings: int = 1, workers: int = 1
 ) -> dict[str, Any]:
-    """Train everything that learns, test all ways, write ``amortised.json``.
+    """Train everything that learns, test all methods, write ``amortised.json``.
 
     Parameters
     ----------
     folder : Path
-        Keeps what was learnt and tested.
+        Folder for policies and test results, which are reused.
     evaluations : int
-        Of a training.
+        Evaluations of one training.
     heads : int
-        To test on.
+        Number of test heads.
     labelling : int
-        Descents for the best cost known of a head.
+        Number of descents for the best known cost of a head.
     seed, trainings, workers : int
+        Seed of the study, number of trainings of each method, and number of processes.
     """
     best_V = best_costs_V(folder, Heads(drawn(heads, TEST_SEED)), labelling, seed)
     learnt = {way: seeds(seed, trainings) for way in (*tables(evaluations), *LEARNERS)}
     names = {name: [seed] for name in SCRATCH} | learnt
     jobs = {
         f"{way}, training {k}" if way not in SCRATCH else way: (folder, way, k, evaluations, one, heads)
-        for way, its_seeds in reversed(names.items())  # what takes longest comes first
+        for way, its_seeds in reversed(names.items())  # the longest jobs come first
         for k, one in enumerate(its_seeds, 1)
     }
     found = each("amortised", tested, jobs, workers)
@@ -225,7 +229,7 @@ def study(
 
 
 def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows of a study, for people."""
+    """Header and rows of a study's table."""
 
     def volts(entry: Mapping[str, float] | None) -> str:
         return "–" if entry is None else f"{entry['value']:.3g} ({entry['low']:.3g} … {entry['high']:.3g})"
@@ -243,7 +247,7 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
 
 
 def heads_from(even: Mapping[str, float | None], at_most: float) -> str:
-    """A break-even number with its interval, in whole heads, as `told` has it.
+    """A break-even number with its interval, in whole heads, from the entry that `told` makes.
 
     Examples
     --------
@@ -267,12 +271,12 @@ def heads_from(even: Mapping[str, float | None], at_most: float) -> str:
 
 
 def legend(found: Mapping[str, Any]) -> str:
-    """What the table's numbers are."""
+    """Explanation of the table's numbers."""
     return f"Median regret in volts {over(found['heads'], found['trainings'])}."
 
 
 def print_study(found: Mapping[str, Any]) -> None:
-    """The table for people."""
+    """Print the table of a study and its legend."""
     from inkjet_env.reporting.tables import print_table
 
     print_table(*table(found))
@@ -280,7 +284,7 @@ def print_study(found: Mapping[str, Any]) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Train, test and tell."""
+    """Train, test and print the results."""
     run_command("amortised", __doc__, 200_000, 100, study, print_study, arguments)
 
 

@@ -1,9 +1,9 @@
-"""A few tries on a head that nobody knows: what to expect of whom on ``inkjet_env/TuneWaveform-v0``.
+"""A few tries on an unknown head: the tuning strategies compared on ``inkjet_env/TuneWaveform-v0``.
 
-``python -m experiments.learning.few_shot`` has optimisers spend the tries from scratch, fires one waveform for all
-heads, goes on from it by CMA-ES, fires a list of waveforms, as it is or stretched to the period that rings after a
-pulse, and trains an agent that sees the peaks; all on the same heads, which nobody saw before. What learning took is
-counted in evaluations; everything that learns is learnt several times. A folder keeps what was learnt and tried."""
+``python -m experiments.learning.few_shot`` compares optimisers that spend the tries from scratch, one waveform for all
+heads, CMA-ES started from it, a fixed list of waveforms, unchanged or stretched to the ringing period measured after a
+pulse, and a trained agent that observes the peaks; all on the same unseen heads. The cost of learning is counted in
+evaluations; everything that learns is trained several times. A folder stores policies and results."""
 
 from __future__ import annotations
 
@@ -46,16 +46,16 @@ FORMAT = "few-tries/3"
 TITLE = "A few tries on an unknown head"
 AGENT, FOR_ALL, LISTS = "sb3-ppo", "one for all", "lists"
 REFERENCE = "list, stretched"
-"""What the least effort comes to: all are compared with it."""
+"""Baseline of least effort with which all are compared."""
 LEARNT = (AGENT, FOR_ALL, LISTS)
-"""What is learnt or collected from a seed; two ways of tuning come of each of the last two."""
+"""Methods that learn or collect waveforms from a seed; each of the last two gives two tuning strategies."""
 LEARNING = "evaluations to learn"
 SHOWN = (1, 3, TRIES)
-"""After how many tries the tables tell."""
+"""Numbers of tries after which the tables show the regret."""
 
 
 def heads_on_the_bench(heads: int, seed: int) -> Heads:
-    """The heads that the environment puts on the bench for that seed."""
+    """The heads that the environment draws with that seed."""
     envs = TuneWaveformVectorEnv(heads)
     envs.reset(seed=seed)
     return Heads(envs.tuning.contexts.copy())
@@ -64,10 +64,10 @@ def heads_on_the_bench(heads: int, seed: int) -> Heads:
 def tested(
     folder: Path, way: str, training: int, evaluations: int, seed: int, heads: int, tries: int, test_seed: int
 ) -> Arrays:
-    """Learn from a seed and tune: true costs of what is kept after each try, shape (heads, tries), by tuner.
+    """Learn with a seed and tune; return by tuner the true costs in volts after each try, shape (heads, tries).
 
-    `LEARNING` is the evaluations that it took. The folder keeps all that, and the policy; what it keeps is neither
-    learnt nor tried again.
+    A cost is that of the waveform kept so far; the entry `LEARNING` is the number of evaluations that learning took.
+    Result and policy are stored in the folder; what is stored there is reused.
     """
     file = f"{way.replace(' ', '-')}-{training}"
     asked = {"evaluations": evaluations, "tries": tries, "seed": seed}
@@ -101,19 +101,20 @@ def study(
     workers: int = 1,
     tries: int = TRIES,
 ) -> dict[str, Any]:
-    """Learn, tune every head by everybody, and write ``few_tries.json``.
+    """Learn, tune every head with every strategy, and write ``few_tries.json``.
 
     Parameters
     ----------
     folder : Path
-        Keeps what was learnt and tried.
+        Folder for policies and results, which are reused.
     evaluations : int
-        Of an agent's training.
+        Evaluations of an agent's training.
     heads : int
-        To be tuned.
+        Number of heads to tune.
     labelling : int
-        Descents for the best cost known of a head.
+        Number of descents for the best known cost of a head.
     seed, trainings, workers, tries : int
+        Seed of the study, number of trainings of each method, number of processes, and number of tries per head.
     """
     test_seed = TEST_SEED + seed
     best_V = best_costs_V(folder, heads_on_the_bench(heads, test_seed), labelling, seed)
@@ -158,7 +159,7 @@ def study(
 
 
 def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows of a study, for people; who is best after the last try comes first."""
+    """Header and rows of a study's table, the best after the last try first."""
     counts = tuple(found["rows"][0]["after"])
     rows = [
         (
@@ -175,7 +176,7 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
 
 
 def legend(found: Mapping[str, Any]) -> str:
-    """What the table's numbers are."""
+    """Explanation of the table's numbers."""
     return (
         f"Median regret in volts {over(found['heads'], found['trainings'])}; firing nothing has "
         f"{found['nothing_V']:.2f}."
@@ -183,7 +184,7 @@ def legend(found: Mapping[str, Any]) -> str:
 
 
 def print_study(found: Mapping[str, Any]) -> None:
-    """The table for people."""
+    """Print the table of a study and its legend."""
     from inkjet_env.reporting.tables import print_table
 
     print_table(*table(found))
@@ -191,7 +192,7 @@ def print_study(found: Mapping[str, Any]) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Learn, tune and tell."""
+    """Learn, tune and print the results."""
     run_command("few_tries", __doc__, 500_000, 200, study, print_study, arguments)
 
 

@@ -1,4 +1,4 @@
-"""Who tunes heads in a few tries, and how each is made: an optimiser, an agent, one waveform for all, a list."""
+"""Strategies that tune heads in a few tries: an optimiser, an agent, one waveform for all heads, a fixed list."""
 
 from __future__ import annotations
 
@@ -18,44 +18,49 @@ from inkjet_env.envs.waveform_tuning_task import TIME_SCALE_S
 from inkjet_env.typing import Real
 
 MIDDLE = np.zeros((1, 4))
-"""The middle of the heads, as the environment shows it: what waveforms of a list are made for."""
+"""Observation of the middle head, for which the waveforms of a list are made."""
 SCRATCH: dict[str, tuple[str, dict[str, Any]]] = {
     **{name: (name, {}) for name in ("random", "sobol", "pso", "coordinate", "cma-es", "optuna-gp")},
     "pso of 3": ("pso", {"particles": 3}),
     "cma-es of 4": ("cma-es", {"population": 4}),
     "optuna-gp from 3": ("optuna-gp", {"startup": 3}),
 }
-"""Optimisers that know nothing: at their defaults, which use no reading before some ten tries, and smaller ones."""
+"""Optimisers without prior knowledge: at defaults, which use no reading before about ten tries, and with smaller
+populations, which use readings earlier."""
 LISTED = 100_000
-"""Evaluations that the heads cost whose best waveforms the lists are chosen from."""
+"""Number of evaluations spent on finding the waveforms from which the lists are chosen."""
 NEAR = 0.15
-"""First step of CMA-ES around the waveform for all, in half widths of the box: heads differ by that much."""
+"""First step of CMA-ES around the waveform for all heads, in half widths of the box: the heads' optima differ by that
+much."""
 PULSE = np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0])
 """The shortest pulse of the box, after which a head rings freely."""
 
 
 class TuningStrategy(Protocol):
-    """How N heads are tuned side by side: the next waveform of each, from what its last ones cost."""
+    """A strategy that tunes n heads in parallel: the next waveform of each from the costs of its previous ones."""
 
     def fire(self, observations: NDArray[np.float32]) -> Real:
         """Actions for the next try, shape (n, 7)."""
 
     def tell(self, readings: Real) -> None:
-        """Costs as they were read, shape (n,)."""
+        """Report the measured costs in volts, shape (n,)."""
 
 
 class Optimisers:
-    """An optimiser a head, which is told readings and nothing else.
+    """One optimiser per head, which receives the measured costs and nothing else.
 
     Parameters
     ----------
     name : str
+        Name of the optimiser in the registry.
     count : int
         Number of heads.
     tries : int
+        Budget of each optimiser: tries per head.
     seed : int
+        Seed of the first head's optimiser; each further head's is one higher.
     **options
-        Of the optimiser.
+        Keyword arguments of the optimiser.
     """
 
     def __init__(self, name: str, count: int, tries: int, seed: int, **options: Any) -> None:
@@ -67,7 +72,7 @@ class Optimisers:
         self.read: list[list[float]] = [[] for _ in range(count)]
 
     def fire(self, observations: NDArray[np.float32]) -> Real:
-        """The next of what each has asked for."""
+        """The next point of each optimiser's batch, shape (n, 7)."""
         for k, optimizer in enumerate(self.each):
             if not self.waiting[k]:
                 self.asked[k], self.read[k] = optimizer.ask(), []
@@ -75,7 +80,7 @@ class Optimisers:
         return np.array([waiting.popleft() for waiting in self.waiting])
 
     def tell(self, readings: Real) -> None:
-        """Each is told once all that it asked for has been read."""
+        """Store the costs in volts, shape (n,); an optimiser gets them once its whole batch is measured."""
         for k, optimizer in enumerate(self.each):
             self.read[k].append(float(readings[k]))
             if not self.waiting[k]:
@@ -83,42 +88,42 @@ class Optimisers:
 
 
 class Agent:
-    """A policy that sees what the environment shows."""
+    """A policy that acts on the environment's observations."""
 
     def __init__(self, policy: Policy) -> None:
         self.policy = policy
 
     def fire(self, observations: NDArray[np.float32]) -> Real:
-        """What it does where it sees that."""
+        """The policy's actions for the observations, shape (n, 7)."""
         return self.policy.act(observations)
 
     def tell(self, readings: Real) -> None:
-        """It will see them."""
+        """Do nothing: the readings are part of the next observation."""
 
 
 class ConstantWaveform:
-    """The same waveform whatever the head, again and again."""
+    """The same waveform for every head and every try."""
 
     def __init__(self, point: Real) -> None:
         self.point = point
 
     def fire(self, observations: NDArray[np.float32]) -> Real:
-        """That waveform."""
+        """That waveform for each head, shape (n, 7)."""
         return np.tile(self.point, (len(observations), 1))
 
     def tell(self, readings: Real) -> None:
-        """It does not listen."""
+        """Do nothing: the costs are not used."""
 
 
 class FixedSequence:
-    """The waveforms of a list, one after the other; or a pulse first, and they are stretched to the period that rings.
+    """The waveforms of a list in order; optionally after a pulse, stretched to the ringing period it reveals.
 
     Parameters
     ----------
     points : ndarray, shape (tries, 7)
-        In ``[-1, 1]``; of those that are stretched, for the middle of the heads.
+        Points in ``[-1, 1]``; if they are stretched, made for the middle head.
     names : tuple of str, or None
-        What each number of an observation is, where the period is read; None where nothing is.
+        Name of each number of an observation, from which the period is read; None for no stretching.
     """
 
     def __init__(self, points: Real, names: tuple[str, ...] | None = None) -> None:
@@ -127,7 +132,7 @@ class FixedSequence:
         self.heads: Real | None = None
 
     def fire(self, observations: NDArray[np.float32]) -> Real:
-        """The next of the list."""
+        """The next waveform of the list for each head, shape (n, 7)."""
         number, self.done = self.done, self.done + 1
         if not self.times:
             return np.tile(self.points[number], (len(observations), 1))
@@ -138,33 +143,34 @@ class FixedSequence:
         return stretched(np.tile(self.points[number - 1], (len(observations), 1)), MIDDLE, self.heads)
 
     def tell(self, readings: Real) -> None:
-        """It does not listen to costs."""
+        """Do nothing: the costs are not used."""
 
     def _read(self, times_s: Real) -> Real:
-        """Heads in the middle but for their resonances, shape (n, 4), from times of peaks, shape (n, peaks)."""
+        """Observations of the middle head with the measured resonances, shape (n, 4), from peak times, shape (n, k)."""
         over_s = float(the_task().bounds.from_unit(PULSE[None, :])[0, 2:].sum())
         low_Hz, high_Hz = CONTEXT_LOWER[0], CONTEXT_UPPER[0]
         heads = np.tile(MIDDLE, (len(times_s), 1))
         for head, times in zip(heads, times_s, strict=True):
             free = times[times > over_s]
-            if len(free) > 1:  # peaks of a free ringing are half a period apart
+            if len(free) > 1:  # peaks of free ringing are half a period apart
                 resonance_Hz = 0.5 * (len(free) - 1) / (free[-1] - free[0])
                 head[0] = (2 * resonance_Hz - low_Hz - high_Hz) / (high_Hz - low_Hz)
         return heads
 
 
 def best_list(observations: Real, points: Real, count: int, stretch: bool) -> tuple[Real, int]:
-    """The list of waveforms, shape (count, 7), that leaves heads the least mean cost; and the evaluations it took.
+    """A list of waveforms, shape (count, 7), chosen for least mean cost over the heads; and the evaluations it took.
 
-    The next is always that which betters the list most, beginning with what is best alone.
+    The choice is greedy: each waveform is the one that most reduces the mean over the heads of the lowest cost so far.
 
     Parameters
     ----------
     observations : ndarray, shape (n, 4)
-        Heads.
+        Observations of the heads.
     points : ndarray, shape (n, 7)
-        The best waveform of each.
+        Best waveform of each head, in ``[-1, 1]``.
     count : int
+        Number of waveforms in the list.
     stretch : bool
         Whether waveforms will be stretched to the heads' resonances.
     """
@@ -173,7 +179,7 @@ def best_list(observations: Real, points: Real, count: int, stretch: bool) -> tu
     tried = [np.tile(candidate, (len(observations), 1)) for candidate in candidates]
     costs = np.array([heads.evaluate(stretched(one, MIDDLE, observations) if stretch else one) for one in tried])
     chosen: list[int] = []
-    least = np.zeros(len(observations))  # firing nothing
+    least = np.zeros(len(observations))  # the cost of the zero waveform
     for _ in range(count):
         chosen.append(int(np.minimum(costs, least).mean(axis=1).argmin()))
         least = np.minimum(least, costs[chosen[-1]])
@@ -181,7 +187,7 @@ def best_list(observations: Real, points: Real, count: int, stretch: bool) -> tu
 
 
 def one_for_all(seed: int, heads: int = 64, waveforms: int = 3000) -> tuple[Real, int]:
-    """The waveform of least mean cost over many heads, by CMA-ES, and the evaluations that it took."""
+    """The waveform with the lowest mean cost over many heads, found by CMA-ES, and the evaluations that it took."""
     import optimizers
 
     many = Heads(drawn(heads, TRAIN_SEED + seed))
@@ -197,7 +203,7 @@ def one_for_all(seed: int, heads: int = 64, waveforms: int = 3000) -> tuple[Real
 
 
 def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
-    """Stable-Baselines3's PPO on the environment, which sees peaks and is never told the head."""
+    """Policy of Stable-Baselines3's PPO trained on the environment; it observes peaks but not the head's parameters."""
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import VecNormalize
@@ -219,7 +225,7 @@ def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
 
 
 def kept_costs_V(tuner: TuningStrategy, heads: int, tries: int, seed: int) -> Real:
-    """True cost of the waveform kept after each try, shape (heads, tries); the same heads for the same seed."""
+    """True cost in volts of the waveform kept after each try, shape (heads, tries); the seed determines the heads."""
     envs = TuneWaveformVectorEnv(heads, tries=tries)
     observations, _ = envs.reset(seed=seed)
     kept = np.empty((heads, tries))
@@ -232,20 +238,20 @@ def kept_costs_V(tuner: TuningStrategy, heads: int, tries: int, seed: int) -> Re
 
 
 def scratch(name: str, heads: int, tries: int, seed: int) -> dict[str, TuningStrategy]:
-    """One of `SCRATCH` for so many heads."""
+    """One of `SCRATCH`, for ``heads`` heads."""
     of, options = SCRATCH[name]
     return {name: Optimisers(of, heads, tries, seed, **options)}
 
 
 def for_all(heads: int, tries: int, seed: int) -> tuple[dict[str, TuningStrategy], int]:
-    """The waveform for all and CMA-ES from there, and the evaluations that it took to find."""
+    """The waveform for all heads, CMA-ES started from it, and the evaluations that finding it took."""
     point, spent = one_for_all(seed)
     near = Optimisers("cma-es", heads, tries, seed, start=point.tolist(), first_step=NEAR)
     return {"one for all": ConstantWaveform(point), "cma-es from one for all": near}, spent
 
 
 def lists(tries: int, seed: int) -> tuple[dict[str, TuningStrategy], int]:
-    """A list as it is, and one that is stretched to the period that rings after a pulse; and what either took."""
+    """An unchanged list, one stretched to the ringing period after a pulse, and the evaluations that each took."""
     observations, points, spent = labelled(LISTED, seed)
     plain, more = best_list(observations, points, tries, stretch=False)
     stretching, _ = best_list(observations, points, tries, stretch=True)

@@ -1,4 +1,4 @@
-"""Heads as the environment draws them, side by side: what learning over heads is trained and tested on."""
+"""Heads as the environment draws them, evaluated in parallel, for training and testing."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from inkjet_env.envs.task import WaveformTask, make_task
 from inkjet_env.typing import Real
 
 TEST_SEED, TRAIN_SEED = 10**12, 10_000
-"""What is learnt from is drawn from seeds far below what is tested on."""
+"""First seeds of the test heads and of the training heads; they are far apart, so that the two never share a head."""
 POINTS_A_START = 100
-"""Uniform points for each descent, which begins from one of the best of all."""
+"""Number of uniform points per descent; the descents start from the best of them all."""
 
 
 @functools.cache
 def the_task() -> WaveformTask:
-    """Heads as the environment draws them with ``context="random"``."""
+    """The environment's task with randomly drawn heads, ``context="random"``."""
     return make_task(context="random")
 
 
 def drawn(count: int, seed: int) -> NDArray[np.float32]:
-    """Observations of heads, shape (count, 4), drawn as environments draw them, each from its number and the seed."""
+    """Observations of heads, shape (count, 4), drawn as the environments do, each from the seed and its number."""
     return the_task().contexts([np.random.default_rng([seed, k]) for k in range(count)])
 
 
 def stretched(points: Real, made_for: ArrayLike, observations: ArrayLike) -> Real:
-    """Points (n, 7) for other heads than they were made for: their durations stretched as the resonance's period is.
+    """Points adapted to other heads: their durations are scaled by the ratio of the resonance periods, shape (n, 7).
 
-    A head of another period alone answers with the same peaks, all higher or lower by that ratio: damping ratios count
-    periods, hysteresis knows no time, and b1 is per second.
+    A head that differs only in its period responds with the same peaks, all scaled by that ratio: the damping ratio is
+    per period, the hysteresis is rate-independent, and b1 is per second.
 
     Parameters
     ----------
     points : ndarray, shape (n, 7)
-        In ``[-1, 1]``; so is what is returned, cut to the box.
+        Points in ``[-1, 1]``; the result is clipped to the same box.
     made_for, observations : array_like, shape (n, 4)
-        The heads that they were made for, and those that they are wanted for.
+        Observations of the heads for which the points were made, and of those for which they are adapted.
     """
     task = the_task()
     waveforms = task.bounds.from_unit(points)
@@ -52,28 +52,29 @@ def stretched(points: Real, made_for: ArrayLike, observations: ArrayLike) -> Rea
 
 @dataclass(frozen=True, eq=False)
 class Heads:
-    """Heads side by side: row k of points belongs to head k.
+    """Heads evaluated in parallel: row k of the points belongs to head k.
 
     Parameters
     ----------
     observations : ndarray, shape (n, 4)
+        The heads as the environment shows them: four numbers in ``[-1, 1]`` each.
     """
 
     observations: NDArray[np.float32]
 
     @functools.cached_property
     def rows(self) -> Real:
-        """For the compiled simulator."""
+        """The heads in the form of the compiled simulator."""
         return the_task().heads(self.observations)
 
     def evaluate(self, points: Real) -> Real:
-        """Costs in volts, shape (n,), of points (n, 7) in ``[-1, 1]``."""
+        """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7)."""
         from inkjet_env.printhead import batch
 
         return batch.costs(the_task().bounds.from_unit(points), self.rows)
 
     def evaluate_with_gradient(self, points: Real) -> tuple[Real, Real]:
-        """The same, with gradients by the points, shape (n, 7)."""
+        """Costs in volts, shape (n,), and their gradients in volts per unit of the box, shape (n, 7)."""
         from inkjet_env.printhead import batch
 
         bounds = the_task().bounds
@@ -81,18 +82,18 @@ class Heads:
         return costs, gradients * bounds.half_width
 
     def one(self, k: int) -> OneHead:
-        """Head k as a problem of its own."""
+        """Head k as a separate problem."""
         return OneHead(self.observations[k : k + 1])
 
 
 class OneHead(Heads):
-    """One head, any number of points."""
+    """One head, for any number of points."""
 
 
 def descended(head: OneHead, starts: int, seed: int) -> tuple[Real, float, int]:
-    """Best end of L-BFGS-B from the best of many uniform points on one head: point, cost in volts, evaluations.
+    """Best end point of L-BFGS-B on one head, started from the best uniform points: point, cost in volts, evaluations.
 
-    From any point it mostly ends at firing nothing, which costs nothing and has no slope.
+    From an arbitrary point it mostly ends at the zero waveform, whose cost and gradient are zero.
     """
     from scipy.optimize import minimize
 

@@ -1,7 +1,7 @@
-"""Ways to a waveform for any head: by the exact gradient, imitation, PPO and SAC; and tables, which learn nothing.
+"""Methods that give any head a waveform: the exact gradient, imitation, PPO, SAC, and lookup tables.
 
-One ledger for all: every evaluation of a waveform in training counts; one with its gradient counts as one. What was
-spent stands in ``made["evaluations"]`` of what comes out.
+All are charged alike: every evaluation of a waveform in training counts; one with its gradient counts as one. The
+total is in ``made["evaluations"]`` of the policy or table.
 """
 
 from __future__ import annotations
@@ -22,26 +22,28 @@ from inkjet_env.typing import Real
 
 HIDDEN = (128, 128)
 LABELLING_STARTS = 4
-"""Descents that a waveform to imitate is the best of."""
+"""Number of descents of which the best gives a waveform to imitate."""
 
 STARTS_FOR_ONE = 20
-"""The same of the waveform that is stretched for all heads."""
+"""Number of descents of which the best gives the waveform that is stretched for all heads."""
 WARM_STEP = 0.05
-"""First step of a warm start, in half widths of the box: a policy is near, or it is worth nothing."""
+"""First step of a warm start, in half widths of the box; small, because a useful policy starts near the optimum."""
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Waveforms that descents found for heads; another head gets that of the nearest, stretched to its resonance.
+    """Waveforms that descents found for some heads; any head gets that of the nearest, stretched to its resonance.
 
-    Nearest: in what the environment shows of a head, where every range is two wide.
+    The distance is Euclidean in the environment's observations, each of which has a range of 2.
 
     Parameters
     ----------
     observations : ndarray, shape (heads, 4)
+        Observations of the heads in the table.
     points : ndarray, shape (heads, 7)
+        Their best waveforms, in ``[-1, 1]``.
     made : dict
-        How it was made; ``evaluations`` that it cost.
+        How the table was made; ``evaluations`` is the number that it took.
     """
 
     observations: Real
@@ -56,11 +58,11 @@ class Table:
 
 
 Begun = Policy | Table
-"""What gives any head a waveform to begin with."""
+"""A policy or a table: it gives any head its initial waveform."""
 
 
 def table_of(evaluations: int, seed: int) -> Table:
-    """A table of as many heads as the evaluations allow."""
+    """A table of as many heads as ``evaluations`` allows."""
     observations, points, spent = labelled(evaluations, seed)
     return Table(observations, points, {"by": "table", "evaluations": spent, "heads": len(points), "seed": seed})
 
@@ -74,7 +76,7 @@ def one_waveform(seed: int) -> Table:
 
 
 def labelled(evaluations: int, seed: int) -> tuple[Real, Real, int]:
-    """Heads (n, 4) and their best waveforms (n, 7), until so many evaluations are spent, and what was spent."""
+    """Heads, shape (n, 4), and their best waveforms, shape (n, 7), with about ``evaluations``; and the number spent."""
     observations: list[Real] = []
     points: list[Real] = []
     spent = 0
@@ -89,7 +91,7 @@ def labelled(evaluations: int, seed: int) -> tuple[Real, Real, int]:
 
 
 def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Policy:
-    """A network trained on the simulator's exact gradient: the mean cost over heads that are drawn anew each step."""
+    """A network trained on the simulator's exact gradient of the mean cost over heads, which are redrawn each step."""
     import torch
 
     torch.manual_seed(seed)
@@ -112,7 +114,7 @@ def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Policy:
 
 
 def by_imitation(evaluations: int, seed: int) -> Policy:
-    """A plain regression on the best waveforms that descents found for heads, as many as the evaluations allow."""
+    """A regression on the best waveforms that descents found for as many heads as ``evaluations`` allows."""
     import torch
 
     observations, points, spent = labelled(evaluations, seed)
@@ -131,7 +133,7 @@ def by_imitation(evaluations: int, seed: int) -> Policy:
 
 
 def by_agent(algorithm: str, evaluations: int, seed: int) -> Policy:
-    """PPO or SAC of Stable-Baselines3 on the environment with drawn heads."""
+    """PPO or SAC from Stable-Baselines3, trained on the environment with random heads."""
     import stable_baselines3
     import torch
     from torch import nn
@@ -154,10 +156,10 @@ def by_agent(algorithm: str, evaluations: int, seed: int) -> Policy:
 
 
 def let_learn(model: Any, evaluations: int) -> int:
-    """Train an agent of Stable-Baselines3; evaluations spent, perhaps some more than asked."""
+    """Train a Stable-Baselines3 agent; return the evaluations spent, which may slightly exceed ``evaluations``."""
     from stable_baselines3.common.logger import Logger
 
-    model.set_logger(Logger(None, []))  # its own would leave a folder behind for every training
+    model.set_logger(Logger(None, []))  # SB3's default logger creates a folder for every training
     model.learn(evaluations)
     return int(model.num_timesteps)
 
@@ -165,14 +167,14 @@ def let_learn(model: Any, evaluations: int) -> int:
 def tuned_costs_V(
     begun: Begun | None, optimizer: str, heads: Heads, further: int, seed: int
 ) -> dict[str, NDArray[Any]]:
-    """Tune every head: by an optimiser from scratch, or from where a policy or a table begins (CMA-ES, then).
+    """Tune every head with an optimiser, from scratch or from the waveform of a policy or a table (CMA-ES only).
 
     Returns
     -------
     dict
-        ``at_once_V``, shape (heads,): costs of the waveforms to begin with, NaN from scratch; ``after_V``, shape
-        (heads, further): costs of the best waveform after each further evaluation; ``learning``, shape (): evaluations
-        that learning took.
+        ``at_once_V``, shape (heads,): costs in volts of the initial waveforms, NaN from scratch; ``after_V``, shape
+        (heads, further): costs in volts of the best waveform after each further evaluation; ``learning``, shape ():
+        evaluations that learning took.
     """
     import optimizers
     from optimizers.loop import minimise
@@ -192,7 +194,7 @@ def tuned_costs_V(
 
 
 def _network() -> tuple[Any, list[Any]]:
-    """Linear layers with tanh between them, and the linear ones alone."""
+    """A network of linear layers with tanh between them, and the list of its linear layers."""
     from torch import nn
 
     sizes = (4, *HIDDEN, 7)

@@ -1,4 +1,4 @@
-"""Policies: from what is known of a head to a waveform. A file of numbers and a header; nothing in it is run."""
+"""Policies: networks from an observation of a head to a waveform, stored as arrays and a header without code."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_LAYERS, MOST_UNITS = 16, 4096
 
 
 class PolicyFileError(ValueError):
-    """A file holds no policy, or one of other observations; the message names it."""
+    """A file does not hold a policy, or one for other observations; the message names it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +36,15 @@ class Policy:
     Parameters
     ----------
     weights : tuple of ndarray, shape (out, in) each
+        Weight matrix of each layer, in order.
     biases : tuple of ndarray, shape (out,) each
+        Bias of each layer.
     end : {"clip", "tanh"}
-        How the last layer is brought into the box. Hidden layers end in tanh.
+        How the output of the last layer is confined to ``[-1, 1]``. Hidden layers end in tanh.
     made : dict
         How it was made, as plain JSON values.
     observation : tuple of str
-        What each number of an observation is; unless given, the four of `BipolarWaveformEnv` with
+        Name of each number of an observation; by default the four of `BipolarWaveformEnv` with
         ``context="random"``.
     """
 
@@ -59,14 +61,14 @@ class Policy:
         found = [weight.shape for weight in self.weights]
         if found != wanted or sizes[-1] != len(PARAMETER_NAMES):
             raise ValueError(
-                f"a policy must lead from {len(self.observation)} numbers to {len(PARAMETER_NAMES)}; its layers are "
-                f"{found}, with {sizes[1:]} biases."
+                f"a policy must map {len(self.observation)} numbers to {len(PARAMETER_NAMES)}; its layers are {found}, "
+                f"with {sizes[1:]} biases."
             )
         if not all(np.isfinite(part).all() for part in (*self.weights, *self.biases)):
             raise ValueError("a policy's weights must be finite; one is not.")
 
     def act(self, observations: ArrayLike) -> Real:
-        """Actions in ``[-1, 1]``, shape (n, 7), for observations, shape (n, numbers of each)."""
+        """Actions in ``[-1, 1]``, shape (n, 7), for observations, shape (n, len(observation))."""
         x = np.atleast_2d(np.asarray(observations, dtype=np.float64))
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = np.tanh(x @ weight.T + bias)
@@ -75,7 +77,7 @@ class Policy:
         return actions
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the policy, whole or not at all: an archive of arrays with a JSON header."""
+        """Write the policy atomically, as an archive of arrays with a JSON header."""
         header = {
             "format": POLICY_FORMAT,
             "observation": list(self.observation),
@@ -91,12 +93,12 @@ class Policy:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], observation: Sequence[str] = CONTEXT_NAMES) -> Policy:
-        """Read what `save` wrote for such observations; nothing in it is run.
+        """Read a policy for these observations that `save` wrote; no code from the file is executed.
 
         Raises
         ------
         PolicyFileError
-            Names the file and what is wrong with it.
+            The file is missing or is not such a policy; the message names it and the reason.
         """
         try:
             with np.load(Path(path), allow_pickle=False) as archive:
@@ -104,7 +106,7 @@ class Policy:
                 if header.get("format") != POLICY_FORMAT:
                     raise ValueError(f"its format is {header.get('format')!r}, not {POLICY_FORMAT!r}")
                 if header["observation"] != list(observation) or header["action"] != list(PARAMETER_NAMES):
-                    raise ValueError("it is made for other observations or actions")
+                    raise ValueError("it was made for other observations or actions")
                 layers = header["layers"]
                 if not 1 <= len(layers) <= MOST_LAYERS or max(max(layer) for layer in layers) > MOST_UNITS:
                     raise ValueError(f"its layers are {layers}")
@@ -114,7 +116,7 @@ class Policy:
                 )
             return cls(weights, biases, header["end"], header["made"], tuple(observation))
         except FileNotFoundError:
-            raise PolicyFileError(f"{path}: there is no such file. Give a policy that was saved here.") from None
+            raise PolicyFileError(f"{path}: there is no such file. Give a file that Policy.save wrote.") from None
         except (
             ValueError, KeyError, TypeError, AttributeError, EOFError, OSError, RecursionError, zipfile.BadZipFile,
             NotImplementedError,
@@ -122,21 +124,21 @@ class Policy:
             reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
             raise PolicyFileError(
                 f"{path}: is not a policy ({str(reason).rstrip('.') or type(error).__name__}). "
-                "Give one that was saved here."
+                "Give a file that Policy.save wrote."
             ) from None
 
 
 def policy_of_layers(
     layers: Sequence[Any], end: str, made: Mapping[str, Any], observation: Sequence[str] = CONTEXT_NAMES
 ) -> Policy:
-    """A policy of torch's linear layers, in order; what lies between them must be tanh."""
+    """A policy from torch's linear layers, in order; the activations between them must be tanh."""
     weights = tuple(layer.weight.detach().double().numpy().copy() for layer in layers)
     biases = tuple(layer.bias.detach().double().numpy().copy() for layer in layers)
     return Policy(weights, biases, end, made, tuple(observation))
 
 
 def policy_of_sb3(model: Any, made: Mapping[str, Any], observation: Sequence[str] = CONTEXT_NAMES) -> Policy:
-    """The deterministic policy of a trained PPO or SAC of Stable-Baselines3, made with tanh between its layers."""
+    """The deterministic policy of a trained Stable-Baselines3 PPO or SAC, which must use tanh activations."""
     from stable_baselines3 import PPO, SAC
     from torch import nn
 
@@ -149,5 +151,5 @@ def policy_of_sb3(model: Any, made: Mapping[str, Any], observation: Sequence[str
         raise ValueError(f"model must be a PPO or a SAC; got {type(model).__name__}.")
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
     if any(not isinstance(layer, (nn.Linear, nn.Tanh)) for layer in layers):
-        raise ValueError("between a policy's layers there must be tanh: pass activation_fn=torch.nn.Tanh.")
+        raise ValueError("a policy's hidden layers must use tanh: pass activation_fn=torch.nn.Tanh.")
     return policy_of_layers(linear, end, made, observation)

@@ -1,7 +1,6 @@
-"""What learns is learnt several times, side by side on this machine, because one training says little of the next.
+"""Repeated training: methods that learn are trained several times, in parallel, because trainings differ widely.
 
-A folder keeps what was learnt and what it came to; what is there is not done again, and what was made with other
-settings or by other code is refused.
+A folder stores policies and results. They are reused, but refused if they were made with other settings or other code.
 """
 
 from __future__ import annotations
@@ -35,52 +34,55 @@ Arrays = dict[str, NDArray[Any]]
 
 TRAININGS = 10
 SEED_STEP = 1000
-"""From one training's seed to the next's: more than there are heads that a training learns from side by side."""
+"""Difference between the seeds of successive trainings: more than the heads that one training evaluates in parallel."""
 FEW = 6
-"""So many trainings at the least for an interval that covers another one."""
+"""Smallest number of trainings for an interval that covers a further training."""
 RESAMPLES = 2000
 LEAST = {"evaluations": 1, "heads": 2, "labelling": 1, "seed": 0, "trainings": 1, "workers": 1}
-"""What may be asked for at the least."""
+"""Smallest permitted value of each option."""
 SOURCES = (
     *("inkjet_env/*.py", "inkjet_env/printhead/**/*.py", "inkjet_env/plant/**/*.py", "inkjet_env/envs/**/*.py"),
     "optimizers/**/*.py",
     *(f"experiments/learning/{name}.py" for name in ("heads", "learners", "policies", "few_shot_tuners")),
 )
-"""What decides the numbers of a study."""
+"""Files that determine the numbers of a study."""
 
 
 class KeptFileError(ValueError):
-    """A file that a study left is damaged, or was made otherwise than is asked now; the message names it."""
+    """A stored file is damaged, or was made with other settings or other code; the message names it."""
 
 
 def seeds(seed: int, trainings: int) -> list[int]:
-    """A seed for every training."""
+    """One seed per training."""
     return [seed + SEED_STEP * k for k in range(trainings)]
 
 
 @functools.cache
 def circumstances() -> dict[str, Any]:
-    """What numbers hang on beside their settings, as plain JSON values."""
+    """Code and package versions on which numbers depend besides their settings, as plain JSON values."""
     return {"code": code_digest(SOURCES), "versions": versions()}
 
 
 def kept_policy(
     path: Path, asked: Mapping[str, Any], train: Callable[[], Policy], observation: Sequence[str] = CONTEXT_NAMES
 ) -> Policy:
-    """The policy that a file keeps, or else one that is trained now and kept there.
+    """The policy stored in a file; if there is no file, one is trained and stored.
 
     Parameters
     ----------
     path : Path
+        Path of the policy's .npz file.
     asked : mapping
-        What it is trained with, as plain JSON values.
+        Settings of the training, as plain JSON values.
     train : callable
+        Trains and returns the policy.
     observation : sequence of str
+        Name of each number of an observation.
 
     Raises
     ------
     KeptFileError, PolicyFileError
-        What is kept was trained otherwise, or is no policy.
+        The stored policy was trained with other settings or other code, or the file is not a policy.
     """
     wanted = {**asked, **circumstances()}
     if not path.exists():
@@ -92,19 +94,21 @@ def kept_policy(
 
 
 def kept_arrays(path: Path, asked: Mapping[str, Any], make: Callable[[], Arrays]) -> Arrays:
-    """The arrays that a file keeps, or else those that are made now and kept there.
+    """The arrays stored in a file; if there is no file, they are made and stored.
 
     Parameters
     ----------
     path : Path
+        Path of the .npz file.
     asked : mapping
-        What they are made with, as plain JSON values.
+        Settings with which they are made, as plain JSON values.
     make : callable
+        Makes and returns the arrays by name.
 
     Raises
     ------
     KeptFileError
-        What is kept was made otherwise, or is damaged.
+        The stored arrays were made with other settings or other code, or the file is damaged.
     """
     wanted = {**asked, **circumstances()}
     if not path.exists():
@@ -117,10 +121,10 @@ def kept_arrays(path: Path, asked: Mapping[str, Any], make: Callable[[], Arrays]
         stored = json.loads(str(found.pop("asked")))
     except (ValueError, KeyError, TypeError, EOFError, OSError, NotImplementedError, zipfile.BadZipFile) as error:
         if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
-            raise  # it could not be read, and may be whole
+            raise  # the file could not be read, but may be intact
         reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
         raise KeptFileError(
-            f"{path}: is damaged ({str(reason).rstrip('.') or type(error).__name__}). Delete it to have it made again."
+            f"{path}: is damaged ({str(reason).rstrip('.') or type(error).__name__}). Delete it to make it again."
         ) from None
     _check_asked(path, stored, wanted)
     return found
@@ -129,12 +133,13 @@ def kept_arrays(path: Path, asked: Mapping[str, Any], make: Callable[[], Arrays]
 def _check_asked(path: Path, stored: Any, wanted: Mapping[str, Any]) -> None:
     if difference := first_difference(stored, dict(wanted)):
         raise KeptFileError(
-            f"{path} was made otherwise: {difference}. Give another folder, or delete that file to have it made again."
+            f"{path} was made with other settings or code: {difference}. Give another folder, or delete that file to "
+            "make it again."
         )
 
 
 def best_costs_V(folder: Path, heads: Heads, starts: int, seed: int) -> Real:
-    """The best that so many descents find on each head, shape (heads,); the folder keeps them."""
+    """Best cost in volts of ``starts`` descents on each head, shape (heads,); stored in the folder and reused."""
     count = len(heads.observations)
 
     def make() -> Arrays:
@@ -150,7 +155,7 @@ def best_costs_V(folder: Path, heads: Heads, starts: int, seed: int) -> Real:
 
 
 def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any, ...]], workers: int) -> dict[str, Any]:
-    """What a function of a module returns for every job, by name; on so many processes, or here where it is one."""
+    """Results of a module-level function for every job, by name; computed on ``workers`` processes, or here for one."""
     found: dict[str, Any] = {}
     with shown_progress(label, len(jobs)) as progress:
 
@@ -158,7 +163,7 @@ def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any,
             found[name] = result
             progress(len(found), name)
 
-        progress(0)  # the first takes minutes
+        progress(0)  # the first job takes minutes
         if workers == 1:
             for name, arguments in jobs.items():
                 keep(name, function(*arguments))
@@ -169,20 +174,21 @@ def each(label: str, function: Callable[..., Any], jobs: Mapping[str, tuple[Any,
 
 
 def median_of(regrets_V: Real, rng: np.random.Generator) -> dict[str, Any]:
-    """The median of regrets, shape (trainings, heads), with its interval, and that of each training by itself."""
+    """Median of regrets in volts, shape (trainings, heads), with its interval, and the median of each training."""
 
     found = crossed_bootstrap(functools.partial(_median, regrets_V), regrets_V.shape, rng, RESAMPLES)
     return found.as_json() | {"each": np.median(regrets_V, axis=1).tolist()}
 
 
 def median_difference(regrets_V: Real, reference_V: Real, rng: np.random.Generator) -> dict[str, Any]:
-    """By how much one median is higher than another on the same heads, with the interval of that difference.
+    """Difference of two median regrets on the same heads, in volts, with its interval.
 
     Parameters
     ----------
     regrets_V, reference_V : ndarray, shape (trainings, heads)
-        The numbers of trainings may differ.
+        Regrets in volts of a method and of the reference; the numbers of trainings may differ.
     rng : Generator
+        Draws the bootstrap resamples.
     """
 
     def difference(mine: Places, theirs: Places, heads: Places) -> float:
@@ -196,12 +202,12 @@ def _median(values: Real, trainings: Places, heads: Places) -> float:
 
 
 def spread_of(each_V: Sequence[float], digits: str = ".2f") -> str:
-    """The least and the greatest of several trainings, in words; nothing of one."""
+    """The smallest and the largest of several trainings, as text; empty for one training."""
     return f"{min(each_V):{digits}} … {max(each_V):{digits}}" if len(each_V) > 1 else ""
 
 
 def over(heads: int, trainings: int) -> str:
-    """What medians and intervals of a table are over, in words."""
+    """The sample over which the medians and intervals of a table are taken, in words."""
     some = f"over {heads} heads that nobody had seen"
     if trainings == 1:
         return f"{some}, with its 95 % interval over heads alone: there is one training of each, and another may differ"
@@ -220,22 +226,26 @@ def run_command(
     show: Callable[[Mapping[str, Any]], None],
     arguments: list[str] | None,
 ) -> None:
-    """A study from the command line: ``run`` is given the options by name, ``show`` what it returns."""
+    """Run a study from the command line: ``run`` gets the options by name, ``show`` its result."""
     parser = argparse.ArgumentParser(prog=f"python -m experiments.{module}", description=description)
     parser.add_argument("--folder", type=Path, default=Path("results") / module.replace("_", "-"))
-    parser.add_argument("--evaluations", type=int, default=evaluations, help="of a training")
-    parser.add_argument("--heads", type=int, default=heads, help="to test on")
-    parser.add_argument("--labelling", type=int, default=60, help="descents for the best cost known of a test head")
+    parser.add_argument("--evaluations", type=int, default=evaluations, help="number of evaluations in one training")
+    parser.add_argument("--heads", type=int, default=heads, help="number of test heads")
+    parser.add_argument("--labelling", type=int, default=60, help="descents for the best known cost of a test head")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--trainings", type=int, default=TRAININGS, help="of everything that learns, with other seeds")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes; one a core unless given")
+    parser.add_argument(
+        "--trainings", type=int, default=TRAININGS, help="number of trainings of each method that learns"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=os.cpu_count() or 1, help="number of processes; one per core unless given"
+    )
     chosen = vars(parser.parse_args(arguments))
     for name, least in LEAST.items():
         if chosen[name] < least:
             parser.error(f"--{name} must be at least {least}; got {chosen[name]}.")
     folder = chosen["folder"]
     if folder.exists() and not folder.is_dir():
-        parser.error(f"--folder must be a folder; {folder} is not one. Give another name.")
+        parser.error(f"--folder must be a folder; {folder} is a file. Give another name.")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         remove_unfinished(folder)
@@ -243,5 +253,5 @@ def run_command(
     except (PolicyFileError, KeptFileError, ClusterError, OSError) as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
     except KeyboardInterrupt:
-        print(f"Interrupted; what is learnt and tested is kept in {folder}.", file=sys.stderr)
+        print(f"Interrupted; finished trainings and tests are kept in {folder}.", file=sys.stderr)
         sys.exit(130)

@@ -1,1 +1,1 @@
-"""How accurate, how fast and how often right: studies of simulator, identification and diagnosis."""
+"""Studies of accuracy, speed and correctness: simulator, identification and diagnosis."""

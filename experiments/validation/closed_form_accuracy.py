@@ -1,10 +1,10 @@
-"""Peaks of the closed form against a 80-digit reference that shares no formula with it.
+"""Peaks of the closed form compared with an 80-digit reference that shares no formula with it.
 
 ``python -m experiments.validation.closed_form_accuracy`` draws waveforms (ordinary, with durations from 0.1 ns to 1 ms,
-and degenerate ones), finds every extremum of the response a second way, and prints the largest differences.
+and degenerate ones), finds every extremum of the response in a second way, and prints the largest differences.
 
-The reference writes dv/du of the bipolar trapezoid down edge by edge, solves each piece as particular polynomial plus
-ring-down in mpmath, scans y' on a grid of thousands of points an edge (in 80-bit floats) and refines each change of
+The reference writes dv/du of the bipolar trapezoid edge by edge, solves each piece as a particular polynomial plus
+ring-down in mpmath, scans y' on a grid of thousands of points per edge (in 80-bit floats) and refines each change of
 sign with 80 digits.
 """
 
@@ -39,9 +39,9 @@ def draw_waveforms(rng: np.random.Generator, count: int) -> Real:
 
 
 def _edges(waveform: Waveform, initial_state: str, full_scale: float) -> list[tuple]:
-    """(start, duration, u at the start, u at the end, origin, factor) of each stretch with one smooth slope law.
+    """(start, duration, u at the start, u at the end, origin, factor) of each segment with one smooth slope law.
 
-    The slope is ``Q'(factor |u - origin| / full_scale)``, its argument held at 1 beyond 1.
+    The slope is ``Q'(factor |u - origin| / full_scale)``, with its argument limited to 1.
     """
     mp = mpmath.mpf
     U1, U2, *durations = (mp(v) for v in waveform.to_array())
@@ -50,7 +50,7 @@ def _edges(waveform: Waveform, initial_state: str, full_scale: float) -> list[tu
         laws = [(0, t1, mp(0), U1, U2, 1), (t1 + t2, t3, U1, U2, U1, 1), (t1 + t2 + t3 + t4, t5, U2, mp(0), U2, 1)]
     else:
         laws = [(0, t1, mp(0), U1, mp(0), 2)]
-        meet = max(U2, -U1)  # the virgin curve is met again at -U1
+        meet = max(U2, -U1)  # the drive returns to the virgin curve at -U1
         share = (U1 - meet) / (U1 - U2) if U1 != U2 else mp(1)
         laws.append((t1 + t2, t3 * share, U1, meet, U1, 1))
         laws.append((t1 + t2 + t3 * share, t3 * (1 - share), meet, U2, mp(0), 2))
@@ -72,7 +72,7 @@ def _edges(waveform: Waveform, initial_state: str, full_scale: float) -> list[tu
 
 @dataclass
 class _Stretch:
-    """The response on one stretch: ``Σ p_k (t/T)^k + e^{-σt}(c cos ωt + s sin ωt)``."""
+    """The response on one segment: ``Σ p_k (t/T)^k + e^{-σt}(c cos ωt + s sin ωt)``."""
 
     start: mpmath.mpf
     duration: mpmath.mpf
@@ -96,7 +96,7 @@ class _Stretch:
         return value, slope
 
     def scan_slope(self, count: int) -> tuple[NDArray, NDArray]:
-        """Slope at ``count`` times inside, in 80-bit floats; at 200 with all digits where the terms cancel."""
+        """Slope at ``count`` interior times in 80-bit floats; at 200 times with all digits where the terms cancel."""
         wide = np.longdouble
         if self.omega * self.duration < 1:
             exact = [self.duration * i / 201 for i in range(1, 201)]
@@ -114,7 +114,7 @@ class _Stretch:
 
 
 def reference_extrema(head: Printhead, waveform: Waveform, initial_state: str, window_s: float) -> tuple[list, list]:
-    """Times and values of every extremum up to the window's end, as mpmath numbers."""
+    """Times in seconds and values in volts of every extremum up to the window's end, as mpmath numbers."""
     mp = mpmath.mpf
     a0, a1, b1, full_scale = mp(head.a0), mp(head.a1), mp(head.b1), mp(head.full_scale_V)
     sigma, omega = a1 / 2, mpmath.sqrt(a0 - a1 * a1 / 4)
@@ -128,7 +128,7 @@ def reference_extrema(head: Printhead, waveform: Waveform, initial_state: str, w
     before = mp(0)  # the slope before a jump
 
     def advance(duration: mpmath.mpf, poly: list, forced: bool) -> None:
-        """Solve one stretch, collect its extrema, move the state to its end."""
+        """Solve one segment, collect its extrema, and advance the state to its end."""
         nonlocal time, y, yd, before
         c = y - poly[0]
         first = poly[1] / duration if forced and len(poly) > 1 else mp(0)
@@ -186,7 +186,7 @@ def reference_extrema(head: Printhead, waveform: Waveform, initial_state: str, w
             yd += sign * jump * (q[1] - q[0])
             continue
         dx = x1 - x0
-        if x0 > 1 - mp(10) ** (-DIGITS // 2):  # cut at 1 when the stretches were made
+        if x0 > 1 - mp(10) ** (-DIGITS // 2):  # the segments were split at x = 1
             rate = [sum(slope_law) * dx]
         else:
             rate = [
@@ -220,7 +220,7 @@ def reference_extrema(head: Printhead, waveform: Waveform, initial_state: str, w
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What `compare` found over many waveforms."""
+    """Result of `compare`: counts of waveforms, of peaks, of waveforms with other peak counts; largest differences."""
 
     waveforms: int
     peaks: int
@@ -230,9 +230,9 @@ class Accuracy:
 
 
 def compare(count: int, seed: int, initial_state: str = "periodic", compiled: bool = True) -> Accuracy:
-    """Largest relative differences of peaks and of their times between the closed form and the reference.
+    """Largest relative differences in peaks and in their times between the closed form and the reference.
 
-    ``compiled`` chooses the batch path, else the plain one.
+    ``compiled`` selects the compiled batch path instead of the plain one.
     """
     from inkjet_env.printhead import batch
 
@@ -261,7 +261,7 @@ def compare(count: int, seed: int, initial_state: str = "periodic", compiled: bo
 def main() -> None:
     """Print the comparison for both paths and both initial states."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=1000, help="waveforms (default 1000)")
+    parser.add_argument("--count", type=int, default=1000, help="number of waveforms (default 1000)")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     if arguments.count < 1:

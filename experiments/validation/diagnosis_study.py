@@ -1,8 +1,8 @@
-"""How well the diagnosis tells its own effects apart: python -m experiments.validation.diagnosis_study [PART ...].
+"""How well the diagnosis distinguishes its own effects: python -m experiments.validation.diagnosis_study [PART ...].
 
-Parts: null (nothing planted), single (each effect, strong and medium), pairs (two of different stages), withheld
-(each effect planted and taken out of the catalogue), summary. Every case is one line of results/diagnosis/cases.jsonl;
-a study that was stopped goes on, if code and packages are still the same. ``--seeds N`` takes N heads for every case.
+Parts: null (no effect), single (each effect, strong and medium), pairs (two effects of different stages), withheld
+(each effect present but removed from the catalogue), summary. Every case is one line of results/diagnosis/cases.jsonl;
+a stopped study resumes if code and packages are unchanged. ``--seeds N`` takes N heads for every case.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SOURCES = (
     "inkjet_env/**/*.py",
     *(f"experiments/validation/{name}.py" for name in ("synthetic_campaigns", "diagnosis_study")),
 )
-"""What decides the result of a case."""
+"""Files that determine the result of a case."""
 STRENGTHS = {"strong": STRONG, "medium": MEDIUM}
 PAIRS = (
     ("amplifier_bandwidth", "asymmetric_hysteresis"), ("amplifier_bandwidth", "second_mode"),
@@ -49,7 +49,7 @@ PAIRS = (
 
 
 class OtherCodeError(ValueError):
-    """The file of results holds results of other code or packages; the message says how they differ."""
+    """The results file holds results of other code or packages; the message states the difference."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +64,13 @@ class Case:
 
     @property
     def name(self) -> str:
-        """Unique."""
+        """Unique name of the case."""
         monitored = " monitored" if self.monitored else ""
         return f"{self.part} {'+'.join(self.effects) or 'nothing'} {self.strength}{monitored} {self.seed}"
 
 
 def head_of(seed: int) -> Printhead:
-    """A random head, its law scaled as by convention so that hysteretic volts mean the same in truth and fit."""
+    """A random head, its branch law scaled by the convention, so that truth and fit share the same hysteretic volt."""
     rng = np.random.default_rng([7, seed])
     head = Printhead.published().varied(
         frequency_Hz=rng.uniform(35e3, 70e3),
@@ -100,19 +100,19 @@ def cases(part: str, seeds: int) -> Iterator[Case]:
 
 
 def recorded(case: Case) -> tuple[Campaign, list[tuple[Effect, dict[str, float]]]]:
-    """The campaign of a case, and what was planted in it."""
+    """The campaign of a case, and the effects in it with their values."""
     head = head_of(case.seed)
     on = [(effect, planted(effect, STRENGTHS[case.strength], head)) for effect in map(effect_named, case.effects)]
     return record_planted(head, on, 1000 + case.seed, monitored=case.monitored), on
 
 
 def outcome(case: Case) -> dict[str, Any]:
-    """Record, diagnose, and tell."""
+    """Record and diagnose a case; its outcome as plain JSON values."""
     head = head_of(case.seed)
     campaign, on = recorded(case)
     known = [e for e in catalogue() if case.part != "withheld" or e.id not in case.effects]
     found = diagnose(campaign, effects=known, rng=case.seed, workers=1)
-    # hysteretic volts are a convention, which depends on the swing at which the law was identified
+    # the scale of hysteretic volts is a convention, which depends on the swing at which the law was identified
     swing_V = found.printhead.full_scale_V
     scale = in_convention(head, swing_V).coefficients[-2] / head.coefficients[-2]
     by_unit = {"1/V": 1 / scale, "1/V²": 1 / scale**2}
@@ -142,29 +142,29 @@ def outcome(case: Case) -> dict[str, Any]:
 
 
 def run(parts: list[str], seeds: int, workers: int) -> None:
-    """Diagnose what has not been yet.
+    """Diagnose all cases that have no result yet.
 
     Parameters
     ----------
     parts : list of str
-        See `cases`.
+        Parts of the study; see `cases`.
     seeds : int
-        Heads for every case.
+        Number of heads for every case.
     workers : int
-        Processes.
+        Number of processes.
 
     Raises
     ------
     OtherCodeError
-        The results so far are of other code or packages. Nothing is diagnosed.
+        The existing results are of other code or packages. Nothing is diagnosed.
     """
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     made = {"code": code_digest(SOURCES), "versions": versions()}
     before = rows()
     if before and (difference := first_difference(_made_by(before[0]), made)):
         raise OtherCodeError(
-            f"{RESULTS} holds results of other code or packages: {difference}. Delete or rename that file to begin "
-            "again, or restore the code and packages to go on."
+            f"{RESULTS} holds results of other code or packages: {difference}. Delete or rename that file to start "
+            "again, or restore the code and packages to resume."
         )
     done = {row["name"] for row in before}
     todo = [case for part in parts for case in cases(part, seeds) if case.name not in done]
@@ -180,7 +180,7 @@ def run(parts: list[str], seeds: int, workers: int) -> None:
 
 
 def _guarded(case: Case) -> dict[str, Any]:
-    """A campaign that cannot be diagnosed counts as such and stops nothing."""
+    """The outcome of a case; a campaign that cannot be diagnosed counts as refused and does not stop the study."""
     try:
         return outcome(case)
     except ValueError as error:
@@ -188,12 +188,12 @@ def _guarded(case: Case) -> dict[str, Any]:
 
 
 def rows() -> list[dict[str, Any]]:
-    """All cases so far.
+    """Results of all cases so far.
 
     Returns
     -------
     list of dict
-        What `outcome` returns of each; ``made`` tells the code and the packages, the same in all.
+        The `outcome` of each case; ``made`` holds code and packages, the same in all.
 
     Raises
     ------
@@ -213,18 +213,18 @@ def rows() -> list[dict[str, Any]]:
 
 
 def _made_by(row: dict[str, Any]) -> dict[str, Any]:
-    """Code and packages that a line is of; older lines do not tell."""
+    """Code and packages of a line; "unknown" for older lines, which do not record them."""
     return dict(row.get("made", {"code": "unknown"}))
 
 
 def verdict_record(row: dict[str, Any]) -> VerdictRecord:
-    """What a line says."""
+    """The verdict in a line, with the truth."""
     groups = tuple(frozenset(group) for group in row.get("candidates", []))
     return VerdictRecord(frozenset(row["effects"]), row["verdict"], frozenset(row["found"]), groups)
 
 
 def summary() -> None:
-    """Print what the lines say."""
+    """Print a summary of all results."""
     found = rows()
     for part in ("null", "single", "pairs", "withheld"):
         mine = [row for row in found if row["part"] == part]
@@ -271,7 +271,7 @@ def _print_part(part: str, mine: list[dict[str, Any]]) -> None:
 
 
 def _print_confusion(these: list[VerdictRecord]) -> None:
-    """Rows: hidden. Columns: said, by the effects' numbers."""
+    """Print the confusion matrix. Rows: hidden effect; columns: named effect, by number."""
     names = [effect.id for effect in catalogue()]
     table = confusion(these, names)
     width = max(map(len, names)) + 4

@@ -1,9 +1,10 @@
-"""How well identification does, in figures: ``python -m experiments.validation.identification_study``.
+"""Performance of the identification in figures: ``python -m experiments.validation.identification_study``.
 
-``published``: the published head's hysteresis from one 90 V loop, as the paper's section 3.1.
-``heads``: random heads at 40 dB; errors, whether the intervals cover, seconds a head.
-``peers``: held-out error beside a linear fit without hysteresis and beside the paper's recipe.
-``measured FOLDER``: a measured piezo actuator, cut into what tells the hysteresis and what tells the resonance.
+``published``: the published head's hysteresis from one 90 V loop, as in the paper's section 3.1.
+``heads``: random heads at 40 dB; errors, coverage of the intervals, seconds per head.
+``peers``: held-out error compared with a linear fit without hysteresis and with the paper's procedure.
+``measured FOLDER``: a measured piezo actuator, split into a part that determines the hysteresis and one that determines
+the resonance.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def published_loop(seed: int = 0) -> tuple[Identification, Recording]:
 
 @dataclass(frozen=True)
 class HeadResult:
-    """One random head: relative errors and coverage of `PARAMETERS`, held-out residual over noise, seconds."""
+    """One random head: relative errors and coverage of `PARAMETERS`, held-out residual over noise, degree, seconds."""
 
     errors: tuple[float, ...]
     covered: tuple[bool, ...]
@@ -52,7 +53,7 @@ class HeadResult:
 
 
 def identified_head(seed: int, snr_dB: float = SNR_dB) -> HeadResult:
-    """Draw a head, record it with the virtual rig, identify it and compare."""
+    """Draw a head, record it with the virtual rig, identify it and compare with the truth."""
     rng = np.random.default_rng(seed)
     drawn = dict(zip(CONTEXT_NAMES, rng.uniform(CONTEXT_LOWER, CONTEXT_UPPER), strict=True))
     head = Printhead.published().varied(**drawn)
@@ -73,7 +74,7 @@ def identified_head(seed: int, snr_dB: float = SNR_dB) -> HeadResult:
 
 
 def identified_heads(count: int, workers: int | None = None) -> list[HeadResult]:
-    """Random heads of seeds 0 …, in parallel, with progress."""
+    """Results for random heads with seeds from 0, identified in parallel, with progress."""
     from joblib import Parallel, delayed
 
     results = []
@@ -89,7 +90,7 @@ def identified_heads(count: int, workers: int | None = None) -> list[HeadResult]
 
 @dataclass(frozen=True)
 class LinearPeer:
-    """A second-order system on some input, fitted as a user of SciPy would: output error, one gain, one offset."""
+    """A second-order system with a given input, fitted as a SciPy user would: output error, one gain, one offset."""
 
     a0: float
     a1: float
@@ -97,14 +98,14 @@ class LinearPeer:
     offset: float
 
     def predicted(self, input_V: Real, recording: Recording) -> Real:
-        """Signal at every sample."""
+        """Predicted signal at every sample, in the recording's unit."""
         return self.gain * unit_response(self.a0, self.a1, input_V, recording) + self.offset
 
 
 def unit_response(a0: float, a1: float, input_V: Real, recording: Recording) -> Real:
     """``s / (s² + a1 s + a0)`` on an input that is linear between samples (scipy.signal: cont2discrete and lfilter).
 
-    A periodic recording is repeated until it is steady.
+    The input of a periodic recording is repeated until the response is steady.
     """
     from scipy.signal import cont2discrete, lfilter
 
@@ -117,7 +118,7 @@ def unit_response(a0: float, a1: float, input_V: Real, recording: Recording) -> 
 
 
 def fit_linear_peer(inputs: Sequence[Real], recordings: Sequence[Recording], start: tuple[float, float]) -> LinearPeer:
-    """Least squares over all recordings with `scipy.optimize.least_squares`; gain and offset are solved for inside."""
+    """Least squares over all recordings (`scipy.optimize.least_squares`); gain and offset are eliminated linearly."""
     from scipy.optimize import least_squares
 
     target = np.concatenate([r.sensor for r in recordings])
@@ -139,7 +140,7 @@ def fit_linear_peer(inputs: Sequence[Real], recordings: Sequence[Recording], sta
 
 
 def paper_branch_law(loop: Recording, degree: int = 8) -> BranchLaw:
-    """Polynomial through the two branches of one measured loop, both axes normalised by their swing (section 3.1)."""
+    """Polynomial fitted to the two branches of one measured loop, both axes normalised by their swing (section 3.1)."""
     top, bottom = int(np.argmax(loop.drive_V)), int(np.argmin(loop.drive_V))
     full_scale_V, swing = float(np.ptp(loop.drive_V)), loop.sensor[top] - loop.sensor[bottom]
     n = loop.drive_V.size
@@ -154,7 +155,7 @@ def paper_branch_law(loop: Recording, degree: int = 8) -> BranchLaw:
 
 
 def held_out_errors(seed: int = 0, snr_dB: float | None = None) -> dict[str, float]:
-    """Held-out RMS of self-sensing in volts: ours, the linear fit, the paper's recipe; and the noise."""
+    """Held-out RMS residual of self-sensing in volts: this package, linear fit, the paper's procedure; and the noise."""
     head = Printhead.published()
     campaign = record_campaign(head, seed, snr_dB=snr_dB)
     found = identify(campaign)
@@ -181,7 +182,7 @@ def held_out_errors(seed: int = 0, snr_dB: float | None = None) -> dict[str, flo
 
 
 def measured_pieces(folder: Path) -> Campaign:
-    """The measured piezo actuator cut up: three whole periods of the sine as repeating, and the step's ring-down."""
+    """The measured piezo actuator's recording, split into three periods of the sine and the step's ring-down."""
     whole = read_campaign(folder).recordings[0]
     period = round(1.0 / whole.step_s)
     step = int(np.argmax(whole.drive_V != 0))
@@ -276,11 +277,11 @@ def _print_measured(folder: Path) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("study", nargs="?", choices=("published", "heads", "peers", "measured", "all"), default="all")
-    parser.add_argument("folder", nargs="?", type=Path, help="of the measured recordings")
-    parser.add_argument("--count", type=int, default=HEADS, help="random heads")
+    parser.add_argument("folder", nargs="?", type=Path, help="folder of the measured recordings")
+    parser.add_argument("--count", type=int, default=HEADS, help="number of random heads")
     given = parser.parse_args(arguments)
     if given.study == "measured" and given.folder is None:
-        parser.error("measured needs the folder of the recordings")
+        parser.error("measured needs the folder of the recordings: measured FOLDER.")
     if given.study in ("published", "all"):
         _print_published()
     if given.study in ("heads", "all"):

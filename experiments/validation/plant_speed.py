@@ -1,10 +1,10 @@
-"""Speed of the plant, in one run on one core: against SciPy's integrator at the same accuracy, and what effects cost.
+"""Speed of the plant on one core: compared with SciPy's integrators at the same accuracy, and the cost of effects.
 
-``python -m experiments.validation.plant_speed`` prints both. The rivals answer the same question: the speed of a head
-with a cubic spring at the samples of a bipolar pulse, from rest, the hysteretic drive being given and linear between
-nodes. Errors are against SciPy's integrator at the tightest tolerance; a rival's tolerance is the loosest of a ladder
-that is as good as the plant. It goes from corner to corner of the drive, as it does best; its equation is Python, as
-users write it."""
+``python -m experiments.validation.plant_speed`` prints both. All methods compute the same quantity: the velocity of a
+head with a cubic spring at the samples of a bipolar pulse, from rest, with a given hysteretic drive that is linear
+between nodes. Errors are relative to SciPy's integrator at the tightest tolerance; a baseline's tolerance is the
+loosest of a ladder with which it is as accurate as the plant. It integrates from corner to corner of the drive, which
+suits it best; its equation is in Python, as users write it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ EFFECTS = (CubicStiffness(), WaveEcho(), SecondMode())
 
 @dataclass(frozen=True)
 class Rival:
-    """What the plant was compared with: method, its tolerance, both errors over the largest value, seconds of both."""
+    """A baseline integrator: method, tolerance, errors of both relative to the largest value, seconds of both."""
 
     method: str
     rtol: float
@@ -49,19 +49,19 @@ class Rival:
 
     @property
     def ratio(self) -> float:
-        """How many times faster the plant is."""
+        """Factor by which the plant is faster."""
         return self.seconds / self.plant_seconds
 
 
 def standard_shot(head: Printhead, initial_state: str) -> Excitation:
-    """A bipolar pulse, 20 periods long, whose corners are samples."""
+    """A recording of a bipolar pulse, 20 resonance periods long, whose corners are samples."""
     corners = [0, 10, 65, 95, 160, 180]
     drive_V = np.interp(np.arange(SAMPLES), corners, [0.0, 90.0, 90.0, -80.0, -80.0, 0.0])
     return Excitation("self_sensing", initial_state, 1 / (SAMPLES_A_PERIOD * head.frequency_Hz), drive_V)
 
 
 def integrated(method: str, rtol: float, head: Printhead, excitation: Excitation) -> Real:
-    """Speed at the samples over ``a0``, by `scipy.integrate.solve_ivp` from corner to corner of the drive."""
+    """Velocity at the samples divided by ``a0``, from `scipy.integrate.solve_ivp` between the corners of the drive."""
     from scipy.integrate import solve_ivp
 
     a0, a1, k = head.a0, head.a1, STIFFENING_PER_V2
@@ -84,7 +84,7 @@ def integrated(method: str, rtol: float, head: Printhead, excitation: Excitation
 
 
 def rivals(head: Printhead) -> list[Rival]:
-    """The plant's resonator against SciPy's integrators, each at the accuracy of the plant."""
+    """The plant's resonator compared with SciPy's integrators, each at the plant's accuracy."""
     excitation = standard_shot(head, "demagnetised")
     base = Resonance(head.a0, head.a1, head.a0)
     resonance = CubicStiffness().resonator({"stiffening_per_V2": STIFFENING_PER_V2}, base, excitation)
@@ -97,7 +97,7 @@ def rivals(head: Printhead) -> list[Rival]:
     plant_error = error(resonance.motion(drive_V, excitation))
 
     def ours() -> None:
-        for _ in range(CALLS):  # as in a fit, one after another
+        for _ in range(CALLS):  # one after another, as in a fit
             resonance.motion(drive_V, excitation)
 
     found = []
@@ -111,7 +111,7 @@ def rivals(head: Printhead) -> list[Rival]:
 
 
 def costs(head: Printhead) -> dict[str, float]:
-    """Nanoseconds a sample of the whole plant by what is on, in steady state under a repeated pulse."""
+    """Nanoseconds per sample of the whole plant by active effect, in steady state under a repeated pulse."""
     excitation = standard_shot(head, "periodic")
     plants = {"base": Plant(head)}
     for effect in EFFECTS:

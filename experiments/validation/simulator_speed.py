@@ -1,9 +1,9 @@
-"""Speed as ratios, each measured in one run on one core against what a user would pick instead.
+"""Speed as ratios to the alternatives that a user would choose, each measured in one run on one core.
 
-``python -m experiments.validation.simulator_speed`` prints three tables: hysteresis by branch law against play
-operators, evaluations of the cost against two SciPy pipelines, and steps of the environments. Every figure is the best
-of several repetitions, the rivals taken in turns, so that another load on the machine does not fall on one of them
-alone."""
+``python -m experiments.validation.simulator_speed`` prints three tables: hysteresis by branch law compared with play
+operators, evaluations of the cost compared with two SciPy pipelines, and steps of the environments. Every figure is the
+best of several repetitions in which the alternatives take turns, so that other load on the machine does not affect
+only one of them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ REPETITIONS = 7
 
 
 def best_seconds(rivals: Mapping[str, Callable[[], Any]], repetitions: int = REPETITIONS) -> dict[str, float]:
-    """Least seconds of each call, the rivals taking turns."""
+    """Shortest time of each call in seconds; the calls take turns."""
     best = dict.fromkeys(rivals, float("inf"))
     for call in rivals.values():
         call()
@@ -38,7 +38,7 @@ def best_seconds(rivals: Mapping[str, Callable[[], Any]], repetitions: int = REP
 
 
 def sampled_hysteresis(waveforms: Real, head: Printhead, time_s: Real) -> Real:
-    """Hysteretic drive of periodic firing on a time grid, vectorised over waveforms: shape (n, samples), in volts."""
+    """Hysteretic drive in volts of periodic firing on a time grid, vectorised over waveforms, shape (n, samples)."""
     law = head.branch_law
     U1, U2 = waveforms[:, :1], waveforms[:, 1:2]
     ends_s = np.cumsum(waveforms[:, 2:], axis=1)
@@ -61,12 +61,12 @@ def first_order_hold(head: Printhead, step_s: float) -> tuple[Real, Real]:
 
 
 def sampled_costs(waveforms: Real, head: Printhead, method: str) -> Real:
-    """Default peak cost by simulation on a grid of `SAMPLES`, in volts, shape (n,).
+    """Default peak cost in volts by simulation on a grid of `SAMPLES`, shape (n,).
 
-    A few waveforms at a time are faster than many: their samples stay in the cache.
+    A few waveforms at a time are faster than many, because their samples stay in the cache.
 
-    ``method``: "lsim", or "lfilter" with the coefficients of the first-order hold, which is exact for the same input
-    linear between samples. Peaks come from `scipy.signal.find_peaks`.
+    ``method`` is "lsim", or "lfilter" with the coefficients of the first-order hold, which is exact for an input that
+    is linear between samples. Peaks come from `scipy.signal.find_peaks`.
     """
     from scipy.signal import find_peaks, lfilter, lsim
 
@@ -91,7 +91,7 @@ def sampled_costs(waveforms: Real, head: Printhead, method: str) -> Real:
 
 
 def evaluations_table() -> list[tuple[str, float, float]]:
-    """Rows (what, µs an evaluation, ratio to ours)."""
+    """Rows of method, microseconds per evaluation, ratio to the closed form."""
     from inkjet_env.printhead import batch
 
     head = Printhead.published()
@@ -118,7 +118,7 @@ def evaluations_table() -> list[tuple[str, float, float]]:
 
 
 def hysteresis_table() -> list[tuple[str, float, float]]:
-    """Rows (what, ns a sample, ratio to the branch law); all compiled, on one random drive."""
+    """Rows of method, nanoseconds per sample, ratio to the branch law; all compiled, on one random drive."""
     from inkjet_env.printhead import compiled
 
     law = Printhead.published().branch_law
@@ -213,7 +213,7 @@ def environments_table() -> list[tuple[str, float, float]]:
 
 
 def _register_idle() -> None:
-    """An environment that does nothing: what Gymnasium's own wrappers cost."""
+    """Register an environment that does nothing, which shows the cost of Gymnasium's own wrappers."""
     import gymnasium
 
     space = gymnasium.spaces.Box(-1.0, 1.0, (7,), np.float32)

@@ -1,7 +1,7 @@
-"""Campaigns of a virtual head with effects of the catalogue switched on: what the diagnosis is tried on here.
+"""Synthetic campaigns: recordings of a virtual head with effects of the catalogue, for tests of the diagnosis.
 
-The plant that records is the plant that finds, so this shows that the diagnosis can tell its own effects apart, and no
-more; effects that are concealed from it are another matter.
+The same plant records and diagnoses, so such a test shows only that the diagnosis can distinguish its own effects. The
+blind proof uses an independent plant.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ LINES = (
     "pulse-pair-0.50T", "pulse-pair-1.50T", "pulse-pair-3.25T",
     "multisine-50V-a", "multisine-95V-a", "first-trapezoid", "first-bipolar", "zero",
 )  # fmt: skip
-"""Of the default battery, each once, but for `TWICE`."""
+"""Lines of the default battery that are recorded: each once, those in `TWICE` twice."""
 TWICE = ("trapezoid-60V", "bipolar-full")
 SNR_dB = 50.0
 SUBSTEPS = 16
-"""Nodes a sample: more than the diagnosis uses, so that its simulation's error is part of what is tried."""
+"""Simulation nodes per sample: more than the diagnosis uses, so that its discretisation error is part of the test."""
 GAUGE_GAIN = 0.02
 """Volts of the strain gauge's bridge per hysteretic volt."""
 STRONG, MEDIUM = 1.0, 0.35
-"""Of `Effect.example_values`."""
+"""Strength of an effect as a factor on its `Effect.example_values`."""
 
 
 def planted(effect: Effect, strength: float, printhead: Printhead) -> dict[str, float]:
-    """Values of an effect at a strength, 1 being full.
+    """Values of an effect's parameters at a strength; 1 is full strength.
 
-    Amplitudes are in standard deviations of the noise; a level that hangs on the largest signal is left at 0 for
-    `record_planted`.
+    Amplitudes are in standard deviations of the noise. A level that depends on the largest signal is 0 here and is set
+    by `record_planted`.
     """
     values = complete(effect, **effect.example_values(printhead, largest=0.0))
     for p in effect.parameters:
@@ -62,15 +62,18 @@ def record_planted(
     Parameters
     ----------
     printhead : Printhead
+        The head that is recorded.
     effects : sequence of (Effect, values)
-        The amplitude of a random effect is in standard deviations of the noise. A level of the sensor that is 0 becomes
-        that of the effect's `Effect.example_values` for the largest self-sensed signal.
+        Active effects. The amplitude of a random effect is in standard deviations of the noise. A level of the sensor
+        that is 0 is replaced by that of the effect's `Effect.example_values` for the largest self-sensing signal.
     seed : int
+        Seed of the order and the noise.
     snr_dB : float
-        Of the largest recording of each channel.
+        Signal-to-noise ratio, in decibels, of the largest recording of each channel.
     monitored : bool
         Whether the voltage at the head is recorded too.
     lines : sequence of DriveLine, optional
+        Drives to record; `LINES` of the default battery unless given.
     """
     rng = np.random.default_rng(seed)
     if lines is None:
@@ -122,7 +125,7 @@ def record_planted(
 
 
 def _levelled(effect: Effect, values: Values, printhead: Printhead, largest: Mapping[str, float]) -> Values:
-    """Values with every level that is 0, where no level can be, set for the largest self-sensed signal."""
+    """Values in which every level of 0, which is not allowed, is set for the largest self-sensing signal."""
     open_levels = [p.name for p in effect.parameters if p.scale == "reciprocal" and values[p.name] == 0]
     if not open_levels:
         return values
@@ -131,7 +134,7 @@ def _levelled(effect: Effect, values: Values, printhead: Printhead, largest: Map
 
 
 def _neighbour(line: DriveLine, rng: np.random.Generator) -> Real:
-    """A pulse of the neighbouring channel, at a time of its own."""
+    """Drive of the neighbouring channel in volts, shape (n,): zero, or a pulse at a random time."""
     n = line.drive_V.size
     if rng.random() < 0.4 or line.excitation == "zero":
         return np.zeros(n)
@@ -142,7 +145,7 @@ def _neighbour(line: DriveLine, rng: np.random.Generator) -> Real:
 
 
 def _by_chance(effect: Effect, values: Mapping[str, float], excitation: Excitation, rng: np.random.Generator) -> Real:
-    """What differs from recording to recording, in standard deviations of the noise for an amplitude of 1."""
+    """Random-effect signal of one recording, in standard deviations of the noise, shape (n,); 0 for other effects."""
     columns = effect.random_effect_basis(values, excitation)
     if columns is None:
         return np.zeros(excitation.samples)
@@ -151,5 +154,5 @@ def _by_chance(effect: Effect, values: Mapping[str, float], excitation: Excitati
 
 
 def effect_named(name: str) -> Effect:
-    """The effect of the catalogue with this id."""
+    """The effect of the catalogue with the id ``name``."""
     return next(effect for effect in catalogue() if effect.id == name)

@@ -1,4 +1,4 @@
-"""Verdicts held against what was hidden: right or wrong, confusion matrix, F1, shares with their intervals."""
+"""Scores of verdicts against the hidden truth: right or wrong, confusion matrix, F1, proportions with intervals."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 OUTCOMES = ("none", "set", "wrong set", "unknown", "several", "refused")
-"""Columns of a confusion matrix beside the effects: "set" holds the truth, "several" are two named or more."""
+"""Columns of a confusion matrix besides the effects: a "set" contains the truth; "several" means two or more named."""
 
 
 @dataclass(frozen=True)
 class VerdictRecord:
-    """What a diagnosis said of a campaign, and what was hidden in it.
+    """The verdict on a campaign, and the effects hidden in it.
 
     Attributes
     ----------
     truth : frozenset of str
         Ids of the hidden effects.
     verdict : {"none", "named", "set", "unknown", "refused"}
-        The last: the campaign could not be diagnosed.
+        Verdict of the diagnosis; "refused" means that the campaign could not be diagnosed.
     found : frozenset of str
         Ids of the named effects.
     candidates : tuple of frozenset of str
-        Groups that were not told apart, each with the effect of ``found`` that stands for it.
+        Groups of indistinguishable effects, each including the effect of ``found`` that represents it.
     """
 
     truth: frozenset[str]
@@ -32,7 +32,7 @@ class VerdictRecord:
 
     @property
     def allowed(self) -> frozenset[str]:
-        """The named effects, each exchanged for the hidden one where its group holds that."""
+        """The named effects, each replaced by the hidden one if its group contains that."""
         told = self.found
         for group in self.candidates:
             if told & group and self.truth & group:
@@ -50,7 +50,7 @@ class VerdictRecord:
 
     @property
     def column(self) -> str:
-        """Where it stands in a confusion matrix of single effects."""
+        """Its column in a confusion matrix of single effects."""
         if self.verdict == "set":
             return "set" if self.judged == "in the set" else "wrong set"
         if self.verdict == "named":
@@ -59,7 +59,7 @@ class VerdictRecord:
 
 
 def confusion(told: Iterable[VerdictRecord], effects: Sequence[str]) -> dict[str, dict[str, int]]:
-    """Counts by hidden effect and by what was said, for campaigns with nothing or one thing hidden."""
+    """Counts by hidden effect and by verdict, for campaigns with at most one hidden effect."""
     columns = (*effects, *OUTCOMES)
     table = {row: dict.fromkeys(columns, 0) for row in ("nothing", *effects)}
     for one in told:
@@ -69,7 +69,7 @@ def confusion(told: Iterable[VerdictRecord], effects: Sequence[str]) -> dict[str
 
 
 def f1(told: Iterable[VerdictRecord]) -> float:
-    """Harmonic mean of precision and recall of effect names, all campaigns together; unknown and none name nothing."""
+    """Harmonic mean of precision and recall of effect names, pooled over campaigns; unknown and none name no effect."""
     hits = named = hidden = 0
     for one in told:
         said = one.allowed if one.verdict in ("named", "set") else frozenset()
@@ -80,7 +80,7 @@ def f1(told: Iterable[VerdictRecord]) -> float:
 
 
 def share(hits: int, of: int, confidence: float = 0.9) -> tuple[float, float, float]:
-    """A share with its Wilson interval; all of 0 to 1 where there is nothing to count."""
+    """A proportion with its Wilson interval; NaN with the interval 0 to 1 if there is nothing to count."""
     from scipy.stats import binomtest
 
     if of == 0:

@@ -1,1 +1,1 @@
-"""The command line of the printhead: simulate, record, identify, evaluate and diagnose."""
+"""The command line for the printhead: simulate, record, identify, evaluate and diagnose."""

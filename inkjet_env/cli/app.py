@@ -1,7 +1,7 @@
-"""The command ``inkjet``: one application, on which each command is mounted; its exit status.
+"""The command ``inkjet``: the Typer application on which each command is registered, and its exit status.
 
-0 done, 2 bad input (one sentence on standard error), 130 interrupted by Ctrl-C with what was done kept.
-Whatever costs time to import is imported by the command that needs it.
+Exit status: 0 done, 2 bad input (one sentence on standard error), 130 interrupted by Ctrl-C (finished work is kept).
+Modules that are slow to import are imported by the command that needs them.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ def _print_version(asked: bool) -> None:
 @app.callback()
 def _inkjet(
     version: Annotated[
-        bool, typer.Option("--version", help="the version, and nothing else", callback=_print_version, is_eager=True)
+        bool, typer.Option("--version", help="print the version and exit", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
-    """An inkjet printhead: record it, identify it, simulate it, optimise its waveform, compare optimisers.
+    """Record, identify, diagnose and simulate an inkjet printhead, optimise its waveform, compare optimisers.
 
     Units are SI (volts, seconds). Each command has its own --help with an example.
     """
@@ -50,9 +50,9 @@ for command in (simulate, record, identify, evaluate, diagnose):
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
-    """Run the command; turn whatever the user can mend into one sentence and exit status 2."""
+    """Run the command; report an error that the user can fix in one sentence, with exit status 2."""
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a terminal without µ is no reason to stop half-way
+        if hasattr(stream, "reconfigure"):  # a terminal that cannot print µ must not stop the command
             stream.reconfigure(errors="replace")
     try:
         status = app(arguments, standalone_mode=False)

@@ -1,4 +1,4 @@
-"""What the command line gives, turned into problems, costs and settings; what it gives wrongly, into one sentence.
+"""Command-line arguments converted to printheads, costs and settings, or refused in one sentence.
 
 Every function raises ``ValueError`` before any work is done.
 """
@@ -19,14 +19,14 @@ CostGiven = tuple[float | None, float | None, str | None]
 
 
 def chosen_printhead(path: Path | None) -> Printhead:
-    """The head of a printhead.json, or the published one."""
+    """The head of a printhead.json; the published head if no file is given."""
     from inkjet_env.printhead import Printhead
 
     return Printhead.published() if path is None else Printhead.from_json(path)
 
 
 def chosen_cost(given: CostGiven, base: PeakCost | None = None) -> PeakCost:
-    """``base`` with A, B and effective rule replaced where they are given; a number as the rule is a threshold."""
+    """``base`` with A, B and effective rule replaced where given; a number as the rule is a threshold in volts."""
     from inkjet_env.printhead import PeakCost
 
     A, B, effective = given
@@ -41,36 +41,34 @@ def chosen_cost(given: CostGiven, base: PeakCost | None = None) -> PeakCost:
 
 
 def chosen_seed(seed: int | None) -> int:
-    """The seed, 0 unless given."""
+    """The seed; 0 if none is given."""
     if seed is not None and seed < 0:
         raise ValueError(f"--seed must be at least 0; got {seed}.")
     return seed or 0
 
 
 def check_rate(sample_rate_Hz: float) -> None:
-    """Raise ``ValueError`` at a sample rate that is useless for edges of a microsecond."""
+    """Raise ``ValueError`` if the sample rate does not suit edges of about a microsecond."""
     if not (math.isfinite(sample_rate_Hz) and 1e7 <= sample_rate_Hz <= 1e11):
         raise ValueError(
-            f"--sample-rate must be 1e7 to 1e11 Hz, so that every edge has samples; got {sample_rate_Hz:g}."
+            f"--sample-rate must be 1e7 to 1e11 Hz, so that samples fall on every edge; got {sample_rate_Hz:g}."
         )
 
 
 def check_outputs(inputs: Sequence[Path | None] = (), **files: Path | None) -> None:
-    """Raise ``ValueError`` before any work where a result could not be written, or would replace an input."""
+    """Raise ``ValueError`` before any work if a result could not be written or would overwrite an input."""
     given = {name: path for name, path in files.items() if path is not None and str(path) != "-"}
     read = {os.path.realpath(path) for path in inputs if path is not None}
     for name, path in given.items():
         if os.path.realpath(path) in read:
-            raise ValueError(f"--{name} {path} would replace what is read. Give another name.")
+            raise ValueError(f"--{name} {path} would overwrite an input file. Give another name.")
         if (path.exists() and not path.is_file()) or not _takes_files(Path(os.path.realpath(path)).parent):
-            raise ValueError(
-                f"--{name} {path}: {path.parent} must be a folder that can be written to, and {path} a file."
-            )
+            raise ValueError(f"--{name} {path}: {path.parent} must be a writable folder, and {path} a regular file.")
     if len({os.path.realpath(path) for path in given.values()}) < len(given):
         raise ValueError(f"--{' and --'.join(given)} must be different files.")
     for name in ("out", "plot"):
         if str(files.get(name)) == "-":
-            raise ValueError(f'--{name} must be a file; only --json takes "-".')
+            raise ValueError(f'--{name} must be a file; only --json accepts "-".')
     if files.get("plot") is not None:
         from inkjet_env.reporting.plotting import check_picture_name
 
@@ -78,7 +76,7 @@ def check_outputs(inputs: Sequence[Path | None] = (), **files: Path | None) -> N
 
 
 def _takes_files(folder: Path) -> bool:
-    """Whether a file can be made there: rights alone do not tell, of a read-only medium or to one who may do all."""
+    """Whether a file can be created there. Permissions alone do not show a read-only medium, or apply to root."""
     try:
         with TemporaryFile(dir=folder):
             return True
@@ -90,5 +88,5 @@ def named_values(option: str, text: str) -> dict[str, str]:
     """``name=value,name=value`` as a dict."""
     pairs = [part.partition("=") for part in text.split(",") if part.strip()]
     if not pairs or any(not name.strip() or not mark or not value.strip() for name, mark, value in pairs):
-        raise ValueError(f"{option} must read name=value,name=value; got {text!r}.")
+        raise ValueError(f"{option} must have the form name=value,name=value; got {text!r}.")
     return {name.strip(): value.strip() for name, _, value in pairs}

@@ -1,4 +1,4 @@
-"""The commands that measure: record (with the virtual rig), identify, evaluate."""
+"""The commands on measuring campaigns: record (with the virtual rig), identify, evaluate."""
 
 from __future__ import annotations
 
@@ -18,16 +18,19 @@ if TYPE_CHECKING:
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the campaign", show_default=False)]
 ScopeChannel = Annotated[
-    str | None, typer.Option("--channel", help="of oscilloscope files: self_sensing, strain_gauge or displacement")
+    str | None,
+    typer.Option("--channel", help="channel of oscilloscope files: self_sensing, strain_gauge or displacement"),
 ]
 ScopeColumns = Annotated[
     str | None,
     typer.Option(
-        "--columns", help="of oscilloscope files: time=NAME,drive=NAME,sensor=NAME (or numbers); guessed unless given"
+        "--columns",
+        help="columns of oscilloscope files: time=NAME,drive=NAME,sensor=NAME (or numbers); guessed unless given",
     ),
 ]
 ScopeState = Annotated[
-    str | None, typer.Option("--initial-state", help="of oscilloscope files: demagnetised, periodic or free (free)")
+    str | None,
+    typer.Option("--initial-state", help="initial state of oscilloscope files: demagnetised, periodic or free (free)"),
 ]
 Folders = Annotated[
     list[Path], typer.Argument(metavar="DIR…", help="folder of a campaign; several are identified in parallel")
@@ -37,18 +40,24 @@ Folders = Annotated[
 def record(
     folder: Folder,
     printhead: PrintheadFile = None,
-    seed: Annotated[int | None, typer.Option(help="of order and noise (0)")] = None,
+    seed: Annotated[int | None, typer.Option(help="seed of the order and the noise (0)")] = None,
     snr_db: Annotated[
         float | None,
-        typer.Option("--snr-db", help="noise so far below each channel's strongest signal; else the instruments' own"),
+        typer.Option(
+            "--snr-db",
+            help="signal-to-noise ratio at each channel's strongest signal, in dB; the instruments' own unless given",
+        ),
     ] = None,
-    displacement: Annotated[bool, typer.Option("--displacement", help="record a laser vibrometer too")] = False,
+    displacement: Annotated[
+        bool, typer.Option("--displacement", help="record displacement with a laser vibrometer too")
+    ] = False,
     plan: Annotated[
-        bool, typer.Option("--plan", help="write the drives as CSV for a generator, and plan.csv; record nothing")
+        bool,
+        typer.Option("--plan", help="only write the drives as CSV files for a generator, and plan.csv; record nothing"),
     ] = False,
     json: JsonFile = None,
 ) -> None:
-    """Record a head with the virtual rig: strain gauge and self-sensing, a whole campaign.
+    """Record a complete campaign of a head with the virtual rig: strain gauge and self-sensing.
 
     inkjet record campaign --printhead printhead.json --seed 1
 
@@ -66,9 +75,9 @@ def record(
         battery += displacement_battery(head.frequency_Hz)
     if plan:
         if snr_db is not None or seed is not None:
-            raise ValueError("--plan writes drives, which have no noise and no order; leave out --snr-db and --seed.")
+            raise ValueError("--plan writes drives, which have neither noise nor order; leave out --snr-db and --seed.")
         plan_csvs(folder, battery)
-        said = f"{folder}: {len(battery)} drives, and plan.csv that says how to record each and what it is for"
+        said = f"{folder}: {len(battery)} drives, and plan.csv, which states how to record each and its purpose"
     else:
         announce_compiling()
         campaign = record_campaign(head, chosen_seed(seed), battery=battery, snr_dB=snr_db)
@@ -83,33 +92,37 @@ def record(
 
 def identify(
     folders: Folders,
-    out: Annotated[Path, typer.Option(help="the printhead; a folder where several campaigns are identified")] = Path(
-        "printhead.json"
-    ),
-    report: Annotated[Path | None, typer.Option(help="a page with all curves: .html")] = None,
+    out: Annotated[
+        Path, typer.Option(help="file for the printhead; a folder if several campaigns are identified")
+    ] = Path("printhead.json"),
+    report: Annotated[Path | None, typer.Option(help="report with all curves: .html")] = None,
     json: JsonFile = None,
     degree: Annotated[
-        int | None, typer.Option(help="of the branch law; chosen from the recordings unless given")
+        int | None, typer.Option(help="degree of the branch law; chosen from the recordings unless given")
     ] = None,
     degree_rule: Annotated[
         str,
-        typer.Option(help="flattening (of the error of all recordings), strain_gauge (as the paper) or held_out"),
+        typer.Option(
+            help="how the degree is chosen: flattening (of the error over all recordings), strain_gauge (the same on "
+            "the strain gauge alone, as in the paper) or held_out (error on drives left out in turn)"
+        ),
     ] = "flattening",
     valid_density: Annotated[
         bool, typer.Option("--valid-density", help="enforce p(r) >= 0, a valid Prandtl-Ishlinskii density")
     ] = False,
     full_scale: Annotated[
-        float | None, typer.Option(help="change of drive at x = 1, in volts; the largest swing unless given")
+        float | None, typer.Option(help="change of drive at which x = 1, in volts; the largest swing unless given")
     ] = None,
     held_out: Annotated[
-        str | None, typer.Option(help="recordings that no fit may see, with commas between; every fourth unless given")
+        str | None,
+        typer.Option(help="recordings to exclude from every fit, separated by commas; every fourth unless given"),
     ] = None,
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
-    workers: Annotated[int | None, typer.Option(help="processes where there are several campaigns (all cores)")] = None,
+    workers: Annotated[int | None, typer.Option(help="number of processes for several campaigns (all cores)")] = None,
 ) -> None:
-    """Hysteresis and dynamics of a head, with 90 % intervals, from a campaign.
+    """Identify a head's hysteresis and dynamics, with 90 % intervals, from a campaign.
 
     inkjet identify campaign --out printhead.json --report identification.html
     """
@@ -129,7 +142,7 @@ def identify(
         raise ValueError(f"--workers must be at least 1; got {workers}.")
     if len(folders) > 1:
         if report is not None or json is not None:
-            raise ValueError("--report and --json belong to a single campaign; give one folder.")
+            raise ValueError("--report and --json need a single campaign; give one folder.")
         identify_folders(folders, out, reading, options, workers)
         return
     check_outputs(files_of(folders[0]), out=out, report=report, json=json)
@@ -157,13 +170,13 @@ def evaluate(
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
 ) -> None:
-    """How far a printhead is from a campaign: free-run simulation of every recording, the head as it is.
+    """Compare a printhead, as it is, with a campaign: free-run simulation of every recording, and the residual.
 
     inkjet evaluate campaign --printhead printhead.json
 
     inkjet evaluate campaign --printhead augmented.json --effect my_effects:QuadraticStiffness
 
-    Refitted are one offset a channel and, where it is free, the resonator's initial state.
+    Only one offset per channel and, where it is free, the resonator's initial state are refitted.
     """
     from inkjet_env.cli.evaluation import evaluation_json
     from inkjet_env.cli.own_effects import register_own
@@ -181,12 +194,12 @@ def evaluate(
 
 
 def files_of(folder: Path) -> tuple[Path, ...]:
-    """What a campaign's folder holds: no result may replace it."""
+    """All files in a campaign's folder; no result may overwrite them."""
     return tuple(path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else ()
 
 
 def _check_target(folder: Path, plan: bool) -> None:
-    """Nothing measured may be lost: the rig replaces only what it recorded itself, and drives go where nothing is."""
+    """Protect measured data: the rig overwrites only its own campaigns, and drives need a folder without a campaign."""
     from inkjet_env.recordings import CampaignError
     from inkjet_env.recordings.data_package import DESCRIPTOR
     from inkjet_env.rig.record import SIMULATED
@@ -194,16 +207,16 @@ def _check_target(folder: Path, plan: bool) -> None:
     if not (folder / DESCRIPTOR).exists():
         return
     if plan:
-        raise CampaignError(f"{folder}: holds a campaign, among which drives would be lost. Give another folder.")
+        raise CampaignError(f"{folder}: holds a campaign, and drives must not be mixed with it. Give another folder.")
     if SIMULATED not in (folder / DESCRIPTOR).read_text(encoding="utf-8", errors="replace"):
         raise CampaignError(
-            f"{folder}: holds a campaign that the virtual rig did not record, and that would be lost; nothing was "
-            "written. Give another folder."
+            f"{folder}: holds a campaign that the virtual rig did not record and that would be overwritten; nothing "
+            "was written. Give another folder."
         )
 
 
 def reading_options(channel: str | None, columns: str | None, initial_state: str | None) -> dict[str, Any]:
-    """Keywords of `read_campaign` from what the command line tells about oscilloscope files."""
+    """Keyword arguments of `read_campaign` from the command line's options for oscilloscope files."""
     return {
         "channel": channel,
         "columns": None if columns is None else named_values("--columns", columns),

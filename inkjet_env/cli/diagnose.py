@@ -1,4 +1,4 @@
-"""The command that diagnoses: where recordings and model differ, and which physics was left out."""
+"""The command diagnose: where recordings and model differ, and which physics the model lacks."""
 
 from __future__ import annotations
 
@@ -27,42 +27,47 @@ INTERRUPTED = 130
 def diagnose(
     folder: Folder,
     printhead: Annotated[
-        Path | None, typer.Option(help="printhead.json to begin with; identified from the campaign unless given")
+        Path | None, typer.Option(help="printhead.json to start from; identified from the campaign unless given")
     ] = None,
     effect: OwnEffects = None,
-    printhead_out: Annotated[Path | None, typer.Option(help="the augmented printhead: .json for --printhead")] = None,
-    report: Annotated[Path | None, typer.Option(help="a page with all that was found: .html")] = None,
+    printhead_out: Annotated[
+        Path | None, typer.Option(help="file for the augmented printhead, to use with --printhead: .json")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="report with all findings: .html")] = None,
     json: JsonFile = None,
     next_out: Annotated[
-        Path | None, typer.Option(help="drive of the next experiment: .csv; next.csv beside the JSON unless given")
+        Path | None,
+        typer.Option(help="file for the drive of the next experiment: .csv; next.csv beside the JSON unless given"),
     ] = None,
     hold_out: Annotated[
         str | None,
         typer.Option(
             "--hold-out",
             "--held-out",
-            help="recordings that no fit may see but that can take a name away, with commas; by condition unless given",
+            help="recordings to exclude from every fit and to test each named effect on, separated by commas; chosen "
+            "by condition unless given",
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="of all random numbers (0)")] = None,
-    workers: Annotated[int | None, typer.Option(help="processes (2)")] = None,
+    seed: Annotated[int | None, typer.Option(help="seed of all random numbers (0)")] = None,
+    workers: Annotated[int | None, typer.Option(help="number of processes (2)")] = None,
     checkpoint: Annotated[
         Path | None,
         typer.Option(
-            help="folder for what is done when interrupted; beside the JSON, report or printhead file unless given"
+            help="folder for finished fits, from which an interrupted run resumes; beside the JSON, report or "
+            "printhead file unless given"
         ),
     ] = None,
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
 ) -> None:
-    """Where recordings and model differ, which physics was left out, and how the fit was before and is after.
+    """Find where recordings and model differ, which physics the model lacks, and how much adding it improves the fit.
 
     inkjet diagnose campaign --printhead-out augmented.json --report diagnosis.html --json diagnosis.json
 
     inkjet diagnose campaign --effect my_effects:QuadraticStiffness
 
-    With --effect, effects of your own are tried beside the catalogue.
+    With --effect, your own effects are tried in addition to the catalogue's.
     """
     from inkjet_env.cli.own_effects import register_own
 
@@ -90,11 +95,11 @@ def diagnose(
         found = _diagnosed(folder, printhead, reading, chosen_seed(seed), options)
     except KeyboardInterrupt:
         if checkpoint is None:
-            print(
-                "Interrupted; nothing is kept. With --checkpoint FOLDER the fits made so far would be.", file=sys.stderr
-            )
+            print("Interrupted; nothing was kept. Use --checkpoint FOLDER to keep finished fits.", file=sys.stderr)
         else:
-            print(f"Interrupted; finished fits are kept in {checkpoint}. The same command goes on.", file=sys.stderr)
+            print(
+                f"Interrupted; finished fits are kept in {checkpoint}. Run the same command to resume.", file=sys.stderr
+            )
         raise typer.Exit(INTERRUPTED) from None
     written = _written(found, json, files)
     if str(json) != "-":
@@ -104,9 +109,9 @@ def diagnose(
 
 
 def _checkpoint_folder(given: Path | None, *outputs: Path | None) -> Path | None:
-    """Where finished fits go: where it was said, or beside the first file that is asked for."""
+    """Folder for finished fits: the one given, or one beside the first output file; None without either."""
     if given is not None and given.exists() and not given.is_dir():
-        raise ValueError(f"--checkpoint: {given} is a file. Name a folder, or one that is not there yet.")
+        raise ValueError(f"--checkpoint must be a folder, new or existing; {given} is a file.")
     named = [path for path in outputs if path is not None and str(path) != "-"]
     return given or (named[0].with_name(f"{named[0].name}.fits") if named else None)
 
@@ -131,14 +136,14 @@ def _diagnosed(
         try:
             found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=told, **options)
         finally:
-            warn(warnings)  # what is doubtful may be why it failed
+            warn(warnings)  # they may explain a failure
     for note in campaign.notes:
         print(note, file=sys.stderr)
     return found
 
 
 def _written(found: Diagnosis, json: Path | None, files: Mapping[str, Path | None]) -> dict[str, Path]:
-    """Write what was asked for, all of it made before the first file is touched; what each file is."""
+    """Write the requested files, once the contents of all are ready; each file by its description."""
     import numpy as np
 
     from inkjet_env.cli.drive_csv import write_columns

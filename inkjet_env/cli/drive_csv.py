@@ -1,4 +1,4 @@
-"""Sampled drives and responses as CSV: read with every row checked, written whole or not at all."""
+"""Sampled drives and responses as CSV: every row is checked on reading; files are written atomically."""
 
 from __future__ import annotations
 
@@ -25,17 +25,19 @@ def read_drive(path: str | Path) -> tuple[Real, Real]:
     Parameters
     ----------
     path : str or Path
-        CSV with a header line that names ``time_s`` and ``drive_V``; other columns are passed over.
+        CSV with a header line that names ``time_s`` and ``drive_V``; other columns are ignored.
 
     Returns
     -------
     time_s, drive_V : ndarray, shape (n,)
+        Times in seconds, increasing, and drive in volts.
 
     Raises
     ------
     ValueError
-        No such file, not CSV, a column missing, fewer than two samples, a value that is not a finite number or a time
-        that does not increase. The message names the file, the row (the header is row 1), the rule and a fix.
+        The file does not exist or is not CSV, a column is missing, there are fewer than two samples, a value is not a
+        finite number, or a time does not increase. The message names the file, the row (the header is row 1), the
+        rule and a fix.
     """
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
@@ -72,7 +74,9 @@ def _parsed(path: str | Path, rows: Any) -> Iterator[list[str]]:
     try:
         yield from rows
     except csv.Error as error:
-        raise ValueError(f"{path}, row {rows.line_num}: is not CSV: {error}. Is this a text file of columns?") from None
+        raise ValueError(
+            f"{path}, row {rows.line_num}: is not CSV: {error}. Give a text file with columns separated by commas."
+        ) from None
 
 
 def _sample(place: str, row: list[str], places: list[int]) -> tuple[float, float]:
@@ -94,9 +98,9 @@ def _sample(place: str, row: list[str], places: list[int]) -> tuple[float, float
 
 
 def write_columns(path: str | Path, columns: Mapping[str, Real]) -> None:
-    """Write columns of equal length as CSV with a header line; every number can be read back exactly but times.
+    """Write columns of equal length as CSV with a header line; all numbers but times are read back exactly.
 
-    Times (names ending in ``_s``) have 12 significant digits, so that ``k / rate`` looks like what it is.
+    Times (names ending in ``_s``) have 12 significant digits, so that ``k / rate`` is written without rounding noise.
     """
     formats = ["%.12g" if name.endswith("_s") else "%.17g" for name in columns]
     lines = [",".join(columns)]
@@ -110,13 +114,13 @@ def write_columns(path: str | Path, columns: Mapping[str, Real]) -> None:
 def sampled_waveform(waveform: Waveform, sample_rate_Hz: float) -> tuple[Real, Real]:
     """Times in seconds and drive in volts of a waveform at a uniform rate, for an arbitrary waveform generator.
 
-    The first sample is at time 0, the last the first one at or after the waveform's end; both are 0 V. A generator that
-    goes linearly from sample to sample cuts each corner by less than one sampling step.
+    The first sample is at time 0 and the last at or just after the waveform's end; both are 0 V. A generator that
+    interpolates linearly between samples cuts each corner by less than one sampling step.
 
     Raises
     ------
     ValueError
-        A rate that is not positive, or that gives fewer than 10 or more than ten million samples.
+        The rate is not positive, or gives fewer than 11 or more than ten million samples.
     """
     if not (math.isfinite(sample_rate_Hz) and sample_rate_Hz > 0):
         raise ValueError(f"the sample rate must be a positive number of Hz; got {sample_rate_Hz:g}.")

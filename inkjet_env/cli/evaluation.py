@@ -1,4 +1,4 @@
-"""A given printhead, with effects or without, on a campaign: the ``evaluation/1``."""
+"""Evaluation of a given printhead, with or without effects, on a campaign: the format ``evaluation/1``."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from inkjet_env.recordings import read_campaign
 
 
 def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, Any]) -> dict[str, Any]:
-    """The ``evaluation/1`` of a printhead on the campaign of a folder; warnings go to standard error.
+    """The ``evaluation/1`` of a printhead on the campaign in a folder; warnings go to standard error.
 
-    The ``rms`` of the whole is over all samples of the fast channel: self-sensing, else displacement, else the gauge.
+    The overall ``rms`` is over all samples of the fast channel: self-sensing, else displacement, else the strain gauge.
     """
     campaign = read_campaign(folder, **reading)
     head = chosen_head(head_file)
@@ -32,7 +32,7 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
     except FloatingPointError as error:
         raise ValueError(f"{head_file}: the head cannot follow these recordings: {error}") from None
     for channel in refitted:
-        print(f"warning: the printhead tells no gain of {channel}; it was fitted here.", file=sys.stderr)
+        print(f"warning: the printhead file gives no gain for {channel}; it was fitted here.", file=sys.stderr)
     channels = {e.recording.channel for e in found}
     main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in channels)
     left = np.concatenate([e.recording.sensor - e.modelled for e in found if e.recording.channel == main])
@@ -41,7 +41,7 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
 
 
 def _gains(head_file: Path) -> dict[str, float]:
-    """Gains of the channels that a ``printhead.json`` was identified from; empty where it does not tell."""
+    """Gains of the channels from which a ``printhead.json`` was identified; empty if the file does not give them."""
     fit = json.loads(head_file.read_text(encoding="utf-8")).get("fit")
     channels = fit.get("channels") if isinstance(fit, dict) else None
     gains = {}

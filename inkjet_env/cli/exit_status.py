@@ -1,4 +1,4 @@
-"""Exit statuses of the command beside 0, which means done."""
+"""Exit statuses of the command other than 0, which means done."""
 
 CHECK_FAILED = 1
 BAD_INPUT = 2

@@ -1,4 +1,4 @@
-"""Campaigns read, checked and identified: one, or many side by side."""
+"""Reading, checking and identifying campaigns: one, or several in parallel."""
 
 from __future__ import annotations
 
@@ -27,15 +27,17 @@ def identify_one(
     Parameters
     ----------
     folder : Path
+        Folder of the campaign.
     reading, options : mapping
-        Keywords of `read_campaign` and of `identify`.
+        Keyword arguments of `read_campaign` and of `identify`.
     progress : bool
-        Whether to show what is being done.
+        Whether to show the current step on standard error.
 
     Raises
     ------
     ValueError
-        What cannot be read, a recording whose unit cannot be meant, nothing to identify from; names file and row.
+        A file cannot be read, a recording's unit is implausible, or there is nothing to identify from. The message
+        names file and row.
     """
     with shown_steps(f"identify {folder}") if progress else nullcontext() as told:
         if told:
@@ -45,14 +47,14 @@ def identify_one(
         try:
             found = identify(campaign, progress=told, **options)
         except ValueError:
-            warn(warned)  # what is doubtful may be why
+            warn(warned)  # they may explain the failure
             raise
     warn([*warned, *(w for w in checked(campaign, found.printhead.frequency_Hz) if w not in warned)])
     return campaign, found
 
 
 def checked(campaign: Campaign, frequency_Hz: float | None) -> list[str]:
-    """Warnings; the first error is raised."""
+    """The warnings about a campaign; the first error is raised as a `CampaignError`."""
     findings = check_campaign(campaign, frequency_Hz)
     for finding in findings:
         if finding.level == "error":
@@ -61,7 +63,7 @@ def checked(campaign: Campaign, frequency_Hz: float | None) -> list[str]:
 
 
 def warn(warnings: Sequence[str]) -> None:
-    """Print warnings on standard error, at most `MOST_WARNINGS` of them."""
+    """Print at most `MOST_WARNINGS` warnings on standard error."""
     for warning in warnings[:MOST_WARNINGS]:
         print(f"warning: {warning}", file=sys.stderr)
     if len(warnings) > MOST_WARNINGS:
@@ -75,22 +77,23 @@ def identify_folders(
     options: Mapping[str, Any],
     workers: int | None = None,
 ) -> None:
-    """Identify several campaigns in parallel; each printhead is written as soon as it is there.
+    """Identify several campaigns in parallel; each printhead is written as soon as it is identified.
 
     Parameters
     ----------
     folders : sequence of Path
+        Folders of the campaigns; their names must differ.
     out : Path
-        Folder for ``<campaign's folder>.json``; made if it is missing.
+        Folder for ``<campaign's folder>.json``; created if it is missing.
     reading, options : mapping
         As for `identify_one`.
     workers : int, optional
-        Processes; all cores unless given.
+        Number of processes; all cores unless given.
 
     Raises
     ------
     ValueError
-        Two folders of one name, or campaigns that could not be identified: each with its sentence. The others are
+        Two folders have the same name, or campaigns could not be identified: one sentence for each. The others are
         written.
     """
     from joblib import Parallel, delayed
@@ -120,7 +123,7 @@ def identify_folders(
 def _written(
     folder: Path, file: Path, reading: Mapping[str, Any], options: Mapping[str, Any]
 ) -> tuple[Path, str | None]:
-    """Identify one campaign in a worker; the complaint, where it could not be."""
+    """Identify one campaign in a worker process; its folder, and the error message if it could not be identified."""
     try:
         found = identify_one(folder, reading, options, progress=False)[1]
     except (ValueError, OSError) as error:

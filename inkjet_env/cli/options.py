@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options shared by several commands."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import typer
 
 PrintheadFile = Annotated[
     Path | None,
-    typer.Option("--printhead", help="printhead.json, of identify or diagnose; the published head unless given"),
+    typer.Option("--printhead", help="printhead.json from identify or diagnose; the published head unless given"),
 ]
 OwnEffects = Annotated[
     list[str] | None,
     typer.Option(
         "--effect",
         metavar="MODULE:CLASS",
-        help="an effect of your own, as my_effects:QuadraticStiffness of my_effects.py in the current folder; its code "
-        "is run; may be repeated",
+        help="an effect of your own, such as my_effects:QuadraticStiffness for a class in my_effects.py in the current "
+        "folder; its code is run; may be repeated",
     ),
 ]
 CostA = Annotated[float | None, typer.Option("--cost-a", help="weight of the effective peak (-5)")]
@@ -28,11 +28,13 @@ Effective = Annotated[
 Window = Annotated[
     float | None,
     typer.Option(
-        help="peaks count up to this many seconds after the start, or inf (350e-6); of a drive, at least to its end"
+        help="end of the window in which peaks count, in seconds after the start, or inf (350e-6); a sampled drive "
+        "counts at least to its end"
     ),
 ]
 InitialState = Annotated[
-    str | None, typer.Option(help="of the hysteresis: periodic (repeated waveform) or demagnetised (periodic)")
+    str | None,
+    typer.Option(help="initial state of the hysteresis: periodic (the waveform repeats) or demagnetised (periodic)"),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", help='write the result as JSON; "-" is standard output')]
-PlotFile = Annotated[Path | None, typer.Option("--plot", help="draw drive and response: .png, .svg or .pdf")]
+PlotFile = Annotated[Path | None, typer.Option("--plot", help="plot of drive and response: .png, .svg or .pdf")]

@@ -1,4 +1,4 @@
-"""``--effect module:Class``: an effect of the user's own, imported because the user names it."""
+"""``--effect module:Class``: a user's own effect, imported from the module that the user names."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 def register_own(named: Sequence[str] | None) -> tuple[Effect, ...]:
-    """Import and register the classes that ``--effect`` names; an object of each.
+    """Import and register the classes that ``--effect`` names; return one instance of each.
 
-    The current folder is searched after what is installed.
+    The current folder is searched after the installed packages.
 
     Raises
     ------
     ValueError
-        No such module or class, a module that fails when it is imported, or a class that `register` refuses.
+        There is no such module or class, the module's import fails, or `register` refuses the class.
     """
     if not named:
         return ()
@@ -39,10 +39,12 @@ def register_own(named: Sequence[str] | None) -> tuple[Effect, ...]:
 
 
 def _class(name: str) -> Any:
-    """What stands under ``module:Class``."""
+    """The object at ``module:Class``."""
     module, mark, path = name.partition(":")
     if not (module and mark and path):
-        raise ValueError("must read module:Class, as my_effects:QuadraticStiffness of the file my_effects.py.")
+        raise ValueError(
+            "must have the form module:Class, such as my_effects:QuadraticStiffness for the file my_effects.py."
+        )
     found: Any = _module(module)
     for part in path.split("."):
         if not hasattr(found, part):
@@ -58,15 +60,15 @@ def _module(name: str) -> Any:
         if error.name is None or not f"{name}.".startswith(f"{error.name}."):
             raise ValueError(_failed(name, error)) from None
         raise ValueError(
-            f"there is no module {name} in {os.getcwd()} or among what is installed. Give the name of a file without "
-            ".py, and run the command in its folder."
+            f"there is no module {name} in {os.getcwd()} or among the installed packages. Give the name of a file "
+            "without .py, and run the command in its folder."
         ) from None
     except (Exception, SystemExit) as error:
         raise ValueError(_failed(name, error)) from None
 
 
 def _failed(module: str, error: BaseException) -> str:
-    """The user's own bug, told with its own message and where it is."""
+    """An error in the user's module, with its own message and its file and line."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     where = "" if isinstance(error, SyntaxError) else f" ({last.filename}, line {last.lineno})"
     return f"the module {module} cannot be imported: {type(error).__name__}: {error}{where}"

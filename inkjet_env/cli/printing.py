@@ -1,4 +1,4 @@
-"""Results of the commands as tables and sentences on standard output."""
+"""Results of the commands, printed as tables and sentences on standard output."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def print_diagnosis(found: Diagnosis) -> None:
         )
         for row in channel_rows(found)
     ]
-    print_table(("what is left (RMS)", "noise", "base", "augmented", "closure"), fits)
+    print_table(("residual (RMS)", "noise", "base", "augmented", "closure"), fits)
     for group in found.candidates:
-        print(f"- These recordings cannot tell apart: {', '.join(group)}.")
+        print(f"- These recordings cannot distinguish between: {', '.join(group)}.")
     print(f"- Where: {found.location.sentence}")
     if found.next_experiment is not None:
         print(f"- Next: {found.next_experiment.sentence}")
@@ -44,7 +44,7 @@ def print_diagnosis(found: Diagnosis) -> None:
 
 
 def print_peaks(found: dict[str, Any]) -> None:
-    """Print the peaks and cost of a ``simulation/1``."""
+    """Print the peaks and the cost of a ``simulation/1``."""
     peaks = zip(found["peak_times_s"], found["peaks_V"], strict=True)
     print_table(
         ("peak", "time (µs)", "response (V)", ""),
@@ -57,7 +57,7 @@ def print_peaks(found: dict[str, Any]) -> None:
 
 
 def print_identification(name: str, found: Identification) -> None:
-    """Print what was identified, with intervals, how well it fits, and what a reader must know."""
+    """Print the identified parameters with their intervals, the residuals beside the noise, and all notes."""
     from inkjet_env.reporting.formatting import interval_text
 
     head = found.printhead

@@ -1,4 +1,4 @@
-"""``inkjet simulate``: one waveform, or any sampled drive, through the printhead."""
+"""``inkjet simulate``: the printhead's response to one waveform or to any sampled drive."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def simulate(
         tuple[float, float, float, float, float, float, float] | None,
         typer.Option(help="U1 U2 t1 t2 t3 t4 t5: two voltages and five durations", metavar="U1 U2 t1 t2 t3 t4 t5"),
     ] = None,
-    drive: Annotated[Path | None, typer.Option(help="CSV with time_s and drive_V, in place of --waveform")] = None,
+    drive: Annotated[Path | None, typer.Option(help="CSV file with time_s and drive_V, in place of --waveform")] = None,
     out: Annotated[Path | None, typer.Option(help="with --drive: write time_s, drive_V, sensor_V as CSV")] = None,
     plot: PlotFile = None,
     json: JsonFile = None,
@@ -39,10 +39,13 @@ def simulate(
     window: Window = None,
     initial_state: InitialState = None,
     hysteresis: Annotated[
-        str, typer.Option(help="full_memory, one_point (the paper's formula) or, with --waveform, play_operators")
+        str,
+        typer.Option(
+            help="hysteresis model: full_memory, one_point (the paper's formula) or, with --waveform, play_operators"
+        ),
     ] = "full_memory",
 ) -> None:
-    """One waveform, or any sampled drive, through the printhead: response, peaks, cost.
+    """Simulate the printhead's response to one waveform or to any sampled drive: peaks and cost.
 
     inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --plot response.png
 
@@ -63,10 +66,10 @@ def simulate(
     register_own(effect)
     head, cost = chosen_head(printhead), chosen_cost((cost_a, cost_b, effective))
     state = initial_state or "periodic"
-    response: Any  # of a head with effects or without, to a waveform or samples
+    response: Any  # of a head with or without effects, to a waveform or to samples
     if waveform is not None:
         if out is not None:
-            raise ValueError("--out belongs to --drive. To sample a waveform's response, give the waveform as a CSV.")
+            raise ValueError("--out needs --drive. To sample a waveform's response, give the waveform as a CSV file.")
         response = head.respond(Waveform.from_array(waveform), state, 350e-6 if window is None else window, hysteresis)
     elif drive is not None:
         samples = read_drive(drive)

@@ -1,1 +1,1 @@
-"""Tables, figures and pages that a person reads."""
+"""Tables, figures and HTML reports for readers."""

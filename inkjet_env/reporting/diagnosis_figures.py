@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis: recordings before and after, fits side by side, spectra of what is left, the next drive."""
+"""Figures of a diagnosis: recordings with both models, fits side by side, residual spectra, the next drive."""
 
 from __future__ import annotations
 
@@ -22,30 +22,36 @@ if TYPE_CHECKING:
 
 
 WIDTH = 5.4
-"""Inches of one picture: two stand side by side on a desk, one fills a telephone."""
+"""Width of a figure in inches: two fit side by side on a desktop, one fills a phone."""
 AUGMENTED, BASE, CORRECTED = plotting.COLOURS[0], plotting.COLOURS[1], plotting.COLOURS[2]
 MEASURED, NOISE = "#9a9a9a", "#444444"
 SHADE = "#f3e6bf"
 BINS = 160
-"""Of a spectrum, equally wide on a logarithmic axis."""
+"""Number of frequency bins of a spectrum, equally wide on a logarithmic axis."""
 LABELS = {"base": "base model", "augmented": "augmented model", "corrected": "with flexible correction"}
 COLOURS = {"base": BASE, "augmented": AUGMENTED, "corrected": CORRECTED}
 
 
 @dataclass(frozen=True)
 class Row:
-    """RMS of what is left of recordings of one kind: of a condition, a recording, or a channel.
+    """RMS residuals of a condition, a recording or a channel, before and after augmentation.
 
     Attributes
     ----------
-    label, channel, unit : str
+    label : str
+        Name of the row.
+    channel : str
+        Channel of its recordings.
+    unit : str
+        Unit of that channel.
     held_out : bool
+        Whether the samples were held out of the fit.
     names : tuple of str
-        Of the recordings.
+        Names of the recordings.
     drive_V : (float, float)
-        Least and largest.
+        Smallest and largest drive in volts.
     noise, base, augmented : float
-        In the unit.
+        RMS of the noise and of the residuals of base and augmented model, in the channel's unit.
     """
 
     label: str
@@ -60,32 +66,36 @@ class Row:
 
     @property
     def role(self) -> str:
-        """In words."""
+        """``held out`` or ``fitted``."""
         return "held out" if self.held_out else "fitted"
 
     @property
     def closure(self) -> float:
-        """Share of the mean square beyond noise that the augmented model removes; NaN where hardly any is there."""
+        """Fraction of the mean square above the noise that the augmented model removes; NaN if there is hardly any."""
         beyond = self.base**2 - self.noise**2
         return (self.base**2 - self.augmented**2) / beyond if beyond > 0.1 * self.noise**2 else math.nan
 
 
 def augmented(recordings: Sequence[ModelledRecording]) -> bool:
-    """Whether the augmented model is another than the base model on any of these recordings."""
+    """Whether the augmented model differs from the base model on any of these recordings."""
     return any(not np.array_equal(r.modelled["base"], r.modelled["augmented"]) for r in recordings)
 
 
 def view_figure(
     recording: ModelledRecording, models: Mapping[str, Real], samples: slice, zoom: slice | None = None
 ) -> Figure:
-    """Drive, signal and what the models leave of some samples of a recording; the stretch ``zoom`` is shaded.
+    """Drive, signal and residuals over some samples of a recording; the segment ``zoom`` is shaded.
 
     Parameters
     ----------
     recording : ModelledRecording
+        The recording, of n samples.
     models : mapping of str to ndarray, shape (n,)
-        Signals by "base", "augmented", "corrected"; drawn in that order.
-    samples, zoom : slice
+        Modelled signals in the recording's unit by "base", "augmented", "corrected"; drawn in that order.
+    samples : slice
+        Samples to draw.
+    zoom : slice, optional
+        Samples to shade; none unless given.
     """
     figure, axes = plotting.new_figure(WIDTH, 5.4, nrows=3, sharex=True, height_ratios=[1, 2, 2])
     time_s = sample_times_s(recording.measured.size, recording.step_s)
@@ -114,7 +124,7 @@ def view_figure(
 
 
 def fits_figure(rows: Sequence[Row]) -> Figure:
-    """What base and augmented model leave of each condition of a channel, beside its noise; held-out ones shaded."""
+    """RMS residuals of both models in each condition of a channel, with its noise; held-out conditions are shaded."""
     figure, axes = plotting.new_figure(WIDTH, 1.2 + 0.17 * max(len(rows), 4))
     at = np.arange(len(rows))
     noise, base, after = (np.array([getattr(r, name) for r in rows]) for name in ("noise", "base", "augmented"))
@@ -133,13 +143,13 @@ def fits_figure(rows: Sequence[Row]) -> Figure:
     axes.set(ylim=(len(rows) - 0.4, -0.6), xscale="log", xlim=(low / 1.3, high * 1.3))
     _plain_log_ticks(axes.xaxis, low / 1.3, high * 1.3)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"RMS of what is left, {CHANNEL_WORDS[rows[0].channel]} ({unit_text(rows[0].unit)})")
+    axes.set_xlabel(f"RMS residual, {CHANNEL_WORDS[rows[0].channel]} ({unit_text(rows[0].unit)})")
     _above(figure, *axes.get_legend_handles_labels())
     return figure
 
 
 def spectrum_figure(recordings: Sequence[ModelledRecording]) -> Figure:
-    """Amplitude density of what base and augmented model leave, together over recordings of a channel, and noise."""
+    """Amplitude spectral densities of both models' residuals, pooled over a channel's recordings, and of the noise."""
     figure, axes = plotting.new_figure(WIDTH, 3.4)
     frequency, base, after, noise = left_densities(recordings)
     scale, unit = next(((s, u) for s, u in ((1e6, "MHz"), (1e3, "kHz")) if frequency[-1] > 10 * s), (1.0, "Hz"))
@@ -151,16 +161,16 @@ def spectrum_figure(recordings: Sequence[ModelledRecording]) -> Figure:
     _plain_log_ticks(axes.xaxis, *(frequency[[0, -1]] / scale))
     _log_ticks_in_powers(axes.yaxis, *axes.get_ylim())
     axes.set_xlabel(f"frequency ({unit})")
-    axes.set_ylabel(f"left of {CHANNEL_WORDS[recordings[0].channel]}\n({unit_text(recordings[0].unit)}/√Hz)")
+    axes.set_ylabel(f"residual, {CHANNEL_WORDS[recordings[0].channel]}\n({unit_text(recordings[0].unit)}/√Hz)")
     _above(figure, *axes.get_legend_handles_labels())
     return figure
 
 
 def left_densities(recordings: Sequence[ModelledRecording]) -> tuple[Real, Real, Real, Real]:
-    """Frequencies in Hz, and amplitude densities of what base and augmented model leave, and of white noise.
+    """Frequencies in Hz, and amplitude spectral densities of both models' residuals and of white noise.
 
-    Root of the mean power over all lines of all recordings in each of `BINS` stretches of frequency, empty ones left
-    out.
+    Each is the square root of the mean power over all lines of all recordings in each of `BINS` frequency bins; empty
+    bins are left out.
     """
     lines = []
     for r in recordings:
@@ -177,7 +187,7 @@ def left_densities(recordings: Sequence[ModelledRecording]) -> tuple[Real, Real,
 
 
 def next_figure(experiment: NextExperiment) -> Figure:
-    """Drive of the next experiment."""
+    """The drive of the next experiment against time."""
     figure, axes = plotting.new_figure(WIDTH, 2.2)
     time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
     seconds, unit = time_scale(float(time_s[-1]))
@@ -188,18 +198,18 @@ def next_figure(experiment: NextExperiment) -> Figure:
 
 
 def sample_times_s(samples: int, step_s: float) -> Real:
-    """Times from 0 s, shape (samples,)."""
+    """Sample times in seconds, from 0 s, shape (samples,)."""
     return np.arange(samples, dtype=np.float64) * np.float64(step_s)
 
 
 def _above(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> None:
-    """The legend, above everything, in one line where it fits."""
+    """Draw the legend above the axes, in one line if it fits."""
     style: Any = {"frameon": False, "fontsize": 8, "handlelength": 1.4, "columnspacing": 1.2}
     figure.legend(handles, labels, loc="outside upper center", ncols=4 if len(labels) <= 4 else 3, **style)
 
 
 def _plain_log_ticks(axis: Any, low: float, high: float) -> None:
-    """Few plain numbers on a logarithmic axis, on a short range too."""
+    """Label a logarithmic axis with a few plain numbers, on a short range too."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     decades = math.log10(high / low)
@@ -212,7 +222,7 @@ def _plain_log_ticks(axis: Any, low: float, high: float) -> None:
 
 
 def _log_ticks_in_powers(axis: Any, low: float, high: float) -> None:
-    """Numbers with powers of ten on a logarithmic axis, several on a short range too."""
+    """Label a logarithmic axis with powers of ten, with several labels on a short range too."""
     from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
     decades = math.log10(high / low)

@@ -1,8 +1,8 @@
-"""The page that a diagnosis is read from: the verdict, the recording that proves it, and everything behind it.
+"""The HTML report of a diagnosis: the verdict, the recording that shows it, and all the evidence.
 
-`write_diagnosis_report` writes one HTML file that needs nothing but itself. From top to bottom: the verdict in words,
-the held-out recording before and after, what was found, the fit before and after, spectra of what is left, where the
-mismatch sits, the hypotheses, what could not be tested, the next experiment, noise, the head, the time it took.
+`write_diagnosis_report` writes one self-contained HTML file. From top to bottom: the verdict in words, the held-out
+recording with both models, the effects found, the fit before and after, residual spectra, the location of the
+mismatch, the hypotheses, the untestable effects, the next experiment, noise, the head, the computing time.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 
 
 PERIODS_SHOWN = 6
-"""Of the resonance, where the difference is enlarged."""
+"""Periods of the resonance shown in the enlarged view of the difference."""
 FEWEST_SHOWN = 60
-"""Samples, there."""
+"""Smallest number of samples in the enlarged view."""
 MOST_CONDITIONS = 60
-"""In a picture; the table has all."""
+"""Largest number of conditions in a figure; the table has all."""
 MOST_CELLS = 8
-"""Rows of one view of where the mismatch sits."""
+"""Largest number of rows in one view of the mismatch's location."""
 VIEW_WORDS = {
     "amplitude": "Largest drive",
     "slope": "Steepest edge",
@@ -56,13 +56,14 @@ VERDICT_WORDS = {"none": "nothing found", "named": "named", "set": "one of sever
 
 
 def write_diagnosis_report(path: str | os.PathLike[str], diagnosis: Diagnosis) -> None:
-    """Write the page, whole or not at all.
+    """Write the report atomically.
 
     Parameters
     ----------
     path : path
-        Of the HTML file; an existing one is replaced.
+        Path of the HTML file; an existing file is replaced.
     diagnosis : Diagnosis
+        The diagnosis to report.
 
     Raises
     ------
@@ -73,7 +74,7 @@ def write_diagnosis_report(path: str | os.PathLike[str], diagnosis: Diagnosis) -
 
 
 def diagnosis_html(diagnosis: Diagnosis) -> str:
-    """The page as text."""
+    """The report as HTML text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     from inkjet_env.plant.registry import known_effects
@@ -121,10 +122,10 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
 
 
 def proof_recording(diagnosis: Diagnosis) -> ModelledRecording:
-    """The recording that shows best what the verdict rests on: held out where one is, of a drive that moves.
+    """The recording that best shows the evidence for the verdict: one with a varying drive, held out if there is one.
 
-    Where the augmented model is another than the base model, the one whose likelihood gains most; else the one that is
-    farthest from its noise.
+    If the augmented model differs from the base model, it is the recording whose likelihood increases most; otherwise
+    the one with the largest ratio of residual to noise.
     """
     changed = augmented(diagnosis.recordings)
 
@@ -141,7 +142,7 @@ def proof_recording(diagnosis: Diagnosis) -> ModelledRecording:
 
 
 def models_of(recording: ModelledRecording, diagnosis: Diagnosis) -> dict[str, Real]:
-    """The signals that are worth drawing: the base model's, and those of the models that differ from it."""
+    """The signals to draw: the base model's, and those of the models that differ from it."""
     models = {"base": recording.modelled["base"]}
     if augmented([recording]):
         models["augmented"] = recording.modelled["augmented"]
@@ -151,7 +152,7 @@ def models_of(recording: ModelledRecording, diagnosis: Diagnosis) -> dict[str, R
 
 
 def zoom_of(recording: ModelledRecording, models: Mapping[str, Real], frequency_Hz: float) -> slice:
-    """Where the best model differs most from the base model, or the base model from what was measured."""
+    """The segment where the best model differs most from the base model, or the base model from the measurement."""
     n = recording.measured.size
     periods = (
         round(PERIODS_SHOWN / (frequency_Hz * recording.step_s)) if recording.channel != "strain_gauge" else n // 6
@@ -162,7 +163,7 @@ def zoom_of(recording: ModelledRecording, models: Mapping[str, Real], frequency_
     first = recording.fitted if recording.held_out and n - recording.fitted >= width else 0
     start = first + int(np.argmax(power[first + width :] - power[first : n - width + 1]))
     half = (power[start] + power[start + width]) / 2
-    start = min(max(int(np.searchsorted(power, half)) - 1 - width // 4, 0), n - width)  # what came before is seen too
+    start = min(max(int(np.searchsorted(power, half)) - 1 - width // 4, 0), n - width)  # shows what precedes it too
     return slice(start, start + width)
 
 
@@ -176,7 +177,7 @@ def parameter_rows(named: NamedEffect) -> list[tuple[str, str, str, str, str]]:
 
 
 def pooled_row(label: str, recordings: Sequence[ModelledRecording], held_out: bool) -> Row:
-    """Root mean squares over recordings of one channel, of what was held out or fitted."""
+    """RMS residuals pooled over the held-out or the fitted samples of recordings of one channel."""
     weights = np.array([r.measured.size - r.fitted if held_out else r.fitted for r in recordings], dtype=np.float64)
 
     def pooled(values: Sequence[float]) -> float:
@@ -196,12 +197,12 @@ def pooled_row(label: str, recordings: Sequence[ModelledRecording], held_out: bo
 
 
 def _having(recordings: Sequence[ModelledRecording], held_out: bool) -> list[ModelledRecording]:
-    """Those of which anything was held out, or fitted."""
+    """The recordings of which any samples were held out, or fitted."""
     return [r for r in recordings if (r.held_out if held_out else r.fitted > 0)]
 
 
 def channel_rows(diagnosis: Diagnosis) -> list[Row]:
-    """The fit of each channel before and after: held-out recordings, then fitted ones."""
+    """The fit of each channel with base and augmented model: held-out recordings, then fitted ones."""
     rows = []
     for channel in CHANNEL_WORDS:
         mine = [r for r in diagnosis.recordings if r.channel == channel]
@@ -214,9 +215,9 @@ def channel_rows(diagnosis: Diagnosis) -> list[Row]:
 
 
 def condition_rows(diagnosis: Diagnosis) -> list[tuple[Row, list[Row]]]:
-    """The fit of each condition before and after, with the recordings that repeat it: one drive on one channel.
+    """The fit of each condition (one drive on one channel) with both models, and of each recording that repeats it.
 
-    The channel's held-out conditions come first.
+    A channel's held-out conditions come first.
     """
     found = []
     for channel in CHANNEL_WORDS:
@@ -234,7 +235,7 @@ def condition_rows(diagnosis: Diagnosis) -> list[tuple[Row, list[Row]]]:
 
 
 def shown_conditions(conditions: Sequence[tuple[Row, list[Row]]]) -> list[list[Row]]:
-    """Rows of each picture: a channel's conditions, those farthest from their noise where there are very many."""
+    """Rows of each figure: a channel's conditions, at most `MOST_CONDITIONS` with the largest residual over noise."""
     pictures = []
     for channel in CHANNEL_WORDS:
         mine = [row for row, _ in conditions if row.channel == channel]
@@ -245,7 +246,7 @@ def shown_conditions(conditions: Sequence[tuple[Row, list[Row]]]) -> list[list[R
 
 
 def spectrum_recordings(diagnosis: Diagnosis) -> list[list[ModelledRecording]]:
-    """Recordings whose spectra are shown together: of each channel the held-out ones under a drive, else all."""
+    """Recordings whose spectra are pooled: each channel's driven held-out recordings, or all driven ones if none is."""
     chosen = []
     for channel in CHANNEL_WORDS:
         mine = [r for r in diagnosis.recordings if r.channel == channel and np.ptp(r.drive_V) > 0]
@@ -255,10 +256,10 @@ def spectrum_recordings(diagnosis: Diagnosis) -> list[list[ModelledRecording]]:
 
 
 def view_tables(diagnosis: Diagnosis) -> list[tuple[str, int, list[tuple[str, float, float, float]]]]:
-    """Title, number of cells and rows of each view of where the mismatch sits.
+    """Title, number of cells and rows of each view of the mismatch's location.
 
-    A row is a label, power over noise, the length of its bar in per cent, and z. Of a view with many cells those with
-    the largest z, in the view's order.
+    A row is a label, power over noise, the length of its bar in per cent, and z. A view with many cells shows those
+    with the largest z, in the view's order.
     """
     tables = []
     for view, cells in diagnosis.location.tables.items():
@@ -278,7 +279,7 @@ def _in_words(label: str) -> str:
 
 
 def _decades(ratio: float) -> float:
-    """Above the noise: a power that is the noise's has no bar."""
+    """Decades of power above the noise; 0 for a power at or below it, which has no bar."""
     return math.log10(ratio) if 1 < ratio < math.inf else 0.0
 
 
@@ -295,7 +296,7 @@ def noise_rows(diagnosis: Diagnosis) -> list[tuple[str, str, float, int, str]]:
 
 
 def head_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
-    """What, of the head without effects and with them: base parameters take in what a model leaves out."""
+    """Name, value without and value with effects of the head's parameters, which absorb part of missing effects."""
     base, augmented = diagnosis.base_printhead, diagnosis.printhead
     return [
         ("resonance", hertz(base.frequency_Hz), hertz(augmented.frequency_Hz)),

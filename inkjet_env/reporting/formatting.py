@@ -1,4 +1,4 @@
-"""Numbers, units and names as people read them."""
+"""Numbers, units and names formatted for readers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PREFIXABLE = re.compile(r"(Hz|V|s|A|m|N|Pa|F|W|Ω)(?=$|[ /·])")
 
 
 def interval_text(estimate: Estimate) -> tuple[str, str]:
-    """The value and its interval, to two digits of the interval's half width.
+    """Value and interval, rounded to two significant digits of the interval's half width.
 
     Examples
     --------
@@ -33,7 +33,7 @@ def interval_text(estimate: Estimate) -> tuple[str, str]:
 
 
 def short(value: float, digits: int = 3) -> str:
-    """A number for people; a dash where there is none.
+    """A number with ``digits`` significant digits; a dash if it is not finite.
 
     Examples
     --------
@@ -65,19 +65,20 @@ def hertz(frequency_Hz: float) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """Micrometres as people write them."""
+    """The unit with ``um`` written as µm."""
     return unit.replace("um", "µm")
 
 
 def short_name(name: str) -> str:
-    """A recording's name as far as a picture has room."""
+    """A recording's name, cut to `LONGEST_NAME` characters to fit in a figure."""
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…"
 
 
 def engineering(estimate: Estimate, unit: str) -> tuple[str, str, str]:
-    """Value, interval and unit with a prefix that suits all three numbers.
+    """Value, interval and unit, with an SI prefix that suits all three numbers.
 
-    Two digits of the interval's half width are shown, and of the value two at least; three where there is no interval.
+    Two significant digits of the interval's half width are shown and at least two of the value; three of the value if
+    there is no interval.
 
     Examples
     --------
@@ -109,7 +110,7 @@ def engineering(estimate: Estimate, unit: str) -> tuple[str, str, str]:
 
 
 def number(value: float, decimals: int = 2) -> str:
-    """A number with so many decimals, a true minus and a sign for infinity; a dash where there is none.
+    """A number with ``decimals`` decimals, a true minus sign and ∞ for infinity; a dash for NaN.
 
     Examples
     --------
@@ -124,7 +125,7 @@ def number(value: float, decimals: int = 2) -> str:
 
 
 def probability(p: float) -> str:
-    """A probability as far as it means anything.
+    """A probability with two significant digits; ``below 10⁻⁶`` if it is smaller than that.
 
     Examples
     --------
@@ -135,7 +136,7 @@ def probability(p: float) -> str:
 
 
 def share_text(share: float) -> str:
-    """A share in per cent; a dash where there is none.
+    """A share in per cent; a dash if it is not finite.
 
     Examples
     --------
@@ -149,7 +150,7 @@ def share_text(share: float) -> str:
 
 
 def volts(value: float) -> str:
-    """A regret for people.
+    """A regret, in volts or in the problem's scale; a dash if it is not finite.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Pictures of an identification: loops, branch law, degree, ringing, spectrum, residuals; each is a new figure."""
+"""Figures of an identification: loops, branch law, degree, ringing, spectrum and residuals."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 
 MOST_POINTS = 3000
-"""Of one line in a picture."""
+"""Largest number of points drawn for one line."""
 MOST_LABELS = 90
-"""Names of recordings that fit beside each other."""
+"""Largest number of recording names that fit on an axis."""
 LARGEST_GAP = 0.05
-"""Of a signal's swing, between its end and its start, where a recording counts as one period."""
+"""Largest gap between a signal's end and its start, as a fraction of its swing, at which it counts as one period."""
 POWER_SHOWN = 0.01
-"""Amplitude of the drive, as a share of its largest, from which on a spectrum is shown."""
+"""Smallest amplitude of the drive, as a fraction of its largest, at which a spectrum is shown."""
 CELLS = 40
-"""Over which the means of measured branches are taken, where they hold enough points."""
+"""Number of cells of x over which the measured branches are averaged, if a cell holds `FEWEST_IN_CELL` points."""
 FEWEST_IN_CELL = 4
 BLUE, VERMILION, _, _, NOISE, MEASURED, MODELLED = plotting.COLOURS
 LEFT = RISING = FITTED = BLUE
@@ -48,36 +48,36 @@ class Part:
 
     @property
     def role(self) -> str:
-        """In words."""
+        """``held out`` or ``fitted``."""
         return "held out" if self.held_out else "fitted"
 
     @property
     def rms(self) -> float:
-        """Of measured minus modelled, in the channel's unit."""
+        """RMS of measured minus modelled, in the channel's unit."""
         return float(np.sqrt(np.mean(self.recording.residual()[self.samples] ** 2)))
 
     @property
     def over_noise(self) -> float:
-        """The same as a multiple of the noise; NaN where that is unknown."""
+        """RMS residual as a multiple of the RMS noise; NaN if the noise is unknown."""
         noise = self.recording.noise_rms
         return self.rms / noise if noise > 0 else math.nan
 
     @property
     def share(self) -> float:
-        """The same as a share of the measured signal's RMS about its mean; NaN of a signal that stands still."""
+        """RMS residual as a fraction of the signal's RMS about its mean; NaN if signal or drive is constant."""
         signal = float(np.std(self.recording.measured[self.samples]))
         return self.rms / signal if signal > 0 and np.ptp(self.recording.drive_V) > 0 else math.nan
 
 
 def terms_of(recording: ModelledRecording) -> list[Part]:
-    """The fitted and the held-out part of a recording; one where it was treated whole."""
+    """The fitted and the held-out part of a recording; a single part if it was fitted or held out as a whole."""
     n, fitted = recording.measured.size, recording.fitted
     pieces = [(slice(0, fitted), False)] * (fitted > 0) + [(slice(fitted, n), True)] * (fitted < n)
     return [Part(recording, samples, held_out) for samples, held_out in pieces]
 
 
 def loop_figure(recording: ModelledRecording) -> Figure:
-    """One recording against time and against the drive, measured and modelled; differences beneath."""
+    """One recording, measured and modelled, against time and against the drive, with the residuals below."""
     figure, axes = plotting.new_figure(10, 5.0, nrows=2, ncols=2, sharex="col", height_ratios=[3, 1.6])
     seconds, time_unit = time_scale(recording.measured.size * recording.step_s)
     unit = unit_text(recording.unit)
@@ -103,15 +103,24 @@ def loop_figure(recording: ModelledRecording) -> Figure:
 
 
 def law_figure(identification: Identification, rising: tuple[Real, Real], falling: tuple[Real, Real]) -> Figure:
-    """The branch law with points measured on branches, ``x`` and how far off ``Q(x)``, and these in % of the swing."""
+    """The branch law with points measured on branches, and their deviations from it in % of the swing.
+
+    Parameters
+    ----------
+    identification : Identification
+        Supplies the branch law and the covariance of its coefficients.
+    rising, falling : (ndarray, ndarray), shape (n,) each
+        ``x``, the change of drive in full scales, and the measured deviation from ``Q(x)``, as from
+        `identification_report.measured_branches`.
+    """
     law = identification.printhead.branch_law
     figure, axes = plotting.new_figure(10, 5.4, nrows=2, sharex=True, height_ratios=[2, 1.5])
-    figure.set_dpi(200)  # of the dots
+    figure.set_dpi(200)  # resolution of the rasterised dots
     x = np.linspace(0, 1, 301)
     percent = 100 / float(law.Q(1.0))
     powers = x[:, None] ** np.arange(1, len(law.coefficients))
     variance = np.einsum("ij,jk,ik->i", powers, identification.coefficient_covariance, powers)
-    error = QUANTILE_90 * np.sqrt(np.maximum(variance, 0))  # rounding, where the convention of scale makes it 0
+    error = QUANTILE_90 * np.sqrt(np.maximum(variance, 0))  # rounding may make it negative where the scale fixes Q
     for (at, off), colour, heading in ((rising, RISING, "rising"), (falling, FALLING, "falling")):
         if not at.size:
             continue
@@ -138,9 +147,9 @@ def law_figure(identification: Identification, rising: tuple[Real, Real], fallin
 
 
 def degree_figure(identification: Identification) -> Figure:
-    """Error of the branch law against its degree: on the strain gauge alone where there is one, and on everything.
+    """Error of the branch law against its degree: on the strain gauge alone, if there is one, and on all recordings.
 
-    On the right without the error of the straight line.
+    The right column leaves out degree 1, the straight line.
     """
     choices = {"all recordings": identification.joint_degree}
     if "strain_gauge" in identification.gains:
@@ -175,7 +184,7 @@ def degree_figure(identification: Identification) -> Figure:
 
 
 def ringing_figure(views: Sequence[Part]) -> Figure:
-    """Drive, signal and residual of some stretches of recordings, a column each."""
+    """Drive, signal and residual of some segments of recordings, one column per segment."""
     figure, axes = plotting.new_figure(
         max(3.6 * len(views), 7.2),
         5.6,
@@ -208,7 +217,7 @@ def ringing_figure(views: Sequence[Part]) -> Figure:
 
 
 def spectrum_figure(recording: ModelledRecording, noise: NoiseModel | None) -> Figure:
-    """Amplitude densities of a recording, measured and modelled, of what is left, and of the noise."""
+    """Amplitude spectral densities of a recording: measured, modelled, residual and noise model."""
     figure, axes = plotting.new_figure(10, 4.2)
     signals = (recording.drive_V, recording.measured, recording.modelled["base"], recording.residual())
     frequency, drive, measured, modelled, left = amplitude_densities(recording, *signals)
@@ -232,9 +241,10 @@ def spectrum_figure(recording: ModelledRecording, noise: NoiseModel | None) -> F
 
 
 def amplitude_densities(recording: ModelledRecording, *signals: Real) -> tuple[Real, ...]:
-    """Frequencies in Hz, and the root of each signal's one-sided power density in its unit / √Hz.
+    """Frequencies in Hz, and the amplitude spectral density of each signal in its unit / √Hz.
 
-    Of the recording as one period where its end leads on to its start, else through a Hann window.
+    That is the square root of the one-sided power spectral density. The recording is taken as one period if its end
+    continues into its start; otherwise it is multiplied by a Hann window.
     """
     n = recording.measured.size
     closed = all(
@@ -248,7 +258,7 @@ def amplitude_densities(recording: ModelledRecording, *signals: Real) -> tuple[R
 
 
 def residuals_figure(parts: Sequence[Part]) -> Figure:
-    """Residual over noise, a dot a recording."""
+    """RMS residual over RMS noise, one dot per recording."""
     known = [part for part in parts if math.isfinite(part.over_noise)]
     figure, axes = plotting.new_figure(10, 3.6)
     kinds = [(channel, held_out) for channel in CHANNEL_WORDS for held_out in (False, True)]
@@ -274,7 +284,7 @@ def residuals_figure(parts: Sequence[Part]) -> Figure:
 
 
 def time_scale(span_s: float) -> tuple[float, str]:
-    """Seconds in the unit that suits a span of time, and its name."""
+    """The unit that suits a span of time: its length in seconds, and its symbol."""
     for seconds, unit in ((1.0, "s"), (1e-3, "ms")):
         if span_s >= 2 * seconds:
             return seconds, unit
@@ -287,7 +297,7 @@ def _noise_band(axes: Axes, recording: ModelledRecording) -> None:
 
 
 def draw_line(axes: Axes, x: Real, y: Real, **style: Any) -> None:
-    """A line of many points, drawn through the least and the largest of each run of neighbours."""
+    """Draw a line of many points through the smallest and the largest value of each run of neighbours."""
     run = -(-2 * x.size // MOST_POINTS)
     if run > 2:
         rows = y[: y.size // run * run].reshape(-1, run)
@@ -298,7 +308,7 @@ def draw_line(axes: Axes, x: Real, y: Real, **style: Any) -> None:
 
 
 def _log_ticks(axes: Axes) -> None:
-    """A logarithmic ordinate with plain numbers, enough of them on a short range too."""
+    """Make the ordinate logarithmic, with plain numbers and enough ticks on a short range too."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     axes.set_yscale("log")

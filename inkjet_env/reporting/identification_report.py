@@ -1,7 +1,7 @@
-"""The page that an identification is read from: what was found, how sure it is, and what the model leaves over.
+"""The HTML report of an identification: the parameters, their uncertainty and the residuals.
 
-`write_identification_report` writes one HTML file that needs nothing but itself. From top to bottom: the answer in
-words, parameters, hysteresis, ringing, spectrum, the residual of every recording, settings.
+`write_identification_report` writes one self-contained HTML file. From top to bottom: the result in words,
+parameters, hysteresis, ringing, spectrum, the residual of every recording, settings.
 """
 
 from __future__ import annotations
@@ -24,28 +24,29 @@ from inkjet_env.storage import write_atomically
 from inkjet_env.typing import Real
 
 EXPLAINED = 1.1
-"""Residual over noise of held-out recordings up to which the page says that the model explains them."""
+"""Largest ratio of residual to noise on held-out recordings at which the report says that the model explains them."""
 MOST_REVERSALS = 60
-"""Of a drive whose loops can still be told apart in a picture."""
+"""Largest number of turning points of a drive whose loops can still be distinguished in a figure."""
 SHORTEST_BRANCH = 0.2
-"""Of a branch drawn beside the branch law, as a share of the recording's swing."""
+"""Shortest branch that is drawn with the branch law, as a fraction of the recording's swing."""
 PERIODS_SHOWN = 30
-"""Of the resonance, in a picture of ringing."""
+"""Periods of the resonance shown in a figure of the ringing."""
 MOST_VIEWS = 3
 
 
 def write_identification_report(
     path: str | os.PathLike[str], campaign_name: str, identification: Identification
 ) -> None:
-    """Write the page, whole or not at all.
+    """Write the report atomically.
 
     Parameters
     ----------
     path : path
-        Of the HTML file; an existing one is replaced.
+        Path of the HTML file; an existing file is replaced.
     campaign_name : str
-        What the head is called on the page; any characters.
+        Name of the head in the report; any characters.
     identification : Identification
+        The identification to report.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def write_identification_report(
 
 
 def identification_html(campaign_name: str, identification: Identification) -> str:
-    """The page as text."""
+    """The report as HTML text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
@@ -89,7 +90,7 @@ def identification_html(campaign_name: str, identification: Identification) -> s
 
 
 def headline(identification: Identification) -> str:
-    """What was found, and how well the model explains what no fit has seen, in words."""
+    """The resonance, and how well the model explains recordings that no fit has seen, in words."""
     head = identification.printhead
     found = f"resonance {hertz(head.frequency_Hz)}, damping ratio {head.damping_ratio:.3g}; "
     held_out = bool(identification.heldout)
@@ -97,7 +98,7 @@ def headline(identification: Identification) -> str:
     pooled = {channel: identification.rms(channel, held_out) for channel in identification.gains}
     ratios = {channel: rms / noise for channel, (rms, noise) in pooled.items() if rms / noise >= 0}
     if not ratios:
-        return found + f"how well the model explains the {whose} cannot be told, since their noise is not known"
+        return found + f"how well the model explains the {whose} cannot be assessed, since their noise is unknown"
     worst = max(ratios, key=lambda channel: ratios[channel])
     mine = [r for r in identification.recordings if r.channel == worst and r.held_out == held_out]
     signal = math.sqrt(float(np.mean([np.var(r.measured[terms_of(r)[-1].samples]) for r in mine])))
@@ -105,8 +106,8 @@ def headline(identification: Identification) -> str:
     theirs = whose if len(ratios) == 1 else f"{whose} of {CHANNEL_WORDS[worst]}"
     if any(m.source == RESIDUAL for (channel, _), m in identification.noise.items() if channel == worst):
         return found + (
-            f"the model leaves {share} in the {theirs}; whether that is noise cannot be told, since nothing but the "
-            "fit shows their noise"
+            f"the model leaves a residual of {share} in the {theirs}; whether that is noise cannot be decided, since "
+            "their noise is known from the fit alone"
         )
     if ratios[worst] > EXPLAINED:
         return found + (
@@ -117,27 +118,28 @@ def headline(identification: Identification) -> str:
     if loud:
         misfits = " and ".join(f"{identification.misfit[c]:.3g} times that of {CHANNEL_WORDS[c]}" for c in loud)
         return found + (
-            f"the model leaves {ratios[worst]:.2f} times their noise in the {whose}, yet structure in the fitted ones: "
-            f"whitened, their residual is {misfits}"
+            f"the model's residual is {ratios[worst]:.2f} times the noise in the {whose}, yet it has structure in the "
+            f"fitted ones: whitened, it is {misfits}"
         )
     return found + f"the model explains the {whose} to {ratios[worst]:.2f} times their noise"
 
 
 def left_unexplained(identification: Identification, channel: str) -> bool:
-    """Whether a note says that the model leaves something out of a channel."""
+    """Whether a note says that the model does not explain a channel."""
     return any(note.startswith(f"{channel}: the residual is") for note in identification.notes)
 
 
 def worst_recording(parts: Sequence[Part]) -> Part | None:
-    """The one that exceeds its noise most; None where no noise is known."""
+    """The part with the largest ratio of residual to noise; None if no noise is known."""
     known = [part for part in parts if math.isfinite(part.over_noise)]
     return max(known, key=lambda part: part.over_noise, default=None)
 
 
 def loop_recordings(identification: Identification) -> list[ModelledRecording]:
-    """The widest plain loop, and the richest nested ones, of the channel that shows the hysteresis.
+    """The widest simple loop and the one with most nested loops, of the channel that shows the hysteresis.
 
-    None of self-sensing, which shows the rate of the deflection, nor of drives that turn too often to be followed.
+    Empty for self-sensing, which measures the rate of the deflection. Drives with more than `MOST_REVERSALS` turning
+    points are left out.
     """
     if identification.hysteresis_channel == "self_sensing":
         return []
@@ -154,10 +156,10 @@ def loop_recordings(identification: Identification) -> list[ModelledRecording]:
 
 
 def measured_branches(identification: Identification, heading: int) -> tuple[Real, Real]:
-    """Points measured on rising (1) or falling (-1) `branches`: ``x``, and how far off ``Q(x)`` they lie.
+    """Points measured on rising (1) or falling (-1) `branches`: ``x`` and the deviation from ``Q(x)``.
 
-    What the resonator adds has been taken off as modelled: the difference of the recording stands for that of the law.
-    None from self-sensing.
+    The deviation is the recording's residual, so the resonator's contribution is removed as modelled. Empty for
+    self-sensing.
     """
     law, channel = identification.printhead.branch_law, identification.hysteresis_channel
     at, off = [np.zeros(0)], [np.zeros(0)]
@@ -174,10 +176,10 @@ def measured_branches(identification: Identification, heading: int) -> tuple[Rea
 
 
 def branches(drive_V: Real) -> list[tuple[int, int]]:
-    """First and last sample of the stretches of drive that follow the branch law ``Q`` whatever came before.
+    """First and last sample of the segments of drive that follow the branch law ``Q`` regardless of earlier history.
 
-    The outermost turning point wipes out all memory; the branch from there follows ``Q``, and so does the next one,
-    until it is back at that level.
+    The outermost turning point wipes out all memory. The branch that starts there follows ``Q``, and so does the next
+    one until it returns to that level.
     """
     turns = turning_points(drive_V)
     level = np.abs(drive_V).max() * (1 - 1e-3)
@@ -191,20 +193,20 @@ def branches(drive_V: Real) -> list[tuple[int, int]]:
 
 
 def turning_points(drive_V: Real) -> list[int]:
-    """Samples at which the drive starts on its way back."""
+    """Indices of the samples at which the drive reverses."""
     moving = np.flatnonzero(np.diff(drive_V))
     up = drive_V[moving + 1] > drive_V[moving]
     return [int(k) for k in moving[1:][up[1:] != up[:-1]]]
 
 
 def fast_recordings(identification: Identification) -> list[ModelledRecording]:
-    """Recordings of self-sensing, or of displacement where there is none, whose drive moves."""
+    """Recordings with a varying drive on self-sensing, or on displacement if there is no self-sensing."""
     channel = "self_sensing" if "self_sensing" in identification.gains else "displacement"
     return [r for r in identification.recordings if r.channel == channel and np.ptp(r.drive_V) > 0]
 
 
 def ringing_views(fast: Sequence[ModelledRecording], frequency_Hz: float) -> list[Part]:
-    """What is drawn of the ringing: held-out pulses first, each drive once, the steepest edge of a long recording."""
+    """Segments of ringing to show: held-out pulses first, each drive once, around a long recording's steepest edge."""
     views: list[Part] = []
     drives: set[bytes] = set()
     for recording in sorted(fast, key=lambda r: (not r.held_out, not _pulsed(r), -np.ptp(r.drive_V))):
@@ -226,7 +228,7 @@ def _pulsed(recording: ModelledRecording) -> bool:
 
 
 def broadest_recording(fast: Sequence[ModelledRecording]) -> ModelledRecording:
-    """The recording whose drive spreads its power over most hertz; held out and strong where several do."""
+    """The recording whose drive has the broadest spectrum; among similar ones a held-out one, then the strongest."""
     width = {}
     for recording in fast:
         frequency, density = figures.amplitude_densities(recording, recording.drive_V)
@@ -238,7 +240,7 @@ def broadest_recording(fast: Sequence[ModelledRecording]) -> ModelledRecording:
 
 
 def noise_of(recording: ModelledRecording, identification: Identification) -> NoiseModel | None:
-    """The noise model of a recording's channel at the nearest sampling step; None where there is none."""
+    """The noise model of a recording's channel at the nearest sampling step; None if the channel has none."""
     known = {step: model for (channel, step), model in identification.noise.items() if channel == recording.channel}
     if not known:
         return None
@@ -246,20 +248,20 @@ def noise_of(recording: ModelledRecording, identification: Identification) -> No
 
 
 def parameter_rows(identification: Identification) -> list[tuple[str, str, str, str, str]]:
-    """Symbol, value, 90 % interval, unit and meaning of every parameter but the branch law's coefficients."""
+    """Symbol, value, 90 % interval, unit and meaning of every parameter except the branch law's coefficients."""
     a0, a1 = identification.dynamics["a0"], identification.dynamics["a1"]
     turns = 2 * math.pi
     b1 = "gain of self-sensing" + ("" if "self_sensing" in identification.gains else ": not observed, set to √a0")
     frequency = Estimate(*(math.sqrt(v) / turns for v in (a0.value, a0.low, a0.high)))
-    # ln ζ = ln a1 - ln(a0) / 2; a ringing tells its frequency and its decay independently.
+    # ln ζ = ln a1 - ln(a0) / 2 - ln 2; ringing determines its frequency and its decay independently.
     spread = math.hypot(math.log(a1.high / a1.low), math.log(a0.high / a0.low) / 2) / 2
     zeta = identification.printhead.damping_ratio
     damping = Estimate(zeta, zeta * math.exp(-spread), zeta * math.exp(spread))
     rows = [
         ("f0", frequency, "Hz", "resonance, √a0 / 2π"),
         ("ζ", damping, "", "damping ratio, a1 / (2 √a0)"),
-        ("a0", a0, "1/s²", "of G(s) = b1 s / (s² + a1 s + a0)"),
-        ("a1", a1, "1/s", "of the same"),
+        ("a0", a0, "1/s²", "coefficient of G(s) = b1 s / (s² + a1 s + a0)"),
+        ("a1", a1, "1/s", "coefficient of the same G(s)"),
         ("b1", identification.dynamics["b1"], "1/s", b1),
     ]
     units = {recording.channel: unit_text(recording.unit) for recording in identification.recordings}

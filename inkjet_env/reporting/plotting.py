@@ -1,4 +1,4 @@
-"""Pictures of waveforms, responses and convergence; each function draws into a new figure and returns it."""
+"""Figures of waveforms, responses and convergence; each function draws a new figure and returns it."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ STYLE: Any = {
     "svg.hashsalt": "inkjet",
     "svg.fonttype": "path",
 }
-# Okabe and Ito's colours, which colour-blind readers can tell apart; repeated with another dash.
+# Okabe and Ito's colours, which colour-blind readers can distinguish; reused with another dash pattern.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 DASHES = ("-", "--", ":")
 LABEL_HEIGHT = 0.045
-"""Of a picture: what the name of a curve takes."""
+"""Height of a curve's name, as a fraction of the figure's height."""
 
 
 def new_figure(width: float, height: float, **subplots: Any) -> tuple[Figure, Any]:
-    """A figure of that size in inches, belonging to no window, and its axes."""
+    """A new figure of ``width`` × ``height`` inches, not attached to a window, and its axes."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -50,7 +50,7 @@ def new_figure(width: float, height: float, **subplots: Any) -> tuple[Figure, An
 
 
 def svg_text(figure: Figure) -> str:
-    """The figure as an ``<svg>`` element, the same text for the same figure."""
+    """The figure as an ``<svg>`` element; the same figure always gives the same text."""
     import matplotlib as mpl
 
     buffer = io.StringIO()
@@ -58,18 +58,18 @@ def svg_text(figure: Figure) -> str:
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
-    return re.sub(r' xmlns(:xlink)?="[^"]*"', "", text)  # needless within HTML
+    return re.sub(r' xmlns(:xlink)?="[^"]*"', "", text)  # not needed within HTML
 
 
 def check_picture_name(path: str | Path) -> None:
-    """Raise ``ValueError`` unless the file name ends in a picture format that can be written."""
+    """Raise ``ValueError`` unless the file name ends in .png, .svg or .pdf."""
     ending = Path(path).suffix.lower()
     if ending not in (".png", ".svg", ".pdf"):
-        raise ValueError(f"{path}: a picture's name must end in .png, .svg or .pdf; got {ending or 'no ending'!r}.")
+        raise ValueError(f"{path}: a figure's name must end in .png, .svg or .pdf; got {ending or 'no ending'!r}.")
 
 
 def write_picture(path: str | Path, figure: Figure) -> None:
-    """Write a figure as PNG, SVG or PDF, by the name's ending; whole or not at all."""
+    """Write a figure atomically as PNG, SVG or PDF, by the name's ending."""
     check_picture_name(path)
     buffer = io.BytesIO()
     figure.savefig(buffer, format=Path(path).suffix.lower()[1:], dpi=160)
@@ -77,7 +77,7 @@ def write_picture(path: str | Path, figure: Figure) -> None:
 
 
 def signed(value: float, digits: int) -> str:
-    """The number with a minus sign that is one.
+    """The number with ``digits`` decimals and a true minus sign.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def signed(value: float, digits: int) -> str:
 
 
 def draw_response(response: Response | SampledResponse, cost: PeakCost) -> Figure:
-    """Drive above, self-sensed response with its peaks below."""
+    """Drive (top) and self-sensing response with its peaks (bottom) against time."""
     figure, axes = new_figure(7.2, 4.6, nrows=2, sharex=True, height_ratios=[2, 3])
     _drive(axes[0], response, AFTER)
     _sensed(axes[1], response, cost, AFTER)
@@ -103,7 +103,7 @@ def draw_response(response: Response | SampledResponse, cost: PeakCost) -> Figur
 
 
 def draw_before_after(before: Response, after: Response, cost: PeakCost, titles: Sequence[str]) -> Figure:
-    """Drive and response of two waveforms side by side on the same scales."""
+    """Drive and response of two waveforms, side by side on the same scales."""
     figure, axes = new_figure(8.6, 4.6, nrows=2, ncols=2, sharex=True, sharey="row", height_ratios=[2, 3])
     for column, (response, title, colour) in enumerate(zip((before, after), titles, (BEFORE, AFTER), strict=True)):
         _drive(axes[0, column], response, colour)
@@ -124,7 +124,7 @@ def _drive(axes: Axes, response: Response | SampledResponse, colour: str) -> Non
 
 
 def _end_s(response: Response) -> float:
-    """Where a picture ends: with the window, but never before the waveform has ended."""
+    """End of the time axis in seconds: the end of the window, but never before the waveform's end."""
     window_s = response.window_s if np.isfinite(response.window_s) else LAST_S
     return max(window_s, 1.1 * float(response.knot_times_s[-1]))
 
@@ -154,18 +154,19 @@ def _sensed(axes: Axes, response: Response | SampledResponse, cost: PeakCost, co
 
 
 def draw_regrets(curves: Mapping[str, Real]) -> Figure:
-    """Regret against budget, both axes logarithmic, every curve named at its end.
+    """Regret against budget, both axes logarithmic, each curve labelled at its end.
 
     Parameters
     ----------
-    curves : mapping
-        Optimiser → budgets, lower end of the interval, regret in the problems' scales, upper end; shape (4, n).
+    curves : mapping of str to ndarray, shape (4, n)
+        Optimiser → budgets in evaluations, lower end of the interval, regret and upper end, these three in the
+        problems' scales.
     """
     figure, axes = new_figure(7.2, 4.6)
     colours = dict(zip(curves, itertools.cycle(COLOURS), strict=False))
     for number, (name, (budgets, low, regret, high)) in enumerate(curves.items()):
         colour, dash = colours[name], DASHES[number // len(COLOURS) % len(DASHES)]
-        aside = budgets * 1.02 ** (number - len(curves) / 2)  # so that no interval hides another
+        aside = budgets * 1.02 ** (number - len(curves) / 2)  # shifted so that the intervals do not overlap
         axes.vlines(aside, low, high, color=colour, lw=1.2)
         axes.plot(aside, regret, dash, marker="o", ms=3.5, color=colour, lw=1.4)
     every = np.unique(np.concatenate([curve[0] for curve in curves.values()]))
@@ -185,7 +186,7 @@ def draw_regrets(curves: Mapping[str, Real]) -> Figure:
 
 
 def spread(heights: Sequence[float], apart: float) -> Real:
-    """Heights in ascending order, moved as little as needed to be ``apart`` from one another.
+    """Heights in ascending order, moved as little as possible to be at least ``apart`` from each other.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Tables for people, on standard output."""
+"""Tables for standard output and for Markdown pages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print rows under headings: the first column at the left, the others at the right."""
+    """Print rows under headings on standard output; the first column is left-aligned, the others right-aligned."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -25,6 +25,6 @@ def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """The same in Markdown."""
+    """Headings and rows as a Markdown table."""
     lines = [" | ".join(headings), " | ".join(["---"] * len(headings)), *(" | ".join(row) for row in rows)]
     return "\n".join(f"| {line} |" for line in lines)

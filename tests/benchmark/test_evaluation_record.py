@@ -65,7 +65,7 @@ def changed(name, change):
 )
 def test_a_record_that_cannot_be_is_refused_by_name(tmp_path, evaluations, damage, said):
     damage(evaluations)
-    with pytest.raises(ValueError, match=rf"r\.npz: is not a whole record .*{said}"):
+    with pytest.raises(ValueError, match=rf"r\.npz: is not a complete record .*{said}"):
         read_record(stored(tmp_path / "r.npz", evaluations))
 
 
@@ -77,5 +77,5 @@ def test_a_pickle_is_never_loaded(tmp_path):
 
 def test_another_kind_of_file_is_not_called_a_pickle(tmp_path):
     (tmp_path / "w.csv").write_text("time_s,drive_V\n0,0\n")
-    with pytest.raises(ValueError, match=r"w\.csv: .*it is no \.npz archive.* Give the \.npz that"):
+    with pytest.raises(ValueError, match=r"w\.csv: .*it is not an \.npz archive.* Give the \.npz file that"):
         read_record(tmp_path / "w.csv")

@@ -112,9 +112,9 @@ def test_settings_rebuild_what_is_new_in_a_problem(problem):
 def test_what_cannot_be_is_refused():
     with pytest.raises(ValueError, match="does not fit into a period"):
         Problem("train", jetting_Hz=20e3)
-    with pytest.raises(ValueError, match="not offered together"):
+    with pytest.raises(ValueError, match="cannot be combined"):
         replace(LOT, measurement_noise_V=0.1)
-    with pytest.raises(ValueError, match="readings of peaks have no gradients"):
+    with pytest.raises(ValueError, match="noisy peak readings have no gradients"):
         Problem("noisy", measurement_noise_V=0.1).evaluate_with_gradient(POINTS)
     with pytest.raises(ValueError, match=r"Did you mean 'worst'\?"):
         Spread(judged="wurst")

@@ -73,7 +73,7 @@ def test_a_killed_bench_goes_on_and_ends_as_if_it_had_not_been_killed(tmp_path):
     for folder in (killed, whole):
         done = subprocess.run([*COMMAND, *SMALL, "--results", folder], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
-        assert ("runs are there already; going on" in done.stderr) == (folder == killed)
+        assert ("runs are finished already; resuming" in done.stderr) == (folder == killed)
     after = contents(killed)
     assert after == contents(whole)
     assert len(after) == 24
@@ -164,10 +164,10 @@ def test_a_worker_of_other_code_or_packages_does_nothing(monkeypatch):
     monkeypatch.setattr("experiments.benchmark.runner.perform", lambda *_: pytest.fail("ran"))
     told = small_settings().to_json()
     keys = [RunKey("pso", "nominal", 0)]
-    with pytest.raises(ValueError, match="the code is not the one that this bench was begun with"):
+    with pytest.raises(ValueError, match="the code differs, here or at a worker"):
         perform_some(keys, small_settings(), "0" * 64, told["versions"])
     others = told["versions"] | {"numpy": "1.0"}
-    with pytest.raises(ValueError, match=r"another package .* numpy is 1\.0 there and .* here\. Install the same"):
+    with pytest.raises(ValueError, match=r"packages differ .* numpy is 1\.0 there and .* here\. Install the same"):
         perform_some(keys, small_settings(), told["code"], others)
 
 
@@ -187,7 +187,7 @@ def test_a_finished_bench_is_not_run_again(finished, monkeypatch):
 )
 def test_other_settings_are_refused_and_change_nothing(finished, change, said):
     before = with_settings(finished.folder)
-    with pytest.raises(ValueError, match=f"holds a bench of other settings: {said}"):
+    with pytest.raises(ValueError, match=f"holds a bench with other settings: {said}"):
         run_bench(small_settings(**change), finished.folder)
     assert with_settings(finished.folder) == before
 
@@ -204,7 +204,7 @@ def test_what_decides_a_run_of_both_benches_must_agree(finished, changed, monkey
         "code": "0" * 64,
     }[changed]
     monkeypatch.setattr(BenchSettings, "to_json", lambda _: told | {changed: other})
-    with pytest.raises(ValueError, match=f"holds a bench of other settings: {changed}"):
+    with pytest.raises(ValueError, match=f"holds a bench with other settings: {changed}"):
         run_bench(small_settings(), finished.folder)
     assert with_settings(finished.folder) == before
 
@@ -221,7 +221,7 @@ def test_a_bench_is_extended_and_narrowed_and_its_runs_are_those_of_a_new_one(tm
     monkeypatch.setattr("experiments.benchmark.runner._perform_all", lambda *_: pytest.fail("ran again"))
     capsys.readouterr()
     narrowed = run_bench(small_settings(optimizers=("random",)), grown)
-    assert f"10 runs in {grown} are not asked for" in capsys.readouterr().err
+    assert f"10 runs in {grown} were not asked for" in capsys.readouterr().err
     assert [run.key.file_stem for run in narrowed.results] == [f"nominal--random--{k:03d}" for k in range(2)]
     run_bench(wider, grown)
     assert with_settings(grown) == with_settings(new)
@@ -276,7 +276,7 @@ def damage_by_other_code(path, folder):
         (damage_by_another_run, "it is the file of another run: optimizer is random there and pso here"),
         (damage_by_pickle, "cannot be read"),
         (damage_by_better_costs, "costs .* V here, not the"),
-        (damage_by_rising_costs, "the costs that were told do not fall"),
+        (damage_by_rising_costs, "the reported costs do not decrease"),
         (damage_by_other_code, "it is the file of another run: code is 0000"),
     ],
 )

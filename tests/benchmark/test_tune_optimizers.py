@@ -35,7 +35,7 @@ def test_an_entrant_with_found_settings_is_the_optimizer_made_with_them(found):
 
 
 def test_who_has_no_found_settings_is_refused(found):
-    with pytest.raises(ValueError, match=r"there are no tuned settings of 'random'; there are of pso"):
+    with pytest.raises(ValueError, match=r"there are no tuned settings for 'random'; there are for pso"):
         entrants.entrant("random-tuned")
     with pytest.raises(UnknownOptimizerError, match="'psq'"):
         entrants.entrant("psq-tuned")

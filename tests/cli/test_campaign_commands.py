@@ -58,7 +58,7 @@ def test_evaluate_tells_the_residual_of_each_recording_and_finds_a_wrong_head(in
     status, out, err = inkjet("evaluate", "campaign", "--printhead", "wrong.json", "--json", "wrong-found.json")
     assert status == 0
     assert "r001" in out
-    assert "tells no gain of strain_gauge" in err
+    assert "gives no gain for strain_gauge" in err
     assert json.loads((tmp_path / "wrong-found.json").read_text())["rms"] > 20 * noise
 
 
@@ -138,15 +138,15 @@ def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_pat
         (("identify", "campaign", "--degree", "13"), "degree must be 1 to 12; got 13"),
         (("identify", "campaign", "--degree-rule", "paper"), "degree_rule must be"),
         (("identify", "campaign", "--held-out", "r01"), "Did you mean"),
-        (("identify", "campaign", "--columns", "time"), "--columns must read name=value"),
-        (("identify", "campaign", "--out", "nowhere/head.json"), "nowhere must be a folder"),
+        (("identify", "campaign", "--columns", "time"), "--columns must have the form name=value"),
+        (("identify", "campaign", "--out", "nowhere/head.json"), "nowhere must be a writable folder"),
         (("identify", "campaign", "campaign"), "2 folders are called 'campaign'"),
-        (("identify", "campaign", "other", "--json", "x.json"), "belong to a single campaign"),
+        (("identify", "campaign", "other", "--json", "x.json"), "need a single campaign"),
         (("record", "campaign", "--seed", "-1"), "--seed must be at least 0"),
         (("record", "plan", "--plan", "--snr-db", "40"), "leave out --snr-db"),
         (("record", "plan", "--plan", "--seed", "4"), "leave out --snr-db and --seed"),
-        (("identify", "campaign", "--out", "campaign/r001.csv"), "would replace what is read"),
-        (("identify", "campaign", "--json", "campaign/datapackage.json"), "would replace what is read"),
+        (("identify", "campaign", "--out", "campaign/r001.csv"), "would overwrite an input file"),
+        (("identify", "campaign", "--json", "campaign/datapackage.json"), "would overwrite an input file"),
         (("identify", "campaign", "--report", "page.pdf"), "--report must end in .html"),
         (("identify", "campaign", "--workers", "0"), "--workers must be at least 1"),
         (("evaluate", "campaign", "--printhead", "odd.json"), "fit.channels.strain_gauge.gain.value must be a number"),

@@ -76,10 +76,10 @@ def test_an_optimum_read_back_as_a_drive_costs_the_same(inkjet):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("pipe", "must be a folder that can be written to, and pipe a file."),
-        ("folder", "must be a folder that can be written to, and folder a file."),
-        ("drive.csv", "--out drive.csv would replace what is read."),
-        ("link.csv", "--out link.csv would replace what is read."),
+        ("pipe", "must be a writable folder, and pipe a regular file."),
+        ("folder", "must be a writable folder, and folder a regular file."),
+        ("drive.csv", "--out drive.csv would overwrite an input file."),
+        ("link.csv", "--out link.csv would overwrite an input file."),
     ],
 )
 def test_what_is_no_file_or_is_read_itself_is_not_replaced(inkjet, tmp_path, name, said):
@@ -126,8 +126,8 @@ BAD_WAVEFORM = [
     (["--waveform", *OPTIMUM, "--window", "0"], "window_s must be a time above 0 s"),
     (["--waveform", *OPTIMUM, "--printhead", "none.json"], "none.json: cannot be read"),
     (["--waveform", *OPTIMUM, "--plot", "a.gif"], "must end in .png, .svg or .pdf; got '.gif'"),
-    (["--waveform", *OPTIMUM, "--json", "nowhere/a.json"], "nowhere must be a folder that can be written to"),
-    (["--waveform", *OPTIMUM, "--out", "/proc/a.csv"], "/proc must be a folder that can be written to"),
+    (["--waveform", *OPTIMUM, "--json", "nowhere/a.json"], "nowhere must be a writable folder"),
+    (["--waveform", *OPTIMUM, "--out", "/proc/a.csv"], "/proc must be a writable folder"),
     (["--waveform", *OPTIMUM, "--wave"], "No such option: --wave"),
     (["--drive", "none.csv"], "none.csv: cannot be read: No such file"),
     (["--waveform", *OPTIMUM, "--window", "350"], "at most 0.01 s, or infinite; got 350.*350 µs is 350e-6"),
@@ -213,11 +213,11 @@ def test_same_seed_same_bytes_other_seed_other_bytes(inkjet, tmp_path):
         (["--budget", "0"], "--budget must be at least 1; got 0"),
         (["--seed", "-1"], "--seed must be at least 0; got -1"),
         (["--budget", "100", "--generations", "2"], "--generations or --budget, not both"),
-        (["--optimizer", "random", "--particles", "3"], "--particles and --generations belong to pso"),
+        (["--optimizer", "random", "--particles", "3"], "--particles and --generations apply to pso"),
         (["--sample-rate", "1"], "--sample-rate must be 1e7 to 1e11 Hz"),
         (["--resume", "none.npz"], "none.npz: there is no such file"),
         (["--resume", "none.npz", "--seed", "1"], "leave out --seed"),
-        (["--out", "-"], 'only --json takes "-"'),
+        (["--out", "-"], 'only --json accepts "-"'),
         (["--out", "a.csv", "--json", "a.csv"], "must be different files"),
     ],
 )
@@ -254,7 +254,7 @@ def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, 
 
     batches.extend([0] * 9)  # no more interruptions
     (tmp_path / "my part.png").unlink()
-    command, *told = shlex.split(err.partition("To go on: ")[2])
+    command, *told = shlex.split(err.partition("To resume: ")[2])
     assert command == "inkjet"
     assert inkjet(*told)[0] == 0
     for ending in ("json", "csv", "png"):
@@ -265,7 +265,7 @@ def test_a_damaged_record_is_named(inkjet, tmp_path):
     (tmp_path / "part.csv.evaluations.npz").write_bytes(b"PK\x03\x04 not an archive")
     status, _, err = inkjet("optimize", "--resume", "part.csv.evaluations.npz")
     assert status == 2
-    assert "part.csv.evaluations.npz: is not a whole record of an optimisation" in err
+    assert "part.csv.evaluations.npz: is not a complete record of an optimisation" in err
 
 
 def test_ctrl_c_ends_a_running_process_with_its_best_written(tmp_path):
@@ -293,7 +293,7 @@ def test_ctrl_c_ends_a_running_process_with_its_best_written(tmp_path):
     [
         (["--optimizers", "pso,cmaes"], "no optimiser 'cmaes'. Did you mean 'cma-es'?"),
         (["--problems", ""], "problems must name at least one"),
-        (["--problems", "nominal,nominal"], "problems must not name one twice"),
+        (["--problems", "nominal,nominal"], "problems must not contain duplicates"),
         (["--repeats", "0"], "repeats must be at least 1; got 0"),
         (["--workers", "0"], "--workers must be at least 1"),
         (["--budget", "many"], "Invalid value for '--budget'"),

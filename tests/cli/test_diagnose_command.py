@@ -254,12 +254,12 @@ def test_an_interrupt_leaves_nothing_half_written(where, made_by_hand, monkeypat
         (("campaign", "--report", "page.pdf"), "--report must end in .html"),
         (("campaign", "--printhead-out", "head.txt"), "--printhead-out must end in .json"),
         (("campaign", "--next-out", "next.json"), "--next-out must end in .csv"),
-        (("campaign", "--json", "campaign/datapackage.json"), "would replace what is read"),
-        (("campaign", "--next-out", "campaign/r001.csv"), "would replace what is read"),
+        (("campaign", "--json", "campaign/datapackage.json"), "would overwrite an input file"),
+        (("campaign", "--next-out", "campaign/r001.csv"), "would overwrite an input file"),
         (("campaign", "--json", "x.json", "--printhead-out", "x.json"), "must be different files"),
-        (("campaign", "--report", "nowhere/page.html"), "nowhere must be a folder"),
+        (("campaign", "--report", "nowhere/page.html"), "nowhere must be a writable folder"),
         (("campaign", "--printhead", "campaign/r001.csv"), "is not JSON"),
-        (("campaign", "--columns", "time"), "--columns must read name=value"),
+        (("campaign", "--columns", "time"), "--columns must have the form name=value"),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_everything_as_it_was(arguments, told, inkjet, folder, tmp_path):
@@ -289,10 +289,10 @@ def test_an_interrupted_diagnosis_says_what_is_kept(inkjet, folder, tmp_path, mo
     monkeypatch.setattr(mismatch, "diagnose", diagnose)
     status, _, err = inkjet("diagnose", "campaign", "--json", "found.json", "--report", "page.html")
     assert status == 130
-    assert err.endswith("Interrupted; finished fits are kept in found.json.fits. The same command goes on.\n")
+    assert err.endswith("Interrupted; finished fits are kept in found.json.fits. Run the same command to resume.\n")
     assert inkjet("diagnose", "campaign", "--checkpoint", "mine", "--report", "page.html")[0] == 130
     err = inkjet("diagnose", "campaign")[2]
-    assert err.endswith("Interrupted; nothing is kept. With --checkpoint FOLDER the fits made so far would be.\n")
+    assert err.endswith("Interrupted; nothing was kept. Use --checkpoint FOLDER to keep finished fits.\n")
     assert asked == [Path("found.json.fits"), Path("mine"), None]
     assert [path.name for path in tmp_path.iterdir()] == ["campaign"]
 

@@ -245,7 +245,7 @@ def test_without_the_option_a_command_refuses_the_file_in_one_sentence(augmented
 @pytest.mark.parametrize(
     ("named", "message"),
     [
-        ("my_effects", "must read module:Class, as my_effects:QuadraticStiffness"),
+        ("my_effects", "must have the form module:Class, such as my_effects:QuadraticStiffness"),
         ("my_effects.py:QuadraticStiffness", "there is no module my_effects.py in"),
         ("nowhere:Own", "there is no module nowhere in"),
         ("nowhere.at.all:Own", "there is no module nowhere.at.all in"),

@@ -45,7 +45,7 @@ def test_other_activations_are_refused():
     from stable_baselines3 import SAC
 
     model = SAC("MlpPolicy", BipolarWaveformVecEnv(2, context="random"), device="cpu")
-    with pytest.raises(ValueError, match="there must be tanh"):
+    with pytest.raises(ValueError, match="must use tanh"):
         policy_of_sb3(model, {})
 
 
@@ -62,7 +62,7 @@ def header(**changes):
         ({"observation": ["colour"]}, {}, "made for other observations"),
         ({"layers": [[7, 99999]]}, {}, "its layers are"),
         ({"end": "relu"}, {}, "end must be one of"),
-        ({}, {"weight0": np.ones((7, 3))}, "must lead from 4 numbers to 7"),
+        ({}, {"weight0": np.ones((7, 3))}, "must map 4 numbers to 7"),
         ({}, {"weight0": np.full((7, 4), np.nan)}, "must be finite"),
         ({}, {"weight0": np.array([["a"]])}, "is not a policy"),
     ],

@@ -1,4 +1,4 @@
-"""Trainings are told apart, kept, refused where they were made otherwise, and the same side by side."""
+"""Trainings are kept, reused, refused if made with other settings or code, and the same in parallel."""
 
 import errno
 import json
@@ -48,7 +48,9 @@ def test_arrays_are_kept_and_made_once(tmp_path):
 def test_what_other_code_or_settings_made_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "one.npz"
     kept_arrays(path, {"seed": 1}, lambda: {"regret": np.zeros(2)})
-    with pytest.raises(KeptFileError, match=r"one\.npz was made otherwise: seed is 1 there and 2 here\. Give another"):
+    with pytest.raises(
+        KeptFileError, match=r"one\.npz was made with other .*: seed is 1 there and 2 here\. Give another"
+    ):
         kept_arrays(path, {"seed": 2}, never)
     other = tmp_path / "array.npz"
     np.save(other.open("wb"), np.zeros(3))
@@ -71,7 +73,7 @@ def test_a_damaged_file_is_named_and_not_replaced(tmp_path, damage):
     else:
         path.write_bytes(whole[: len(whole) // 2] if damage == "cut" else damage)
     left = path.read_bytes()
-    with pytest.raises(KeptFileError, match=r"one\.npz: is damaged \(.+\)\. Delete it to have it made again\."):
+    with pytest.raises(KeptFileError, match=r"one\.npz: is damaged \(.+\)\. Delete it to make it again\."):
         kept_arrays(path, {}, never)
     assert path.read_bytes() == left
 

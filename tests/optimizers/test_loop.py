@@ -124,14 +124,14 @@ def test_a_used_optimizer_is_refused():
     optimizer = optimizers.make("random", budget=200)
     points = optimizer.ask()
     optimizer.tell(points, points[:, 0])
-    with pytest.raises(ValueError, match="random has been told costs before"):
+    with pytest.raises(ValueError, match="random has already received costs"):
         minimise(Sphere(), optimizer, 200)
 
 
 def test_costs_of_other_points_are_refused():
     optimizer = optimizers.make("random", budget=200)
     points = optimizer.ask()
-    with pytest.raises(ValueError, match="the very points that ask returned"):
+    with pytest.raises(ValueError, match="exactly the points that ask returned"):
         optimizer.tell(points / 2, points[:, 0])
 
 

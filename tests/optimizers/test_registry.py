@@ -60,7 +60,7 @@ def test_a_broken_optimizer_is_reported_with_its_reason_and_the_others_are_not(m
     monkeypatch.setattr(ParticleSwarm, "learn", broken)
     found = optimizers.availability(["pso", "random"])
     assert found["random"] is None
-    assert found["pso"] == "it breaks down here: TypeError: only 0-dimensional arrays can be converted"
+    assert found["pso"] == "it fails in this installation: TypeError: only 0-dimensional arrays can be converted"
 
 
 def test_a_missing_package_is_the_reason(monkeypatch, fresh_probes):

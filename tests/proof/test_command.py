@@ -12,11 +12,11 @@ from experiments.proof.corpus import PUBLISHED_SEED, Draw
     [
         (["--workers", "0"], "--workers must be at least 1; got 0"),
         (["--reoptimise", "-1"], "--reoptimise must be at least 0; got -1"),
-        (["--seed", PUBLISHED_SEED], f"seed {PUBLISHED_SEED} is the published one: give --published in its place"),
-        (["--seed", "3", "--published"], "--published has a seed of its own; leave out --seed"),
-        (["--published", "--quick"], "--published is run whole, and once a version; leave out --quick"),
+        (["--seed", PUBLISHED_SEED], f"seed {PUBLISHED_SEED} is the published one: give --published instead"),
+        (["--seed", "3", "--published"], "--published sets its own seed; leave out --seed"),
+        (["--published", "--quick"], "--published needs the full corpus, once per version; leave out --quick"),
         (["--seed", "-3"], "--seed must be at least 0; got -3"),
-        (["--scheduler", "tcp://127.0.0.1:9", "--workers", "2"], "--workers belongs to this machine"),
+        (["--scheduler", "tcp://127.0.0.1:9", "--workers", "2"], "--workers sets local processes"),
         (["--report", "page.pdf"], "--report must end in .html; got page.pdf"),
     ],
 )

@@ -144,6 +144,6 @@ def test_a_case_that_kills_every_worker_is_told(fakes, monkeypatch):
     jobs = {"case": lambda: ("case",)}
     with (
         cluster.workers_of(None, 1) as client,
-        pytest.raises(cluster.ClusterError, match="case was begun 2 times and never ended"),
+        pytest.raises(cluster.ClusterError, match="case was started 2 times and never ended"),
     ):
         cluster.run_each(client, fake_steps.deadly, jobs, print)

@@ -213,9 +213,9 @@ def test_every_recording_hypothesis_and_note_is_on_the_page(any_of_them):
 def test_each_verdict_shows_what_belongs_to_it_alone(pages):
     belongs = {
         "named": "nV s/V",
-        "set": "One of these, and these recordings cannot tell which",
-        "unknown": "corrects, it does not explain",
-        "none": "How small an effect would have been seen is not claimed",
+        "set": "One of these, but these recordings cannot show which",
+        "unknown": "corrects but does not explain",
+        "none": "No claim is made here about the smallest effect",
     }
     for verdict, page in pages.items():
         shown = {other for other, words in belongs.items() if words in text_of(page)}
@@ -226,23 +226,23 @@ def test_what_only_held_out_recordings_speak_against_is_told_as_that(named):
     refused = replace(named, verdict="unknown", effects=(), closure=-1.64)
     alone, beside_more = (text_of(diagnosis_html(replace(refused, left_over=left))) for left in (0.02, 0.2))
     for text in (alone, beside_more):
-        assert "does worse than the base model, so it is not believed" in text
+        assert "does worse than the base model, so it is rejected" in text
         assert "or choice" not in text
-    told = ("makes those held out worse, so it is not named", "Structure is left", "leaves too much to be believed")
+    told = ("makes the fit of the held-out ones worse, so it is not named", "has structure that", "too large for it")
     assert [words in alone for words in told] == [True, False, False]
     assert [words in beside_more for words in told] == [False, True, True]
 
 
 def test_a_page_does_not_doubt_what_its_verdict_names(named):
     explains_held_out_after_refit = text_of(diagnosis_html(replace(named, closure=-1.64)))
-    assert "but fitted to them too it explains them" in explains_held_out_after_refit
-    assert "not believed" not in explains_held_out_after_refit
+    assert "but it explains them when it is fitted to them too" in explains_held_out_after_refit
+    assert "rejected" not in explains_held_out_after_refit
     refused = replace(named, verdict="unknown", effects=(), left_over=0.0)
     poorly, alike = (text_of(diagnosis_html(replace(refused, closure=closure))) for closure in (0.3, 0.9))
-    assert "does not explain those held out, so it is not named" in poorly
-    assert "too many effects explain alike" in alike
+    assert "does not explain the held-out ones, so it is not named" in poorly
+    assert "too many effects explain equally well" in alike
     for text in (poorly, alike):
-        assert "Structure is left" not in text
+        assert "has structure that" not in text
         assert "damping ratio" not in text  # the head of a model that has no name
 
 

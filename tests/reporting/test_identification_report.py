@@ -99,7 +99,7 @@ def test_the_page_names_every_recording_every_note_and_every_number(any_of_them)
 def test_every_picture_is_on_the_page(pages):
     pictures = {name: page.count("<svg") for name, (_, page) in pages.items()}
     assert pictures == {"everything": 2 + 5, "self_sensing_only": 5, "one_displacement": 1 + 5}
-    assert "is no loop" in pages["self_sensing_only"][1]
+    assert "is not a hysteresis loop" in pages["self_sensing_only"][1]
 
 
 def test_parameters_show_what_was_identified(everything):
@@ -137,7 +137,7 @@ def test_a_residual_that_has_the_noises_size_but_not_its_spectrum_is_told(everyt
     note = "self_sensing: the residual is 1.31 times the noise, so the model leaves something out."
     misfit = {"strain_gauge": 1.0, "self_sensing": 1.31}
     told = headline(replace(everything, misfit=misfit, notes=(note,)))
-    assert "structure in the fitted ones: whitened, their residual is 1.31 times that of self-sensing" in told
+    assert "it has structure in the fitted ones: whitened, it is 1.31 times that of self-sensing" in told
 
 
 def test_headline_and_notes_agree_on_what_is_not_explained(everything, one_displacement):
@@ -148,13 +148,13 @@ def test_headline_and_notes_agree_on_what_is_not_explained(everything, one_displ
 
 def test_noise_that_only_the_fit_shows_proves_nothing(everything):
     noise = {key: replace(model, source=RESIDUAL) for key, model in everything.noise.items()}
-    assert "cannot be told" in headline(replace(everything, noise=noise))
+    assert "cannot be decided" in headline(replace(everything, noise=noise))
 
 
 def test_unknown_noise_is_a_dash_and_no_crash(one_displacement):
     silent = tuple(replace(recording, noise_rms=math.nan) for recording in one_displacement.recordings)
     changed = replace(one_displacement, recordings=silent, noise={})
-    assert "their noise is not known" in headline(changed)
+    assert "their noise is unknown" in headline(changed)
     assert "<td>–</td>" in identification_html("x", changed)
 
 

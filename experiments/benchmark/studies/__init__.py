@@ -1,1 +1,1 @@
-"""Studies about the comparison: best known waveforms, tuned settings, the overhead of a run, Fig. 7 of the paper."""
+"""Studies for the comparison: best known waveforms, tuned settings, overhead of a run, Fig. 7 of the paper."""

@@ -1,8 +1,8 @@
-"""Trying to beat the best known waveforms, by three methods and with other seeds than those that found them.
+"""Challenge of the best known waveforms with three methods and seeds other than those that found them.
 
 ``python -m experiments.benchmark.studies.challenge_best_known --minutes 60`` divides the time among all problems and
-three methods; exit status 1 where one of them finds a waveform that costs less by more than a thousandth. It must cost
-less wherever rounding takes it: what lies on a break counts for what lies beyond
+three methods. The exit status is 1 if one of them finds a waveform whose cost is lower by more than a thousandth. The
+cost must be lower for any rounding: a waveform on a discontinuity is counted with the cost beyond it
 (`experiments.benchmark.studies.search_best_known.settled`)."""
 
 from __future__ import annotations
@@ -23,24 +23,27 @@ from inkjet_env.storage import write_json
 FORMAT = "beating/1"
 METHODS = ("bipop-cma-es", "scipy-differential-evolution", "lbfgsb-multistart")
 WITHOUT_GRADIENT = "pymoo-pso"
-"""In place of a method that the problem has no gradient for."""
+"""Method used instead of one that needs a gradient which the problem does not have."""
 BUDGET = 20_000
-"""Evaluations of one run; runs follow one another, with other seeds, until the time is up."""
+"""Evaluations of one run; runs follow one another with other seeds until the time is up."""
 ENDS, ROUNDS, STEP = 4, 100, 1e-10
-"""The best of a run are moved away from the break that they lie on: rounds of steps that are at first so large."""
+"""Number of best points of a run that are moved off a discontinuity, rounds of random steps, and first step size."""
 ALLOWED = 1e-3
-"""What may be gained on a best known cost without its being called beaten (`Attempt.gain`)."""
+"""Largest `Attempt.gain` at which a best known cost does not yet count as beaten."""
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """The best that a method came to on a problem.
+    """The best result of a method on a problem.
 
     Attributes
     ----------
     problem, method : str
+        Names of the problem and of the optimiser.
     cost_V : float
+        Lowest cost in volts.
     evaluations : int
+        Number of evaluations spent.
     """
 
     problem: str
@@ -50,17 +53,17 @@ class Attempt:
 
     @property
     def gain(self) -> float:
-        """By how much of the best known cost, or of the problem's scale if that is less, it costs less.
+        """Reduction below the best known cost, as a fraction of that cost or of the problem's scale if that is smaller.
 
-        Negative where it costs more. The cost of a wanted drop is offset by what that drop earns, so that a share of it
-        would say little.
+        Negative if the cost is higher. The cost of a problem with a wanted drop height is offset by the reward for that
+        drop, so a fraction of it would mean little.
         """
         known_V = best_known_cost(self.problem)
         return (known_V - self.cost_V) / min(abs(known_V), scale_V(self.problem))
 
 
 def attempt(name: str, method: str, seconds: float) -> Attempt:
-    """Search one problem by one method, run after run, for so long."""
+    """Search one problem with one method, run after run, for ``seconds``."""
     from dataclasses import replace
 
     import numpy as np
@@ -69,7 +72,7 @@ def attempt(name: str, method: str, seconds: float) -> Attempt:
     from experiments.benchmark.studies.search_best_known import polished, settled
     from optimizers.loop import minimise
 
-    of = replace(problem(name), measurement_noise_V=0.0)  # what is best does not hang on how it is read
+    of = replace(problem(name), measurement_noise_V=0.0)  # the optimum does not depend on measurement noise
     if optimizers.uses_gradient(method) and not of.has_gradient:
         method = WITHOUT_GRADIENT
     of.evaluate([[0.0] * 7])
@@ -86,7 +89,7 @@ def attempt(name: str, method: str, seconds: float) -> Attempt:
 
 
 def attempts(names: list[str], seconds: float, workers: int) -> list[Attempt]:
-    """All problems by all methods, in an order of their own."""
+    """The attempts of all methods on all problems, with ``seconds`` of wall time in total."""
     from joblib import Parallel, delayed
 
     jobs = [(name, method) for name in names for method in METHODS]
@@ -102,14 +105,21 @@ def attempts(names: list[str], seconds: float, workers: int) -> list[Attempt]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Try, tell, and say whether any was beaten."""
+    """Challenge the chosen problems and print the results; the exit status is 1 if any was beaten."""
     parser = argparse.ArgumentParser(
         prog="python -m experiments.benchmark.studies.challenge_best_known", description=__doc__
     )
-    parser.add_argument("--problem", action="append", choices=list(suite()), help="all of the suite unless given")
-    parser.add_argument("--minutes", type=float, default=60.0, help="for all of it (60)")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes; one a core unless given")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write what was tried as JSON")
+    parser.add_argument(
+        "--problem",
+        action="append",
+        choices=list(suite()),
+        help="problem to challenge, may be repeated; all of the suite unless given",
+    )
+    parser.add_argument("--minutes", type=float, default=60.0, help="total time in minutes (60)")
+    parser.add_argument(
+        "--workers", type=int, default=os.cpu_count() or 1, help="number of processes; one per core unless given"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all attempts as JSON")
     chosen = parser.parse_args(arguments)
     if not chosen.minutes > 0 or chosen.workers < 1:
         parser.error("--minutes must be above 0 and --workers at least 1.")

@@ -1,8 +1,8 @@
-"""Figure 7 of the paper, reproduced: what a particle swarm makes of the response within 50 generations.
+"""Reproduction of Fig. 7 of the paper: how a particle swarm changes the response within 50 generations.
 
 ``python -m experiments.benchmark.studies.figure7`` runs ``pso`` (40 particles, 50 generations) on the default problem
-under 20 seeds and prints in how many of them each of the figure's claims holds. The paper shows one run and no numbers;
-what its words are taken to mean stands in `CLAIMS`."""
+with 20 seeds and prints in how many of them each of the figure's claims holds. The paper shows one run and no numbers;
+`CLAIMS` states how its words are interpreted."""
 
 from __future__ import annotations
 
@@ -37,11 +37,13 @@ class Reproduction:
     Parameters
     ----------
     seed : int
+        Seed of the swarm.
     problem : Problem
+        The problem that it minimises.
     best_points : ndarray, shape (generations, 7)
         Best point so far after each generation, in ``[-1, 1]``.
     costs : ndarray, shape (generations,)
-        Its cost in volts.
+        Cost of that point in volts.
     """
 
     seed: int
@@ -54,7 +56,7 @@ class Reproduction:
         return self.problem.respond(self.best_points[generation - 1])
 
     def claims(self) -> dict[str, bool]:
-        """Which of `CLAIMS` hold."""
+        """Whether each of `CLAIMS` holds."""
         cost = self.problem.cost
         first, first_next, _ = effective_and_later(self.response(1), cost)
         last, last_next, last_later = effective_and_later(self.response(len(self.costs)), cost)
@@ -69,7 +71,7 @@ class Reproduction:
 
 
 def effective_and_later(response: Response, cost: PeakCost) -> tuple[float, float, float]:
-    """Magnitudes in volts of the effective peak, of the one after it, and of the largest after it; 0 where none is."""
+    """Magnitudes in volts of the effective peak, the next peak and the largest later peak; 0 where there is none."""
     magnitude = np.abs(response.peaks_V)
     e = cost.effective_index(magnitude)
     if e is None:
@@ -79,7 +81,7 @@ def effective_and_later(response: Response, cost: PeakCost) -> tuple[float, floa
 
 
 def reproduce(seed: int, problem_name: str = "nominal") -> Reproduction:
-    """Run the swarm of the paper's size once."""
+    """Run a swarm of the paper's size once."""
     from optimizers import make
     from optimizers.loop import minimise
 
@@ -91,7 +93,7 @@ def reproduce(seed: int, problem_name: str = "nominal") -> Reproduction:
 
 
 def table(runs: Iterable[Reproduction]) -> str:
-    """In how many runs each claim holds, and the costs, as text."""
+    """Number of runs in which each claim holds, and the costs, as text."""
     runs = list(runs)
     found = [run.claims() for run in runs]
     lines = [f"{sum(f[name] for f in found):3d} of {len(runs)}: {sentence}" for name, sentence in CLAIMS.items()]
@@ -108,7 +110,7 @@ def table(runs: Iterable[Reproduction]) -> str:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m experiments.benchmark.studies.figure7", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many, from 0 (default 20)")
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), help="number of seeds, from 0 (default 20)")
     seeds = parser.parse_args().seeds
     if seeds < 1:
         parser.error(f"--seeds must be at least 1; got {seeds}.")

@@ -1,7 +1,7 @@
-"""Heads with effects for the suite, made anew.
+"""Creation of the suite's heads with effects.
 
 ``python -m experiments.benchmark.studies.make_augmented_heads`` draws concealed heads, records a campaign of each,
-diagnoses it without being told, and keeps the printheads that come out of it in ``data/augmented_heads.json``.
+diagnoses it blind, and stores the resulting printheads in ``data/augmented_heads.json``.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from inkjet_env.storage import write_json
 
 
 def found(draw: HeadDraw) -> dict[str, Any]:
-    """The ``printhead/1`` that the diagnosis of a campaign of that head ends with.
+    """The ``printhead/1`` from the diagnosis of a campaign of that head.
 
     Raises
     ------
     ValueError
-        The diagnosis does not name the effect, and it alone.
+        The diagnosis does not name exactly the head's effect.
     """
     import numpy as np
 
@@ -41,7 +41,7 @@ def found(draw: HeadDraw) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Draw, record, diagnose, keep."""
+    """Draw, record and diagnose all heads, and store the results."""
     heads = {}
     for name, draw in HEADS.items():
         heads[name] = found(draw)

@@ -1,9 +1,9 @@
-"""The comparison's runner beside nevergrad's own, on a job of the same size: time, and what a kill leaves.
+"""The comparison's runner against nevergrad's own, on the same job: time, and the results left after a kill.
 
-``python -m experiments.benchmark.studies.runner_overhead`` has both do the same: three optimisers of nevergrad, some
-problems, so many runs of 2,000 evaluations each, on as many processes. First both go to their end; then both are begun
-again and killed half-way. nevergrad's runner (`nevergrad.benchmark.core`) is used as it is; of its collection of test
-functions, which needs tens of packages that are not here, nothing is loaded."""
+``python -m experiments.benchmark.studies.runner_overhead`` gives both the same job: three nevergrad optimisers, some
+problems, the same number of runs of 2,000 evaluations each, and the same number of processes. First both run to the
+end; then both are started again and killed half-way. nevergrad's runner (`nevergrad.benchmark.core`) is used unchanged;
+its collection of test functions, which needs dozens of packages that are not installed, is not loaded."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NAME = "inkjet"
 
 @dataclass(frozen=True)
 class Job:
-    """What both do: runs of each optimiser on each problem, evaluations of a run, processes."""
+    """The job of both: runs of each optimiser on each problem, evaluations per run, number of processes."""
 
     repeats: int
     budget: int
@@ -39,17 +39,17 @@ class Job:
 
     @property
     def runs(self) -> int:
-        """In all."""
+        """Total number of runs."""
         return len(METHODS) * len(BENCHED) * self.repeats
 
     @property
     def arguments(self) -> list[str]:
-        """On a command line."""
+        """The job as command-line arguments."""
         return ["--repeats", str(self.repeats), "--budget", str(self.budget), "--workers", str(self.workers)]
 
 
 def run_theirs(file: Path, job: Job) -> None:
-    """Do the job by nevergrad's runner, which writes a table in the end."""
+    """Do the job with nevergrad's runner, which writes a table at the end."""
     import nevergrad
     import torch
     from nevergrad.common.decorators import Registry
@@ -63,10 +63,10 @@ def run_theirs(file: Path, job: Job) -> None:
     from nevergrad.benchmark.__main__ import launch
     from nevergrad.functions import ExperimentFunction
 
-    xpbase.torch = torch  # it forgets to import it where a package of its collection is missing
+    xpbase.torch = torch  # nevergrad does not import it if a package of its collection is missing
 
     class OnProblem(ExperimentFunction):
-        """One problem of the suite as nevergrad wants its functions."""
+        """One problem of the suite in the form of nevergrad's functions."""
 
         def __init__(self, name: str) -> None:
             box = nevergrad.p.Array(init=[0.0] * 7, lower=-1.0, upper=1.0).set_name("box")
@@ -87,14 +87,14 @@ def run_theirs(file: Path, job: Job) -> None:
 
 
 def ours(folder: Path, job: Job) -> list[str]:
-    """The command that does the job here."""
+    """The command that does the job with this project's runner."""
     named = ",".join(f"nevergrad-{method}" for method in METHODS)
     command = [sys.executable, "-m", "experiments.cli", "bench", "--optimizers", named, "--results", str(folder)]
     return command + job.arguments
 
 
 def theirs(file: Path, job: Job) -> list[str]:
-    """The command that does it by nevergrad's runner."""
+    """The command that does the job with nevergrad's runner."""
     return [
         sys.executable,
         "-W",
@@ -108,12 +108,12 @@ def theirs(file: Path, job: Job) -> list[str]:
 
 
 def seconds_of(command: Sequence[str], after_s: float | None = None) -> float:
-    """Run a command to its end, or kill it and what it has begun after a time; seconds that it took.
+    """Run a command to its end, or kill it and its child processes after ``after_s``; return the seconds it took.
 
     Raises
     ------
     RuntimeError
-        It failed by itself.
+        The command failed.
     """
     begin_s = time.perf_counter()
     with tempfile.TemporaryFile() as told:
@@ -131,14 +131,14 @@ def seconds_of(command: Sequence[str], after_s: float | None = None) -> float:
 
 
 def kept(place: Path) -> int:
-    """Runs whose results are there: rows of a table that have one, or files of a folder."""
+    """Number of runs with results: rows of a table that have one, or files of a folder."""
     if place.suffix == ".csv":
         return int(pandas.read_csv(place)["loss"].notna().sum()) if place.exists() else 0
     return len(list(place.glob("runs/*.parquet")))
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Time both, kill both, tell."""
+    """Time both runners, kill both, and print the comparison."""
     parser = argparse.ArgumentParser(
         prog="python -m experiments.benchmark.studies.runner_overhead", description=__doc__
     )

@@ -1,11 +1,11 @@
-"""The best waveform known of each problem, by a long multi-start search on the exact gradient where there is one.
+"""Search for the best known waveform of each problem: a long multi-start search, with the exact gradient if available.
 
 ``python -m experiments.benchmark.studies.search_best_known`` writes `best_known.json`, against which the comparison's
-regrets are measured. The cost has many local optima and breaks where a peak appears, so gradient descent alone stops on
-the breaks. The best of its ends are polished by random steps and by CMA-ES, neither of which needs a gradient, and so
-are the ends of whole runs of BIPOP-CMA-ES; how many of those come near the best tells how certain it is. Heads with
-effects have no gradients: there CMA-ES takes the descent's place. They are a hundred times slower, lots ten times, and
-less is polished of both."""
+regrets are measured. The cost has many local optima and is discontinuous where a peak appears, so gradient descent
+alone stops at the discontinuities. The best of its end points are polished by random steps and by CMA-ES, neither of
+which needs a gradient, and so are the end points of complete runs of BIPOP-CMA-ES; the number of these that end near
+the best shows how certain it is. Heads with effects have no gradients: CMA-ES replaces the descents there. They are a
+hundred times slower and lots ten times, so fewer points are polished for both."""
 
 from __future__ import annotations
 
@@ -32,16 +32,18 @@ from optimizers.loop import minimise
 ROUNDING = 1e-11
 MOST_PASSES, GAINED_V = 5, 1e-7
 STEPS = (2e-11, 1e-10, 1e-9, 0.05, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
-"""First away from the breaks that a point lies on. Steps die out along a break; one begins again, with smaller ones."""
+"""First step sizes of the final polishing, in half widths of the box. The first three move a point off a discontinuity;
+since steps shrink away along one, polishing then restarts from a large step with successively smaller ones."""
 LEAST_STEP = 1e-11
 BLOCK = 16
 SCREENED_PER_START = 64
 DESCENT_EVALUATIONS = 1500
 RUN_EVALUATIONS = 20_000
 FIRST_RUN = 10_000
-"""Seed of the first whole run: `challenge_best_known` begins at 0, and must not repeat them."""
+"""Seed of the first complete run: `challenge_best_known` starts at 0 and must not repeat these runs."""
 NEAR = 1e-3
-"""Of the problem's scale (what the best of 50 random waveforms is worse): how near a run has come to the same."""
+"""Distance from the best cost, as a fraction of the problem's scale (the mean regret of the best of 50 random
+waveforms), within which a run counts as having reached it."""
 
 
 Evaluate = Callable[[Real, Real], Real]
@@ -49,7 +51,7 @@ Evaluate = Callable[[Real, Real], Real]
 
 @dataclass(frozen=True)
 class Effort:
-    """Ends of descents that are polished, and rounds; ends of each kind that then settle, and rounds."""
+    """Effort of a search: number of end points polished and rounds; number of finalists of each kind and rounds."""
 
     polished: int
     rounds: int
@@ -61,7 +63,7 @@ USUAL, WHERE_SLOW = Effort(256, 4000, 8, 400), Effort(24, 300, 3, 100)
 
 
 def screened_starts(problem: Problem, starts: int, rng: np.random.Generator) -> Real:
-    """Starting points in ``[-1, 1]⁷``, shape (starts, 7): half the best of many Sobol points, half any of them."""
+    """Starting points in ``[-1, 1]⁷``, shape (starts, 7): half are the best of many Sobol points, half random ones."""
     from scipy.stats import qmc
 
     count = 1 << int(np.ceil(np.log2(starts * SCREENED_PER_START)))
@@ -73,7 +75,7 @@ def screened_starts(problem: Problem, starts: int, rng: np.random.Generator) -> 
 
 
 def descend(problem: Problem, start: Real) -> tuple[Real, float]:
-    """L-BFGS-B from one start on the exact gradient within the box: the end point and its cost in volts."""
+    """L-BFGS-B with the exact gradient from one start within the box: the end point and its cost in volts."""
     from scipy.optimize import minimize
 
     def value_and_slope(point: Real) -> tuple[float, Real]:
@@ -85,7 +87,7 @@ def descend(problem: Problem, start: Real) -> tuple[Real, float]:
 
 
 def descend_without(problem: Problem, start: Real, seed: int) -> tuple[Real, float]:
-    """CMA-ES from one start: the best point of so many evaluations, and its cost in volts."""
+    """CMA-ES from one start: the best point of `DESCENT_EVALUATIONS`, and its cost in volts."""
     optimizer = optimizers.make("cma-es", 7, DESCENT_EVALUATIONS, seed, start=start.tolist(), first_step=0.2)
     run = minimise(problem, optimizer, DESCENT_EVALUATIONS)
     best: int = int(np.argmin(run.costs))
@@ -95,28 +97,34 @@ def descend_without(problem: Problem, start: Real, seed: int) -> tuple[Real, flo
 def polished(
     evaluate: Evaluate, points: Real, rounds: int, rng: np.random.Generator, step: float = 0.05
 ) -> tuple[Real, Real]:
-    """Improve many points side by side by random steps; each adapts its step to one success in five.
+    """Improve many points in parallel by random steps; each adapts its step size to a success rate of one in five.
 
     Parameters
     ----------
     evaluate : callable
-        Costs (n,) of points (n, 7); what is above the second argument, a cost for each, need not be looked at closely.
+        Costs in volts, shape (n,), of points, shape (n, 7). A cost above its entry of the second argument, shape (n,),
+        need not be exact.
     points : ndarray, shape (n, 7)
+        Points to improve, in ``[-1, 1]``.
     rounds : int
+        Number of steps tried per point.
     rng : Generator
+        Draws the steps.
     step : float
+        First step size, in half widths of the box.
 
     Returns
     -------
     points : ndarray, shape (n, 7)
+        Improved points, in ``[-1, 1]``.
     costs : ndarray, shape (n,)
-        In volts; none is worse than it was.
+        Their costs in volts; none is higher than before.
     """
     points = points.copy()
     costs = evaluate(points, np.full(len(points), math.inf))
     steps = np.full(len(points), step)
     for _ in range(rounds):
-        # Half the coordinates move at a time, so that one at its bound does not hold the others back.
+        # Half the coordinates move at a time, so that one at its bound does not block the others.
         moves = rng.standard_normal(points.shape) * (rng.random(points.shape) < 0.5)
         trials = np.clip(points + steps[:, None] * moves, -1.0, 1.0)
         trial_costs = evaluate(trials, costs)
@@ -127,15 +135,15 @@ def polished(
 
 
 def plain(problem: Problem) -> Evaluate:
-    """The cost as it is."""
+    """The problem's cost, unchanged."""
     return lambda points, _: problem.evaluate(points)
 
 
 def settled(problem: Problem) -> Evaluate:
-    """The worst cost within a rounding: what a waveform costs that lies on a break is no luck.
+    """The worst cost within a rounding error, so that a waveform on a discontinuity gains nothing by lucky rounding.
 
-    The best waveforms lie where a peak is about to appear; there, whoever rounds otherwise sees it. A break is flat so
-    near, so that the corners of the box about a waveform have the worst.
+    The best waveforms lie where a peak is about to appear; with other rounding it does appear. At this distance a
+    discontinuity is flat, so the corners of a small box around the waveform include the worst cost.
     """
     corners = ROUNDING * np.random.default_rng(0).permutation(list(itertools.product([-1.0, 1.0], repeat=7)))
 
@@ -152,7 +160,7 @@ def settled(problem: Problem) -> Evaluate:
 
 
 def valley_polished(problem: Problem, point: Real, seed: int) -> Real:
-    """CMA-ES about one point, within the box: it learns the direction of a narrow valley along a break."""
+    """CMA-ES around one point within the box: it learns the direction of a narrow valley along a discontinuity."""
     import warnings
 
     import cma
@@ -168,7 +176,7 @@ def valley_polished(problem: Problem, point: Real, seed: int) -> Real:
             "verbose": -9,
         }
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # its advice on the bounds
+            warnings.simplefilter("ignore")  # ignores its warnings about the bounds
             strategy = cma.CMAEvolutionStrategy(point, sigma, options)
             while not strategy.stop():
                 points = np.clip(strategy.ask(), -1.0, 1.0)
@@ -180,7 +188,7 @@ def valley_polished(problem: Problem, point: Real, seed: int) -> Real:
 
 
 def whole_runs(problem: Problem, runs: int, seed: int) -> tuple[Real, Real]:
-    """Ends (runs, 7) of runs of BIPOP-CMA-ES, and their costs in volts, shape (runs,)."""
+    """Best points, shape (runs, 7), of complete runs of BIPOP-CMA-ES, and their costs in volts, shape (runs,)."""
     ends, costs = np.empty((runs, 7)), np.empty(runs)
     for k in range(runs):
         optimizer = optimizers.make("bipop-cma-es", 7, RUN_EVALUATIONS, FIRST_RUN * (seed + 1) + k)
@@ -192,9 +200,9 @@ def whole_runs(problem: Problem, runs: int, seed: int) -> tuple[Real, Real]:
 def search(
     problem: Problem, starts: int, runs: int, seed: int, known: tuple[float, ...] | None = None
 ) -> dict[str, Any]:
-    """Search one problem, on from the best waveform known if there is one: the entry of `best_known.json`."""
+    """Search one problem, also from the best known waveform if there is one; return the entry of `best_known.json`."""
     settings = problem.settings()
-    problem = replace(problem, measurement_noise_V=0.0)  # what is best does not hang on how it is read
+    problem = replace(problem, measurement_noise_V=0.0)  # the optimum does not depend on measurement noise
     rng = np.random.default_rng(seed)
     effort = USUAL if problem.has_gradient and not problem.spread else WHERE_SLOW
     descents = [
@@ -249,7 +257,7 @@ def search(
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Search the chosen problems, on from what is known of them unless they have changed since."""
+    """Search the chosen problems, starting also from their best known waveforms unless the problems have changed."""
     from importlib.metadata import version
 
     parser = argparse.ArgumentParser(
@@ -259,7 +267,7 @@ def main(arguments: list[str] | None = None) -> None:
         "--problem", action="append", choices=list(suite()), help="name of a problem; all of the suite unless given"
     )
     parser.add_argument("--starts", type=int, default=2000, help="descents per problem")
-    parser.add_argument("--runs", type=int, default=25, help="of BIPOP-CMA-ES per problem")
+    parser.add_argument("--runs", type=int, default=25, help="complete runs of BIPOP-CMA-ES per problem")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)
     for name, least in (("starts", 2), ("runs", 1), ("seed", 0)):
@@ -272,7 +280,7 @@ def main(arguments: list[str] | None = None) -> None:
         entry = search(problem(name), chosen.starts, chosen.runs, chosen.seed, best.waveform if best else None)
         print(f"{name}, {time.perf_counter() - began_s:.0f} s: {entry['cost_V']:.9f} V", flush=True)
         entries: dict[str, Any] = {}
-        if file.is_file():  # read now, for another process may have searched another problem meanwhile
+        if file.is_file():  # read now: another process may have searched another problem meanwhile
             entries = json.loads(file.read_text(encoding="utf-8"))["problems"]
         entries[name] = entry
         written = {

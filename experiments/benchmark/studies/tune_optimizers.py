@@ -1,9 +1,9 @@
-"""Settings for the optimisers that have some, found on heads outside the suite; every evaluation is counted.
+"""Tuning of the optimisers' settings on heads outside the suite; every evaluation is counted.
 
-A comparison at defaults asks who is good as he comes; one with tuned settings, who is good once somebody has taken the
-trouble. ``python -m experiments.benchmark.studies.tune_optimizers`` takes it for all alike: Optuna's sampler tries so
-many settings of each, on the same heads and seeds; the best few and the defaults are run again on other heads with
-other seeds, and the best of those is kept in `tuned.json`, defaults included."""
+A comparison at defaults shows how good an optimiser is as supplied; one with tuned settings, how good it can be made.
+``python -m experiments.benchmark.studies.tune_optimizers`` gives all optimisers the same effort: Optuna's sampler tries
+the same number of settings for each, on the same heads and seeds; the best few and the defaults are run again on other
+heads with other seeds, and the best of those, defaults included, is stored in `tuned.json`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BUDGET = 2000
 TRIALS, FINALISTS = 40, 5
 HEADS, REPEATS = 8, 2
 TRYING, AGAIN = 1, 2
-"""Seeds of the heads that settings are tried on, and of those that the best are tried again on."""
+"""Seed of the heads on which settings are tried, and of those on which the best are tried again."""
 REFERENCE_BUDGET = 20_000
 
 Asked = Callable[["Trial"], dict[str, Any]]
@@ -105,11 +105,11 @@ SPACES: dict[str, Asked] = {
     "sb3-ppo": _ppo,
     "sb3-sac": _sac,
 }
-"""What may be set of each. Those that are not here have no settings, or choose them by themselves."""
+"""Search space of each optimiser's settings. Optimisers not listed have no settings, or choose them themselves."""
 
 
 def training_problems(seed: int, heads: int = HEADS) -> tuple[Problem, ...]:
-    """Default problems on heads drawn over the range of the suite's, none of which is among them."""
+    """Default problems on heads drawn from the range of the suite's heads; none of the suite's is among them."""
     rng = np.random.default_rng([seed, heads])
     drawn = rng.uniform([35e3, 0.02, 0.7, 0.5], [70e3, 0.08, 1.3, 1.5], (heads, 4))
     return tuple(
@@ -119,7 +119,7 @@ def training_problems(seed: int, heads: int = HEADS) -> tuple[Problem, ...]:
 
 @functools.cache
 def best_and_scale_V(problem: Problem) -> tuple[float, float]:
-    """A long search's best cost of a training problem, and how much worse the best of 50 random waveforms is."""
+    """Best cost in volts of a long search on a training problem, and mean regret of the best of 50 random waveforms."""
     import optimizers
 
     search = optimizers.make("lbfgsb-multistart", 7, REFERENCE_BUDGET, 0)
@@ -128,7 +128,7 @@ def best_and_scale_V(problem: Problem) -> tuple[float, float]:
 
 
 def quality(name: str, options: dict[str, Any], problems: Sequence[Problem], seed: int, budget: int = BUDGET) -> float:
-    """Interquartile mean of final regrets in the problems' scales, over `REPEATS` runs on each."""
+    """Interquartile mean of the final regrets in the problems' scales, over `REPEATS` runs on each problem."""
     import optimizers
 
     regrets = np.empty((REPEATS, len(problems)))
@@ -148,10 +148,11 @@ def tune(name: str, trials: int = TRIALS, budget: int = BUDGET, heads: int = HEA
     name : str
         One of `SPACES`.
     trials : int
-        Settings that are tried; the defaults come on top.
+        Number of settings tried, in addition to the defaults.
     budget : int
         Evaluations of each run.
     heads : int
+        Number of heads in each of the two sets of training problems.
     """
     import optuna
 
@@ -183,14 +184,16 @@ def tune(name: str, trials: int = TRIALS, budget: int = BUDGET, heads: int = HEA
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Tune the chosen optimisers and keep what was found."""
+    """Tune the chosen optimisers and store their settings."""
     parser = argparse.ArgumentParser(
         prog="python -m experiments.benchmark.studies.tune_optimizers", description=__doc__
     )
-    parser.add_argument("names", nargs="*", metavar="optimizer", help=f"of {', '.join(SPACES)}; all unless given")
+    parser.add_argument(
+        "names", nargs="*", metavar="optimizer", help=f"one or more of {', '.join(SPACES)}; all unless given"
+    )
     names = parser.parse_args(arguments).names or list(SPACES)
     if unknown := [name for name in names if name not in SPACES]:
-        parser.error(f"{unknown[0]!r} has no settings to find; there are for {', '.join(SPACES)}.")
+        parser.error(f"{unknown[0]!r} has no settings to tune; choose from {', '.join(SPACES)}.")
     entries = dict(tuned_settings())
     for name in names:
         entries[name] = tune(name)

@@ -1,1 +1,1 @@
-"""What else one could do about a mismatch: SINDy, a NARX network, ridge regression."""
+"""Baselines for the treatment of a mismatch: SINDy, a NARX network, ridge regression."""

@@ -1,4 +1,4 @@
-"""What the peers of the diagnosis stand on and are judged by: a base model, and what is put aside and left."""
+"""The common basis of the diagnosis's baselines: a base model, recordings put aside, and the error measure."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from inkjet_env.recordings import Campaign
 from inkjet_env.typing import Real
 
 DEGREE = 8
-"""Of the branch law that all peers stand on: the published one's."""
+"""Degree of the branch law of all baselines, that of the published head."""
 ASIDE_EVERY = 4
-"""Of the fitted conditions of a channel, one in so many is put aside to choose by."""
+"""One in this many of a channel's fitted conditions is put aside for model selection."""
 
 
 def base_fit(campaign: Campaign, head: Head) -> OutputErrorFit:
-    """The base model of degree `DEGREE` on a campaign, from a head that is near; noise as the diagnosis sees it."""
+    """The base model of degree `DEGREE`, fitted to a campaign from a nearby head; noise as in the diagnosis."""
     law = head.printhead.branch_law
     x = np.linspace(0, 1, 1001)
     powers = x[:, None] ** np.arange(1, DEGREE + 1)
     coefficients = np.linalg.lstsq(powers, law.Q(x), rcond=None)[0]
     printhead = replace(head.printhead, coefficients=(*(float(c) for c in coefficients[::-1]), 0.0))
     head = replace(head, printhead=printhead)
-    observed = tuple(o for o in observe(campaign) if o.channel != "drive_monitor")  # which is no sensor of the head
+    observed = tuple(o for o in observe(campaign) if o.channel != "drive_monitor")  # which is not a sensor of the head
     coarsest_s = max(o.excitation.step_s for o in observed if o.excitation.fast)
     observed = finer(observed, 2 * math.ceil(NODES_A_PERIOD * head.printhead.frequency_Hz * coarsest_s / 2))
 
@@ -43,7 +43,7 @@ def base_fit(campaign: Campaign, head: Head) -> OutputErrorFit:
 
 
 def base_of(found: Diagnosis, campaign: Campaign) -> Head:
-    """The base model of a diagnosis, gains and offsets read from its signals."""
+    """The base model of a diagnosis, with gains and offsets recovered from its signals."""
     plant = Plant(found.base_printhead, {"self_sensing": found.base_printhead.b1})
     excitations = {o.name: o.excitation for o in observe(campaign)}
     gains, offsets = {}, {}
@@ -60,9 +60,9 @@ def base_of(found: Diagnosis, campaign: Campaign) -> Head:
 def over_noise(
     joint: OutputErrorFit, modelled: Mapping[str, Real], chosen: Sequence[ObservedRecording] | None = None
 ) -> float:
-    """RMS of what a model leaves, whitened; of the held-out samples, or of the fitted ones of chosen recordings.
+    """RMS of a model's whitened residuals over the held-out samples, or over the fitted samples of chosen recordings.
 
-    NaN where the model has no signal.
+    NaN if the model has no signal.
     """
     parts = []
     for o in joint.observed if chosen is None else chosen:
@@ -73,7 +73,7 @@ def over_noise(
 def put_aside(
     joint: OutputErrorFit, channel: str, fold: int = 1
 ) -> tuple[list[ObservedRecording], list[ObservedRecording]]:
-    """The fitted recordings of a channel: those to fit, and those to choose by, whole conditions of them."""
+    """The fitted recordings of a channel, split by whole conditions into those to fit and those for model selection."""
     mine = [o for o in joint.seen if o.channel == channel and not o.still]
     conditions = sorted({o.condition for o in mine})
     aside = set(conditions[fold::ASIDE_EVERY])

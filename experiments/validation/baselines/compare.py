@@ -1,41 +1,41 @@
-"""What else one could do about a mismatch, on the same cases: python -m experiments.validation.baselines.compare.
+"""Baselines for a mismatch compared on the same cases: python -m experiments.validation.baselines.compare.
 
-Each peer is fitted to the recordings that the diagnosis fits, runs freely, and is judged on the recordings that the
-diagnosis holds out, by the RMS of what it leaves, in standard deviations of the noise, over all channels.
+Each baseline is fitted to the recordings that the diagnosis fits, runs freely, and is judged on the recordings that
+the diagnosis holds out, by the RMS of its residuals in standard deviations of the noise, over all channels.
 
 base
-    The base model refitted, nothing added; its branch law of the published degree, which all peers stand on. Names
-    nothing.
+    The refitted base model without additions. Its branch law has the published degree, as for all baselines. It names
+    no effect.
 base, as diagnosed
-    The base model that the diagnosis compares its own with: its law has as many powers as the recordings seem to ask
-    for, which is more where something is left out, and then predicts less well.
+    The base model to which the diagnosis compares its own. Its law has the degree that the recordings seem to require,
+    which is higher if an effect is missing; it then predicts less well.
 pysindy
-    A sparse polynomial of degree 3 in deflection ``x``, scaled speed ``p = x'/ω0`` and hysteretic drive ``v``, and the
-    drive's rate ``w = v'/ω0``, as a further force on the resonator (of ``v`` and ``w``, as a further signal, for a
-    strain gauge); by pysindy's library and STLSQ. Every term goes through the base model's resonator before the
-    regression, so that noise is never differentiated. The threshold is the sparsest that predicts recordings put
-    aside, each once, no worse than the best one does, within a standard error of the logarithm. What it names is read
-    from its terms:
+    A sparse polynomial of degree 3 in deflection ``x``, scaled velocity ``p = x'/ω0`` and hysteretic drive ``v``, plus
+    the drive's rate ``w = v'/ω0``, as an additional force on the resonator (for a strain gauge, a polynomial in ``v``
+    and ``w`` as an additional signal); from pysindy's library and STLSQ. Every term passes through the base model's
+    resonator before the regression, so that noise is never differentiated. The threshold is the sparsest whose
+    prediction of recordings put aside, each once, is no worse than the best, within one standard error of the
+    logarithm. The named effects are read from the terms:
 
     ======================  =================================================================================
-    terms                   what they say
+    terms                   meaning
     ======================  =================================================================================
-    1, x, p, v              base parameters: nothing
+    1, x, p, v              base parameters: no effect
     x³, x p²                stiffness changes with amplitude: cubic_stiffness
     p³, x² p                damping changes with amplitude: quadratic_damping
     one of each of these    ferroelastic_softening
     v²                      positive and negative drives differ: asymmetric_hysteresis
-    w                       late, or with a part of the rate: amplifier_bandwidth, sensor_bandwidth, trigger_delay or
-                            feedthrough
-    others                  nothing that the catalogue has a name for
+    w                       delay, or a contribution of the rate: amplifier_bandwidth, sensor_bandwidth,
+                            trigger_delay or feedthrough
+    others                  no effect of the catalogue
     ======================  =================================================================================
 narx
-    A neural network on the base model's signal, the drive and the hysteretic drive, now and before, added to the base
-    model's signal; stopped where it predicts recordings put aside best. Names nothing.
+    A neural network of present and past values of the base model's signal, the drive and the hysteretic drive, added to
+    the base model's signal; training stops where it best predicts recordings put aside. It names no effect.
 flexible
-    The ridge regression by which the diagnosis tells whether anything is left. Names nothing.
+    The ridge regression with which the diagnosis tests for remaining structure. It names no effect.
 diagnosis
-    The model with the effects that were found, or the base model where none was.
+    The model with the effects found, or the base model if there are none.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ PEERS = ("base", "base, as diagnosed", "pysindy", "narx", "flexible", "diagnosis
 
 
 def verdict_on(groups: Sequence[Sequence[str]], truth: Sequence[str]) -> str:
-    """right, in the set, among others, wrong or nothing: of what was said, where one effect or none is there."""
+    """Judgement of the named groups, given at most one true effect: right, in the set, among others, wrong, nothing."""
     if not groups:
         return "nothing" if truth else "right"
     if not any(set(truth) & set(group) for group in groups):
@@ -79,14 +79,14 @@ def verdict_on(groups: Sequence[Sequence[str]], truth: Sequence[str]) -> str:
 
 
 def compared(campaign: Campaign, found: Diagnosis, seed: int) -> dict[str, Any]:
-    """Each peer's held-out RMS over the noise, and what pysindy's terms are."""
+    """Held-out RMS over the noise of each baseline, and pysindy's terms, as plain JSON values."""
     joint = base_fit(campaign, base_of(found, campaign))
     modelled = joint.modelled(joint.base)
     sparse, network = dict(modelled), dict(modelled)
     terms: dict[str, tuple[str, ...]] = {}
     for channel in sorted({recording.channel for recording in found.recordings}):
         if not put_aside(joint, channel)[1]:
-            continue  # too few recordings to choose by: nothing is added
+            continue  # too few recordings for model selection: nothing is added
         force = sparse_force(joint, channel)
         terms[channel] = force.active
         sparse |= {o.name: force.signal(o) for o in joint.observed if o.channel == channel}
@@ -117,7 +117,7 @@ def compared(campaign: Campaign, found: Diagnosis, seed: int) -> dict[str, Any]:
 
 
 def told_of(subject: Case | Path) -> dict[str, Any]:
-    """Record a planted case, or read measured recordings whose truth nobody knows; diagnose, and let the peers try."""
+    """Record a synthetic case, or read measured recordings of unknown truth; diagnose them and fit all baselines."""
     if isinstance(subject, Path):
         return _told(read_campaign(subject), None, 0)
     return _told(recorded(subject)[0], subject.effects, subject.seed)
@@ -141,7 +141,7 @@ def _told(campaign: Campaign, truth: Sequence[str] | None, seed: int) -> dict[st
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Over the cases with an effect: median RMS over noise, and how often each peer said what."""
+    """Median RMS over noise and counts of judgements by baseline, over the cases with an effect."""
     mine = [row for row in rows if "judged" in row and row["name"] != "nothing"]
     peers = PEERS if mine else ()
     return {
@@ -152,13 +152,13 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _error(row: Mapping[str, Any], peer: str) -> float:
-    """Infinite where a model has no signal."""
+    """RMS over noise of one baseline; infinite if its model has no signal."""
     error = row["over_noise"][peer]
     return math.inf if error is None else error
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print a line a case, and what they come to."""
+    """Print one line per case, and the summary."""
     lines = []
     for row in rows:
         names = "; ".join(" or ".join(group) for group in row["said"]) or "-"
@@ -177,11 +177,11 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     whole = summary(rows)
     if whole["cases"]:
         lines.append((f"median of {whole['cases']}", *(f"{whole['median'][p]:.3g}" for p in PEERS), "", ""))
-    print("Held-out RMS over the noise, free run; where nothing tells the noise, over what most fitted samples show:")
+    print("Held-out RMS over the noise, free run; if the noise is unknown, over the level of most fitted samples:")
     print_table(("planted", *PEERS, "pysindy says", "diagnosis says"), lines)
     for row in rows:
         if not row["noise_known"]:
-            print(f"{row['name']}: 1 stands for {row['noise_rms']:.4g} {row['unit']} of the fast channel.")
+            print(f"{row['name']}: 1 corresponds to {row['noise_rms']:.4g} {row['unit']} of the fast channel.")
     for peer, counts in whole["judged"].items():
         print(f"{peer}: " + ", ".join(f"{count} {word}" for word, count in counts.items()))
 
@@ -190,10 +190,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     effects = [case.effects[0] for case in cases("single", 1) if case.strength == "strong"]
     names = ["nothing", *(name for name in effects if not effect_named(name).random)]
-    parser.add_argument("planted", nargs="*", metavar="EFFECT", help="only these; all, and nothing, unless given")
-    parser.add_argument("--folder", type=Path, action="append", default=[], help="of measured recordings")
-    parser.add_argument("--json", type=Path, help="write the table there too")
-    parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("planted", nargs="*", metavar="EFFECT", help="effects to try; all, and no effect, unless given")
+    parser.add_argument("--folder", type=Path, action="append", default=[], help="folder of measured recordings")
+    parser.add_argument("--json", type=Path, help="write the table as JSON too")
+    parser.add_argument("--workers", type=int, default=2, help="number of processes")
     given = parser.parse_args(arguments)
     if find_spec("pysindy") is None:
         parser.error('pysindy is not installed; it comes with the development extra: pip install -e ".[dev]".')

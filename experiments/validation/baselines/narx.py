@@ -1,4 +1,4 @@
-"""What a neural network makes of a mismatch: a correction of the base model's signal from signals now and before."""
+"""NARX baseline: a neural network that corrects the base model's signal from present and past signals."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.typing import Real
 
 LAGS = (0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1, 1.5, 2, 3, 4.5)
-"""In periods of the resonance; of 100 samples on a strain gauge."""
+"""Lags in periods of the resonance; on a strain gauge in units of 100 samples."""
 HIDDEN, MOST_EPOCHS, PATIENCE, BATCH, RATE = 32, 200, 25, 1024, 2e-3
 
 
 def with_network(joint: OutputErrorFit, channel: str, seed: int) -> dict[str, Real]:
-    """Signals of one channel with a neural network's correction."""
+    """Modelled signals of one channel with the neural network's correction, by recording."""
     import torch
 
     torch.set_num_threads(1)
@@ -70,7 +70,7 @@ def with_network(joint: OutputErrorFit, channel: str, seed: int) -> dict[str, Re
 
 
 def _lagged(joint: OutputErrorFit, o: ObservedRecording, base: Real) -> Real:
-    """Drive, hysteretic drive and the base model's signal, now and before, shape (n, k)."""
+    """Present and past drive, hysteretic drive and base model's signal, shape (n, k)."""
     head = joint.base.head
     period = 1 / (head.printhead.frequency_Hz * o.excitation.step_s) if o.excitation.fast else 100.0
     hysteretic_V = o.excitation.sampled(head.plant().hysteretic_V(o.excitation.drive_at_nodes_V, o.excitation))

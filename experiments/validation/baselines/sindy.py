@@ -1,7 +1,7 @@
-"""What a sparse regression makes of a mismatch: a polynomial force on the resonator, and the effects its terms name.
+"""SINDy baseline: a sparse polynomial force on the resonator, and the effects that its terms stand for.
 
-pysindy's library and STLSQ. Every term goes through the base model's resonator before the regression, so that noise is
-never differentiated.
+It uses pysindy's library and STLSQ. Every term passes through the base model's resonator before the regression, so that
+noise is never differentiated.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from inkjet_env.plant import Excitation, Resonance
 from inkjet_env.typing import Real
 
 THRESHOLDS = (2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 2.0)
-"""Least part of a term, of the size of what is to be explained; the last leaves none."""
+"""Smallest size of a term relative to the norm of the residual to explain; the last value removes all terms."""
 MOST_ROUNDS = 60
 SETTLED = 1e-6
-"""Change of the variables, of the largest, at which force and motion agree."""
+"""Change of the variables, relative to the largest, at which force and motion are consistent."""
 MOST_CHANGE_V = 1e6
 NEVER = 50.0
-"""Logarithm of the error where a force has no steady motion."""
+"""Logarithm of the error assigned to a force without a steady motion."""
 STIFFER, LOSSIER = {"x^3", "x p^2"}, {"p^3", "x^2 p"}
 LATE = ("amplifier_bandwidth", "feedthrough", "sensor_bandwidth", "trigger_delay")
 
@@ -39,11 +39,11 @@ class SparseForce:
     Attributes
     ----------
     joint : OutputErrorFit
-        Whose base model it is added to.
+        Fit to whose base model the force is added.
     sizes : ndarray, shape (k,)
-        What the variables are divided by.
+        Scales by which the variables are divided.
     coefficients : ndarray, shape (terms,)
-        In hysteretic volts.
+        Coefficients of the terms in hysteretic volts.
     """
 
     joint: OutputErrorFit
@@ -58,13 +58,13 @@ class SparseForce:
 
     @property
     def active(self) -> tuple[str, ...]:
-        """Terms that are not zero."""
+        """Names of the terms with a nonzero coefficient."""
         variables = list("xpv")[-(self.sizes.size - 1) :]
         names = [*_library(len(variables)).get_feature_names(variables), "w"]
         return tuple(name for name, c in zip(names, self.coefficients, strict=True) if c)
 
     def signal(self, o: ObservedRecording) -> Real:
-        """Free run, shape (n,): motion and force found in turn until they agree; NaN where they never do."""
+        """Free-run signal, shape (n,), by fixed-point iteration of motion and force; NaN if it does not converge."""
         plant = self.joint.base.head.plant()
         shown, variables = _motion(self.joint, o, np.zeros(_fine(o).samples))
         for _ in range(MOST_ROUNDS):
@@ -85,14 +85,14 @@ def _library(variables: int) -> Any:
 
 
 def _fine(o: ObservedRecording) -> Excitation:
-    """The shot with every second node a sample."""
+    """The excitation resampled so that every second node is a sample."""
     excitation, pairs = o.excitation, o.excitation.substeps // 2
     drive_V = np.ascontiguousarray(excitation.drive_at_nodes_V[::2])
     return replace(excitation, step_s=excitation.step_s / pairs, drive_V=drive_V, substeps=2, cache={})
 
 
 def _motion(joint: OutputErrorFit, o: ObservedRecording, force_V: Real) -> tuple[Real, Real]:
-    """What the channel shows for a gain of 1, at the samples, and the variables, shape (fine samples, k)."""
+    """The channel's signal at the samples for a gain of 1, and the variables, shape (fine samples, k)."""
     printhead = joint.base.head.printhead
     fine, pairs = _fine(o), o.excitation.substeps // 2
     drive_V = joint.base.head.plant().hysteretic_V(o.excitation.drive_at_nodes_V, o.excitation)
@@ -111,7 +111,7 @@ def _motion(joint: OutputErrorFit, o: ObservedRecording, force_V: Real) -> tuple
 
 
 def sparse_force(joint: OutputErrorFit, channel: str) -> SparseForce:
-    """Fitted to one channel."""
+    """The sparse force fitted to one channel."""
     folds = [put_aside(joint, channel, fold) for fold in range(ASIDE_EVERY)]
     everything = [*folds[0][0], *folds[0][1]]
     variables = {o.name: _motion(joint, o, np.zeros(_fine(o).samples))[1] for o in everything}
@@ -139,7 +139,7 @@ def sparse_force(joint: OutputErrorFit, channel: str) -> SparseForce:
 
 
 def _as_seen(joint: OutputErrorFit, o: ObservedRecording, terms: Real) -> Real:
-    """What each term adds to a recording to first order, whitened; fitted rows, shape (rows, terms)."""
+    """First-order contribution of each term to a recording, whitened, over the fitted rows, shape (rows, terms)."""
     printhead, gain = joint.base.head.printhead, joint.base.head.plant().gain(o.channel)
     fine, pairs = replace(_fine(o), start=(0.0, 0.0)), o.excitation.substeps // 2
     resonance = Resonance(printhead.a0, printhead.a1, printhead.a0)
@@ -151,20 +151,20 @@ def _as_seen(joint: OutputErrorFit, o: ObservedRecording, terms: Real) -> Real:
 
 
 def _sparse(columns: Real, target: Real, threshold: float) -> Real:
-    """pysindy's thresholded least squares on columns of unit length."""
+    """Coefficients from pysindy's thresholded least squares on columns of unit length, shape (terms,)."""
     from pysindy import STLSQ
 
     sizes = np.linalg.norm(columns, axis=0)
     sizes[sizes == 0] = np.inf
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that no term is left, which is an answer
+        warnings.simplefilter("ignore")  # the warning that no term remains, which is a valid result
         size = float(np.linalg.norm(target))
         found = STLSQ(threshold=threshold * size, alpha=1e-8).fit(columns / sizes, target[:, None])
     return np.asarray(found.coef_, dtype=np.float64)[0] / sizes
 
 
 def said(terms: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    """The effects that terms of a `SparseForce` stand for; where they are several, in groups that are the same to it.
+    """The effects for which the terms of a `SparseForce` stand, in groups that it cannot distinguish.
 
     >>> said(["1", "x", "x^3"])
     (('cubic_stiffness',),)
