@@ -73,7 +73,7 @@ def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns)
             scale *= inverse
             if x >= 1.0:  # on the tangent
                 for j in range(degree):
-                    start[j] = start[j] * decay + scale * dx * (j + 1) * m[0]
+                    start[j] = start[j] * decay + scale * dx * (j + 1) * m[0]  # Eq. (8b)
             else:
                 power = 1.0
                 factor = scale * dx
@@ -86,7 +86,7 @@ def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns)
                     total = 0j
                     for k in range(j + 1):
                         total += binomials[j, k] * powers[j - k] * forced[k]
-                    start[j] = start[j] * decay + total
+                    start[j] = start[j] * decay + total  # Eq. (8b)
             covered += length
             at += 1
         if 0.0 < covered < 1.0 - 1e-12:

@@ -80,6 +80,7 @@ def solve_piece(head, y, slope, duration, rate, n, series):
         k = 0
         while True:
             f = force * rate[k] if k < n else 0.0
+            # Eq. (7), coefficient of τ^k.
             term = (f - damping * (k + 1) * series[k + 1] - stiffness * series[k]) * _RECIPROCALS[k]
             series[k + 2] = term
             largest = max(largest, abs(term))
@@ -89,6 +90,7 @@ def solve_piece(head, y, slope, duration, rate, n, series):
     above, above2 = 0.0, 0.0
     compliance = 1.0 / stiffness
     for k in range(n - 1, -1, -1):
+        # Eq. (7), coefficient of τ^k of the particular polynomial.
         p = (force * rate[k] - damping * (k + 1) * above - (k + 1.0) * (k + 2.0) * above2) * compliance
         series[k] = p
         above2 = above

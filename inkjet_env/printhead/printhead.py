@@ -404,7 +404,7 @@ def branch_rates(law: BranchLaw, pieces: Real) -> Real:
             row[0] = scale * dx * float(law.slope(1.0))
             continue
         derivative = slope
-        for k in range(slope.size):  # Taylor coefficients of Q' at x
+        for k in range(slope.size):  # Taylor coefficients of Q' at x, Eq. (3) and (5) of `hysteresis`
             row[k] = scale * dx ** (k + 1) * poly.polyval(x, derivative) / math.factorial(k)
             derivative = poly.polyder(derivative)
     return rates

@@ -153,6 +153,7 @@ class PiecewiseResponse:
         tau = np.atleast_1d(np.asarray(tau, dtype=np.float64))
         z = self.pole * self.duration_s[piece]
         powers = tau[:, None] ** np.arange(1, self.rate_V.shape[1] + 1)
+        # Eq. (8b), the sum over k.
         forced = np.sum(self.rate_V[piece] * powers * moments(z * tau, self.rate_V.shape[1]), axis=1)
         return self.amplitude[piece] * np.exp(z * tau) + self.gain * forced
 
