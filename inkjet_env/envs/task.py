@@ -159,7 +159,19 @@ class Readings:
 
 @dataclass(frozen=True)
 class WaveformTask:
-    """One printhead, cost, search box and way of measuring; made by `make_task`, which describes each field."""
+    """One printhead, cost, search box and way of measuring; made by `make_task`.
+
+    Attributes
+    ----------
+    printhead : Printhead or AugmentedPrinthead
+        The head on the bench or, if ``context`` is ``"random"``, the one that drawn heads are relative to.
+    cost : PeakCost
+        Peak cost.
+    bounds : Bounds
+        Search box to which ``[-1, 1]⁷`` maps, in volts and seconds.
+    context, noise, clip_actions, initial_state, window_s, hysteresis
+        As in `make_task`.
+    """
 
     printhead: Printhead | AugmentedPrinthead
     cost: PeakCost

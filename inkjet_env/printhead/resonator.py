@@ -113,6 +113,17 @@ class PiecewiseResponse:
         ``dv/dτ`` on each piece as a polynomial of ``τ`` in 0…1, lowest power first, in volts.
     start_state : complex, optional
         Amplitude A at time 0, in volts; zero, the default, is rest.
+
+    Attributes
+    ----------
+    pole : complex
+        λ, in 1/s.
+    gain : float
+        ``c`` of Eq. (8a), dimensionless.
+    start_s : ndarray, shape (p + 1,)
+        Start of each piece, and the end of the last, in seconds.
+    amplitude : ndarray of complex, shape (p + 1,)
+        Amplitude A at these times, in volts.
     """
 
     a0: float
