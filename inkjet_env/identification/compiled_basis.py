@@ -8,6 +8,7 @@ from inkjet_env.printhead.compiled_gradient import moments as fill_moments
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
 MAX_DEGREE = 16
+"""Largest degree of the branch law."""
 
 BINOMIALS = np.zeros((MAX_DEGREE, MAX_DEGREE))
 """``(j + 1) · C(j, k)``: factors of ``d/dτ (x + dx τ)^(j + 1) = Σ_k (j + 1) C(j, k) x^(j - k) dx^(k + 1) τ^k``."""

@@ -13,6 +13,7 @@ from inkjet_env.rig.battery import DriveLine, default_battery
 from inkjet_env.storage import write_atomically
 
 PLAN = "plan.csv"
+"""Name of the file that lists the drives."""
 
 PLAN_COLUMNS = (
     "file",
