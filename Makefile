@@ -8,7 +8,7 @@ READY := .venv/.ready
 # A process a core, a file in one process; linear algebra on one thread each, or they wait for one another.
 TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist loadfile
 
-.PHONY: help setup bench test check format figures speed accuracy identification diagnosis lock clean
+.PHONY: help setup bench test lint check docs format figures speed accuracy identification diagnosis lock clean
 
 help:                ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -32,11 +32,15 @@ bench: $(READY)      ## compare the optimisers (ARGS="--repeats 30 …"); resume
 test: $(READY)       ## run the tests
 	$(TEST) $(ARGS)
 
-check: $(READY)      ## lint, format, types, tests
+lint: $(READY)       ## lint, format, types
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
-	$(TEST) $(ARGS)
+
+check: lint test     ## lint, format, types, tests
+
+docs: $(READY)       ## build the documentation, running its tutorials: build/docs/index.html; a warning is an error
+	$(PY) -m sphinx -W --keep-going -q -E -j 2 -d build/doctrees -b html docs build/docs $(ARGS)
 
 format: $(READY)     ## let ruff format and mend what it can
 	.venv/bin/ruff check --fix .

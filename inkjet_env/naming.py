@@ -1,4 +1,4 @@
-"""Names that must be known ones: errors that say what was probably meant."""
+"""Check names against the known ones; the error suggests the nearest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Progress on standard error: a bar on a terminal, a plain line now and then elsewhere."""
+"""Progress on standard error: a bar on a terminal, an occasional plain line elsewhere."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from contextlib import contextmanager
 from typing import Protocol
 
 PLAIN_LINE_EVERY_S = 10.0
+"""Shortest time between two plain progress lines, in seconds."""
 
 
 class Progress(Protocol):
-    """Told how much is done; shows it."""
+    """Callback that displays how much of the work is done."""
 
     def __call__(self, done: int, note: str = "") -> None:
-        """Show that ``done`` of the total are finished."""
+        """Show that ``done`` items of the total are finished, with an optional ``note``."""
 
 
 @contextmanager
@@ -52,7 +53,7 @@ def shown_progress(label: str, total: int, done: int = 0) -> Iterator[Progress]:
 
 @contextmanager
 def shown_steps(label: str) -> Iterator[Callable[[str], None]]:
-    """Show what is being done, where nobody knows how long it takes; off a terminal a line now and then."""
+    """Show the current step of work of unknown duration; without a terminal, an occasional plain line."""
     if sys.stderr.isatty():
         from rich.console import Console
 
@@ -73,7 +74,7 @@ def shown_steps(label: str) -> Iterator[Callable[[str], None]]:
 
 
 def announce_compiling() -> None:
-    """Say why the first command on a machine takes a minute."""
+    """Explain on standard error why the first command on a machine takes a minute."""
     from inkjet_env.printhead import batch
 
     if not batch.is_compiled():

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Files written atomically: a reader finds a whole file or none."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ UNFINISHED = ".unfinished"
 
 
 def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Write a file so that a reader, or a crash, finds the old content or the new one and nothing between.
+    """Write a file so that a reader, even after a crash, finds either the old content or the new, never a mixture.
 
     Parameters
     ----------
     path : str or Path
-        Its folder must exist. An existing file is replaced; a link is followed to the file it stands for.
+        Destination. Its folder must exist. An existing file is replaced; a symbolic link is followed to its target.
     content : str or bytes
-        Text is written as UTF-8.
+        New content of the file; text is written as UTF-8.
 
     Raises
     ------
     OSError
         The folder is missing or not writable; nothing is left behind.
     ValueError
-        There is something at ``path`` that is no file: a folder, a device, a pipe.
+        ``path`` exists and is not a regular file but a folder, a device or a pipe.
     """
     path = Path(os.path.realpath(path))
     if path.exists() and not path.is_file():
@@ -54,13 +54,13 @@ def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Delete what a killed process left half-written in ``folder``."""
+    """Delete the partly written files that a killed process left in ``folder``."""
     for leftover in folder.glob(f"*{UNFINISHED}"):
         leftover.unlink(missing_ok=True)
 
 
 def json_text(value: Any) -> str:
-    """JSON of ``value`` with a final newline; NaN and infinity are an error, since JSON has neither."""
+    """JSON text of ``value`` with a final newline; ``ValueError`` on NaN or infinity, since JSON has neither."""
     return json.dumps(value, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
@@ -73,7 +73,7 @@ def write_json(destination: str | os.PathLike[str], value: Any) -> None:
 
 
 def archive_bytes(arrays: Mapping[str, NDArray]) -> bytes:
-    """The ``.npz`` archive of some arrays, the same bytes for the same arrays (`numpy.savez` stamps the time)."""
+    """``.npz`` archive of named arrays: equal arrays give equal bytes (`numpy.savez` writes a time stamp)."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():

@@ -1,7 +1,7 @@
-"""Types that signatures share."""
+"""Types shared by signatures."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
-"""An array of doubles; its shape and unit stand in the docstring."""
+"""An array of doubles; the docstring that uses it gives shape and unit."""

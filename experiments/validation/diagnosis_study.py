@@ -30,7 +30,10 @@ from inkjet_env.progress import shown_progress
 from inkjet_env.recordings import Campaign
 
 RESULTS = Path("results/diagnosis/cases.jsonl")
-SOURCES = ("inkjet_env/**/*.py", "experiments/planted.py", "experiments/diagnosis_study.py")
+SOURCES = (
+    "inkjet_env/**/*.py",
+    *(f"experiments/validation/{name}.py" for name in ("synthetic_campaigns", "diagnosis_study")),
+)
 """Files that determine the result of a case."""
 STRENGTHS = {"strong": STRONG, "medium": MEDIUM}
 PAIRS = (

@@ -155,7 +155,7 @@ def paper_branch_law(loop: Recording, degree: int = 8) -> BranchLaw:
 
 
 def held_out_errors(seed: int = 0, snr_dB: float | None = None) -> dict[str, float]:
-    """Held-out RMS residual of self-sensing in volts: this package, linear fit, the paper's procedure; and noise."""
+    """Held-out RMS residual of self-sensing in volts: this package, linear fit, the paper's procedure; noise."""
     head = Printhead.published()
     campaign = record_campaign(head, seed, snr_dB=snr_dB)
     found = identify(campaign)

@@ -50,7 +50,7 @@ def diagnose(
     ] = None,
     seed: Annotated[int | None, typer.Option(help="seed of all random numbers (0)")] = None,
     workers: Annotated[int | None, typer.Option(help="number of processes (2)")] = None,
-    keep: Annotated[
+    checkpoint: Annotated[
         Path | None,
         typer.Option(
             help="folder for finished fits, from which an interrupted run resumes; beside the JSON, report or "
@@ -90,14 +90,16 @@ def diagnose(
     if workers is not None:
         options["workers"] = workers
     reading = reading_options(channel, columns, initial_state)
-    options["keep"] = keep = _folder_to_keep(keep, json, report, printhead_out)
+    options["checkpoint"] = checkpoint = _checkpoint_folder(checkpoint, json, report, printhead_out)
     try:
         found = _diagnosed(folder, printhead, reading, chosen_seed(seed), options)
     except KeyboardInterrupt:
-        if keep is None:
-            print("Interrupted; nothing was kept. Use --keep FOLDER to keep finished fits.", file=sys.stderr)
+        if checkpoint is None:
+            print("Interrupted; nothing was kept. Use --checkpoint FOLDER to keep finished fits.", file=sys.stderr)
         else:
-            print(f"Interrupted; finished fits are kept in {keep}. Run the same command to resume.", file=sys.stderr)
+            print(
+                f"Interrupted; finished fits are kept in {checkpoint}. Run the same command to resume.", file=sys.stderr
+            )
         raise typer.Exit(INTERRUPTED) from None
     written = _written(found, json, files)
     if str(json) != "-":
@@ -106,12 +108,12 @@ def diagnose(
             print(f"{file}: {what}")
 
 
-def _folder_to_keep(keep: Path | None, *outputs: Path | None) -> Path | None:
+def _checkpoint_folder(given: Path | None, *outputs: Path | None) -> Path | None:
     """Folder for finished fits: the one given, or one beside the first output file; None without either."""
-    if keep is not None and keep.exists() and not keep.is_dir():
-        raise ValueError(f"--keep must be a folder, new or existing; {keep} is a file.")
+    if given is not None and given.exists() and not given.is_dir():
+        raise ValueError(f"--checkpoint must be a folder, new or existing; {given} is a file.")
     named = [path for path in outputs if path is not None and str(path) != "-"]
-    return keep or (named[0].with_name(f"{named[0].name}.fits") if named else None)
+    return given or (named[0].with_name(f"{named[0].name}.fits") if named else None)
 
 
 def _diagnosed(

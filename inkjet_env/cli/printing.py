@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def print_diagnosis(found: Diagnosis) -> None:
     """Print the verdict, effects with intervals, the fit before and after, candidates and the next experiment."""
     from inkjet_env.plant.registry import known_effects
-    from inkjet_env.reporting.diagnosis_report import channel_rows, parameter_rows
+    from inkjet_env.reporting.diagnosis_tables import channel_rows, parameter_rows
     from inkjet_env.reporting.formatting import share_text, short, unit_text
 
     print(found.headline)

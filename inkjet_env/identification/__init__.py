@@ -1,4 +1,4 @@
-"""From recordings to a printhead, with intervals: hysteresis, resonator and gains of every channel together."""
+"""From recordings to a printhead with intervals: hysteresis, resonator and gains of all channels together."""
 
 from inkjet_env.estimate import Estimate
 from inkjet_env.identification.convention import in_convention

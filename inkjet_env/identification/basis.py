@@ -1,12 +1,12 @@
-"""What a recording's sensor would show of each power of the branch law: the model, linear in its coefficients.
+"""Sensor signal of each power of the branch law: the model, linear in its coefficients.
 
-With ``Q(x) = Σ c_j x^j`` the hysteretic drive is ``v = Σ c_j φ_j``, where ``φ_j`` depends on the drive alone, the
-tangent beyond ``x = 1`` included. Resonator and gains are linear too, so every channel shows
-``gain · Σ c_j ψ_j + offset``:
+With ``Q(x) = Σ c_j x^j``, Eq. (5) of docs/explanation/model.md, the hysteretic drive is ``v = Σ c_j φ_j``, where
+``φ_j`` depends on the drive alone, including the tangent beyond ``x = 1``. Resonator and gains are linear too, so every
+channel shows ``gain · Σ c_j ψ_j + offset``:
 
 * strain gauge: ``ψ_j = φ_j``;
 * self-sensing: ``ψ_j`` is the response of ``s / (s² + a1 s + a0)`` to ``φ_j``, and the gain is ``b1``;
-* displacement: of ``a0 / (s² + a1 s + a0)``, and the gain is ``b0 / a0``.
+* displacement: ``ψ_j`` is the response of ``a0 / (s² + a1 s + a0)`` to ``φ_j``, and the gain is ``b0 / a0``.
 """
 
 from __future__ import annotations
@@ -26,12 +26,16 @@ class DriveBasis:
     Attributes
     ----------
     pieces : ndarray, shape (p, 6)
-        Of the recorded lap; for a periodic drive with the way back from the last sample to the first.
+        Branch pieces of the recorded period; for a periodic drive including the segment from the last sample back to
+        the first.
     level_V : ndarray, shape (d,)
-        ``φ_j`` at the first sample: what the virgin curve, and the warm-up periods before it, have left.
+        ``φ_j`` at the first sample, in volts, after the virgin curve and the warm-up periods.
     samples : int
+        Number of samples, n.
     step_s : float
+        Sampling step, in seconds.
     initial_state : str
+        State at the first sample: ``demagnetised``, ``periodic`` or ``free``; see `drive_basis`.
     """
 
     pieces: Real
@@ -56,13 +60,14 @@ class DriveBasis:
         return self.level_V + np.cumsum(changes, axis=0)
 
     def response(self, channel: str, a0: float, a1: float) -> Real:
-        """``ψ_j`` at every sample, shape (n, d): see the head of this module.
+        """``ψ_j`` at every sample, shape (n, d); see the docstring of this module.
 
         Parameters
         ----------
         channel : {"strain_gauge", "self_sensing", "displacement"}
+            Sensor of the recording.
         a0, a1 : float
-            Of a damped oscillation, in 1/s² and 1/s.
+            Coefficients of an underdamped resonator, in 1/s² and 1/s.
         """
         if channel == "strain_gauge":
             return self.hysteretic_V()
@@ -80,11 +85,11 @@ class DriveBasis:
             )
 
         run()
-        if periodic:  # the steady state is what one period maps to itself
+        if periodic:  # the steady state is the state that one period maps to itself
             start /= -np.expm1(pole_ * self.step_s * self.samples)
             run()
         columns = columns[: self.samples]
-        # Deflection as the hysteretic drive that would hold it: v - (a1 y + y') for b1 = 1, y' = Im λA.
+        # Deflection as the static hysteretic drive that would hold it: v - (a1 y + y') for b1 = 1, y' = Im λA.
         return columns if channel == "self_sensing" else self.hysteretic_V() - columns
 
     def free_states(self, a0: float, a1: float) -> Real:
@@ -93,7 +98,7 @@ class DriveBasis:
 
 
 def free_ringing(samples: int, step_s: float, a0: float, a1: float) -> Real:
-    """What an unknown initial state of the resonator adds: two columns, shape (n, 2), of unit size at the start."""
+    """Free ringing from an unknown initial state of the resonator: two columns of unit initial amplitude, (n, 2)."""
     ringing = np.exp(pole(a0, a1) * step_s * np.arange(samples))
     return np.column_stack([ringing.real, ringing.imag])
 
@@ -104,15 +109,16 @@ def drive_basis(drive_V: Real, step_s: float, full_scale_V: float, degree: int, 
     Parameters
     ----------
     drive_V : ndarray, shape (n,)
-        Linear between samples.
+        Drive at the samples in volts, linear between them.
     step_s : float
+        Sampling step, in seconds.
     full_scale_V : float
-        Change of drive at ``x = 1``.
+        Change of drive at ``x = 1``, in volts.
     degree : int
         Highest power.
     initial_state : {"demagnetised", "periodic", "free"}
-        ``periodic``: the drive had been repeating since the demagnetised state. ``free`` leaves the resonator's state
-        open; the hysteresis starts as from the demagnetised state.
+        ``periodic``: the drive has been repeated since the demagnetised state. ``free``: the state of the resonator is
+        unknown, and the hysteresis starts from the demagnetised state.
     """
     periodic = initial_state == "periodic"
     drive = np.ascontiguousarray(np.append(drive_V, drive_V[0]) if periodic else drive_V, dtype=np.float64)
@@ -146,5 +152,5 @@ def _power_changes(pieces: Real, degree: int) -> Real:
 
 
 def warm_up() -> None:
-    """Compile what identification uses, or load it from the cache."""
+    """Compile the kernels of the identification, or load them from the cache."""
     drive_basis(np.array([0.0, 1.0, 0.0]), 1e-6, 2.0, 2, "periodic").response("self_sensing", 1e11, 3e4)

@@ -1,4 +1,4 @@
-"""Compiled kernel: a resonator's response to each power of the branch law, sample by sample."""
+"""Compiled kernel: response of a resonator to each power of the branch law, sample by sample."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns)
     """Response to ``v = Σ_j c_j φ_j``, one column for each power ``j`` of the branch law.
 
     The complex amplitude of each column obeys ``A' = λA + φ_j' / Im λ``, so ``Im A`` is the response of
-    ``s / (s² + a1 s + a0)``: Eq. (1) and (2) of `inkjet_env.printhead.resonator`, exact on every piece.
+    ``s / (s² + a1 s + a0)``: Eq. (8a) and (8b) of `inkjet_env.printhead.resonator`, exact on every piece.
 
     Parameters
     ----------
     pieces : ndarray, shape (p, 6)
-        From `inkjet_env.printhead.hysteresis.branch_pieces`, in order of their segments.
+        Branch pieces from `inkjet_env.printhead.hysteresis.branch_pieces`, in order of their segments.
     step_s : float
-        Sampling step.
+        Sampling step, in seconds.
     pole : complex
         λ, in 1/s.
-    binomials : ndarray
+    binomials : ndarray, shape (MAX_DEGREE, MAX_DEGREE)
         `BINOMIALS`.
     start : ndarray of complex, shape (d,)
         Amplitudes at the first sample; on return, at the last.
     im_factor : complex
-        The columns receive ``Im(im_factor · A)``.
+        Factor of the amplitude: the columns receive ``Im(im_factor · A)``.
     columns : ndarray, shape (n, d)
-        Filled at every sample.
+        Filled with the response at every sample.
     """
     n, degree = columns.shape
     whole = np.exp(pole * step_s)
@@ -71,7 +71,7 @@ def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns)
                 fill_moments(pole * step_s * length, degree, part)
                 m = part
             scale *= inverse
-            if x >= 1.0:  # the tangent
+            if x >= 1.0:  # on the tangent
                 for j in range(degree):
                     start[j] = start[j] * decay + scale * dx * (j + 1) * m[0]
             else:

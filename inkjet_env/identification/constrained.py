@@ -1,4 +1,4 @@
-"""Linear least squares under linear inequalities, and the inequalities that make a branch law a valid density."""
+"""Linear least squares under linear inequalities, and the inequalities that make the density of a branch law valid."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ import numpy as np
 from inkjet_env.typing import Real
 
 ELEVATED_DEGREE = 60
+"""Degree of the Bernstein form in which ``Q''`` must be non-negative."""
 
 
 def density_constraints(degree: int) -> Real:
     """Rows ``G`` such that ``G c ≥ 0`` makes ``Q(x) = Σ c_j x^j`` a Prandtl–Ishlinskii law: shape (m, degree).
 
-    ``Q'(0) ≥ 0`` and ``Q''(x) ≥ 0`` on 0 … 1, since ``p(r) = 2 Q''(2r)``. The second asks for non-negative Bernstein
-    coefficients after elevation to degree `ELEVATED_DEGREE`: sufficient everywhere, and short of necessary by no more
-    than a share 1/60 of the polynomial's bend.
+    The conditions are ``Q'(0) ≥ 0`` and ``Q''(x) ≥ 0`` on 0 … 1, since ``p(r) = 2 Q''(2r)``, Eq. (4) of
+    docs/explanation/model.md. The second is imposed as non-negative Bernstein coefficients after elevation to degree
+    `ELEVATED_DEGREE`: this is sufficient everywhere, and stricter than necessary by at most a share 1/60 of the
+    polynomial's bend.
     """
     slope = np.zeros((1, degree))
     slope[0, 0] = 1.0
@@ -24,7 +26,7 @@ def density_constraints(degree: int) -> Real:
         return slope
     curvature = np.zeros((ELEVATED_DEGREE + 1, degree))
     for j in range(2, degree + 1):
-        # Bernstein coefficients of x^i in degree N are C(k, i) / C(N, i).
+        # The Bernstein coefficients of x^i in degree N are C(k, i) / C(N, i).
         i = j - 2
         for k in range(i, ELEVATED_DEGREE + 1):
             curvature[k, j - 1] = j * (j - 1) * comb(k, i) / comb(ELEVATED_DEGREE, i)
@@ -32,7 +34,7 @@ def density_constraints(degree: int) -> Real:
 
 
 def least_squares_above_zero(matrix: Real, target: Real, constraints: Real) -> tuple[Real, Real]:
-    """``z`` that minimises ``|matrix z - target|`` with ``constraints z ≥ 0``, and which constraints hold it.
+    """``z`` that minimises ``|matrix z - target|`` subject to ``constraints z ≥ 0``, and the active constraints.
 
     Lawson and Hanson's least-distance programming by non-negative least squares (Solving Least Squares Problems,
     chapter 23): exact and finite.
@@ -40,14 +42,18 @@ def least_squares_above_zero(matrix: Real, target: Real, constraints: Real) -> t
     Parameters
     ----------
     matrix : ndarray, shape (m, n)
-        Of full column rank.
+        Matrix of full column rank.
     target : ndarray, shape (m,)
+        Values to approximate.
     constraints : ndarray, shape (k, n)
+        One row per inequality.
 
     Returns
     -------
     z : ndarray, shape (n,)
+        The minimiser.
     active : ndarray of bool, shape (k,)
+        Whether each inequality holds with equality.
     """
     from scipy.optimize import nnls
 

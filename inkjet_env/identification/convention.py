@@ -1,4 +1,4 @@
-"""How the scale of the hysteretic drive is fixed, which no recording can tell from the gains behind it."""
+"""Convention for the scale of the hysteretic drive, which no recording can separate from the gains after it."""
 
 from __future__ import annotations
 
@@ -8,23 +8,29 @@ PUBLISHED = Printhead.published()
 
 
 def conventional_swing(full_scale_V: float) -> float:
-    """``Q(1)`` by convention: the published head's swing under a drive that swings over ``full_scale_V``, in its units.
+    """``Q(1)`` by convention: swing of the published head under a drive of swing ``full_scale_V``, over that swing.
 
-    So the published head keeps its own ``b1`` whatever the amplitude it is identified at.
+    With it the published head keeps its ``b1``, whatever the amplitude at which it is identified.
     """
     x = full_scale_V / PUBLISHED.full_scale_V
     return float(PUBLISHED.branch_law.Q(x)) / x
 
 
 def in_convention(printhead: Printhead, full_scale_V: float | None = None) -> Printhead:
-    """The same head with its law scaled as by convention and ``b1`` changed to match: it answers every drive as before.
+    """The same head with its law scaled by convention and ``b1`` adapted: its response to every drive is unchanged.
 
     Parameters
     ----------
     printhead : Printhead
+        The head.
     full_scale_V : float, optional
-        The swing at which the convention is to hold, the head's own unless given. Two heads compare parameter by
-        parameter once both are put so at the same swing.
+        Swing in volts at which the convention holds; the head's own by default. Two heads can be compared parameter by
+        parameter once both follow the convention at the same swing.
+
+    Returns
+    -------
+    Printhead
+        The head in the convention.
     """
     swing = printhead.full_scale_V if full_scale_V is None else full_scale_V
     x = swing / printhead.full_scale_V

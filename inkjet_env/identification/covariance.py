@@ -1,4 +1,10 @@
-"""How sure a fit is: its minimum with what the covariance of all parameters follows from."""
+"""Uncertainty of a fit: its minimum with the factor of the covariance of all parameters.
+
+Equation (2) of docs/explanation/identification.md, with ``J`` the whitened Jacobian and ``S`` the covariance of the
+whitened noise:
+
+    Cov(θ) = (JᵀJ)⁻¹ Jᵀ S J (JᵀJ)⁻¹                                                                 (2)
+"""
 
 from __future__ import annotations
 
@@ -13,28 +19,31 @@ from inkjet_env.identification.model import Model
 from inkjet_env.typing import Real
 
 SMOOTHED_LINES = 9
-"""Of a residual's periodogram, to make it a spectrum."""
+"""Number of lines of a residual's periodogram that are averaged for its spectrum."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A model at the minimum of χ², and what its parameters' covariance follows from.
+    """A model at the minimum of χ², with the factor of its parameters' covariance.
 
     Attributes
     ----------
     model : Model
+        The model at the minimum.
     chi_square : float
-        Of the whitened residuals of the repeats' means, so without what differs between repeats.
+        χ² of the whitened residuals of the repeats' means; differences between repeats do not count.
     factor : ndarray, shape (p, q)
-        The covariance is ``factor @ factor.T``: of the weights, ``ln a0``, ``ln a1`` (where a fast channel is there),
-        ratios, offsets, in this order. Neighbouring powers all but cancel; of the product little would be left.
+        Factor of the covariance ``factor @ factor.T`` of the weights, ``ln a0``, ``ln a1`` (if there is a fast
+        channel), ratios and offsets, in this order. The factor is stored because neighbouring powers nearly cancel, and
+        the product would lose most of its digits.
     names : tuple of str
-        Of the parameters: ``w1, w2 …``, ``ln a0``, ``ln a1``, ``ratio <channel>``, ``offset <channel>``.
+        Names of the parameters: ``w1, w2 …``, ``ln a0``, ``ln a1``, ``ratio <channel>``, ``offset <channel>``.
     rms : dict of str to float
-        Root mean square of the whitened residual of each channel: 1 is the noise.
+        Root mean square of the whitened residual of each channel; 1 is the noise.
     converged : bool
+        Whether the last step promised no further decrease of χ².
     held : int
-        How many constraints are active.
+        Number of active constraints.
     """
 
     model: Model
@@ -47,8 +56,8 @@ class Solution:
 
     @property
     def covariance(self) -> Real:
-        """Of all parameters, shape (p, p)."""
-        return self.factor @ self.factor.T
+        """Covariance of all parameters, shape (p, p)."""
+        return self.factor @ self.factor.T  # Eq. (2)
 
     def error_of(self, gradient: Real) -> float:
         """Standard error of a function of the parameters with this gradient, shape (p,)."""
@@ -61,7 +70,7 @@ def solution_of(problem: Linearised, model: Model, converged: bool, coloured: Co
     matrix, target = problem.stacked(blocks, model, nonlinear=True)
     _, active = problem.solve(matrix, target)
     scale = np.linalg.norm(matrix, axis=0)
-    scale[scale == 0] = np.inf  # a parameter that nothing shows
+    scale[scale == 0] = np.inf  # a parameter without influence on any recording
     allowed = np.eye(matrix.shape[1])
     if problem.constraints is not None and active.any():
         held = np.zeros((int(active.sum()), matrix.shape[1]))
@@ -71,10 +80,10 @@ def solution_of(problem: Linearised, model: Model, converged: bool, coloured: Co
         allowed = right[rank:].T
     _, sizes, right = np.linalg.svd(matrix / scale @ allowed, full_matrices=False)
     seen = sizes > 1e-13 * sizes[0]
-    # Directions in which the whitened signal changes by one noise: there J'J is the unit matrix.
+    # Directions in which the whitened signal changes by one standard deviation: there JᵀJ is the unit matrix.
     unit = (allowed @ right[seen].T) / sizes[seen] / scale[:, None]
     sizes, directions = np.linalg.eigh(_score_covariance(problem, model, coloured, unit))
-    factor = unit @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
+    factor = unit @ (directions * np.sqrt(np.maximum(sizes, 0.0)))  # Eq. (2)
     residual = problem.left(blocks, model)
     names = (
         *(f"w{j + 1}" for j in range(problem.degree)),
@@ -87,7 +96,7 @@ def solution_of(problem: Linearised, model: Model, converged: bool, coloured: Co
 
 
 def _whitened_rms(problem: Linearised, blocks: Sequence[Real], residual: Real) -> dict[str, float]:
-    """Of each channel, of the residual of all blocks below each other."""
+    """Root mean square of each channel's part of the whitened residual of all stacked blocks; 1 is the noise."""
     squares: dict[str, float] = dict.fromkeys(problem.channels, 0.0)
     samples = dict.fromkeys(problem.channels, 0)
     parts = np.split(residual, np.cumsum([len(block) for block in blocks])[:-1])
@@ -98,7 +107,7 @@ def _whitened_rms(problem: Linearised, blocks: Sequence[Real], residual: Real) -
 
 
 def _score_covariance(problem: Linearised, model: Model, coloured: Collection[str], unit: Real) -> Real:
-    """``Jᵀ Σ J`` of the whitened slopes J along some directions, Σ from the noise's colour or a loud residual."""
+    """``Jᵀ S J`` of the whitened Jacobian J along some directions; S from the noise's colour or a loud residual."""
     total = np.zeros((unit.shape[1], unit.shape[1]))
     for f in problem.fitted:
         columns = problem.columns(f, model, slopes=True)
@@ -109,12 +118,12 @@ def _score_covariance(problem: Linearised, model: Model, coloured: Collection[st
             power = _smoothed_power(linear[:, -1] - linear[:, :-1] @ problem.linear_part(model))
         else:
             power = f.noise.levels(n)
-        total += ((slopes.conj().T * power) @ slopes).real / n
+        total += ((slopes.conj().T * power) @ slopes).real / n  # Eq. (2), Jᵀ S J
     return total
 
 
 def _smoothed_power(residual: Real) -> Real:
-    """Periodogram of a residual, each line averaged with its neighbours; its mean is the mean square."""
+    """Periodogram of a residual with each line averaged over its neighbours; its mean is the mean square."""
     n = residual.size
     width = min(SMOOTHED_LINES, n)
     power = np.abs(np.fft.fft(residual)) ** 2 / n

@@ -1,4 +1,4 @@
-"""Degree of the branch law: error against degree, as the paper chooses it and by drives held out one after another."""
+"""Degree of the branch law from error against degree: by the paper's rule, and by leave-one-drive-out validation."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 from inkjet_env.typing import Real
 
 HIGHEST_DEGREE = 12
+"""Highest degree that is tried."""
 LEAST_SHARE = 0.05
-"""The error has flattened where one more degree explains less than this share of what exceeds the noise."""
+"""The error has flattened where one more degree explains less than this share of the excess over the noise."""
 CHANCE_F = 10.83
-"""F above which a gain is no chance: 1 in 1,000 for one coefficient and many samples."""
+"""F statistic above which a gain is significant: at the level of 1 in 1,000 for one coefficient and many samples."""
 
 
 @dataclass(frozen=True)
@@ -23,15 +24,16 @@ class DegreeChoice:
     Attributes
     ----------
     degrees : tuple of int
+        Degrees that were tried.
     rms_error : tuple of float
-        Of the fit, as a share of the noise (1 is the noise itself).
+        RMS error of the fit at each degree, in units of the noise.
     held_out_error : tuple of float or None
-        The same on drives that were left out one after another; None where that was not done.
+        The same on drives that were left out one after another; None if that was not done.
     by_flattening : int
-        The paper's rule: the last degree that lowers the squared error by more than chance would, and by a twentieth or
-        more of what exceeds the noise.
+        The paper's rule: the last degree that lowers the squared error significantly, and by at least a twentieth of
+        the excess over the noise.
     by_held_out : int or None
-        The least degree whose held-out error is within one standard error of the least.
+        Lowest degree whose held-out error is within one standard error of the smallest.
     """
 
     degrees: tuple[int, ...]
@@ -48,22 +50,22 @@ def choose_degree(
     nuisances: int = 1,
     leave_out: bool = True,
 ) -> DegreeChoice:
-    """Error against degree.
+    """Error against degree, and the degree of each rule.
 
     Parameters
     ----------
     blocks : sequence of ndarray, shape (k, highest + nuisances + 1)
-        One a drive, in units of the noise: columns of the powers 1 … highest, of everything else that is fitted along
-        (offsets, say), and the signal.
+        One block per drive, in units of the noise: columns of the powers 1 … highest, of everything else that is fitted
+        (such as offsets), and the signal.
     samples : sequence of int
-        How many samples each stands for.
+        Number of samples that each block stands for.
     correlation : float
-        How much stronger the residual is in the signal's band than white noise of its variance would be: by so much
-        chance gains more.
+        Power of the residual in the signal's band over that of white noise of its variance: random gains are larger by
+        this factor.
     nuisances : int
-        Columns that are no powers.
+        Number of columns that are not powers.
     leave_out : bool
-        Whether to hold out one drive after another; that needs three.
+        Whether to hold out one drive after another; this needs at least three.
     """
     highest = blocks[0].shape[1] - nuisances - 1
     degrees = tuple(range(1, highest + 1))
@@ -80,7 +82,7 @@ def choose_degree(
         per_drive = np.array([_left_out_errors(blocks, highest, n) for n in degrees]) / samples
         mean = per_drive.mean(axis=1)
         best = int(np.argmin(mean))
-        # Paired: how far each degree lies above the best one, drive by drive.
+        # Paired comparison: excess of each degree over the best one, drive by drive.
         excess = per_drive - per_drive[best]
         uncertain = excess.std(axis=1, ddof=1) / np.sqrt(len(blocks))
         by_held_out = int(np.argmax(excess.mean(axis=1) <= uncertain)) + 1
@@ -95,7 +97,7 @@ def choose_degree(
 
 
 def _left_out_errors(blocks: Sequence[Real], highest: int, degree: int) -> list[float]:
-    """Squared error of each drive under the solution of all others."""
+    """Squared error of each drive under the solution for all others."""
     return [
         _errors([block], _solution([*blocks[:i], *blocks[i + 1 :]], highest, degree))[0]
         for i, block in enumerate(blocks)

@@ -1,4 +1,4 @@
-"""How far a printhead is from recordings: free-run simulation, nothing refitted but what is no part of the head."""
+"""Free-run residuals of a printhead on recordings; only parameters that are not part of the head are refitted."""
 
 from __future__ import annotations
 
@@ -15,20 +15,23 @@ from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.typing import Real
 
 MOST_ROUNDS = 12
+"""Largest number of Gauss–Newton steps for a free initial state."""
 SETTLED = 1e-6
-"""Of the full scale: a change of a free initial state that is none."""
+"""Change of a free initial state below which it has converged, as a share of the full scale."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What a recording shows beyond a printhead, in the channel's unit.
+    """A recording beside the free-run simulation of a printhead, in the channel's unit.
 
     Attributes
     ----------
     recording : Recording
+        The measured recording.
     modelled : ndarray, shape (n,)
+        Simulated signal, in the recording's unit.
     offset : float
-        Of the channel.
+        Fitted offset of the channel, in the same unit.
     """
 
     recording: Recording
@@ -37,12 +40,12 @@ class Evaluation:
 
     @property
     def rms(self) -> float:
-        """Of measured minus modelled."""
+        """Root mean square of measured minus modelled, in the recording's unit."""
         return float(np.sqrt(np.mean((self.recording.sensor - self.modelled) ** 2)))
 
     @property
     def output_rms(self) -> float:
-        """Of the measured signal about the channel's offset."""
+        """Root mean square of the measured signal about the channel's offset, in the recording's unit."""
         return float(np.sqrt(np.mean((self.recording.sensor - self.offset) ** 2)))
 
 
@@ -51,22 +54,23 @@ def evaluate(
 ) -> tuple[tuple[Evaluation, ...], tuple[str, ...]]:
     """Simulate every recording of a campaign with a printhead.
 
-    Refitted are one offset a channel and, where ``free``, the resonator's initial state; and the gain of a strain gauge
-    or of a displacement sensor where none is given, since a printhead does not have it.
+    One offset per channel and, if ``free``, the resonator's initial state are refitted. So is the gain of a strain
+    gauge or a displacement sensor if none is given, since a printhead has no such gain.
 
     Parameters
     ----------
     campaign : Campaign
+        Recordings to simulate.
     printhead : Printhead or AugmentedPrinthead
-        Effects of chance, as a hum, explain nothing here.
+        The head. Random effects, such as a hum, explain nothing here.
     gains : mapping of str to float, optional
-        By channel, in its unit per hysteretic volt; displacement in micrometres. `Identification.gains` has them, and
-        an augmented head has its own.
+        Gain of each channel, in its unit per hysteretic volt; displacement in micrometres. `Identification.gains`
+        provides them, and an augmented head has its own.
 
     Returns
     -------
     evaluations : tuple of Evaluation
-        In the campaign's order.
+        One per recording, in the campaign's order.
     refitted : tuple of str
         Channels whose gain was fitted.
     """
@@ -92,7 +96,7 @@ def evaluate(
 
 
 def _shape(printhead: Printhead, recording: Recording) -> Real:
-    """The channel's signal for a gain of 1."""
+    """Signal of the channel for a gain of 1, shape (n,)."""
     basis = drive_basis(
         recording.drive_V,
         recording.step_s,
@@ -107,7 +111,7 @@ def _shape(printhead: Printhead, recording: Recording) -> Real:
 def _fitted_along(
     recordings: Sequence[Recording], shapes: Sequence[Real], states: Sequence[Real], gain: float | None
 ) -> tuple[list[Evaluation], float]:
-    """Least squares for the offset, the free states, and the gain where it is None; of one channel. And the gain."""
+    """Least squares for one channel's offset, free states and, if it is None, gain; returns the gain as well."""
     scales = [_scale(recording) for recording in recordings]
     rows = []
     for recording, shape, scale, q in zip(recordings, shapes, scales, states, strict=True):
@@ -129,12 +133,12 @@ def _fitted_along(
 
 
 def _scale(recording: Recording) -> float:
-    """What a displacement in its unit is in micrometres."""
+    """Factor from the unit of a displacement to micrometres."""
     return 1e-3 if recording.unit == "nm" else 1.0
 
 
 def _free_states(recording: Recording, printhead: Printhead) -> Real:
-    """Orthonormal columns of what an unknown initial state of the resonator adds; none where it is known."""
+    """Orthonormal columns of the free ringing from an unknown initial state, (n, 2); no columns if it is known."""
     n = recording.time_s.size
     if recording.initial_state != "free" or recording.channel == "strain_gauge":
         return np.zeros((n, 0))
@@ -142,9 +146,9 @@ def _free_states(recording: Recording, printhead: Printhead) -> Real:
 
 
 def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gain: float | None) -> list[Evaluation]:
-    """`_fitted_along` for a head with effects, whose free states are found by Gauss–Newton: they need not superpose.
+    """`_fitted_along` for a head with effects, whose free states need not superpose and are found by Gauss–Newton.
 
-    Where the gain is None it is fitted first, as if the sensor's effects were in proportion to it.
+    If the gain is None it is fitted first, as if the sensor's effects were proportional to it.
     """
     plant = Plant(head.printhead, {recordings[0].channel: 1.0 if gain is None else gain}, effects=head.effects)
     excitations = [_shot(recording, plant) for recording in recordings]
@@ -173,7 +177,7 @@ def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gai
 
 
 def _shot(recording: Recording, plant: Plant) -> Excitation:
-    """A recording as the plant sees it; a free resonator begins at rest under the drive's first value."""
+    """A recording as the plant sees it; a free resonator starts at rest under the first value of the drive."""
     excitation = Excitation(
         recording.channel,
         recording.initial_state,
@@ -188,7 +192,7 @@ def _shot(recording: Recording, plant: Plant) -> Excitation:
 
 
 def _start_slopes(plant: Plant, excitation: Excitation, signal: Real, small_V: float) -> Real:
-    """How the signal changes with a free initial state, shape (n, 2), per volt; no columns where it is known."""
+    """Jacobian of the signal with respect to a free initial state, (n, 2), per volt; no columns if it is known."""
     if excitation.initial_state != "free" or not excitation.fast:
         return np.zeros((excitation.samples, 0))
     x, p = excitation.start

@@ -1,4 +1,4 @@
-"""The steps of a fit: noise, a start, the degree, everything together, and intervals that follow a loud residual."""
+"""The steps of a fit: noise, a start, the degree, all parameters together, intervals that follow a loud residual."""
 
 from __future__ import annotations
 
@@ -21,42 +21,47 @@ from inkjet_env.identification.starting_point import best_start
 from inkjet_env.recordings import Campaign
 
 STARTING_DEGREE = 5
-"""Of the branch law while the search for the resonator begins."""
+"""Degree of the branch law at the start of the search for the resonator."""
 DEGREES_UNSEEN = 2
-"""Dynamics and gains allow for so many more powers than the law has."""
+"""Number of powers beyond the degree of the law that dynamics and gains allow for."""
 MOST_DEGREE_ROUNDS = 4
+"""Largest number of rounds of choosing the degree and refitting."""
 MOST_NOISE_ROUNDS = 5
+"""Largest number of rounds of estimating noise from the residual and refitting."""
 RESIDUAL = "the residual of the fit"
-"""Source of a noise that nothing else tells."""
+"""Source of a noise that can be estimated from nothing else."""
 NOISE_TOLERANCE = 1.05
-"""A channel whose residual exceeds its noise by less is explained; beyond, its weight and all intervals follow the
-residual."""
+"""Ratio of residual to noise up to which a channel is explained; beyond it, the channel's weight and all intervals
+follow the residual."""
 
 
 class CampaignFit:
-    """One fit of a campaign, its branch law of one full scale; parameters as of `identify`.
+    """Fit of a campaign with a branch law of one full scale; parameters as in `identify`.
 
     Attributes
     ----------
     all, train, gauge, fast : sequence of RepeatedMeasurement
-        Every recording; those with fitted samples; of these, where the drive moves, the strain gauge's and the others.
+        Every recording; those with fitted samples; of the latter, those with a moving drive, of the strain gauge and of
+        the other channels.
     orders : dict of str to int
-        When each recording was taken within the session, by its name.
+        Position of each recording within the session, by its name.
     full_scale_V, reached_V : float
-        Change of drive at ``x = 1``, and the largest that was fitted.
+        Change of drive at ``x = 1``, and the largest change that was fitted, in volts.
     noise : dict
-        Noise models by channel and sampling step.
+        Noise models by channel and sampling step in seconds.
     solution : Solution
+        The fit with its covariance, as `solve` leaves it.
     joint, alone : DegreeChoice
-        Error against degree on everything, and on the strain gauge alone (on everything where there is none).
+        Error against degree on all recordings, and on the strain gauge alone (on all recordings if there is none).
     misfit : dict of str to float
-        Of each channel: root mean square of the whitened residual; 1 is the noise.
+        Root mean square of the whitened residual of each channel; 1 is the noise.
     notes : list of str
+        Sentences for the reader, gathered during the fit.
 
     Raises
     ------
     ValueError
-        No fast recording, or a channel that shows one value throughout.
+        There is no fast recording, or a channel is constant throughout.
     """
 
     def __init__(
@@ -80,7 +85,7 @@ class CampaignFit:
         if short:
             self.notes.append(f"{', '.join(short)}: too short beside how long the noise remembers; not fitted.")
         moving = [m for m in self.train if not m.still]
-        # What only rested tells noise and no gain.
+        # A channel whose drive never moved shows noise but no gain.
         self.train = [m for m in self.train if m.channel in {mine.channel for mine in moving}]
         self.gauge = [m for m in moving if m.channel == "strain_gauge"]
         self.fast = [m for m in moving if m.channel != "strain_gauge"]
@@ -100,11 +105,11 @@ class CampaignFit:
         self.least = least_noise(self.all)
         self.progress = progress
         self.loudness: dict[str, float] = {}
-        self.coloured: set[str] = set()  # channels whose residual is no white noise once it is whitened
+        self.coloured: set[str] = set()  # channels whose whitened residual is not white
         self.correlation: dict[str, float] = {}
 
     def solve(self, start: Model | None = None) -> None:
-        """The fit of everything, its resonator begun with that of ``start``; residuals may exceed the noise."""
+        """Fit all parameters, starting from the resonator of ``start``; residuals may exceed the noise."""
         unseen = {m.noise_key for m in self.train} - set(self.noise)
         for key in sorted(unseen):
             level = 0.01 * max(float(np.std(m.mean)) for m in self.train if m.noise_key == key)
@@ -118,13 +123,13 @@ class CampaignFit:
 
     @property
     def deviance(self) -> float:
-        """Minus twice the logarithm of the likelihood, but for a constant; and what chance would gain by each power."""
+        """Minus twice the log-likelihood, up to a constant, plus a penalty of `CHANCE_F` for each power."""
         fitted = self.fitted(self.train, 1)
         scale = sum(f.samples // len(f.measurement.signals) * math.log(f.noise.innovation) for f in fitted)
         return self.solution.chi_square + 2 * scale + CHANCE_F * self.solution.model.weights.size
 
     def widen(self) -> None:
-        """CampaignFit again with channels whose residual exceeds their noise weighed by it, and intervals widened."""
+        """Refit with channels whose residual exceeds their noise weighted by the residual, which widens intervals."""
         self.loudness = {channel: rms for channel, rms in self.misfit.items() if rms > self._tolerance(channel)}
         if not self.loudness:
             return
@@ -137,12 +142,12 @@ class CampaignFit:
             )
 
     def _tolerance(self, channel: str) -> float:
-        """Residual over noise up to which a channel is explained; few samples scatter more."""
+        """Ratio of residual to noise up to which a channel is explained; it is larger for few samples."""
         samples = sum(m.fitted for m in self.train if m.channel == channel)
         return NOISE_TOLERANCE + 3 / math.sqrt(2 * samples)
 
     def fitted(self, chosen: Sequence[RepeatedMeasurement], degree: int) -> list[Fitted]:
-        """Recordings with their bases of one degree."""
+        """The chosen recordings with their bases of one degree."""
         return [
             Fitted(
                 m,
@@ -154,7 +159,7 @@ class CampaignFit:
         ]
 
     def _start(self) -> Model:
-        """A resonator, and a branch law where a strain gauge shows it."""
+        """Start of the fit: a resonator, and a branch law if a strain gauge shows it."""
         self.progress("looking for the resonance")
         degree = self.degree_given or STARTING_DEGREE
         if not self.gauge:
@@ -165,7 +170,7 @@ class CampaignFit:
         return Model(a0, a1, law, {}, {})
 
     def _with_degree(self, model: Model) -> tuple[Solution, DegreeChoice | None, DegreeChoice]:
-        """The fit at the degree of the rule; error against degree on the strain gauge, and on everything."""
+        """Fit at the degree of the rule; error against degree on the strain gauge, and on all recordings."""
         alone = None
         if self.gauge:
             alone = self._choice(self.fitted(self.gauge, HIGHEST_DEGREE), _still(HIGHEST_DEGREE), leave_out=True)
@@ -183,13 +188,13 @@ class CampaignFit:
         return solution, alone, joint
 
     def _by_rule(self, choice: DegreeChoice) -> int:
-        """The degree of the rule on one channel."""
+        """Degree according to the rule on one channel."""
         if self.degree_rule == "held_out" and choice.by_held_out is not None:
             return choice.by_held_out
         return choice.by_flattening
 
     def _choice(self, fitted: Sequence[Fitted], model: Model, leave_out: bool) -> DegreeChoice:
-        """Error against degree, everything else linearised about a model."""
+        """Error against degree, with everything else linearised about a model."""
         self.progress("error against degree")
         correlation = max((self.correlation.get(f.measurement.channel, 1.0) for f in fitted), default=1.0)
         samples = [f.samples // len(f.measurement.signals) for f in fitted]
@@ -197,7 +202,7 @@ class CampaignFit:
         return choose_degree(blocks, samples, correlation, blocks[0].shape[1] - HIGHEST_DEGREE - 1, leave_out)
 
     def refined(self, start: Model, degree: int) -> Solution:
-        """The fit of everything from a start whose weights may have another degree."""
+        """Fit all parameters from a start whose weights may have another degree."""
         self.progress(f"fitting all recordings, degree {degree}")
         fitted = self.fitted(self.train, degree)
         weights = np.zeros(degree)
@@ -215,13 +220,13 @@ class CampaignFit:
 
     @property
     def reference(self) -> str:
-        """The channel whose gain the weights carry."""
+        """Reference channel, whose gain is a factor of the weights."""
         if self.gauge:
             return "strain_gauge"
         return "self_sensing" if any(m.channel == "self_sensing" for m in self.fast) else "displacement"
 
     def _gain(self, channel: str, start: Model) -> float:
-        """Gain of a channel by itself on the start's branch law."""
+        """Gain of a single channel on the branch law of the start."""
         psi, y = [], []
         for f in self.fitted([m for m in self.train if m.channel == channel], start.weights.size):
             n = f.measurement.fitted
@@ -233,9 +238,9 @@ class CampaignFit:
         return float(x @ (target - target.mean())) / power if power > 0 else 1.0
 
     def _noise_from_residuals(self, model: Model, unseen: Collection[tuple[str, float]]) -> Model:
-        """White noise of the residual's RMS where nothing else tells it, from a law as rich as may be; the model of it.
+        """Estimate white noise from the RMS of a high-degree residual where nothing else shows it; returns that model.
 
-        That the residual is hardly white is kept in mind: its channel counts as coloured, and chance as stronger.
+        Since such a residual is hardly white, its channel counts as coloured and random gains are taken as larger.
         """
         channels = sorted({channel for channel, _ in unseen})
         self.coloured |= set(channels)
@@ -260,9 +265,9 @@ class CampaignFit:
         return model
 
     def richer(self) -> Solution:
-        """The fit with a law of more powers than these recordings tell, which dynamics and gains are taken from.
+        """Fit with a law of more powers than these recordings resolve, from which dynamics and gains are taken.
 
-        A power that was left out because it was not seen may still be there, and would pull everything else.
+        A power that is left out because it is too small to be seen may still exist and would bias everything else.
         """
         degree = self.solution.model.weights.size
         richer = min(HIGHEST_DEGREE, degree + DEGREES_UNSEEN)
@@ -272,21 +277,21 @@ class CampaignFit:
 
 
 def _still(degree: int) -> Model:
-    """Of the strain gauge alone, a law yet to be fitted; the resonator is a placeholder."""
+    """Model for the strain gauge alone, with a law yet to be fitted; the resonator is a placeholder."""
     return Model(1.0, 0.5, np.zeros(degree), {"strain_gauge": 1.0}, {"strain_gauge": 0.0})
 
 
 def _rms_left(fitted: Sequence[Fitted], model: Model) -> float:
-    """RMS of what the model leaves of the fitted samples."""
+    """RMS residual of the model over the fitted samples, in the channel's unit."""
     left = [(f.measurement.mean - model.predicted(f.measurement, f.basis))[: f.measurement.fitted] for f in fitted]
     return math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
 
 
 def _band_rms(fitted: Sequence[Fitted], model: Model) -> float:
-    """RMS of the whitened residual as a white one would have it that is as strong in the signal's own band.
+    """RMS of white noise that is as strong in the signal's own band as the whitened residual; 1 is the noise.
 
-    A residual that the model's errors make has its power where the signal has, and misleads the parameters by more
-    than white noise of its RMS would.
+    A residual due to errors of the model has its power where the signal has, and biases the parameters by more than
+    white noise of its RMS would.
     """
     power = shared = 0.0
     for f in fitted:
@@ -299,9 +304,10 @@ def _band_rms(fitted: Sequence[Fitted], model: Model) -> float:
 
 
 def _largest_change_V(measured: Sequence[RepeatedMeasurement]) -> float:
-    """The largest argument of the branch law, in volts, to three digits: a sampled sine misses its top by a hair.
+    """Largest argument of the branch law, in volts, rounded to three digits: a sampled sine slightly misses its top.
 
-    The virgin curve's is twice the drive; of a periodic drive only a level shows it, and self-sensing has none.
+    On the virgin curve it is twice the drive. For a periodic drive that shows only in a level, which self-sensing
+    lacks.
     """
     changes = []
     for m in measured:

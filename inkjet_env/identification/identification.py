@@ -1,4 +1,4 @@
-"""What an identification gives: a printhead, intervals, and every recording beside what the model makes of it."""
+"""Result of an identification: a printhead, intervals, and every recording beside its simulation."""
 
 from __future__ import annotations
 
@@ -22,26 +22,28 @@ class Identification:
     Attributes
     ----------
     printhead : Printhead
+        The identified head.
     dynamics : dict of str to Estimate
-        ``a0, a1, b1``, with 90 % confidence intervals.
+        ``a0, a1, b1`` in 1/s², 1/s and 1/s, with 90 % confidence intervals.
     gains : dict of str to Estimate
-        Of each channel: ``b1`` of self-sensing; units per hysteretic volt of strain gauge and displacement (``b0/a0``).
+        Gain of each channel: ``b1`` of self-sensing in 1/s; of strain gauge and displacement (``b0/a0``) in their unit
+        per hysteretic volt.
     offsets : dict of str to float
-        In the channel's unit.
+        Offset of each channel, in its unit.
     coefficient_covariance : ndarray, shape (degree, degree)
-        Of the branch law's coefficients, lowest power first.
+        Covariance of the branch law's coefficients, lowest power first.
     degree : DegreeChoice
-        Error against degree on the strain gauge alone, as in the paper; on all recordings where there is none.
+        Error against degree on the strain gauge alone, as in the paper; on all recordings if there is none.
     joint_degree : DegreeChoice
         Error against degree on all recordings together.
     noise : dict
-        Noise models by channel and sampling step.
+        Noise models by channel and sampling step in seconds.
     recordings : tuple of ModelledRecording
-        All of the channels that the model has, by name.
+        Every recording of the modelled channels, sorted by name.
     misfit : dict of str to float
-        Of each channel: root mean square of the whitened residual of the fit; 1 is the noise.
+        Root mean square of the whitened residual of the fit of each channel; 1 is the noise.
     notes : tuple of str
-        What a reader must know, in sentences.
+        Caveats for the reader, in sentences.
     """
 
     printhead: Printhead
@@ -58,28 +60,29 @@ class Identification:
 
     @property
     def hysteresis_channel(self) -> str:
-        """The channel that shows the hysteresis most directly."""
+        """Channel that shows the hysteresis most directly."""
         return next(c for c in ("strain_gauge", "displacement", "self_sensing") if c in self.gains)
 
     @property
     def heldout(self) -> tuple[ModelledRecording, ...]:
-        """Recordings, or ends of recordings, that no fit has seen."""
+        """Recordings with held-out samples: whole recordings, or their ends, that no fit has used."""
         return tuple(r for r in self.recordings if r.held_out)
 
     def unit(self, channel: str) -> str:
-        """Unit of a channel's signal: V or um."""
+        """Unit of the signal of a channel: V or um."""
         return next(r.unit for r in self.recordings if r.channel == channel)
 
     def rms(self, channel: str, held_out: bool) -> tuple[float, float]:
-        """Root mean square of a channel's residual, and of its noise, over held-out or fitted recordings."""
+        """RMS of a channel's residual and of its noise, in its unit, over held-out or over fitted recordings."""
         mine = [r for r in self.recordings if r.channel == channel and not math.isnan(r.rms(held_out=held_out))]
         return _pooled(r.rms(held_out=held_out) for r in mine), _pooled(r.noise_rms for r in mine)
 
     def fit_json(self) -> dict[str, Any]:
         """The entry "fit" of ``printhead.json``.
 
-        Residual and noise of self-sensing in volts; where only displacement was recorded, of that, divided by its gain:
-        in volts of hysteretic drive. Each channel has its own below, in its unit. None: nothing was held out.
+        Residual and noise at the top level are those of self-sensing, in volts; if only displacement was recorded, they
+        are divided by its gain and in volts of hysteretic drive. The values of each channel follow in its own unit.
+        None means that nothing was held out.
         """
         channels: dict[str, dict[str, Any]] = {}
         for channel, gain in self.gains.items():
@@ -110,12 +113,12 @@ class Identification:
         }
 
     def as_json(self) -> dict[str, Any]:
-        """What ``printhead.json`` holds."""
+        """Content of ``printhead.json``."""
         intervals = {name: (estimate.low, estimate.high) for name, estimate in self.dynamics.items()}
         return self.printhead.as_json(intervals, self.fit_json())
 
 
 def _pooled(values: Iterable[float]) -> float:
-    """Root of the mean square; NaN of nothing."""
+    """Root mean square of values; NaN if there are none."""
     squares = [value**2 for value in values]
     return math.sqrt(sum(squares) / len(squares)) if squares else math.nan

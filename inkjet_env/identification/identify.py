@@ -1,4 +1,4 @@
-"""From a campaign to a printhead: the whole of sections 3.1 and 3.2 of Zhu et al. 2024, for any head."""
+"""From a campaign to a printhead: sections 3.1 and 3.2 of Zhu et al. 2024, for any head."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from inkjet_env.printhead import check_name
 from inkjet_env.recordings import Campaign
 
 CLOSER = 1.1
-"""Ratio of residuals from which on another initial state is the likelier one."""
+"""Ratio of residuals above which another initial state is more likely."""
 DEGREE_RULES = ("flattening", "strain_gauge", "held_out")
+"""Rules for the degree of the branch law; see `identify`."""
 
 
 def identify(
@@ -33,34 +34,42 @@ def identify(
 ) -> Identification:
     """Identify hysteresis and resonator from all recordings of a campaign together.
 
-    Branch law from the strain gauge (from the fast channels where there is none), ``a0, a1, b1`` by free-run output
-    error on every fast recording, then everything together, weighed by the noise; one offset a channel, and the
-    resonator's initial state where it is ``free``, are fitted along and nothing else.
+    The branch law is identified from the strain gauge (from the fast channels if there is none), then ``a0, a1, b1`` by
+    free-run output error on every fast recording, then everything together, weighted by the noise. Nothing else is
+    fitted except one offset per channel and, if it is ``free``, the resonator's initial state.
 
-    The scale of the branch law cannot be observed beside the gains: it is the published head's, see `convention`.
+    The scale of the branch law is not identifiable beside the gains; it is that of the published head, see
+    `convention`.
 
     Parameters
     ----------
     campaign : Campaign
+        Recordings of the head.
     degree : int, optional
-        Of the branch law, 1 … 12; chosen by ``degree_rule`` unless given.
+        Degree of the branch law, 1 … 12; chosen by ``degree_rule`` by default.
     degree_rule : {"flattening", "strain_gauge", "held_out"}
-        The last degree that lowers the error of all recordings together by more than chance; of the strain gauge's
-        loops alone, as in the paper; the least degree that predicts loops held out one after another as well as any.
+        ``flattening``: the last degree that significantly lowers the error of all recordings together.
+        ``strain_gauge``: the same for the loops of the strain gauge alone, as in the paper. ``held_out``: the lowest
+        degree that predicts loops held out one after another as well as any.
     valid_density : bool
         Whether to enforce ``p(r) ≥ 0``.
     full_scale_V : float, optional
-        Change of drive at ``x = 1``, beyond which the law goes on along its tangent. Unless given, the largest that the
-        strain gauge has seen (a virgin curve counts twice its drive), or any recording where that fits better.
+        Change of drive at ``x = 1``, in volts, beyond which the law continues along its tangent. Default: the largest
+        in the strain gauge's recordings (on a virgin curve, twice the drive), or in any recording if that fits better.
     held_out : sequence of str, optional
-        Recordings that no fit sees; see `measurements`.
+        Names of the recordings that no fit uses; see `measurements`.
     progress : callable, optional
-        Told what is being done, in words, whenever that changes.
+        Called with a description of each step, in words, as it starts.
+
+    Returns
+    -------
+    Identification
+        The head with its intervals, and every recording beside its simulation.
 
     Raises
     ------
     ValueError
-        Nothing that a parameter could be identified from; the message says which recording is needed.
+        The recordings do not determine a parameter; the message says which recording is needed.
     """
     check_name("degree_rule", degree_rule, DEGREE_RULES)
     if degree is not None and not 1 <= degree <= HIGHEST_DEGREE:
@@ -73,11 +82,11 @@ def identify(
             recorded, degree, degree_rule, valid_density, swing_V, held_out, progress or (lambda _: None)
         )
 
-    with threadpool_limits(1):  # its matrices are small: threads would but wait for each other
+    with threadpool_limits(1):  # the matrices are small: threads would only wait for each other
         fit = begun(full_scale_V)
         fit.solve()
         if full_scale_V is None and fit.reached_V > 1.01 * fit.full_scale_V:
-            # The fast drives go beyond the gauge's: does the law go straight on there, or does it bend on?
+            # The fast drives exceed those of the gauge: is the law straight beyond them, or does it go on bending?
             wider = begun(fit.reached_V)
             wider.solve(fit.solution.model)
             if wider.deviance < fit.deviance - CHANCE_F:
@@ -99,18 +108,19 @@ def identify(
 
 
 def doubtful_states(campaign: Campaign, held_out: Sequence[str] | None = None) -> str | None:
-    """What to say of recordings of unknown initial state that look like the answers to a repeated drive.
+    """Warning about recordings of unknown initial state that look like responses to a repeated drive.
 
     Parameters
     ----------
     campaign : Campaign
+        Recordings of the head.
     held_out : sequence of str, optional
-        Recordings that no fit sees.
+        Names of the recordings that no fit uses.
 
     Returns
     -------
     str or None
-        A sentence; None where there are none.
+        A sentence; None if there are no such recordings.
     """
     if not any(r.initial_state == "free" and r.channel != "strain_gauge" for r in campaign.recordings):
         return None
@@ -124,7 +134,7 @@ def doubtful_states(campaign: Campaign, held_out: Sequence[str] | None = None) -
 
 
 def _repeating(campaign: Campaign) -> Campaign:
-    """The campaign, every recording of unknown initial state taken for one of a drive that had been repeating."""
+    """The campaign with every recording of unknown initial state taken as one under a repeated drive."""
     recordings = tuple(
         replace(r, initial_state="periodic") if r.initial_state == "free" else r for r in campaign.recordings
     )
@@ -132,13 +142,13 @@ def _repeating(campaign: Campaign) -> Campaign:
 
 
 def _left(fit: CampaignFit) -> float:
-    """Root mean square of what is left of the fast recordings, in units of their own swing; the geometric mean."""
+    """Geometric mean of the fast recordings' RMS residuals, each relative to the standard deviation of its signal."""
     shares = [fit.misfit[m.channel] * fit.noise[m.noise_key].rms / float(np.std(m.mean)) for m in fit.fast]
     return math.exp(float(np.mean(np.log(shares))))
 
 
 def _doubt(fit: CampaignFit, again: CampaignFit) -> str | None:
-    """What to say where a fit of repeated drives, not solved yet, explains more than one of unknown states."""
+    """Warning if a fit of repeated drives, not solved yet, explains more than one of unknown states; otherwise None."""
     again.solve(fit.solution.model)
     ratio = _left(fit) / _left(again)
     if ratio < CLOSER:

@@ -1,4 +1,4 @@
-"""Recordings as linear equations: their columns about a model, and the triangles that they are reduced to.
+"""Recordings as linear equations: their columns about a model, and the triangles to which they are reduced.
 
 Given the resonator ``(a0, a1)`` and the gains of the channels relative to the first, the model is linear in the
 coefficients of the branch law, the offsets and the free initial states.
@@ -19,7 +19,7 @@ from inkjet_env.typing import Real
 
 
 def triangle(columns: Real) -> Real:
-    """The upper triangle with the same normal equations as ``columns`` (n, k): least squares see no difference."""
+    """Upper triangle with the same normal equations as ``columns`` (n, k), and so the same least-squares solution."""
     return np.linalg.qr(columns).R
 
 
@@ -35,7 +35,7 @@ class Linearised:
         self.still_blocks: dict[int, Real] = {}
 
     def blocks(self, model: Model, slopes: bool = True) -> list[Real]:
-        """One triangle a drive: columns of the weights, of ``ln a0`` and ``ln a1``, of the offset; and the signal."""
+        """One triangle per drive: columns of the weights, of ``ln a0`` and ``ln a1``, of the offset, and the signal."""
         return [self._block(i, f, model, slopes) for i, f in enumerate(self.fitted)]
 
     def _block(self, index: int, f: Fitted, model: Model, slopes: bool) -> Real:
@@ -46,7 +46,7 @@ class Linearised:
         return self.still_blocks[index]
 
     def columns(self, f: Fitted, model: Model, slopes: bool) -> Real:
-        """The columns that `blocks` reduces, whitened, at every fitted sample."""
+        """Columns that `blocks` reduces, whitened, at every fitted sample, shape (n, degree + 4)."""
         channel, degree = f.measurement.channel, self.degree
         psi = f.basis.response(channel, model.a0, model.a1)
         n = f.measurement.fitted
@@ -74,14 +74,14 @@ class Linearised:
         return whitened
 
     def stacked(self, blocks: Sequence[Real], model: Model, nonlinear: bool) -> tuple[Real, Real]:
-        """All drives below each other: columns weights, [ln a0, ln a1, ratios,] offsets; and the signal."""
+        """All drives stacked: the columns of weights, [ln a0, ln a1, ratios,] offsets; and the signal."""
         stacked = np.vstack(
             [self.spread(f, block, model, nonlinear) for f, block in zip(self.fitted, blocks, strict=True)]
         )
         return stacked[:, :-1], stacked[:, -1]
 
     def spread(self, f: Fitted, block: Real, model: Model, nonlinear: bool = True) -> Real:
-        """One drive's columns in the places they have among all parameters, and the signal."""
+        """Columns of one drive at their places among all parameters, and the signal."""
         d, channel = self.degree, f.measurement.channel
         psi, nothing = block[:, :d], np.zeros((len(block), 1))
         parts = [model.ratios[channel] * psi]
@@ -95,7 +95,7 @@ class Linearised:
         return np.hstack(parts)
 
     def solve(self, matrix: Real, target: Real) -> tuple[Real, Real]:
-        """Least squares, under the constraints where there are any; and which of them are active."""
+        """Least-squares solution, subject to the constraints if there are any, and which of them are active."""
         scale = np.linalg.norm(matrix, axis=0)
         scale[scale == 0] = 1.0
         solution = np.linalg.lstsq(matrix / scale, target, rcond=1e-13)[0] / scale
@@ -107,23 +107,24 @@ class Linearised:
         return least_squares_above_zero(matrix, target, rows)
 
     def left(self, blocks: Sequence[Real], model: Model) -> Real:
-        """What a model leaves of the signal, all drives below each other."""
+        """Whitened residuals of a model, all drives stacked."""
         matrix, target = self.stacked(blocks, model, nonlinear=False)
         return np.asarray(target - matrix @ self.linear_part(model))
 
     def linear_part(self, model: Model) -> Real:
-        """Weights and offsets, as the linear columns have them."""
+        """Weights and offsets, in the order of the linear columns."""
         return np.concatenate([model.weights, [model.offsets[channel] for channel in self.channels]])
 
 
 def linearised_blocks(fitted: Sequence[Fitted], model: Model) -> list[Real]:
-    """One block a drive: columns of the weights, of everything else linearised about the model, and the signal.
+    """One block per drive: columns of the weights, of everything else linearised about the model, and the signal.
 
     Parameters
     ----------
     fitted : sequence of Fitted
-        Bases of a degree that may be above the model's.
+        Recordings with bases of one degree, which may be above the model's.
     model : Model
+        Model about which the signal is linearised.
     """
     weights = np.zeros(fitted[0].basis.degree)
     weights[: model.weights.size] = model.weights
@@ -132,12 +133,12 @@ def linearised_blocks(fitted: Sequence[Fitted], model: Model) -> list[Real]:
 
 
 def _states(f: Fitted, a0: float, a1: float) -> Real:
-    """What a free initial state adds to the fitted samples, shape (n, 2)."""
+    """Free ringing from an unknown initial state at the fitted samples, shape (n, 2)."""
     return f.basis.free_states(a0, a1)[: f.measurement.fitted]
 
 
 def _neighbours(model: Model) -> list[tuple[int, float, tuple[tuple[float, float], tuple[float, float]]]]:
-    """Where to differentiate: place of the column, half step of the logarithm, the two resonators."""
+    """Points of the central differences: index of the column, half step of the logarithm, the two resonators."""
     damping_ratio = model.a1 / (2 * math.sqrt(model.a0))
     of_a0 = 1e-4 * damping_ratio
     of_a1 = 1e-4 * min(1.0, 1.0 - damping_ratio)

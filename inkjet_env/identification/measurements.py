@@ -1,4 +1,4 @@
-"""A campaign made ready for fitting: repeats gathered, noise seen, whole recordings put aside."""
+"""A campaign prepared for fitting: repeats gathered, noise estimated, whole recordings held out."""
 
 from __future__ import annotations
 
@@ -14,29 +14,31 @@ from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.typing import Real
 
 HELD_OUT_EVERY = 4
-"""Of the drives of a channel, sorted by strength, every fourth is held out."""
+"""Interval at which drives of a channel, sorted by strength, are held out: every fourth."""
 SHORTEST_REST = 100
-"""Samples before the drive from which its noise may be seen."""
+"""Smallest number of samples before the drive from which noise is estimated."""
 HELD_OUT_SHARE = 0.25
-"""Share of the longest recording that is held out where no whole recording can be."""
+"""Share of the longest recording that is held out if no whole recording can be."""
 
 
 @dataclass(frozen=True, eq=False)
 class RepeatedMeasurement:
-    """One drive and what a channel showed of it, once or several times.
+    """One drive and the signals that a channel showed under it, once or several times.
 
     Attributes
     ----------
     channel, unit, initial_state : str
-        Nanometres are turned into micrometres.
+        As in the recordings; nanometres are converted to micrometres.
     drive_V : ndarray, shape (n,)
+        Commanded drive, in volts.
     step_s : float
+        Sampling step, in seconds.
     signals : tuple of ndarray, shape (n,)
-        One a repeat.
+        Signal of each repeat, in ``unit``.
     names : tuple of str
-        Of the recordings.
+        Name of the recording of each repeat.
     fitted : int
-        Samples from the start that may be used for fitting: n, 0 (held out), or between (its end is held out).
+        Number of samples from the start that may be fitted: n, 0 (held out), or between (its end is held out).
     """
 
     channel: str
@@ -50,7 +52,7 @@ class RepeatedMeasurement:
 
     @property
     def mean(self) -> Real:
-        """Mean of the repeats, shape (n,)."""
+        """Mean of the repeats, in ``unit``, shape (n,)."""
         mean: Real = np.mean(self.signals, axis=0)
         return mean
 
@@ -61,26 +63,32 @@ class RepeatedMeasurement:
 
     @property
     def noise_key(self) -> tuple[str, float]:
-        """Recordings of one channel and one sampling step share a noise model."""
+        """Channel and sampling step, for which recordings share a noise model."""
         return self.channel, float(f"{self.step_s:.4g}")
 
 
 def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> tuple[RepeatedMeasurement, ...]:
-    """Gather the recordings of a campaign by channel and drive, and put some aside.
+    """Gather the recordings of a campaign by channel and drive, and hold some out.
 
     Parameters
     ----------
     campaign : Campaign
+        Recordings to gather.
     held_out : sequence of str, optional
-        Names of the recordings that no fit may see. Repeats of them are put aside too. Unless given: every fourth drive
-        of each channel, sorted by strength, never the strongest; where a campaign has too few for that, the last
-        quarter of its longest fast recording.
+        Names of the recordings that no fit may use. Their repeats are held out too. Default: every fourth drive of each
+        channel, sorted by strength, but never the strongest; if a campaign has too few for that, the last quarter of
+        its longest fast recording.
+
+    Returns
+    -------
+    tuple of RepeatedMeasurement
+        One per channel and drive.
 
     Raises
     ------
     ValueError
-        A name that is no recording; a channel in volts here and in micrometres there; everything held out, or all
-        of a channel.
+        A name that is not a recording; a channel in volts in one recording and in micrometres in another; everything
+        held out, or a whole channel.
     """
     gathered = _gathered(campaign)
     names = [recording.name for recording in campaign.recordings]
@@ -118,7 +126,7 @@ def _gathered(campaign: Campaign) -> list[RepeatedMeasurement]:
                 f"recording {recording.name!r}: channel {recording.channel} is in {unit} here and in "
                 f"{units[recording.channel]} elsewhere; a channel has one gain, so it needs one unit."
             )
-        alone = recording.name if recording.initial_state == "free" else ""  # its own initial state each time
+        alone = recording.name if recording.initial_state == "free" else ""  # each has its own initial state
         key = (
             recording.channel,
             recording.initial_state,
@@ -160,10 +168,11 @@ def _every_fourth(gathered: Sequence[RepeatedMeasurement]) -> set[str]:
 
 
 def noise_of(gathered: Sequence[RepeatedMeasurement]) -> dict[tuple[str, float], NoiseModel]:
-    """Noise models by `RepeatedMeasurement.noise_key`, from what tells nothing of the head; absent without such.
+    """Noise models by `RepeatedMeasurement.noise_key`, from data that show nothing of the head.
 
-    From repeats and recordings at rest; where there are none, from what comes before the drive's first change; else the
-    channel's noise at the nearest sampling step. Held-out recordings take part.
+    These are repeats and recordings at rest; if there are none, the samples before the first change of the drive;
+    otherwise the channel's noise at the nearest sampling step is taken. Held-out recordings are included. A key without
+    any such data is absent.
     """
     models: dict[tuple[str, float], NoiseModel] = {}
     seen: dict[str, dict[float, list[Real]]] = {}
@@ -196,16 +205,16 @@ def noise_of(gathered: Sequence[RepeatedMeasurement]) -> dict[tuple[str, float],
 
 
 def _rest_before(measurement: RepeatedMeasurement) -> int:
-    """Samples before a demagnetised head is first driven."""
+    """Number of samples before a demagnetised head is first driven."""
     if measurement.initial_state != "demagnetised" or measurement.drive_V[0] != 0:
         return 0
     return int(np.argmax(measurement.drive_V != 0))
 
 
 def least_noise(gathered: Sequence[RepeatedMeasurement]) -> dict[str, float]:
-    """By channel, the RMS below which nothing can be told: the converter's step / √12, or 1e-7 of the strongest signal.
+    """RMS of each channel's resolution: the converter's step / √12, or 1e-7 of the strongest signal, in its unit.
 
-    The step is the least difference between values that occur, where they are visibly apart.
+    The step is the smallest difference between occurring values, if they are clearly discrete.
     """
     least = {}
     for channel in sorted({m.channel for m in gathered}):

@@ -1,4 +1,4 @@
-"""A recording beside what models make of it."""
+"""A recording beside its simulation by models."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from inkjet_env.typing import Real
 
 @dataclass(frozen=True, eq=False)
 class ModelledRecording:
-    """A recording beside what models make of it, in free run.
+    """A recording beside the free-run simulations of models.
 
     Attributes
     ----------
     name, channel, unit : str
-        Of the recording; ``unit`` is that of its signal.
+        Name and channel of the recording, and the unit of its signal.
     order : int
-        When it was taken within the session: 1, 2, 3 …
+        Position of the recording within the session: 1, 2, 3 …
     step_s : float
         Sampling step in seconds.
     drive_V : ndarray, shape (n,)
         Drive in volts.
     measured : ndarray, shape (n,)
-        Signal in ``unit``.
+        Measured signal in ``unit``.
     modelled : mapping of str to ndarray, shape (n,)
-        Signal in ``unit`` by model: "base" is the model without effects, "augmented" the one of a diagnosis.
+        Simulated signal in ``unit``, by model: "base" is the model without effects, "augmented" that of a diagnosis.
     fitted : int
-        Samples from the start that were used for fitting; the others were held out.
+        Number of samples from the start that were used for fitting; the others were held out.
     noise_rms : float
         Root mean square of the noise in ``unit``; NaN where it is unknown.
     """
@@ -48,12 +48,12 @@ class ModelledRecording:
 
     @property
     def time_s(self) -> Real:
-        """Times in seconds from the first sample on, shape (n,)."""
+        """Times in seconds from the first sample, shape (n,)."""
         return np.arange(self.measured.size, dtype=np.float64) * np.float64(self.step_s)
 
     @property
     def held_out(self) -> bool:
-        """Whether any of it was kept from every fit and choice."""
+        """Whether any samples were withheld from every fit and choice."""
         return self.fitted < self.measured.size
 
     def residual(self, model: str = "base") -> Real:
@@ -67,10 +67,10 @@ class ModelledRecording:
         Parameters
         ----------
         model : str
-            Which of ``modelled``.
+            Key of ``modelled``.
         held_out : bool, optional
-            Over the samples that were held out, or over those that were fitted; NaN where there are none. Unless given:
-            over what was held out, or over all of a recording that was fitted whole.
+            Whether to use the samples that were held out or those that were fitted; NaN if there are none. Default:
+            those that were held out, or all samples of a recording that was fitted whole.
         """
         unseen = self.held_out if held_out is None else held_out
         part = self.residual(model)[self.fitted :] if unseen else self.residual(model)[: self.fitted]

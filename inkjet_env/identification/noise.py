@@ -1,4 +1,4 @@
-"""Noise of a channel from what recordings of the same drive do not share: variance, spectrum, whitening filter."""
+"""Noise of a channel from the differences between repeats: variance, spectrum, whitening filter."""
 
 from __future__ import annotations
 
@@ -11,14 +11,19 @@ from numpy.typing import ArrayLike
 from inkjet_env.typing import Real
 
 LONGEST_FILTER = 24
+"""Highest order of the autoregression."""
 FILTER_LENGTHS = (LONGEST_FILTER, 6, 2, 0)
+"""Highest orders that are tried together with a colour."""
 COLOUR_ROUNDS = 20
+"""Largest number of iterations between autoregression and colour."""
 SAME_COLOUR = 0.02
+"""Relative change below which the colour has converged."""
 CORNERS = 40
+"""Number of corner frequencies."""
 CORNER_MARGIN = 10.0
-"""The lowest corner frequency considered lies so far below the lowest line."""
+"""Ratio of the lowest line to the lowest corner frequency."""
 SAMPLES_A_COEFFICIENT = 50
-"""A noise model has at most one coefficient for so many samples of noise, and one for a twentieth of a recording."""
+"""Smallest number of samples of noise per coefficient; besides, a recording has at least 20 samples per coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +33,18 @@ class NoiseModel:
     Parameters
     ----------
     coefficients : ndarray, shape (p + 1,)
-        ``a_0 … a_p``; ``[1]`` is white noise.
+        Coefficients ``a_0 … a_p``; ``[1]`` is white noise.
     innovation : float
         Standard deviation of ``e``, in the channel's unit.
     rms : float
-        Standard deviation of the noise itself.
+        Standard deviation of the noise itself, in the channel's unit.
     source : str
-        Where it was seen, in words.
+        Data it was estimated from, in words.
     colour : tuple of float
-        ``s0, s1, s2``: at ν cycles a sample the autoregression's power counts ``s0`` times, and 1/f noise and a random
-        walk of the power ``s1/ν + s2/ν²``, in units of the innovation's, are added; ``(1, 0, 0)`` where the
-        autoregression says it all. 1/f noise is strongest at the lowest frequencies, which no short filter sees and a
-        slow loop depends on.
+        ``s0, s1, s2``: at ν cycles per sample the power of the autoregression is multiplied by ``s0``, and the power
+        ``s1/ν + s2/ν²`` of 1/f noise and a random walk, in units of the innovation's, is added; ``(1, 0, 0)`` if the
+        autoregression suffices. 1/f noise is strongest at the lowest frequencies, which a short filter cannot resolve
+        and on which a slow loop depends.
     """
 
     coefficients: Real
@@ -50,13 +55,13 @@ class NoiseModel:
 
     @property
     def lost(self) -> int:
-        """Samples at the start of a recording that whitening leaves out."""
+        """Number of samples at the start of a recording that whitening drops."""
         return self.coefficients.size - 1
 
     def whitened(self, columns: Real) -> Real:
-        """Columns of shape (n, k) filtered so that the noise in them is white with unit variance: (n - lost, k).
+        """Columns of shape (n, k) filtered so that their noise is white with unit variance: shape (n - lost, k).
 
-        None are left of columns shorter than the filter.
+        Columns shorter than the filter become empty.
         """
         n = max(columns.shape[0] - self.lost, 0)
         result = columns[self.lost :] * self.coefficients[0]
@@ -68,13 +73,13 @@ class NoiseModel:
     def levels(self, samples: int) -> Real:
         """Power of whitened noise at each line of a discrete Fourier transform, shape (samples,).
 
-        The mean counts like the first line.
+        The mean has the power of the first line.
         """
         cycles = np.maximum(np.abs(np.fft.fftfreq(samples)), 1 / samples)
         return self._level(cycles, self.passed(samples))
 
     def passed(self, samples: int) -> Real:
-        """Power that the filter lets through at each line, of white noise as large as the innovation, (samples,)."""
+        """Power of the filter's transfer function at each line of a discrete Fourier transform, shape (samples,)."""
         power: Real = np.abs(np.fft.fft(self.coefficients, max(samples, self.coefficients.size))[:samples]) ** 2
         return power
 
@@ -83,7 +88,7 @@ class NoiseModel:
         return white + passed * (flicker / cycles_a_sample + wander / cycles_a_sample**2)
 
     def spectrum(self, frequency_Hz: ArrayLike, step_s: float) -> Real:
-        """One-sided power spectral density in unit² / Hz, at frequencies above 0, up to half the sampling rate."""
+        """One-sided power spectral density in unit²/Hz at frequencies above 0 Hz, up to half the sampling rate."""
         cycles = step_s * np.asarray(frequency_Hz, dtype=np.float64)
         phase = np.exp(-2j * np.pi * np.outer(cycles, np.arange(self.coefficients.size)))
         passed: Real = np.abs(phase @ self.coefficients) ** 2
@@ -91,20 +96,27 @@ class NoiseModel:
 
 
 def noise_model(samples: Sequence[Real], source: str, least: float, longest: int = LONGEST_FILTER) -> NoiseModel:
-    """Autoregressive model of some stretches of noise, its order by the Bayesian information criterion.
+    """Autoregressive model of stretches of noise, with its order from the Bayesian information criterion.
 
-    Yule–Walker from the pooled autocovariance (which keeps the model stable), by Levinson's recursion.
+    The Yule–Walker equations of the pooled autocovariance, which keeps the model stable, are solved by Levinson's
+    recursion.
 
     Parameters
     ----------
     samples : sequence of ndarray
-        Stretches of noise around zero, of one sampling step. Their mean is kept: wandering from recording to recording
-        is noise too.
+        Stretches of noise about zero, of one sampling step, in the channel's unit. Their mean is not removed, since
+        drift from recording to recording is noise too.
     source : str
+        Data the stretches come from, in words.
     least : float
-        Noise below this RMS is taken for white and this large: rounding of numbers, not noise.
+        Smallest RMS, in the channel's unit: less is rounding, not noise, and is taken as white noise of this RMS.
     longest : int
-        Order at most.
+        Highest order.
+
+    Returns
+    -------
+    NoiseModel
+        The model, with no colour beyond the autoregression.
     """
     total = sum(stretch.size for stretch in samples)
     shortest = min(stretch.size for stretch in samples)
@@ -130,17 +142,24 @@ def noise_model(samples: Sequence[Real], source: str, least: float, longest: int
 def colour_of(
     whitened: Sequence[tuple[Real, NoiseModel]], exponents: tuple[int, ...] = (1, 2)
 ) -> tuple[float, float, float]:
-    """Power of noise as ``s0`` times an autoregression's and ``s1/ν + s2/ν²``: 1/f and a random walk's.
+    """Colour of noise: ``s0`` times an autoregression's power, plus ``s1/ν + s2/ν²`` of 1/f noise and a random walk.
 
-    Corner frequencies of ``a (1 + ν_c/ν)`` and ``a (1 + (ν_c/ν)²)`` are weighed by Whittle's likelihood of the
-    periodograms; the mean white level and the geometric means of the others count. A short record can hardly tell a
-    little 1/f noise from none, and so some is kept.
+    Corner frequencies of ``a (1 + ν_c/ν)`` and ``a (1 + (ν_c/ν)²)`` are weighted by Whittle's likelihood of the
+    periodograms. The white level is the weighted mean, the other two strengths are weighted geometric means. A short
+    record can hardly distinguish weak 1/f noise from none, and so some remains.
 
     Parameters
     ----------
     whitened : sequence of (ndarray, NoiseModel)
-        Stretches of noise, whitened, and by what; of several sampling steps perhaps, for the same amplifier's 1/f noise
-        in the same white noise looks the same in cycles a sample.
+        Whitened stretches of noise, each with the model that whitened it. Sampling steps may differ: the 1/f noise of
+        one amplifier in the same white noise looks the same in cycles per sample.
+    exponents : tuple of int
+        Powers of ``1/ν`` that are considered: 1 is 1/f noise, 2 a random walk.
+
+    Returns
+    -------
+    tuple of float
+        ``s0, s1, s2``; see `NoiseModel`.
     """
     lines = np.concatenate([np.fft.rfftfreq(stretch.size)[1:] for stretch, _ in whitened])
     passed = np.concatenate([model.passed(stretch.size)[1 : stretch.size // 2 + 1] for stretch, model in whitened])
@@ -169,19 +188,26 @@ def channel_noise(
 ) -> dict[float, NoiseModel]:
     """Noise models of one channel by sampling step: an autoregression for each, one colour for all.
 
-    An autoregression long enough passes for 1/f noise but at its lowest lines, which are what a slow loop depends on.
-    So filters of several lengths are fitted in turn with the colour, each to what the other is expected to leave
-    (Dempster, Laird & Rubin 1977). The pair with the best of Whittle's likelihood, less what so many coefficients gain
-    by chance, is taken.
+    A sufficiently long autoregression imitates 1/f noise except at its lowest lines, on which a slow loop depends. So
+    filters of several lengths are fitted in alternation with the colour, each to the expected remainder of the other
+    (Dempster, Laird & Rubin 1977). The pair with the largest Whittle likelihood, penalised for its number of
+    coefficients, is taken.
 
     Parameters
     ----------
     stretches : mapping of float to sequence of ndarray
-        Stretches of noise around zero by sampling step, as `noise_model` wants them.
+        Stretches of noise about zero by sampling step in seconds, as for `noise_model`.
     sources : mapping of float to str
+        Data the stretches come from, in words, by sampling step.
     least : float
+        Smallest RMS, in the channel's unit; see `noise_model`.
     exponents : tuple of int
-        Of `colour_of`.
+        Powers of ``1/ν`` that the colour may have; see `colour_of`.
+
+    Returns
+    -------
+    dict of float to NoiseModel
+        Noise model by sampling step in seconds.
     """
     best, best_score = {}, -np.inf
     for longest in FILTER_LENGTHS:
@@ -208,12 +234,12 @@ def channel_noise(
         if score > best_score:
             best, best_score = models, score
         if all(model.lost == 0 for model in loud.values()):
-            break  # shorter is the same
+            break  # shorter filters give the same model
     return best
 
 
 def _without_colour(stretch: Real, model: NoiseModel | None) -> Real:
-    """A stretch with the power at each line that is expected of the autoregression's share alone."""
+    """A stretch whose power at each line is reduced to the expected share of the autoregression."""
     if model is None or model.colour == (1.0, 0.0, 0.0):
         return stretch
     lines = np.fft.rfft(stretch)
@@ -226,7 +252,7 @@ def _without_colour(stretch: Real, model: NoiseModel | None) -> Real:
 
 
 def _whittle(model: NoiseModel, stretches: Sequence[Real]) -> float:
-    """Log-likelihood of a model by the periodograms, less half a logarithm of the samples for each coefficient."""
+    """Whittle log-likelihood of a model, less half the logarithm of the number of samples for each coefficient."""
     total = -0.5 * model.lost * np.log(sum(stretch.size for stretch in stretches))
     for stretch in stretches:
         lines = slice(1, stretch.size // 2 + 1)
@@ -237,7 +263,7 @@ def _whittle(model: NoiseModel, stretches: Sequence[Real]) -> float:
 
 
 def repeat_deviations(repeats: Sequence[Real]) -> list[Real]:
-    """Deviations of repeats from their mean, scaled to the variance of one recording; none where there is one."""
+    """Deviations of repeats from their mean, scaled to the variance of one recording; empty for a single recording."""
     if len(repeats) < 2:
         return []
     mean = np.mean(repeats, axis=0)

@@ -1,4 +1,4 @@
-"""What is made of a fit: the printhead, its intervals, recordings beside the model, and what a reader must know."""
+"""From a fit to its result: the printhead, its intervals, recordings beside the model, and caveats for the reader."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from inkjet_env.identification.starting_point import ringing_gain
 from inkjet_env.printhead import Printhead
 
 QUANTILE_90 = 1.6448536269514722
-"""Of the normal distribution: 90 % of it lie within so many standard deviations."""
+"""Number of standard deviations about the mean that hold 90 % of a normal distribution."""
 LARGEST_UNCERTAINTY = math.log(10)
-"""Half width of the interval of ``ln a0`` or ``ln a1`` from which on the resonator counts as not identified."""
+"""Half width of the interval of ``ln a0`` or ``ln a1`` above which the resonator counts as not identified."""
 LEAST_RINGING_GAIN = 50.0
-"""By how much a resonance must lower χ² against a head without one, the search having tried many."""
+"""Smallest decrease of χ² by a resonance against a head without one; large because the search tries many."""
 NOTHING_RINGS = (
     "nothing in them rings. Take pulses with short edges, or a multisine about the resonance, sampled at ten times its "
     "frequency; `inkjet record --plan FOLDER` writes such drives."
@@ -33,12 +33,12 @@ NOTHING_RINGS = (
 
 
 def outcome_of(fit: CampaignFit) -> Identification:
-    """The identification that a solved fit comes to.
+    """Identification from a solved fit.
 
     Raises
     ------
     ValueError
-        The first channel does not follow the drive, nothing rings, or ``a0`` or ``a1`` is all but unknown.
+        The first channel does not follow the drive, nothing rings, or ``a0`` or ``a1`` is practically unknown.
     """
     law, d = fit.solution.model.weights, fit.solution.model.weights.size
     swing = _gain_of_reference(fit, fit.solution.model)
@@ -47,7 +47,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
     gain = _gain_of_reference(fit, richer.model)
     model = replace(richer.model, weights=coefficients * gain)
     if _chi_square(fit, model) > fit.solution.chi_square + 2 * CHANCE_F:
-        # These recordings do not tell how far the law swings: law and gains only go together.
+        # These recordings do not determine the swing of the law, only the product of law and gains.
         model, gain = fit.solution.model, swing
     gains = _gains(fit, model, richer, gain)
     if ringing_gain(fit.fitted(fit.fast, d), model.a0, model.a1) < LEAST_RINGING_GAIN:
@@ -80,7 +80,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
 
 
 def _gain_of_reference(fit: CampaignFit, model: Model) -> float:
-    """Of the law's swing over the convention's."""
+    """Ratio of the law's swing to that of the convention."""
     swing = float(model.weights.sum())
     if not math.isfinite(swing) or abs(swing) < 1e-12 * float(np.abs(model.weights).sum()):
         raise ValueError(f"channel {fit.reference} does not follow the drive at all; is its sensor connected?")
@@ -88,7 +88,7 @@ def _gain_of_reference(fit: CampaignFit, model: Model) -> float:
 
 
 def _chi_square(fit: CampaignFit, model: Model) -> float:
-    """Of the whitened residuals of the fitted samples."""
+    """χ² of the whitened residuals of the fitted samples."""
     total = 0.0
     for f in fit.fitted(fit.train, model.weights.size):
         left = f.measurement.mean - model.predicted(f.measurement, f.basis, f.noise)
@@ -97,7 +97,7 @@ def _chi_square(fit: CampaignFit, model: Model) -> float:
 
 
 def _gains(fit: CampaignFit, model: Model, richer: Solution, gain_of_reference: float) -> dict[str, Estimate]:
-    """Of each channel, with the errors of the richer fit."""
+    """Gain of each channel in its unit, with the errors of the richer fit."""
     swings = np.array([float(name.startswith("w")) for name in richer.names])
     gains = {}
     for channel, ratio in model.ratios.items():
@@ -111,7 +111,7 @@ def _gains(fit: CampaignFit, model: Model, richer: Solution, gain_of_reference: 
 
 
 def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:
-    """``a0`` and ``a1``, with the errors of the richer fit."""
+    """``a0`` in 1/s² and ``a1`` in 1/s, with the errors of the richer fit."""
     estimates = {}
     for name, value in (("a0", model.a0), ("a1", model.a1)):
         error = QUANTILE_90 * richer.error_of(np.eye(len(richer.names))[richer.names.index(f"ln {name}")])
@@ -125,7 +125,7 @@ def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:
 
 
 def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]) -> list[str]:
-    """What a reader must know of the outcome, in sentences."""
+    """Caveats of the result for the reader, in sentences."""
     notes = []
     if "self_sensing" not in gains:
         notes.append(
@@ -165,7 +165,7 @@ def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]
 
 
 def _modelled_recordings(fit: CampaignFit, model: Model) -> tuple[ModelledRecording, ...]:
-    """One a recording of the channels that the model has, by name."""
+    """Every recording of the modelled channels beside its simulation, sorted by name."""
     rows: list[ModelledRecording] = []
     for m in fit.all:
         if m.channel not in model.ratios:

@@ -3,7 +3,10 @@
 Given the resonator ``(a0, a1)`` and the gains of the channels relative to the first, the model is linear in the
 coefficients of the branch law, the offsets and the free initial states. So Gauss–Newton steps run in ``ln a0``,
 ``ln a1`` and the gain ratios, with everything linear solved for at each of them (Golub and Pereyra's variable
-projection in Ruhe and Wedin's form). Each recording is reduced to a small triangle first; what is left costs nothing.
+projection in Ruhe and Wedin's form). Each recording is first reduced to a small triangle; the remaining work is
+negligible. The objective is Eq. (1) of docs/explanation/identification.md:
+
+    χ²(θ) = Σ_j |W_j (y_j - ŷ_j(θ))|²                                                               (1)
 """
 
 from __future__ import annotations
@@ -20,10 +23,11 @@ from inkjet_env.identification.model import Fitted, Model
 from inkjet_env.typing import Real
 
 MOST_STEPS = 60
+"""Largest number of Gauss–Newton steps."""
 CONVERGED = 1e-4
-"""A step that promises to lower χ² by less is the last."""
+"""Promised decrease of χ² below which the fit has converged."""
 LARGEST_STEP = 0.5
-"""Of the logarithms of a0 and a1."""
+"""Largest change of ln a0 or ln a1 in one step."""
 
 
 def fit_everything(
@@ -37,13 +41,18 @@ def fit_everything(
     Parameters
     ----------
     fitted : sequence of Fitted
-        Bases of one degree.
+        Recordings with bases of one degree.
     start : Model
-        ``a0``, ``a1`` and the ratios are taken from it; the weights where they are needed to begin.
+        Starting values of ``a0``, ``a1`` and the ratios, and of the weights where the first step needs them.
     constraints : ndarray, shape (k, d), optional
-        ``constraints @ weights ≥ 0``, or ``≤ 0`` where the first channel's gain is negative.
+        Rows with ``constraints @ weights ≥ 0``, or ``≤ 0`` if the gain of the first channel is negative.
     coloured : collection of str
         Channels whose whitened residual is not white, so that its spectrum must enter the covariance.
+
+    Returns
+    -------
+    Solution
+        The model at the minimum, with its covariance.
     """
     problem = Linearised(fitted, constraints)
     model = start
@@ -65,7 +74,7 @@ def fit_everything(
                     break
             fraction /= 2
         else:
-            converged = step.promise < 1e3 * CONVERGED  # rounding stands in the way of the last digits
+            converged = step.promise < 1e3 * CONVERGED  # rounding limits the last digits
             break
         objective, model = value, trial
     return solution_of(problem, model, converged, coloured)
@@ -73,7 +82,7 @@ def fit_everything(
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """Changes of ``ln a0`` and ``ln a1``, of the ratios but the first, and by how much they promise to lower χ²."""
+    """Changes of ``ln a0`` and ``ln a1``, of the ratios except the first, and the promised decrease of χ²."""
 
     logarithms: Real
     ratios: Real
@@ -85,12 +94,12 @@ def _best_linear(problem: Linearised, blocks: Sequence[Real], model: Model) -> t
     matrix, target = problem.stacked(blocks, model, nonlinear=False)
     solution, _ = problem.solve(matrix, target)
     offsets = dict(zip(problem.channels, solution[problem.degree :].tolist(), strict=True))
-    objective = float(np.sum((target - matrix @ solution) ** 2))
+    objective = float(np.sum((target - matrix @ solution) ** 2))  # Eq. (1)
     return objective, replace(model, weights=solution[: problem.degree], offsets=offsets)
 
 
 def _step(problem: Linearised, blocks: Sequence[Real], model: Model) -> _Step:
-    """The Gauss–Newton step."""
+    """Gauss–Newton step from a model."""
     matrix, target = problem.stacked(blocks, model, nonlinear=True)
     solution, _ = problem.solve(matrix, target)
     now = np.sum(problem.left(blocks, model) ** 2)
@@ -100,7 +109,7 @@ def _step(problem: Linearised, blocks: Sequence[Real], model: Model) -> _Step:
 
 
 def _moved(problem: Linearised, model: Model, step: _Step, fraction: float) -> Model | None:
-    """The model a fraction of a step on; None where that is no damped oscillation."""
+    """Model after a fraction of a step; None if its resonator is not a damped oscillation."""
     a0, a1 = model.a0, model.a1
     if problem.moving:
         a0, a1 = (np.array([a0, a1]) * np.exp(fraction * step.logarithms)).tolist()

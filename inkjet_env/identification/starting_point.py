@@ -1,4 +1,4 @@
-"""Where the fit of the resonator begins: a rational fit of the spectra, and a coarse search in case it fails."""
+"""Start of the resonator's fit: a rational fit of the spectra, and a coarse search in case it fails."""
 
 from __future__ import annotations
 
@@ -15,19 +15,25 @@ from inkjet_env.typing import Real
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 ITERATIONS = 12
+"""Number of iterations of the rational fit."""
 MOST_LINES = 2000
+"""Largest number of spectral lines per recording in the rational fit."""
 HIGHEST_SHARE = 0.35
-"""Of the sampling rate: above it, what happens between samples matters too much for a start."""
+"""Highest frequency of the rational fit, as a share of the sampling rate; above it, the signal between samples matters
+too much."""
 GRID_FREQUENCIES = 40
+"""Number of frequencies in the coarse search."""
 GRID_DAMPING_RATIOS = (0.01, 0.05, 0.25)
+"""Damping ratios in the coarse search."""
 GRID_SAMPLES = 12_000
+"""Largest number of samples on which candidates are compared."""
 STIFFNESS = 3000.0
-"""Angular frequency times sampling step of a head that only follows."""
+"""Angular frequency times sampling step of a head that follows the drive without ringing."""
 
 
 def resonator_candidates(fast: Sequence[Fitted], weights: Real | None) -> list[tuple[float, float]]:
     """Pairs ``(a0, a1)`` to start from, the frequency-domain ones first; see `best_start`."""
-    if weights is None:  # then the hysteretic drive is taken to be the drive
+    if weights is None:  # then the drive stands for the hysteretic drive
         weights = np.eye(fast[0].basis.degree)[0]
     exact = [f for f in fast if f.measurement.initial_state == "periodic"]
     found = []
@@ -39,16 +45,17 @@ def resonator_candidates(fast: Sequence[Fitted], weights: Real | None) -> list[t
 
 
 def _broad(f: Fitted) -> bool:
-    """Whether a drive has many lines of similar strength, as a multisine has."""
+    """Whether the spectrum of a drive has many lines of similar strength, like that of a multisine."""
     lines = np.abs(np.fft.rfft(f.measurement.drive_V))[1:] ** 2
     return bool(lines.sum() ** 2 > 8 * (lines**2).sum())
 
 
 def rational_fit(fitted: Sequence[Fitted], weights: Real) -> tuple[float, float] | None:
-    """``(a0, a1)`` of the rational function through the spectra, or None where it is no damped oscillation.
+    """``(a0, a1)`` of the rational function through the spectra, or None if it is not a damped oscillation.
 
-    Sanathanan and Koerner's iteration: ``D(s) Y = N(s) V + t0 + t1 s`` is linear in everything; the equation is weighed
-    by ``1/|D|`` of the round before. ``t0 + t1 s`` is what a record that does not repeat adds; steady ones have none.
+    Sanathanan and Koerner's iteration: ``D(s) Y = N(s) V + t0 + t1 s`` is linear in all unknowns, and the equation is
+    weighted by ``1/|D|`` of the previous iteration. ``t0 + t1 s`` is the transient of a record that does not repeat;
+    steady-state records have none.
     """
     rows = []
     for f in fitted:
@@ -108,15 +115,20 @@ def _grid(fast: Sequence[Fitted]) -> list[tuple[float, float]]:
 
 
 def best_start(fast: Sequence[Fitted], weights: Real | None) -> tuple[float, float]:
-    """The ``(a0, a1)`` among the candidates that leaves the least on a part of the recordings.
+    """The candidate ``(a0, a1)`` with the smallest χ² on a part of the recordings.
 
     Parameters
     ----------
     fast : sequence of Fitted
         Self-sensing and displacement recordings.
     weights : ndarray, shape (d,), or None
-        Branch law to any scale, or None where it is not known: then each candidate is judged with the law that suits
-        it best, so that losses in the ceramic are not taken for damping.
+        Coefficients of the branch law up to a factor, or None if it is unknown: each candidate is then judged with the
+        law that suits it best, so that losses in the ceramic are not mistaken for damping.
+
+    Returns
+    -------
+    tuple of float
+        ``a0`` in 1/s² and ``a1`` in 1/s.
     """
     part: list[Fitted] = []
     budget = GRID_SAMPLES
@@ -129,13 +141,13 @@ def best_start(fast: Sequence[Fitted], weights: Real | None) -> tuple[float, flo
 
 
 def ringing_gain(fast: Sequence[Fitted], a0: float, a1: float) -> float:
-    """By how much the resonator lowers χ² against one too stiff to ring, each with the law that suits it best."""
+    """Decrease of χ² by the resonator against one too stiff to ring, each with the law that suits it best."""
     stiff = STIFFNESS / min(f.measurement.step_s for f in fast)
     return _misfit(fast, None, stiff**2, stiff) - _misfit(fast, None, a0, a1)
 
 
 def _misfit(part: Sequence[Fitted], weights: Real | None, a0: float, a1: float) -> float:
-    """χ² with a gain, or a branch law, and an offset for each channel."""
+    """χ² with the best offset and gain, or branch law, for each channel."""
     total = 0.0
     for channel in sorted({f.measurement.channel for f in part}):
         rows = []

@@ -28,6 +28,7 @@ from inkjet_env.mismatch.fitting.base_model import MOST_SUBSTEPS, base_model
 from inkjet_env.mismatch.fitting.base_parameters import in_convention
 from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.headline import headline
@@ -66,7 +67,7 @@ def diagnose(
     held_out: Sequence[str] | None = None,
     workers: int = 2,
     progress: Callable[[str], None] | None = None,
-    keep: str | os.PathLike[str] | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
 ) -> Diagnosis:
     """Tell where recordings and the base model differ, and which physics was left out.
 
@@ -86,7 +87,7 @@ def diagnose(
         Processes.
     progress : callable, optional
         Told what is being done, in words.
-    keep : str or Path, optional
+    checkpoint : str or Path, optional
         Folder for the fits made so far: a diagnosis that was interrupted goes on there, to the same end. It is removed
         when the diagnosis is complete.
 
@@ -99,18 +100,16 @@ def diagnose(
     twice = [name for name, count in Counter(effect.id for effect in catalogued).items() if count > 1]
     if twice:
         raise ValueError(f"effects must have ids of their own; {twice[0]!r} comes twice. Rename one.")
-    checkpoint = FitCheckpoint(keep, catalogued)
-    work = _Work(
-        campaign,
-        catalogued,
-        np.random.default_rng(rng),
+    context = FitContext(
         ProcessPool(workers),
+        np.random.default_rng(rng),
         progress or (lambda _: None),
-        checkpoint,
+        FitCheckpoint(checkpoint, catalogued),
     )
+    work = _Work(campaign, catalogued, context)
     with threadpool_limits(1):  # linear algebra is small here, and the processes have the cores
         found = work.diagnosis(printhead, held_out)
-    checkpoint.clear()
+    context.checkpoint.clear()
     return found
 
 
@@ -125,7 +124,7 @@ class _Candidate:
     def score(self, on: OutputErrorFit) -> float:
         """Log-likelihood of the fitted recordings by another's noise, less what is free by Schwarz's criterion."""
         chosen = self.selection.chosen
-        modelled, told = self.joint.modelled(chosen.fit), chosen.fit.with_values
+        modelled, told = self.joint.modelled(chosen.fit), chosen.fit.active.pairs
         residuals = on.stacked({o.name: o.measured - modelled[o.name] for o in on.observed})
         amplitudes = [self.joint.chance(o, told) for o in on.seen]
         free = chosen.free + sum(len(s.values) for s in self.random_effects)
@@ -136,21 +135,13 @@ class _Candidate:
 class _Work:
     """The steps of one diagnosis."""
 
-    def __init__(
-        self,
-        campaign: Campaign,
-        effects: Sequence[Effect],
-        rng: np.random.Generator,
-        pool: ProcessPool,
-        progress: Callable[[str], None],
-        checkpoint: FitCheckpoint,
-    ) -> None:
-        self.campaign, self.rng, self.pool, self.progress, self.checkpoint = campaign, rng, pool, progress, checkpoint
+    def __init__(self, campaign: Campaign, effects: Sequence[Effect], context: FitContext) -> None:
+        self.campaign, self.context = campaign, context
         self.started = self.last = time.perf_counter()
         self.stages: dict[str, float] = {}
         self.notes: list[str] = []
         self.effects = tuple(effects)
-        self.rivals: dict[str, tuple[str, ...]] = {}
+        self.indistinguishable: dict[str, tuple[str, ...]] = {}
         self.doubt: str | None = None
 
     def took(self, stage: str) -> None:
@@ -167,8 +158,8 @@ class _Work:
         testable = [e for e in self.effects if e.id not in untestable]
         by_accident = [e for e in testable if e.random]
         lawful = [e for e in testable if e not in by_accident]
-        self.progress("the base model")
-        joint = base_model(self.campaign, observed, printhead, held_out, self.progress)
+        self.context.progress("the base model")
+        joint = base_model(self.campaign, observed, printhead, held_out, self.context.progress)
         self.notes.extend(joint.noise.notes)
         if not any(o.fitted < o.excitation.samples for o in observed):
             self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
@@ -176,7 +167,7 @@ class _Work:
         self.took("base model")
         told = self.candidate(joint, by_accident, lawful)
         if (other := self.with_another_law(joint, told)) is not None:
-            self.progress("the same with a law that goes straight beyond a smaller swing")
+            self.context.progress("the same with a law that goes straight beyond a smaller swing")
             again = self.candidate(other, by_accident, lawful)
             if again.score(joint) - 0.5 * math.log(joint.ends[-1]) > told.score(joint):
                 told = again
@@ -189,7 +180,7 @@ class _Work:
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
             chosen = base_hypothesis(joint)  # finer nodes, or another noise, made it vanish
         self.took("selection")
-        self.progress("what is left over")
+        self.context.progress("what is left over")
         discrepancy = discrepancy_regression(chosen)
         self.took("flexible model")
         return self.verdict(joint, chosen, selection, random_effects, discrepancy, untestable)
@@ -198,13 +189,13 @@ class _Work:
         """What differs from recording to recording, and what by a law, told from one base model."""
         random_effects: list[RandomEffect] = []
         if by_accident:
-            self.progress("what differs from recording to recording")
+            self.context.progress("what differs from recording to recording")
             resting = [o for o in joint.observed if o.at_rest]
             joint, random_effects = self.with_chance(joint, by_accident, resting, random_effects)
             self.took("chance")
         found, selection = self.selected(joint, lawful)
         nothing = not selection.chosen.ids
-        if by_accident and (nothing or not leftover(selection.chosen, found, self.rng)):
+        if by_accident and (nothing or not leftover(selection.chosen, found, self.context.rng)):
             exact, chosen = self.polished(joint, selection.chosen, random_effects)
             trusted = [o for o in joint.observed if nothing or o.fitted]  # in the others, what was chosen may do badly
             again, more = self.with_chance(exact, by_accident, trusted, random_effects, chosen)
@@ -270,7 +261,7 @@ class _Work:
                     and f.gain > (1 - SAME_GAIN) * best.gain - 3
                 )
             )
-            self.rivals[best.effect.id] = rivals
+            self.indistinguishable[best.effect.id] = rivals
             random_effects = [*random_effects, best]
             noise = noise_seen(
                 joint.observed, self.less_chance(joint.observed, residuals, random_effects), dict(joint.noise.models)
@@ -280,9 +271,9 @@ class _Work:
 
     def selected(self, joint: OutputErrorFit, effects: Sequence[Effect]) -> tuple[Signatures, Selection]:
         """Signatures and selection on one noise."""
-        found = signatures(joint, effects, self.pool, self.progress)
+        found = signatures(joint, effects, self.context)
         self.took("signatures")
-        selection = select(joint, effects, found, self.pool, self.rng, self.progress, self.checkpoint)
+        selection = select(joint, effects, found, self.context)
         self.took("selection")
         return found, selection
 
@@ -303,9 +294,9 @@ class _Work:
             noise = noise_seen(joint.observed, residuals, {})
             base = in_convention(joint.base.head)
             joint = OutputErrorFit(joint.observed, noise, base, joint.random_effects)
-            near = joint.near(replace(chosen.fit, head=in_convention(chosen.fit.head)))
+            near = joint.near(chosen.fit.moved(head=in_convention(chosen.fit.head)))
             try:
-                chosen = settled(joint, near.fit(chosen.fit.effects, chosen.fit.theta))
+                chosen = settled(joint, near.fit(chosen.fit.active))
             except NUMERICAL:
                 return before, replace(chosen, fit=replace(chosen.fit, converged=False))
             substeps = joint.observed[0].excitation.substeps
@@ -348,12 +339,16 @@ class _Work:
         closure = closure_of(recordings)
         share = share_left(base_hypothesis(bare), chosen, discrepancy)
         groups = [(name, *others) for name, others in selection.alternatives.items() if others and name in chosen.ids]
-        groups += [(s.effect.id, *self.rivals[s.effect.id]) for s in random_effects if self.rivals.get(s.effect.id)]
+        groups += [
+            (s.effect.id, *self.indistinguishable[s.effect.id])
+            for s in random_effects
+            if self.indistinguishable.get(s.effect.id)
+        ]
         anything = bool(chosen.ids or random_effects)
         refuted = (
             bool(chosen.ids)
             and closure < PREDICTED_POORLY
-            and not explains_held_out_after_refit(joint, chosen, self.pool, self.progress)
+            and not explains_held_out_after_refit(joint, chosen, self.context)
         )
         vague = max(map(len, groups), default=0) > MOST_ALIKE
         # the base model was checked on what was fitted alone: does it stand where it predicted badly?
@@ -364,7 +359,7 @@ class _Work:
             verdict = "none"
         else:
             verdict = "set" if groups else "named"
-        self.progress("where it is")
+        self.context.progress("where it is")
         location = locate(bare.observed, bare.noise, bare.base, bare.basis[0])
         self.took("location")
         units = {o.channel: o.unit for o in joint.observed if o.channel != "drive_monitor"}
@@ -389,7 +384,7 @@ class _Work:
             for other in group[1:]:
                 wanted = (ids - {group[0]}) | {other}
                 fits.extend(h.fit for h in selection.compared if set(h.ids) == wanted)
-        self.progress("the next experiment")
+        self.context.progress("the next experiment")
         following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
         stands = base if verdict == "unknown" else chosen  # of a model that is not named: no half

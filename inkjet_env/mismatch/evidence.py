@@ -18,7 +18,6 @@ from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.stepwise import Selection, cosine
 from inkjet_env.mismatch.settings import LEAST_EXCESS, SURE
 from inkjet_env.plant import Effect
-from inkjet_env.plant.effect import coordinates
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
@@ -154,7 +153,7 @@ def compared(selection: Selection) -> tuple[HypothesisScore, ...]:
                 float(np.sqrt(np.sum(errors**2))),
                 h.gain / most if most > 0 else 0.0,
                 cosine(start, best, h) if best.ids else math.nan,
-                " ".join(e.description(v, _signal_unit(h.joint)) for e, v in h.fit.with_values),
+                " ".join(e.description(v, _signal_unit(h.joint)) for e, v in h.fit.active.pairs),
             )
         )
     return tuple(rows)
@@ -218,31 +217,29 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
     """
     errors = _errors(chosen)
     idle = chosen.fit.idle
-    lower, upper = joint.limits(chosen.fit.effects)
-    result, at = [], 0
-    for effect, values in chosen.fit.with_values:
-        count = len(effect.parameters)
-        rest = [(e, v) for e, v in chosen.fit.with_values if e is not effect]
+    active = chosen.fit.active
+    lower, upper = joint.limits(active.effects)
+    result = []
+    for effect, values in active.pairs:
+        rest, mine = active.minus(effect), active.slices[effect.id]
         smaller = base_hypothesis(joint)
-        if rest:
-            theta = np.concatenate([coordinates(e, v) for e, v in rest])
+        if rest.ids:
             with suppress(*NUMERICAL):
-                smaller = Hypothesis(joint.fit([e for e, _ in rest], theta, chosen.fit.head), joint)
+                smaller = Hypothesis(joint.fit(rest, chosen.fit.head), joint)
         estimates = {}
-        for k, p in enumerate(effect.parameters, start=at):
+        for k, p in enumerate(effect.parameters, start=mine.start):
             if idle[k] and lower[k] < upper[k]:
                 continue
             reach = QUANTILE_90 * errors[k]
-            ends = [p.value(float(np.clip(chosen.fit.theta[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
+            ends = [p.value(float(np.clip(active.theta[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
             if not chosen.fit.converged:
                 ends = [-math.inf, math.inf]
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
-        gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[at : at + count]))
+        gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[mine]))
         p_value = selection.p_values.get(effect.id, chance_of(gain, free, len(selection.compared)))
         unit = _signal_unit(joint)
         sentence = effect.description(_surely(effect, values, estimates), unit)
         if not chosen.fit.converged:
             sentence = f"{sentence} {NOT_CONVERGED}"
         result.append(NamedEffect(effect, sentence, gain, p_value, estimates, values, unit))
-        at += count
     return result

@@ -1,4 +1,4 @@
-"""Effects that are on together, with the vector of their parameters that a fit moves."""
+"""Effects that are on together, with the vector of their fitted parameters."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.plant.effect import Effect, Parameter, Values, coordinates, limits, rest, terms_of, values_at
-from inkjet_env.plant.excitation import Excitation
-from inkjet_env.printhead import Printhead
+from inkjet_env.plant.effect import Effect, Parameter, Values, coordinates, rest, terms_of, values_at
 from inkjet_env.typing import Real
 
 SMALLEST_SCALE = 1e-6
-"""Least scale of a coordinate for a finite difference, as a share of the coordinate's range."""
+"""Smallest scale of a coordinate for a finite difference, as a share of the coordinate's range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +23,9 @@ class ActiveEffects:
     Parameters
     ----------
     effects : tuple of Effect
-        In the order in which they were switched on; each id once.
+        The effects, in the order in which they were switched on; each id once.
     theta : ndarray, shape (k,)
-        Coordinates (see `Parameter.coordinate`): the parameter itself, its logarithm or its reciprocal.
+        Coordinates (see `Parameter.coordinate`): each parameter, its logarithm or its reciprocal.
 
     Raises
     ------
@@ -68,7 +66,7 @@ class ActiveEffects:
 
     @cached_property
     def slices(self) -> Mapping[str, slice]:
-        """By effect's id, where its coordinates stand in ``theta``."""
+        """Slice of ``theta`` that holds the coordinates of each effect, by id."""
         ends = np.cumsum([len(effect.parameters) for effect in self.effects])
         return {e.id: slice(int(end) - len(e.parameters), int(end)) for e, end in zip(self.effects, ends, strict=True)}
 
@@ -79,7 +77,7 @@ class ActiveEffects:
 
     @cached_property
     def pairs(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
-        """Each effect with its values, in the parameters' units."""
+        """Each effect with the values of its parameters, in their units."""
         return tuple((effect, values_at(effect, self.theta_of(effect))) for effect in self.effects)
 
     def theta_of(self, effect: Effect) -> Real:
@@ -91,17 +89,23 @@ class ActiveEffects:
         return replace(self, theta=theta)
 
     def stepped(self, place: int, step: float) -> ActiveEffects:
-        """The same effects with one coordinate moved by ``step``."""
+        """The same effects with the coordinate at index ``place`` moved by ``step``."""
         theta = self.theta.copy()
         theta[place] += step
         return self.at(theta)
 
     def plus(self, effect: Effect, values: Values) -> ActiveEffects:
-        """One more effect on, after the others."""
+        """These effects and one more, after the others."""
         return ActiveEffects((*self.effects, effect), np.concatenate([self.theta, coordinates(effect, values)]))
 
+    def with_values(self, effect: Effect, values: Values) -> ActiveEffects:
+        """The same effects, one of them with other values."""
+        theta = self.theta.copy()
+        theta[self.slices[effect.id]] = coordinates(effect, values)
+        return self.at(theta)
+
     def minus(self, effect: Effect) -> ActiveEffects:
-        """Without one of the effects."""
+        """These effects without one of them."""
         return ActiveEffects.of((e, v) for e, v in self.pairs if e.id != effect.id)
 
     @property
@@ -114,7 +118,7 @@ class ActiveEffects:
         return terms_of(effect, self.theta_of(effect))
 
     def without_term(self, effect: Effect, term: Sequence[str]) -> ActiveEffects:
-        """The same with a term of an effect's law switched off."""
+        """The same effects with one term of an effect's law switched off."""
         theta = self.theta.copy()
         for place, parameter in enumerate(effect.parameters, start=self.slices[effect.id].start):
             if parameter.name in term:
@@ -123,21 +127,15 @@ class ActiveEffects:
 
     @cached_property
     def off(self) -> NDArray[np.bool_]:
-        """Which coordinates belong to terms of the laws that are off, shape (k,)."""
+        """Whether each coordinate belongs to a term that is off, shape (k,)."""
         result = np.zeros(self.theta.size, dtype=bool)
         for effect in self.effects:
             names = {name for term in self.terms(effect)[1] for name in term}
             result[self.slices[effect.id]] = [p.name in names for p in effect.parameters]
         return result
 
-    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> tuple[Real, Real]:
-        """Bounds of the coordinates on these recordings: lower and upper, shape (k,) each."""
-        ends = [limits(effect, printhead, excitations) for effect in self.effects]
-        empty = [np.zeros(0)]
-        return np.concatenate([a for a, _ in ends] or empty), np.concatenate([b for _, b in ends] or empty)
-
     def scale(self, place: int) -> float:
-        """Scale of a coordinate for a finite difference: its own size, or a small part of its range."""
+        """Scale of a coordinate for a finite difference: its magnitude, or a small share of its range."""
         parameter = self.parameters[place][1]
         if parameter.scale == "log":
             return 1.0

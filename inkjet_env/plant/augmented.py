@@ -1,4 +1,4 @@
-"""The printhead with the effects that a diagnosis found: what it answers to a waveform or any drive, and its file."""
+"""The printhead with the effects that a diagnosis found: its response to a waveform or any drive, and its file."""
 
 from __future__ import annotations
 
@@ -25,29 +25,38 @@ from inkjet_env.storage import write_json
 from inkjet_env.typing import Real
 
 STEPS_A_PERIOD = 200
+"""Grid steps per period of the head's resonance."""
+
 STEPS_A_WINDOW = 1000
+"""Smallest number of grid steps in a window."""
+
 MOST_STEPS = 2_000_000
+"""Largest number of grid steps that is simulated."""
+
 SUBSTEPS = 2
+"""Nodes per grid step."""
 
 
 @dataclass(frozen=True, eq=False)
 class AugmentedPrinthead:
-    """A printhead with effects that its base model leaves out; what was measured by itself is what it shows.
+    """A printhead with effects that its base model leaves out.
 
-    It answers as `Printhead` does, on a grid of 200 steps a period, whose nodes a waveform's corners fall between:
-    peaks are right to 3e-4 of the largest where edges last a twentieth of the period, to 2e-2 where they are jumps. A
-    pulse shorter than a node, a 400th of the period, may be missed.
-    Effects of chance (hum, drift of the baseline) and crosstalk add nothing: there is no recording and no neighbour.
+    It responds as `Printhead` does, on a grid of 200 steps per period. The corners of a waveform fall between the nodes
+    of the grid: peaks are accurate to 3e-4 of the largest if edges last a twentieth of the period, and to 2e-2 if they
+    are jumps. A pulse shorter than the distance of two nodes, a 400th of the period, may be missed.
+    Random effects (hum, baseline drift) and crosstalk contribute nothing: there is no recording and no neighbour.
 
     Parameters
     ----------
     printhead : Printhead
+        Base model of the head.
     effects : tuple of (Effect, values)
-        Values that are not given are those of the simplest law; see `complete`.
+        Effects with values of their parameters, in their units. Values that are not given are those of the simplest
+        law; see `complete`.
     gains : mapping of str to float
-        By channel, in its unit per hysteretic volt.
+        Gain of each channel, in its unit per hysteretic volt.
     order : int
-        Effects that change with the order of the recordings are taken as they were at this one, the last.
+        Order of the recording at which effects that change within the session are evaluated.
     """
 
     printhead: Printhead
@@ -61,17 +70,17 @@ class AugmentedPrinthead:
 
     @property
     def frequency_Hz(self) -> float:
-        """Of the base model."""
+        """Undamped natural frequency of the base model, in hertz."""
         return self.printhead.frequency_Hz
 
     @property
     def damping_ratio(self) -> float:
-        """Of the base model."""
+        """Damping ratio of the base model, dimensionless."""
         return self.printhead.damping_ratio
 
     @property
     def plant(self) -> Plant:
-        """Head, sensors and effects on recordings."""
+        """Head, sensors and effects as a plant for recordings."""
         return Plant(self.printhead, self.gains, effects=self.effects)
 
     def respond(
@@ -81,21 +90,29 @@ class AugmentedPrinthead:
         window_s: float = DEFAULT_WINDOW_S,
         hysteresis: str = "full_memory",
     ) -> AugmentedResponse:
-        """Response to one waveform, the resonator being at rest when it starts.
+        """Response to one waveform; the resonator is at rest at its start.
 
         Parameters
         ----------
         waveform : Waveform
+            The drive.
         initial_state : {"periodic", "demagnetised"}
-            Of all that remembers but the resonator: the waveform had been repeating, once a window; or it is the first.
+            State of everything with memory except the resonator: the waveform has been repeated, once per window, or it
+            is the first.
         window_s : float
-            Peaks later than this after the waveform's start do not count; finite.
+            Peaks later than this after the waveform's start do not count, in seconds; finite.
         hysteresis : {"full_memory"}
+            Memory of the branch law; with effects, only this one.
+
+        Returns
+        -------
+        AugmentedResponse
+            Peaks, and the signals at any time in the window.
 
         Raises
         ------
         ValueError
-            An option that is not offered with effects; a motion that grows without bound.
+            An option that is not available with effects, or a motion that grows without bound.
         """
         check_name("hysteresis of a printhead with effects", hysteresis, ("full_memory",))
         window_s = _finite_window(window_s)
@@ -104,7 +121,7 @@ class AugmentedPrinthead:
         steps = _steps(max(window_s, waveform.duration_s), step_s)
         times_s = np.arange(steps * SUBSTEPS) * (step_s / SUBSTEPS)
         at_nodes_V = waveform.drive_V(times_s)
-        at_nodes_V[0] = 0.0  # a jump at the start begins there
+        at_nodes_V[0] = 0.0  # a jump at the start begins at 0 V
         hysteretic_V, sensor_V = self._answer(at_nodes_V, step_s, initial_state)
         peak_times_s, peaks_V = extrema(sensor_V, step_s)
         counts = peak_times_s <= window_s
@@ -120,7 +137,7 @@ class AugmentedPrinthead:
         hysteresis: str = "full_memory",
         window_s: float | None = None,
     ) -> SampledResponse:
-        """Response to a sampled drive, as `inkjet_env.printhead.respond_sampled` with the resonator at rest."""
+        """Response to a sampled drive, as in `inkjet_env.printhead.respond_sampled` with the resonator at rest."""
         check_name("hysteresis of a printhead with effects", hysteresis, ("full_memory",))
         time, drive = check_samples(time_s, drive_V)
         since = time - time[0]
@@ -145,7 +162,7 @@ class AugmentedPrinthead:
         initial_state: str = "periodic",
         window_s: float = DEFAULT_WINDOW_S,
     ) -> Real:
-        """Peak costs in volts, shape (n,), of waveforms (n, 7); each some hundred times slower than the base model."""
+        """Peak costs in volts, shape (n,), of waveforms (n, 7); some hundred times slower than with the base model."""
         rows = as_waveform_array(waveforms)
         found = (self.respond(Waveform.from_array(row), initial_state, window_s).cost(cost) for row in rows)
         return np.fromiter(found, dtype=np.float64, count=len(rows))
@@ -165,9 +182,9 @@ class AugmentedPrinthead:
             before = replace(first, initial_state="periodic", cache={"drive": at_nodes_V})
         try:
             drive_V = plant.at_ceramic_V(before)
-            # a copy: of the drive as asked, the powers of the law would be kept, which costs more and serves fits
+            # A copy, since for the commanded drive itself the powers of the law would be cached: slower, for fits only.
             repeated_V = plant.hysteretic_V(drive_V.copy(), before)
-            repeated_V = repeated_V - repeated_V[0]  # where the head rests
+            repeated_V = repeated_V - repeated_V[0]  # zero where the head rests
             hysteretic_V = repeated_V[: first.nodes]
             head = self.printhead
             resonance = Resonance(head.a0, head.a1, head.a0)
@@ -187,7 +204,7 @@ class AugmentedPrinthead:
         return first.sampled(hysteretic_V), signal
 
     def to_json(self, path: str | os.PathLike[str], **options: Any) -> None:
-        """Write a ``printhead/1`` file, whole or not at all; options as `as_json`."""
+        """Write a ``printhead/1`` file atomically; options as in `as_json`."""
         write_json(path, self.as_json(**options))
 
     def as_json(
@@ -196,14 +213,15 @@ class AugmentedPrinthead:
         fit: Mapping[str, Any] | None = None,
         effect_intervals: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
     ) -> dict[str, Any]:
-        """A ``printhead/1`` with the keys "effects" and "order"; an effect of a user's own has a "class" beside its id.
+        """A ``printhead/1`` with the keys "effects" and "order"; a user's own effect has a "class" beside its id.
 
         Parameters
         ----------
         intervals, fit
-            As `Printhead.as_json`.
+            As in `Printhead.as_json`.
         effect_intervals : mapping, optional
-            By effect and parameter, (low, high); a point unless given. Infinite numbers are written as null.
+            Interval (low, high) of each parameter in its unit, by effect and parameter; a point if not given. Infinite
+            numbers are written as null.
         """
         channels = {channel: {"gain": {"value": gain}} for channel, gain in self.gains.items()}
         effects = []
@@ -223,14 +241,15 @@ class AugmentedPrinthead:
 
 @dataclass(frozen=True, eq=False)
 class AugmentedResponse:
-    """What a head with effects answers to a waveform; made by `AugmentedPrinthead.respond`.
+    """Response of a head with effects to a waveform; made by `AugmentedPrinthead.respond`.
 
     Attributes
     ----------
     peak_times_s, peaks_V : ndarray, shape (k,)
-        Every local extremum of the self-sensed signal within the window, signed, in time order.
+        Times in seconds and signed values in volts of every local extremum of the self-sensed signal within the window,
+        in time order.
     tail_V : float
-        0: the window is finite.
+        Always 0 V, since the window is finite.
     """
 
     printhead: AugmentedPrinthead
@@ -245,15 +264,15 @@ class AugmentedResponse:
     tail_V: float = 0.0
 
     def drive_V(self, time_s: ArrayLike) -> Real:
-        """Drive in volts at any times, same shape: as asked for."""
+        """Commanded drive in volts at times in seconds, same shape."""
         return np.interp(np.asarray(time_s, dtype=np.float64), self.knot_times_s, self.knot_drive_V, left=0.0)
 
     def hysteretic_V(self, time_s: ArrayLike) -> Real:
-        """Hysteretic drive in volts at any times, same shape; zero at the start, linear between steps."""
+        """Hysteretic drive in volts at times in seconds, same shape; zero at the start, linear between steps."""
         return self._between(time_s, self.hysteretic_at_steps_V)
 
     def sensor_V(self, time_s: ArrayLike) -> Real:
-        """Self-sensed signal in volts at any times, same shape; linear between steps."""
+        """Self-sensed signal in volts at times in seconds, same shape; linear between steps."""
         return self._between(time_s, self.sensor_at_steps_V)
 
     def _between(self, time_s: ArrayLike, at_steps: Real) -> Real:
@@ -273,7 +292,7 @@ def _finite_window(window_s: float) -> float:
 
 
 def _steps(duration_s: float, step_s: float) -> int:
-    """Steps of the grid: a few more than the duration, so that an extremum at its end is seen."""
+    """Number of grid steps: a few more than the duration, so that an extremum at its end is found."""
     steps = math.ceil(duration_s / step_s) + 3
     if steps > MOST_STEPS:
         raise ValueError(

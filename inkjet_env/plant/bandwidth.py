@@ -1,4 +1,4 @@
-"""Parameters and starting values of a low-pass, for the effects that are one."""
+"""Parameters and starting values of a low-pass, for the effects that consist of one."""
 
 from __future__ import annotations
 
@@ -22,6 +22,6 @@ SECOND_ORDER = Parameter(
 
 
 def low_pass_starts(printhead: Printhead) -> list[dict[str, float]]:
-    """Of one pole and of two, wide and narrow beside the resonance."""
+    """Starting values with one pole and with two, with bandwidths from twice to 20 times the resonance."""
     shapes = ((20.0, 0.0), (6.0, 0.0), (2.0, 0.0), (20.0, 0.5), (6.0, 0.5))
     return [{"bandwidth_Hz": ratio * printhead.frequency_Hz, "second_order": q} for ratio, q in shapes]

@@ -21,15 +21,17 @@ def hysteretic_levels(drive_V, full_scale_V, laws, periodic, memory, pieces, lev
     Parameters
     ----------
     drive_V : ndarray, shape (n,)
-        Linear between nodes; where periodic, with the way back to the first node at its end.
+        Drive in volts, linear between nodes; if periodic, the first node again at its end.
     full_scale_V : float
+        Change of drive at ``x = 1``, in volts.
     laws : ndarray, shape (k, d + 1)
-        Coefficients, lowest power first.
+        Coefficients of each law, lowest power first.
     periodic : bool
+        Whether the drive has been repeated; otherwise it starts from the demagnetised state.
     memory, pieces : ndarray, shapes (≥ 2 n + 2,), (≥ 4 n + 32, 6)
-        Scratch.
+        Scratch for `branch_pieces`.
     levels : ndarray, shape (n, k)
-        Filled, in volts.
+        Filled with the hysteretic drive, in volts.
     """
     x = 2.0 * abs(drive_V[0]) / full_scale_V
     for j in range(laws.shape[0]):
@@ -67,21 +69,28 @@ def linear_motion(forcing_V, pole, gain, step_s, pairs, start, deflection, speed
     Parameters
     ----------
     forcing_V : ndarray, shape ((m - 1) · 2 · pairs + 1,)
+        Forcing at the nodes, in hysteretic volts.
     pole, gain : complex, float
-        λ and ``a0 / ω_d``.
+        λ and ``a0 / ω_d`` of Eq. (11a) of `inkjet_env.plant.resonance`, in 1/s.
     step_s : float
-        Two nodes.
+        Step of the motion, from a node to the second next, in seconds.
     pairs : int
-        Such steps a sample.
+        Number of such steps per sample.
     start : complex
+        Amplitude at the first node, in hysteretic volts.
     deflection, speed : ndarray, shape (m,)
-        Filled at the samples.
+        Filled with the deflection in volts and its speed in V/s at the samples.
+
+    Returns
+    -------
+    complex
+        Amplitude at the last node, in hysteretic volts.
     """
     decay = np.exp(pole * step_s)
     m = np.empty(3, dtype=np.complex128)
     fill_moments(pole * step_s, 3, m)
     scale = gain * step_s
-    # weights of the three nodes of a step
+    # Weights of the three nodes of a step.
     first = scale * (m[0] - 3.0 * m[1] + 2.0 * m[2])
     middle = scale * (4.0 * m[1] - 4.0 * m[2])
     last = scale * (2.0 * m[2] - m[1])
@@ -90,6 +99,7 @@ def linear_motion(forcing_V, pole, gain, step_s, pairs, start, deflection, speed
     at = 0
     for i in range(1, deflection.shape[0]):
         for _ in range(pairs):
+            # Eq. (11a), integrated over a step.
             state = state * decay + (first * forcing_V[at] + middle * forcing_V[at + 1] + last * forcing_V[at + 2])
             at += 2
         deflection[i], speed[i] = state.imag, (pole * state).imag
@@ -98,8 +108,8 @@ def linear_motion(forcing_V, pole, gain, step_s, pairs, start, deflection, speed
 
 @intrinsic
 def _force(typing_context, law, x_V, speed_V, values):
-    """Call a law compiled by `compiled_force`: its address and that of its values are numbers, which cost nothing to
-    hand over; a function as an argument costs 70 µs a call of the kernel."""
+    """Call a law compiled by `compiled_force` at its address, with values at theirs: addresses are numbers and cost
+    nothing to pass, whereas a function as an argument costs 70 µs per call of the kernel."""
 
     def call(context, builder, signature, arguments):
         number = ir.DoubleType()
@@ -113,7 +123,7 @@ def _force(typing_context, law, x_V, speed_V, values):
 
 @_jit
 def pushed(forces, x_V, speed_V):
-    """All forces that depend on the motion, in one state; ``forces`` as in `forced_motion`."""
+    """Sum in hysteretic volts of all forces that depend on the motion; ``forces`` as in `forced_motion`."""
     total = 0.0
     for k in range(forces.shape[0]):
         total += _force(forces[k, 0], x_V, speed_V, forces[k, 1])  # type: ignore[call-arg]
@@ -126,19 +136,28 @@ def forced_motion(
 ):
     """`linear_motion` with forces that depend on the motion and a stiffness that depends on time.
 
-    The forces are taken as quadratic in time: through the step's end, as predicted by the line through the two values
-    before, its beginning, and the step before; one evaluation a step, third order.
+    The forces are taken as quadratic in time through three points: the previous step, the start of the step, and its
+    end, where the motion is predicted with the line through the two former. One evaluation per step gives third order.
 
     Parameters
     ----------
+    forcing_V, pole, gain, step_s, pairs, start, deflection, speed
+        As in `linear_motion`.
+    omega0 : float
+        ``√a0``, in 1/s.
     forces : ndarray of int64, shape (k, 2)
         Addresses of each law and of its values.
     softening : ndarray, shape (nodes,) or (0,)
         Relative change of stiffness at the nodes.
     stiffness : float
-        Of the spring that softens, over the one that the forcing acts against.
+        Stiffness of the spring that softens over the one that the forcing acts against.
     past : ndarray, shape (2,)
-        Forces in all, a step before the start and at the start; those at the end afterwards.
+        Sum of the forces in hysteretic volts one step before the start and at the start; on return, at the end.
+
+    Returns
+    -------
+    complex
+        Amplitude at the last node, in hysteretic volts; NaN if the motion grows without bound.
     """
     decay = np.exp(pole * step_s)
     m = np.empty(3, dtype=np.complex128)
@@ -156,6 +175,7 @@ def forced_motion(
     at = 0
     for i in range(1, deflection.shape[0]):
         for _ in range(pairs):
+            # Eq. (11a), integrated over a step.
             state = state * decay + (first * forcing_V[at] + middle * forcing_V[at + 1] + last * forcing_V[at + 2])
             state -= whole * now + ramp * (now - earlier)
             at += 2
@@ -185,24 +205,26 @@ def lagged(signal, keep, old, new, start, result):
 
 @_jit
 def returned(signal, whole, weights, ends, lag, lap, periodic, result):
-    """A signal some samples later, sums of four samples in turn, and then as often as there are ends `lagged`.
+    """Delay a signal by a weighted sum of four consecutive samples, then apply the lag once for each end.
 
     Parameters
     ----------
     signal : ndarray, shape (n,)
+        Signal at the samples.
     whole : int
-        The first of the four is ``whole + 2`` before.
+        Whole part of the delay, in samples: the first of the four is ``whole + 2`` before.
     weights : ndarray, shape (4,)
-        Of the four.
+        Weights of the four samples.
     ends : int
+        Number of reflections, each with its lag.
     lag : tuple of float
-        Weights of the lag.
+        Weights of the lag, from `inkjet_env.plant.lag.lag_weights`.
     lap : float
-        What a lap takes away of a change of the lagged value.
+        Share of a change of the lagged value that decays over one period, from `inkjet_env.plant.lag.lap_loss`.
     periodic : bool
-        The sample after the last is the first; else the signal is held at either end.
+        Whether the sample after the last is the first; otherwise the signal is held at both ends.
     result : ndarray, shape (n,)
-        Filled.
+        Filled with the delayed signal.
     """
     n = signal.shape[0]
     for i in range(n):
@@ -234,15 +256,16 @@ def returned(signal, whole, weights, ends, lag, lap, periodic, result):
 
 @_jit
 def extrema(signal, flat, times, values):
-    """Local extrema of a signal, see `inkjet_env.plant.extrema`; returns their number.
+    """Find the local extrema of a signal, see `inkjet_env.plant.extrema`; returns their number.
 
     Parameters
     ----------
     signal : ndarray, shape (n,)
+        Signal at the samples.
     flat : float
-        Of the largest magnitude: a lesser change from sample to sample is none.
+        Smallest change from sample to sample that counts, as a share of the largest magnitude.
     times, values : ndarray, shape (≥ n,)
-        Filled; times in samples.
+        Filled with times in samples and values in the unit of the signal.
     """
     n = signal.shape[0]
     largest = 0.0
@@ -270,21 +293,25 @@ def extrema(signal, flat, times, values):
 
 @_jit
 def _bend(signal, at):
-    """Second difference; at either end, that beside it."""
+    """Second difference at a sample; at either end, that of its neighbour."""
     at = min(max(at, 1), signal.shape[0] - 2)
     return (signal[at + 1] - signal[at]) - (signal[at] - signal[at - 1])
 
 
 @_jit
 def stepped(keep, gained, state, result):
-    """States x with ``x ← keep x + gained``, the first of them in ``result``; ``state`` is left where it ends.
+    """Iterate the states ``x ← keep x + gained`` and record the first of them.
 
     Parameters
     ----------
     keep : ndarray, shape (k, k), k 1 or 2
+        Transition matrix of a step.
     gained : ndarray, shape (n, k)
+        Input of each step.
     state : ndarray, shape (k,)
+        State at the start; on return, at the end.
     result : ndarray, shape (n + 1,)
+        Filled with the first state, from the start to the end.
     """
     result[0] = state[0]
     if state.shape[0] == 1:

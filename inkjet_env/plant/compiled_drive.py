@@ -11,9 +11,9 @@ _jit = kernel_jit(__file__)
 
 @_jit
 def slew_limited(signal, most, start, result):
-    """A signal that is linear between nodes, followed by no more than ``most`` a node; returns the last value.
+    """Follow a signal that is linear between nodes at a rate of at most ``most`` per node; returns the last value.
 
-    Exact at the nodes, also where it catches up or is met by an edge between them.
+    Exact at the nodes, even if it catches up with the signal, or an edge meets it, between them.
     """
     value = start
     result[0] = value
@@ -35,9 +35,9 @@ def slew_limited(signal, most, start, result):
 
 @_jit
 def softly_slewed(signal, most, reach, start, result):
-    """What follows a signal, linear between nodes, as ``u' = most tanh((signal - u) / reach)``; returns the last value.
+    """Follow a signal, linear between nodes, as ``u' = most tanh((signal - u) / reach)``; returns the last value.
 
-    ``most`` a step; solved by quadrature, to rounding.
+    ``most`` is the largest change per step. Solved by quadrature, accurate to rounding.
     """
     value = start
     result[0] = value
@@ -51,9 +51,9 @@ def softly_slewed(signal, most, reach, start, result):
 
 @_jit
 def _behind(x, edge, time):
-    """x after a time, of ``x' = edge - tanh x``: where ``∫ dx / (edge - tanh x)`` is as long."""
+    """Solution x of ``x' = edge - tanh x`` after a time: where ``∫ dx / (edge - tanh x)`` equals that time."""
     if abs(abs(edge) - 1.0) < 1e-7:
-        edge += 2e-7  # the two of its terms that grow without bound cancel
+        edge += 2e-7  # two terms of the primitive grow without bound there and cancel
     rate = edge - np.tanh(x)
     goal = np.arctanh(edge) if abs(edge) < 1.0 else np.copysign(np.inf, edge)
     if rate == 0.0 or abs(goal - x) < 1e-13 * (1.0 + abs(goal)):
@@ -62,7 +62,7 @@ def _behind(x, edge, time):
     slope = 1.0 - np.tanh(x) ** 2
     last, now = x, x + rate * (-np.expm1(-slope * time) / slope if slope * time > 1e-9 else time)
     for _ in range(60):
-        if (goal - now) * rate <= 0.0:  # beyond where it comes to rest
+        if (goal - now) * rate <= 0.0:  # beyond the rest position
             now = 0.5 * (last + goal)
         if abs(goal - now) < 1e-13 * (1.0 + abs(goal)):
             return goal
@@ -76,6 +76,6 @@ def _behind(x, edge, time):
 
 @_jit
 def _primitive(x, edge):
-    """Of ``(edge² - 1) / (edge - tanh x)``."""
+    """Primitive of ``(edge² - 1) / (edge - tanh x)`` with respect to x."""
     s = 1.0 if x > 0.0 else -1.0
     return edge * x + abs(x) + np.log(0.5 * abs(edge - s + (edge + s) * np.exp(-2.0 * abs(x))))

@@ -18,20 +18,21 @@ def rated_plays(
     Parameters
     ----------
     drive_V : ndarray, shape (n,)
-        Linear between nodes.
+        Drive at the nodes in volts, linear between them.
     measure : ndarray, shape (n,)
-        Of the rate, at the nodes.
+        Measure of the rate at the nodes, dimensionless.
     growth, widening_V : float
-        A threshold r is ``r (1 + growth m) + widening_V m``, not below 0, at the measure m.
+        At the measure m, a threshold r becomes ``r (1 + growth m) + widening_V m``, but not below 0.
     relaxation : float
-        Time constant, in steps, with which a play goes to where it should be; 0: at once.
+        Time constant, in steps, with which a play approaches its branch; 0: it follows at once.
     thresholds_V, weights : ndarray, shape (k,)
+        Thresholds in volts and dimensionless weights of the plays.
     warm_up_periods : int
-        The last one stays.
+        Number of passes over the drive, at least 1; the last one is the output.
     states_V : ndarray, shape (k,)
-        Scratch.
+        Scratch for the states of the plays.
     output_V : ndarray, shape (n,)
-        Filled.
+        Filled with the sum of the plays, in volts.
     """
     states_V[:] = 0.0
     output_V[0] = _played(drive_V[0], growth, widening_V, measure[0], thresholds_V, weights, states_V)
@@ -54,7 +55,7 @@ def rated_plays(
             else:
                 output_V[i] = output_V[i - 1]
         if warm_up_periods > 1:
-            output_V[0] = output_V[-1]  # a drive that repeats ends where it began
+            output_V[0] = output_V[-1]  # a repeated drive ends where it starts
 
 
 @_jit
@@ -70,26 +71,26 @@ def _played(u, growth, widening_V, measure, thresholds_V, weights, states_V):
 
 @_jit
 def _followed(u, later, growth, widening_V, measure, relaxation, thresholds_V, weights, states_V):
-    """`_played` a step later of plays that go to their branch with a time constant: exact while it drags them."""
+    """`_played` a step later for plays that approach their branch with a time constant: exact while it drags them."""
     edge, keep = later - u, np.exp(-1.0 / relaxation)
     total = 0.0
     for k in range(thresholds_V.shape[0]):
         r = max(thresholds_V[k] * (1.0 + growth * measure) + widening_V * measure, 0.0)
         w = states_V[k]
         elapsed, sign = 0.0, 1.0 if u - w > r else -1.0
-        for _ in range(2):  # the branch that drags it first, then the other
-            # how far the branch is ahead, in its own direction, from now to the end of the step
+        for _ in range(2):  # the branch that drags the play first, then the other
+            # Distance of the branch ahead of the play, in its own direction, now and at the end of the step.
             ahead, end, slope = sign * (u + edge * elapsed - w) - r, sign * (later - w) - r, sign * edge
             if ahead > 0.0 or end > 0.0:
                 kept = keep if elapsed == 0.0 else np.exp((elapsed - 1.0) / relaxation)
                 if ahead < 0.0:
                     ahead, kept = 0.0, np.exp(-end / (slope * relaxation))
-                # behind a ramp by the lag, but for what it was before
+                # It trails a ramp by the lag, plus a decaying rest of the initial distance.
                 behind = slope * relaxation + (ahead - slope * relaxation) * kept
                 if behind >= 0.0:
                     w += sign * (end - behind)
                     break
-                met = relaxation * np.log1p(-ahead / (slope * relaxation))  # the branch comes back and passes it
+                met = relaxation * np.log1p(-ahead / (slope * relaxation))  # time at which the branch returns to it
                 w += sign * (ahead + slope * met)
                 elapsed += met
             sign = -sign
@@ -105,17 +106,19 @@ def leaning_plays(drive_V, lean, tilt, thresholds_V, weights, warm_up_periods, s
     Parameters
     ----------
     drive_V : ndarray, shape (n,)
+        Drive at the nodes, in volts.
     lean : float
-        Of every play the rising branch follows ``(1 + lean) u``, the falling one ``(1 - lean) u``.
+        The rising branch of every play follows ``(1 + lean) u``, the falling one ``(1 - lean) u``; dimensionless.
     tilt : float
-        The same in proportion to the threshold r, per volt: ``(1 ± r tilt) u``.
+        The same in proportion to the threshold r, in 1/V: ``(1 ± r tilt) u``.
     thresholds_V, weights : ndarray, shape (k,)
+        Thresholds in volts and dimensionless weights of the plays.
     warm_up_periods : int
-        The last one stays.
+        Number of passes over the drive, at least 1; the last one is the output.
     states_V : ndarray, shape (k,)
-        Scratch.
+        Scratch for the states of the plays.
     output_V : ndarray, shape (n,)
-        Filled; where the branches have crossed, a play follows ``u``.
+        Filled with the sum of the plays, in volts; a play whose branches have crossed follows ``u``.
     """
     states_V[:] = 0.0
     for _ in range(warm_up_periods):
@@ -133,7 +136,7 @@ def leaning_plays(drive_V, lean, tilt, thresholds_V, weights, warm_up_periods, s
 
 @_jit
 def played(signal, threshold, warm_up_periods, output):
-    """One play of a signal, from a state of 0; the last lap stays."""
+    """One play of a signal, from a state of 0, over ``warm_up_periods`` passes; the last one is the output."""
     w = 0.0
     for _ in range(warm_up_periods):
         for i in range(signal.shape[0]):

@@ -1,4 +1,4 @@
-"""What an effect of the catalogue is: a sentence, an equation, parameters, and what it does in its stage."""
+"""Base class of an effect: a sentence, an equation, parameters, and its action in one stage of the plant."""
 
 from __future__ import annotations
 
@@ -21,9 +21,13 @@ Values = Mapping[str, float]
 """Values of an effect's parameters by name, in their units."""
 
 STAGES = ("drive", "hysteresis", "resonator", "sensing")
+"""Stages of the plant, in the order in which a signal passes them."""
+
 SCALES = ("linear", "log", "reciprocal")
+"""Scales on which a parameter may be fitted."""
+
 METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "description", *STAGES, "random_effect_basis")
-"""Of an effect, which it may override."""
+"""Methods that an effect may override."""
 
 
 @dataclass(frozen=True)
@@ -33,22 +37,22 @@ class Parameter:
     Parameters
     ----------
     name : str
-        With its unit at the end, as ``frequency_Hz``.
+        Name with its unit at the end, as ``frequency_Hz``.
     unit : str
-        As a reader would write it; "1" where it has none.
+        Unit as a reader would write it; "1" for a dimensionless parameter.
     low, high : float
-        Bounds.
+        Bounds, in ``unit``.
     scale : {"linear", "log", "reciprocal"}
-        In what it is fitted: itself, its logarithm, or one over itself (a bandwidth that is infinite where nothing is
-        left out).
+        Coordinate in which it is fitted: the value, its logarithm or its reciprocal (a bandwidth is infinite when the
+        effect is off).
     meaning : str
-        What it is, in words.
+        Meaning in words.
     open_ended : bool
-        Whether a value at a bound is as good as any: a clipping harder than can be told. Else an effect fitted with a
-        shape at its bound has become something else.
+        Whether a value at a bound is as acceptable as any other, as for clipping that is harder than recordings can
+        resolve. Otherwise a shape fitted at its bound means that the effect has degenerated into another one.
     plain : float, optional
-        Of a shape, the value that makes the law the simplest of its kind: there a fit leaves it, unless it begins
-        elsewhere or the simple law does not do.
+        Value of a shape parameter that makes the law the simplest of its kind. A fit keeps it there, unless it starts
+        elsewhere or the simple law does not suffice.
     """
 
     name: str
@@ -61,13 +65,13 @@ class Parameter:
     plain: float | None = None
 
     def coordinate(self, value: float) -> float:
-        """What is fitted, from the value."""
+        """Fitted coordinate of a value in the parameter's unit."""
         if self.scale == "log":
             return math.log(value)
         return 1 / value if self.scale == "reciprocal" else value
 
     def value(self, coordinate: float) -> float:
-        """The value, from what is fitted."""
+        """Value, in the parameter's unit, of a fitted coordinate."""
         if self.scale == "log":
             return math.exp(coordinate)
         if self.scale == "reciprocal":
@@ -76,46 +80,52 @@ class Parameter:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Of the coordinate, lower first."""
+        """Bounds of the coordinate, lower first."""
         a, b = self.coordinate(self.low), self.coordinate(self.high)
         return min(a, b), max(a, b)
 
 
 class Effect:
-    """Physics that the base model leaves out, as one stage of the plant does it.
+    """Physics that the base model leaves out, in one stage of the plant.
 
     An effect overrides the method of its stage and `starts`, and declares id, stage, sentence, parameters and
-    strengths; the rest has defaults. The value of each ``strength`` parameter at which nothing happens is
-    zero (infinity for a reciprocal one), so that the base model is the plant with every effect off.
+    strengths; the rest has defaults. Each ``strength`` parameter has no influence at zero (at infinity for a reciprocal
+    one), so that the base model is the plant with every effect off.
 
-    For values that it cannot simulate a method raises `SimulationError`, and a fit tries others. Whatever else it
-    raises is a fault of its code, and is told as an `EffectError` that names the effect and the method.
+    A method raises `SimulationError` for values that it cannot simulate, and a fit then tries others. Any other
+    exception is a fault of its code and is reported as an `EffectError` that names the effect and the method.
 
     Attributes
     ----------
     id : str
+        Name of the effect, as in a verdict and a printhead.json; unique.
     stage : {"drive", "hysteresis", "resonator", "sensing"}
+        Stage of the plant in which the effect acts.
     sentence : str
         What the base model leaves out, in plain words.
     equation, source : str
+        The law, and the publication it comes from.
     parameters : tuple of Parameter
+        All parameters, in the order of the fitted coordinates.
     strengths : tuple of str
         Names of the parameters that are zero (or infinite) when the effect is off.
     terms : tuple of tuple of str
-        Strengths that come and go together, where each is not a law by itself; shapes that do.
+        Groups of strengths that are switched on and off together because none is a law by itself; likewise of shapes.
+        Empty: every strength is a term of its own.
     plain_leaves : float
-        Share of the mismatch that the law must leave before terms that its start has off are let in.
+        Share of the mismatch that the law must leave unexplained before terms that its start has off are admitted;
+        dimensionless, 0 to 1.
     signature : str
-        What sets it apart.
+        What distinguishes it from other effects.
     confusable_with : tuple of str
         Ids of effects it may be mistaken for.
     shown_by : str
-        The recording that would show it.
+        Recording that would show it.
     depends_on_order : bool
         Whether it changes with the order of the recordings within the session, so that a printhead.json with it must
-        say at which recording the head is meant ("order"). False unless declared.
+        say for which recording the head stands ("order"). False by default.
     needs_neighbour : bool
-        Whether the drive of the neighbouring channel (column neighbour_V) causes it. False unless declared.
+        Whether the drive of the neighbouring channel (column neighbour_V) causes it. False by default.
     """
 
     id: ClassVar[str]
@@ -135,9 +145,9 @@ class Effect:
 
     @property
     def random(self) -> bool:
-        """Whether it differs at random from recording to recording, so that its amplitudes are fitted to each one.
+        """Whether it varies at random between recordings, so that its amplitudes are fitted to each recording.
 
-        True of an effect with `random_effect_basis`. A class may declare ``random = True`` or ``False`` itself.
+        True for an effect that overrides `random_effect_basis`. A class may declare ``random = True`` or ``False``.
         """
         return type(self).random_effect_basis is not Effect.random_effect_basis
 
@@ -145,8 +155,8 @@ class Effect:
     def predictable(self) -> bool:
         """Whether a model with the effect predicts the response to a new drive better than the base model does.
 
-        False of a random effect, and of one that needs the neighbour's drive, which a new drive does not tell. A class
-        may declare ``predictable = True`` or ``predictable = False`` itself.
+        False for a random effect, and for one that needs the neighbour's drive, which a new drive does not include. A
+        class may declare ``predictable = True`` or ``predictable = False``.
         """
         return not (self.random or self.needs_neighbour)
 
@@ -159,31 +169,31 @@ class Effect:
                 setattr(cls, name, answerable(method, name))
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
-        """Starting points for a fit on these shots: complete values of middling strength, one for each guess of shape.
+        """Starting points of a fit to these recordings: all values, at medium strength, one for each guess of shape.
 
-        Of an effect with several strengths each gets starts of its own, with the others off.
+        An effect with several strengths has separate starts for each, with the others off.
         """
         raise NotImplementedError
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
-        """Values at full strength: the effect then changes recordings that show it by some per cent, a quarter at most.
+        """Values at full strength, which change recordings that show the effect by some per cent, a quarter at most.
 
-        Synthetic campaigns are recorded with them. An effect that declares none has those of its first start on a
-        bipolar pulse. A parameter that is not given is off or plain, as in `complete`.
+        Synthetic campaigns are recorded with them. The default is the first start on a bipolar pulse. A parameter that
+        is not given is off or plain, as in `complete`.
 
         Parameters
         ----------
         printhead : Printhead
-            The head that has the effect; frequencies and times follow its resonance.
+            The head that has the effect; frequencies and times scale with its resonance.
         largest : float
-            Largest magnitude of the fast channel's signal, in the sensor's unit; for a level that the signal reaches.
+            Largest magnitude of the fast channel's signal, in the sensor's unit; it scales levels such as a limit.
         noise_rms : float
-            Standard deviation of the noise, in the sensor's unit; for an amplitude that is told from it.
+            Standard deviation of the noise, in the sensor's unit; it scales amplitudes that must exceed the noise.
 
         Returns
         -------
         dict of str to float
-            By parameter, in its unit.
+            Value of each parameter, in its unit.
         """
         step_s = 1 / (100 * printhead.frequency_Hz)
         pulse_V = np.interp(np.arange(2000), [0, 10, 65, 95, 160, 180], [0.0, 90.0, 90.0, -80.0, -80.0, 0.0])
@@ -192,62 +202,62 @@ class Effect:
     def superposed(
         self, printhead: Printhead, excitations: Sequence[Excitation]
     ) -> tuple[list[dict[str, float]], list[dict[str, float]], csr_array] | None:
-        """Starting points of the whole law where what it adds is nearly a sum of what its plain law adds.
+        """Starting points of the full law, if its contribution is nearly a sum of contributions of its plain law.
 
-        Values of the plain law (k of them), starting points (n), and how much of each of the former makes up each of
-        the latter, shape (n, k). None where a fit of the whole law may begin at the plain one.
+        Returns values of the plain law (k), starting points of the full law (n), and the weights of the former in each
+        of the latter, shape (n, k). None if a fit of the full law may start at the plain one.
         """
         return None
 
     def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
-        """Narrower bounds of some parameters, by name: beyond them these shots would show something else."""
+        """Narrower bounds of some parameters, by name; beyond them, these recordings would show another effect."""
         return {}
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
-        """Why these shots cannot show the effect, as the end of a sentence after "because"; None where they can."""
+        """Why these recordings cannot show the effect, as the end of a sentence after "because"; None if they can."""
         return None
 
     def changes(self, name: str, excitation: Excitation, values: Values) -> bool:
-        """Whether a parameter can change anything in a shot; where not, no simulation is spent on it."""
+        """Whether a parameter can change the response in a recording; if not, no simulation is spent on it."""
         return True
 
     def description(self, values: Values, unit: str = "V") -> str:
-        """The effect with its values, in plain words for a reader who knows printheads and not this program.
+        """The effect with its values, in plain words for a reader who knows printheads but not this program.
 
-        ``unit``: of the sensor's signal.
+        ``unit`` is the unit of the sensor's signal.
         """
         return self.sentence
 
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
-        """Voltage at the ceramic from what came so far, both at the nodes."""
+        """Voltage at the ceramic after this effect, from the voltage before it; both at the nodes, shape (nodes,)."""
         return drive_V
 
     def hysteresis(
         self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
     ) -> Real:
-        """Hysteretic drive from what the law gives for the voltage at the ceramic, all at the nodes."""
+        """Hysteretic drive after this effect, from that before it and the voltage at the ceramic; shape (nodes,)."""
         return hysteretic_V
 
     def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
-        """How the head rings in this shot."""
+        """Resonance of the head in this recording, with this effect added to the given one."""
         return resonance
 
     def sensing(
         self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
     ) -> Real:
-        """The sensor's signal, offset included, at the samples; the voltage at the ceramic is given at the nodes."""
+        """Sensor signal after this effect, with offset, at the samples; ``drive_V`` at the ceramic, at the nodes."""
         return signal
 
     def random_effect_basis(self, values: Values, excitation: Excitation) -> Real | None:
-        """Columns, shape (n, k), of what differs from recording to recording by chance: the phase of a hum.
+        """Random-effect basis, shape (n, k): signals whose amplitudes vary at random, as the phase of a hum does.
 
-        Their amplitudes are fitted to each recording by itself, so that such an effect explains a recording, but no
-        simulation predicts it. None where there are no such.
+        The amplitudes are fitted to each recording separately, so such an effect explains a recording, but no
+        simulation predicts it. None for an effect that is not random.
         """
         return None
 
     def random_amplitudes(self, count: int, rng: np.random.Generator) -> Real:
-        """Amplitudes of `random_effect_basis` in one recording, shape (count,), drawn for a strength of 1.
+        """Random amplitudes of `random_effect_basis` in one recording, shape (count,), for a strength of 1.
 
         A synthetic campaign multiplies them by the first of the ``strengths``.
         """
@@ -255,13 +265,13 @@ class Effect:
 
 
 def coordinates(effect: Effect, values: Values) -> Real:
-    """What is fitted of an effect, shape (k,), from its values."""
+    """Fitted coordinates of an effect, shape (k,), from its values."""
     with blamed(effect, f"values {dict(values)} of its parameters"):
         return np.array([p.coordinate(values[p.name]) for p in effect.parameters])
 
 
 def limits(effect: Effect, printhead: Printhead, excitations: Sequence[Excitation]) -> tuple[Real, Real]:
-    """Bounds of what is fitted of an effect in these shots: lower and upper, shape (k,) each."""
+    """Bounds of an effect's coordinates for these recordings: lower and upper, shape (k,) each."""
     narrower = effect.bounds(printhead, excitations)
     ends = []
     with blamed(effect, "a bound of its parameters"):
@@ -275,17 +285,17 @@ def limits(effect: Effect, printhead: Printhead, excitations: Sequence[Excitatio
 
 
 def values_at(effect: Effect, point: Real) -> dict[str, float]:
-    """Values of an effect from what is fitted, shape (k,)."""
+    """Values of an effect, by parameter, from its coordinates, shape (k,)."""
     return {p.name: p.value(float(z)) for p, z in zip(effect.parameters, point, strict=True)}
 
 
 def complete(effect: Effect, **given: float) -> dict[str, float]:
-    """All values of an effect from those that matter: strengths that are not given are off, shapes are plain.
+    """All values of an effect from the given ones: strengths that are not given are off, shapes are plain.
 
     Raises
     ------
     ValueError
-        A name that is no parameter of the effect's, or a shape without which it says nothing.
+        A name that is not a parameter of the effect, or a missing shape that has no plain value.
     """
     plain = {p.name: p.plain for p in effect.parameters if p.plain is not None}
     names = [p.name for p in effect.parameters]
@@ -298,9 +308,9 @@ def complete(effect: Effect, **given: float) -> dict[str, float]:
 
 
 def terms_of(effect: Effect, point: Real) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
-    """Parts of an effect's law that are on and that are not, at what is fitted, shape (k,): names of parameters.
+    """Terms of an effect's law that are on and that are off at coordinates of shape (k,): names of parameters.
 
-    A term is some strengths, off where they are all exactly nothing, or a shape, off where it is plain.
+    A term is a group of strengths, off if all are exactly at their off value, or a shape, off if it is plain.
     """
     at = dict(zip((p.name for p in effect.parameters), point, strict=True))
     strengths = effect.terms or tuple((name,) for name in effect.strengths)
@@ -314,19 +324,19 @@ def terms_of(effect: Effect, point: Real) -> tuple[list[tuple[str, ...]], list[t
 
 
 def rest(effect: Effect, parameter: Parameter) -> float:
-    """What is fitted of a parameter where its part of the law is off."""
+    """Coordinate of a parameter when its term of the law is off."""
     if parameter.name in effect.strengths or parameter.plain is None:
         return 0.0
     return parameter.coordinate(parameter.plain)
 
 
 def switched_off(effect: Effect, values: Values) -> dict[str, float]:
-    """The values with every strength at nothing."""
+    """The values with every strength at its off value."""
     return {**values, **_off(effect)}
 
 
 def _off(effect: Effect) -> dict[str, float]:
-    """The strengths at nothing."""
+    """Off value of every strength."""
     return {
         p.name: math.inf if p.scale == "reciprocal" else 0.0 for p in effect.parameters if p.name in effect.strengths
     }

@@ -1,4 +1,4 @@
-"""What may go wrong in a simulation: values that have no answer, which a fit leaves, and code that is at fault."""
+"""Failures of a simulation: parameter values without a solution, which a fit avoids, and faulty code of an effect."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 
 
 class SimulationError(FloatingPointError):
-    """A model with these values has no answer: no steady state, a motion without bound, a resonator that does not ring.
+    """The model has no solution for these values: no steady state, unbounded motion, a resonator that does not ring.
 
-    An effect raises it for values that it cannot simulate: a fit then tries others.
+    An effect raises it for values that it cannot simulate; a fit then tries others.
     """
 
 
@@ -22,12 +22,13 @@ class EffectError(RuntimeError):
 
 
 NUMERICAL = (FloatingPointError, OverflowError, np.linalg.LinAlgError)
-"""What a trial value may come to in a fit, which is no fault of the code: a `SimulationError`, numbers out of range."""
+"""Exceptions that trial values in a fit may cause without a fault of the code: `SimulationError`, numbers out of
+range."""
 
 
 @contextmanager
 def blamed(effect: Any, what: str) -> Iterator[None]:
-    """Whatever is raised inside, but for `NUMERICAL`, is told as a fault of an effect's: an `EffectError`."""
+    """Report any exception raised inside, except those of `NUMERICAL`, as an `EffectError` of the effect."""
     try:
         yield
     except (*NUMERICAL, EffectError):
@@ -41,7 +42,7 @@ def blamed(effect: Any, what: str) -> Iterator[None]:
 
 
 def answerable(method: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """An effect's method of that name, with its faults told as such; see `blamed`."""
+    """Method of an effect whose faults are reported as an `EffectError`; see `blamed`."""
 
     @functools.wraps(method)
     def called(self: Any, *args: Any, **options: Any) -> Any:

@@ -1,4 +1,4 @@
-"""One recording as the plant sees it: what was asked of the head, on nodes between the samples."""
+"""One recording as the plant sees it: the commanded drive, on nodes between the samples."""
 
 from __future__ import annotations
 
@@ -12,26 +12,33 @@ from inkjet_env.typing import Real
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """A drive, how it was applied, and the nodes it is followed on: everything of a recording but what was measured.
+    """A drive, how it was applied, and the nodes of the simulation: a recording without its measured signal.
 
     Parameters
     ----------
     channel : {"self_sensing", "strain_gauge", "displacement", "drive_monitor"}
-        The last is the voltage measured at the head, which shows the drive stage alone.
+        Sensor. The last is the voltage measured at the head, which shows the drive stage alone.
     initial_state : {"demagnetised", "periodic", "free"}
+        State at the first sample: at rest on the virgin curve, in the steady state of the repeated drive, or unknown.
     step_s : float
-        Sampling step.
+        Sampling step, in seconds.
     drive_V : ndarray, shape (n,)
-        What the generator was asked for; linear between samples.
+        Commanded drive in volts; linear between samples.
     order : int
-        When it was taken within the session.
+        Position of the recording within the session: 1, 2, 3 …
     neighbour_V : ndarray, shape (n,), optional
-        Drive of the neighbouring channel.
+        Drive of the neighbouring channel, in volts.
     substeps : int
-        Nodes a sampling step: even, because the resonator goes over two nodes at a time.
+        Nodes per sampling step; even, because the resonator advances by two nodes at a time.
     start : tuple of float
-        Deflection, from where the first drive would hold it, and scaled speed ``x' / ω0``, in hysteretic volts, at the
-        first sample; used where ``free``.
+        Deflection relative to its rest position under the first drive, and scaled speed ``x' / ω0``, at the first
+        sample, both in hysteretic volts; used if ``initial_state`` is ``"free"``.
+    largest_signal : float, optional
+        Largest magnitude measured, in the sensor's unit, if known: the starting level of a sensor that clips.
+    residual_lines_Hz : tuple of float
+        Frequencies of the strongest lines in the base model's residuals of such recordings: where a hum may be.
+    cache : dict
+        Results that follow from the excitation alone, stored at their first use.
     """
 
     channel: str
@@ -42,6 +49,8 @@ class Excitation:
     neighbour_V: Real | None = None
     substeps: int = 2
     start: tuple[float, float] = (0.0, 0.0)
+    largest_signal: float | None = None
+    residual_lines_Hz: tuple[float, ...] = ()
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -57,22 +66,22 @@ class Excitation:
 
     @property
     def periodic(self) -> bool:
-        """Whether the drive had been repeating: the sample after the last is the first."""
+        """Whether the drive has been repeated: the sample after the last is the first."""
         return self.initial_state == "periodic"
 
     @property
     def fast(self) -> bool:
-        """Whether the resonator shows; a strain gauge is quasi-static."""
+        """Whether the channel shows the resonator; a strain gauge is quasi-static."""
         return self.channel in ("self_sensing", "displacement")
 
     @property
     def node_step_s(self) -> float:
-        """Time between nodes."""
+        """Time between nodes, in seconds."""
         return self.step_s / self.substeps
 
     @property
     def nodes(self) -> int:
-        """Number of nodes: one period without its end where periodic, else up to the last sample."""
+        """Number of nodes: one period without its end if periodic, otherwise up to the last sample."""
         return self.samples * self.substeps if self.periodic else (self.samples - 1) * self.substeps + 1
 
     @property
@@ -81,7 +90,7 @@ class Excitation:
         return np.arange(self.nodes, dtype=np.float64) * np.float64(self.node_step_s)
 
     def refined(self, samples: Real) -> Real:
-        """Values at the samples, made linear between them: shape (n,) to (nodes,)."""
+        """Values at the nodes, shape (nodes,), by linear interpolation of values at the samples, shape (n,)."""
         ends = np.append(samples, samples[0]) if self.periodic else samples
         fractions = np.arange(self.substeps) / self.substeps
         between = ends[:-1, None] + np.diff(ends)[:, None] * fractions
@@ -89,12 +98,12 @@ class Excitation:
 
     @property
     def drive_at_nodes_V(self) -> Real:
-        """The drive that was asked for at the nodes, shape (nodes,)."""
+        """Commanded drive in volts at the nodes, shape (nodes,)."""
         if "drive" not in self.cache:
             self.cache["drive"] = self.refined(self.drive_V)
         drive: Real = self.cache["drive"]
         return drive
 
     def sampled(self, at_nodes: Real) -> Real:
-        """Values at the samples from values at the nodes."""
+        """Values at the samples, shape (n,), from values at the nodes, shape (nodes,)."""
         return at_nodes[:: self.substeps]

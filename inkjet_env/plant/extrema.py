@@ -7,15 +7,16 @@ import numpy as np
 from inkjet_env.typing import Real
 
 FLAT = 1e-12
-"""Of the largest magnitude: a lesser change from sample to sample is none."""
+"""Smallest change from sample to sample that counts, as a share of the largest magnitude."""
 
 
 def extrema(signal: Real, step_s: float) -> tuple[Real, Real]:
-    """Times from the first sample, and values, of every local extremum, two arrays of shape (k,).
+    """Times from the first sample in seconds, and values, of every local extremum: two arrays of shape (k,).
 
-    By the parabola through the extreme sample and its neighbours; a flat top counts once, at its middle. At 200 samples
-    a period of a smooth signal the value is right to 1e-5 of it. Where the slope or the signal jumps, the parabola may
-    not go further beyond the sample than the gentlest curvature nearby allows. Two extrema within a step are missed.
+    Each is the vertex of the parabola through the extreme sample and its neighbours; a flat top counts once, at its
+    middle. With 200 samples per period of a smooth signal the relative error of the value is 1e-5. Where the slope or
+    the signal jumps, the parabola may exceed the sample by no more than the smallest curvature nearby allows. Two
+    extrema within a step are missed.
 
     Examples
     --------

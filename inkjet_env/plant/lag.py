@@ -1,4 +1,4 @@
-"""First-order lag ``1 / (τ s + 1)`` of a signal that is linear between its values: exact there, at any τ."""
+"""First-order lag ``1 / (τ s + 1)`` of a signal that is linear between its values: exact at them, for any τ."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ def lagged(signal: Real, time_constant_s: float, step_s: float, periodic: bool) 
     Parameters
     ----------
     signal : ndarray, shape (n,)
-        Linear between its values, ``step_s`` apart.
+        Values at equal steps; the signal is linear between them.
     time_constant_s : float
-        At least 0; 0 is no lag.
+        τ in seconds, at least 0; 0 is no lag.
     step_s : float
+        Time between the values, in seconds.
     periodic : bool
-        In the steady state of the repeated signal, the value after the last being the first; else at rest at the first
-        value.
+        Whether the result is the steady state of the repeated signal, in which the value after the last is the first;
+        otherwise the lag starts at rest at the first value.
     """
     from inkjet_env.plant import compiled
 
@@ -39,18 +40,18 @@ def lagged(signal: Real, time_constant_s: float, step_s: float, periodic: bool) 
 
 
 def lag_weights(time_constant_s: float, step_s: float) -> tuple[float, float, float]:
-    """Weights of the lagged value, the signal's and its next, with which the next lagged value is made.
+    """Weights of the lagged value, the signal and its next value in the next lagged value.
 
-    Without a lag it is the signal's next.
+    Without a lag that is the next value of the signal.
     """
     if time_constant_s <= 0:
         return 0.0, 0.0, 1.0
     z = step_s / time_constant_s
-    # ∫ e^{-(1-s) z} z {1 - s, s} ds over the step
+    # The weights are ∫ e^{-(1-s) z} z {1 - s, s} ds over the step.
     new = 1 + math.expm1(-z) / z if z > 1e-4 else z / 2 - z * z / 6
     return math.exp(-z), -math.expm1(-z) - new, new
 
 
 def lap_loss(time_constant_s: float, lap_s: float) -> float:
-    """What a lap takes away of a change of the lagged value."""
+    """Share of a change of the lagged value that decays over one period of ``lap_s`` seconds."""
     return -math.expm1(-lap_s / time_constant_s) if time_constant_s > 0 else 1.0

@@ -1,4 +1,4 @@
-"""Low-pass ``1 / (1 + τ s + q τ² s²)``, of one pole (q = 0) or two, of a signal that is given at equal steps."""
+"""Low-pass ``1 / (1 + τ s + q τ² s²)`` with one pole (q = 0) or two, for a uniformly sampled signal."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from scipy.linalg import expm
 from inkjet_env.typing import Real
 
 LINEAR = np.array([[1.0, -1.0], [0.0, 1.0]])
-"""Powers of s, lowest first, of the line through the samples 0 and 1: a row a sample."""
+"""Polynomials in s, lowest power first, of the line through the samples 0 and 1: one row per sample."""
 CUBIC = np.array([[0, -1 / 3, 1 / 2, -1 / 6], [1, -1 / 2, -1, 1 / 2], [0, 1, 1 / 2, -1 / 2], [0, -1 / 6, 0, 1 / 6]])
-"""The same of Lagrange's cubics through the samples -1, 0, 1, 2, between the samples 0 and 1."""
+"""The same for Lagrange's cubics through the samples -1, 0, 1, 2, between the samples 0 and 1."""
 ONE_POLE = 1e-9
-"""Values of q up to this are taken for 0."""
+"""Values of q up to this are taken as 0."""
 
 
 def time_constant_s(bandwidth_Hz: float, second_order: float) -> float:
-    """τ of a low-pass that passes half the power at ``bandwidth_Hz``."""
+    """τ in seconds of a low-pass that passes half the power at ``bandwidth_Hz``, with q ``second_order``."""
     q = second_order
     return math.sqrt(2 / (1 - 2 * q + math.hypot(1 - 2 * q, 2 * q))) / (2 * math.pi * bandwidth_Hz)
 
@@ -31,18 +31,20 @@ def low_passed(
     Parameters
     ----------
     signal : ndarray, shape (n,)
-        ``step_s`` apart. Between its values linear, for which the result is exact; or ``cubic``: smooth, cubics through
-        four values stand for it. Of a tone that is wrong by less than 0.4 % of it at 9 values a period, falling with
-        the fourth power of the step.
+        Values at equal steps; see ``cubic`` for the signal between them.
     time_constant_s : float
-        τ, at least 0; 0 is no low-pass.
+        τ in seconds, at least 0; 0 is no low-pass.
     second_order : float
-        q, at least 0.
+        q, dimensionless, at least 0.
     step_s : float
+        Time between the values, in seconds.
     periodic : bool
-        In the steady state of the repeated signal, the value after the last being the first; else at rest at the first
-        value.
+        Whether the result is the steady state of the repeated signal, in which the value after the last is the first;
+        otherwise the filter starts at rest at the first value.
     cubic : bool
+        Whether the signal is smooth and replaced by cubics through four values: for a tone the error is below 0.4 % at
+        9 values per period and falls with the fourth power of the step. Otherwise the signal is linear between its
+        values, and the result is exact.
     """
     from inkjet_env.plant import compiled
 
@@ -50,8 +52,8 @@ def low_passed(
         return signal
     z = step_s / time_constant_s
     shapes = CUBIC if cubic else LINEAR
-    own, forcing = np.array([[-z]]), np.array([z])  # of y alone
-    if second_order > ONE_POLE:  # of y and τ y'
+    own, forcing = np.array([[-z]]), np.array([z])  # state y
+    if second_order > ONE_POLE:  # states y and τ y'
         own, forcing = np.array([[0.0, z], [-z / second_order, -z / second_order]]), np.array([0.0, z / second_order])
     keep, new = _over_a_step(own, forcing, shapes)
     values = _with_ends(signal, periodic, cubic)
@@ -60,7 +62,7 @@ def low_passed(
     start = np.zeros(len(keep))
     result = np.empty(steps + 1)
     if periodic:
-        compiled.stepped(keep, gained, start, result)  # leaves where it ends in `start`
+        compiled.stepped(keep, gained, start, result)  # `start` is then the state at the end
         start = np.linalg.solve(np.eye(len(keep)) - np.linalg.matrix_power(keep, steps), start)
     else:
         start[0] = signal[0]
@@ -69,9 +71,9 @@ def low_passed(
 
 
 def _over_a_step(own: Real, forcing: Real, shapes: Real) -> tuple[Real, Real]:
-    """What a step keeps of the states, shape (k, k), and adds for each value, shape (k, m): by one exponential.
+    """Transition matrix of a step, shape (k, k), and its input weights for each value, shape (k, m).
 
-    The forcing's polynomial is a chain of integrators behind the states (Van Loan 1978).
+    Both follow from one matrix exponential, with the forcing's polynomial as a chain of integrators (Van Loan 1978).
     """
     k, m = len(own), len(shapes)
     whole = np.zeros((k + m, k + m))
@@ -83,7 +85,7 @@ def _over_a_step(own: Real, forcing: Real, shapes: Real) -> tuple[Real, Real]:
 
 
 def _with_ends(signal: Real, periodic: bool, cubic: bool) -> Real:
-    """The signal with the values beside it that its shapes need."""
+    """The signal extended at its ends by the values that the line or cubic of the outermost steps needs."""
     if not cubic:
         return np.append(signal, signal[0]) if periodic else np.ascontiguousarray(signal)
     if periodic:

@@ -11,6 +11,7 @@ from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
 from inkjet_env.typing import Real
 
 PLAYS = 32
+"""Number of plays that replace a branch law."""
 
 
 def play_sum_V(
@@ -21,20 +22,22 @@ def play_sum_V(
     periodic: bool,
     plays: int,
 ) -> Real:
-    """What changed plays in place of the law give, but for its linear part, shape (n,).
+    """Output in volts of modified plays that replace the law, without its linear part, shape (n,).
 
     Parameters
     ----------
     kernel : compiled function
-        Of `compiled_hysteresis`.
+        Kernel of `compiled_hysteresis`.
     ends_V : ndarray, shape (n,)
-        Drive at the nodes; where periodic, with the first one again at its end.
+        Drive at the nodes, in volts; if periodic, the first one again at its end.
     change : tuple of ndarray or float
-        What the kernel wants to know after the drive.
+        Arguments of the kernel after the drive: how the plays are modified.
     law : BranchLaw
+        Branch law that the plays replace.
     periodic : bool
+        Whether the drive has been repeated; otherwise it starts from the demagnetised state.
     plays : int
-        How many; the difference from the law falls with their square.
+        Number of plays; the difference from the law falls with its square.
     """
     thresholds_V, weights = _thresholds_and_weights(law, plays)
     states_V, output_V = np.empty(plays), np.empty(ends_V.size)
@@ -44,6 +47,6 @@ def play_sum_V(
 
 @lru_cache(maxsize=64)
 def _thresholds_and_weights(law: BranchLaw, plays: int) -> tuple[Real, Real]:
-    """Of the plays in place of a law, but for the linear one, shape (plays,) each."""
+    """Thresholds in volts and weights of the plays that replace a law, without the linear one, shape (plays,) each."""
     sum_ = PlayOperators.of_branch_law(law, plays)
     return sum_.thresholds_V[1:].copy(), sum_.weights[1:].copy()

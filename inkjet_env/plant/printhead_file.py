@@ -1,4 +1,4 @@
-"""Reading ``printhead/1`` files, with effects or without; of the catalogue, or of the user's own."""
+"""Read ``printhead/1`` files, with or without effects of the catalogue or of the user's own."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.printhead import printhead_data
 
 CLASS = r"\w+(\.\w+)*:\w[\w.<>]*"
-"""Of an effect of a user's own: module and class."""
+"""Pattern of ``module:Class`` of a user's own effect."""
 SLACK = 1e-9
-"""By how much of itself a bound may be passed: a file keeps rounded numbers."""
+"""Relative excess over a bound that is accepted, since a file holds rounded numbers."""
 
 
 def read_printhead(path: str | os.PathLike[str]) -> Printhead | AugmentedPrinthead:
-    """The head of a ``printhead/1`` file: augmented where it has effects.
+    """The head of a ``printhead/1`` file: augmented if it has effects.
 
     Raises
     ------
     ValueError
-        What `Printhead.from_json` refuses; an effect that is not in the catalogue, a parameter that is missing or out
-        of bounds. The message names the file.
+        Anything that `Printhead.from_json` refuses; an effect that is not in the catalogue; a parameter that is missing
+        or out of bounds. The message names the file.
     UnregisteredEffectError
-        An effect of a user's own whose class is not registered in this process; see `inkjet_env.plant.register`. It is
-        a ``ValueError``.
+        A user's own effect whose class is not registered in this process; see `inkjet_env.plant.register`. It is a
+        ``ValueError``.
     """
     data = printhead_data(path)
     try:
@@ -45,7 +45,7 @@ def read_printhead(path: str | os.PathLike[str]) -> Printhead | AugmentedPrinthe
 
 
 def printhead_of(data: Mapping[str, Any]) -> Printhead | AugmentedPrinthead:
-    """The head that a ``printhead/1`` file's content describes; ``ValueError`` names the rule it breaks."""
+    """The head described by the content of a ``printhead/1`` file; ``ValueError`` names the broken rule."""
     base = Printhead.from_data(data)
     entries = data.get("effects") or []
     if not entries:
@@ -62,7 +62,7 @@ def printhead_of(data: Mapping[str, Any]) -> Printhead | AugmentedPrinthead:
 
 
 def _effect(entry: Mapping[str, Any]) -> Effect:
-    """The effect of the catalogue with an entry's id; where the entry names a class, the registered one."""
+    """The effect of the catalogue with an entry's id; if the entry names a class, the registered effect."""
     known = {effect.id: effect for effect in catalogue()}
     effect_id = entry.get("id")
     if "class" not in entry:
@@ -108,7 +108,7 @@ def _values(effect: Effect, parameters: Any) -> dict[str, float]:
 
 
 def _gains(fit: Any) -> dict[str, float]:
-    """Gains of the channels that the head was identified from."""
+    """Gains of the channels from which the head was identified, in their units per hysteretic volt."""
     channels = fit.get("channels") if isinstance(fit, dict) else None
     gains = {}
     for channel, entry in channels.items() if isinstance(channels, dict) else ():
@@ -133,5 +133,5 @@ def _order(data: Mapping[str, Any], effects: Sequence[tuple[Effect, Values]]) ->
 
 
 def chosen_head(path: Path | None) -> Printhead | AugmentedPrinthead:
-    """The head of a printhead.json, with its effects where it has such; or the published one."""
+    """The head of a printhead.json, with its effects if it has any; without a path, the published head."""
     return Printhead.published() if path is None else read_printhead(path)

@@ -1,6 +1,6 @@
 """A user's own effects: classes beside the catalogue, registered in this process.
 
-A printhead.json names the class of such an effect, as ``module:Class``, and is read only where that class is
+A printhead.json names the class of such an effect as ``module:Class`` and can be read only where that class is
 registered: reading a file never imports code.
 """
 
@@ -25,25 +25,25 @@ def register(kind: type[Effect]) -> type[Effect]:
 
         register(QuadraticStiffness)
 
-    The registration is of this process and of those forked from it; a process that is started anew, as a worker under
-    "spawn" is, registers for itself. A class that is defined again, in a notebook's cell that is run again, takes the
-    place of the former one.
+    The registration holds for this process and those forked from it; a process that is started afresh, such as a worker
+    under "spawn", must register for itself. A class that is defined again, as when a notebook cell is rerun, replaces
+    the former one.
 
     Parameters
     ----------
     kind : type
-        A subclass of `Effect` that is made without arguments.
+        Subclass of `Effect` whose constructor takes no arguments.
 
     Returns
     -------
     type
-        The same class, so that ``@register`` may stand above it.
+        The same class, so that ``@register`` can decorate it.
 
     Raises
     ------
     ValueError
-        What is no such class, lacks something that an effect must declare, or has an id of the catalogue or of another
-        registered class.
+        ``kind`` is not such a class, lacks a declaration that an effect needs, or has an id of the catalogue or of
+        another registered class.
     """
     if not (isinstance(kind, type) and issubclass(kind, Effect)) or kind is Effect:
         raise ValueError(f"an effect must be a subclass of inkjet_env.plant.Effect; got {kind!r}.")
@@ -72,23 +72,29 @@ def known_effects() -> tuple[Effect, ...]:
 
 
 def own_class(effect: Effect) -> str | None:
-    """``module:Class`` of an effect of a user's own; None of one of the catalogue."""
+    """``module:Class`` of a user's own effect; None for an effect of the catalogue."""
     return None if type(effect) in map(type, catalogue()) else class_name(type(effect))
 
 
 def class_name(kind: type[Effect]) -> str:
-    """``module:Class``; the module of a console, a notebook or a script is ``__main__``."""
+    """``module:Class`` of a class; the module of a console, a notebook or a script is ``__main__``."""
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
 def registered_effect(effect_id: str, named: str) -> Effect:
-    """The registered effect of an id, if its class is the ``named`` one.
+    """The registered effect with an id, provided that its class is the ``named`` one.
 
     Parameters
     ----------
     effect_id : str
+        Id of the effect.
     named : str
-        ``module:Class``, as a file has it.
+        ``module:Class``, as it stands in the file.
+
+    Returns
+    -------
+    Effect
+        The registered effect.
 
     Raises
     ------

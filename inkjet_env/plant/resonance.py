@@ -1,9 +1,16 @@
-"""How the head rings: one resonator, its nonlinear forces, further modes, echoes; driven at the nodes.
+"""Resonance of the head: one resonator, its nonlinear forces, further modes and echoes, driven at the nodes.
 
-``x'' + a1 x' + a0 (1 + m(t)) x = a0 (v - Σ F(x, x'/ω0))``: the deflection ``x`` in hysteretic volts (at rest it is
-``v``). Displacement shows ``x``, self-sensing ``x'``. With the pole ``λ = -a1/2 + i ω_d`` the deflection is the
-imaginary part of an amplitude with ``A' = λ A + (a0 / ω_d) f``; ``f`` is quadratic between every second node, which the
-step integrates exactly. Forces enter as quadratic in time (exponential Adams method, Cox & Matthews 2002): third order.
+Equation (11) of docs/explanation/model.md, for any forces ``F`` and a relative change of stiffness ``m``, is
+
+    x'' + a1 x' + a0 (1 + m(t)) x = a0 (v - Σ F(x, x'/ω0)),                                         (11)
+
+with the deflection ``x`` in hysteretic volts (at rest it is ``v``). Displacement shows ``x``, self-sensing ``x'``. With
+the pole ``λ = -a1/2 + i ω_d`` the deflection is the imaginary part of an amplitude,
+
+    A' = λ A + (a0 / ω_d) f,   x = Im A,   x' = Im λA.                                              (11a)
+
+``f`` is quadratic between every second node, and a step integrates it exactly. Forces are taken as quadratic in time
+(exponential Adams method, Cox & Matthews 2002), which is of third order.
 """
 
 from __future__ import annotations
@@ -24,24 +31,27 @@ from inkjet_env.printhead.resonator import pole
 from inkjet_env.typing import Real
 
 MOST_LAPS = 40
+"""Largest number of iterations for the steady state of a repeated drive."""
 REST_STEPS, MOST_REST_STEPS = 30, 300
-"""Iterations for the deflection at rest: so many at the least where it still moves, and at the most."""
+"""Smallest number of iterations for the deflection at rest, unless it is stationary, and the largest."""
 AT_REST = 1e-6
-"""It is found when an iteration changes it by less of its size: the steps of the motion are no more exact than that."""
+"""Relative change per iteration below which the deflection at rest is found; the steps of the motion are no more
+accurate than that."""
 FLOW_V = 100.0
-"""Scaled speed that is a unit of flow."""
+"""Scaled speed, in hysteretic volts, that is one unit of flow."""
 STEADY = 1e-8
-"""A periodic state is steady when a lap changes it by less of its size."""
+"""Relative change over a period below which a periodic state is steady."""
 FAINT = 1e-4
-"""Of a wave: when it has become so weak, it is no longer followed."""
+"""Relative strength below which a wave is no longer followed."""
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A further mode in parallel: ``strength`` times the static compliance of the first.
+    """A further mode in parallel, with ``strength`` times the static compliance of the first.
 
-    ``exchange`` e: of the modes by damping, ``e ω1 (s / D2 - s / D1)`` of the hysteretic drive, ``D`` each mode's
-    ``s² + a1 s + a0``. With it two modes may be those of any two masses that springs and dampers couple.
+    ``a0`` in 1/s² and ``a1`` in 1/s are its resonator. ``exchange`` is the coefficient e of the coupling of both modes
+    by damping, ``e ω1 (s / D2 - s / D1)`` on the hysteretic drive, with ``D = s² + a1 s + a0`` of each mode. With it
+    the two modes can be those of any two masses that springs and dampers couple.
     """
 
     a0: float
@@ -52,18 +62,19 @@ class Mode:
 
 @dataclass(frozen=True)
 class Echo:
-    """What comes back of a wave that sets out both ways in a channel of two ends.
+    """Returning part of a wave that travels both ways in a channel with two ends.
 
     Attributes
     ----------
     delay_s, strength : float
-        Until the wave is back from the first end, and how large it is then.
+        Time in seconds until the wave is back from the first end, and its amplitude then, relative to the outgoing one.
     second_delay_s : float
-        The same delay of the other end.
+        The same delay for the other end, in seconds.
     reflection, second_reflection : float
-        Coefficients r1, r2 of the ends; with ``r2 = 0`` nothing comes from the other one and the wave returns once.
+        Reflection coefficients r1, r2 of the ends; with ``r2 = 0`` the other end reflects nothing and the wave returns
+        once.
     loss_s : float
-        Time constant of a first-order lag at each reflection.
+        Time constant, in seconds, of a first-order lag at each reflection.
     """
 
     delay_s: float
@@ -74,7 +85,7 @@ class Echo:
     loss_s: float = 0.0
 
     def of(self, signal: Real, step_s: float, periodic: bool) -> Real:
-        """What returns of a signal: ``α (z1 + r2/r1 z2 + 2 r2 z1 z2) / (1 - r1 r2 z1 z2)`` of lossy delays z."""
+        """Echo of a signal, ``α (z1 + r2/r1 z2 + 2 r2 z1 z2) / (1 - r1 r2 z1 z2)`` with lossy delays z, shape (n,)."""
 
         def heard(wave: Real, delay_s: float, ends: int) -> Real:
             return returned(wave, delay_s / step_s, periodic, ends, self.loss_s / step_s)
@@ -99,16 +110,17 @@ class Echo:
 
 @dataclass(frozen=True)
 class Refill:
-    """A stiffness that follows the flow of the time before.
+    """A stiffness that depends on the preceding flow.
 
     Attributes
     ----------
     change : float
-        Relative change of stiffness for each unit of the state: ``(|p| / 100 V)^power`` behind a low-pass, of the
-        scaled speed ``p = x' / ω0`` that the head has without it.
+        Relative change of stiffness per unit of the state, ``(|p| / 100 V)^power`` behind a low-pass, where
+        ``p = x' / ω0`` is the scaled speed of the head without it.
     power : float
+        Exponent of the flow, dimensionless.
     recovery_s, second_order : float
-        τ and q of the low-pass ``1 / (1 + τ s + q τ² s²)``.
+        τ in seconds and q, dimensionless, of the low-pass ``1 / (1 + τ s + q τ² s²)``.
     """
 
     change: float
@@ -119,16 +131,16 @@ class Refill:
 
 @dataclass(frozen=True, eq=False)
 class Force:
-    """A restoring force beside the spring's and the damper's.
+    """A restoring force in addition to those of spring and damper: one ``F`` of Eq. (11).
 
     Attributes
     ----------
     law : compiled law
         ``law(x_V, speed_V, values)`` in hysteretic volts, from the deflection, the scaled speed ``x' / ω0``, and an
         array of numbers; compiled by `compiled_force`.
-    values : ndarray
-        What the law remembers of the motion, if anything, stands at its end and is 0 before all motion; the law is
-        asked once for every place, in the order of time, and may change it.
+    values : ndarray, shape (k,)
+        Parameters of the law, followed by its memory of the motion, if it has one, which is 0 before all motion. The
+        law is called once per step, in time order, and may change its memory.
     """
 
     law: Any
@@ -137,20 +149,24 @@ class Force:
 
 @dataclass(frozen=True, eq=False)
 class Resonance:
-    """A resonator and all that rings, pushes back or returns beside it.
+    """A resonator with the forces, modes and echoes that accompany it.
 
     Attributes
     ----------
     a0, a1 : float
-        What rings: ``a0`` may differ from the stiffness that the drive acts against, ``drive_a0``.
+        The resonator, in 1/s² and 1/s; ``a0`` may differ from the stiffness that the drive acts against, ``drive_a0``.
     drive_a0 : float
-        Of the head itself: the drive's force is ``drive_a0 · v``.
+        ``a0`` of the base model, in 1/s²: the force of the drive is ``drive_a0 · v``.
     forces : tuple of Force
+        Restoring forces that depend on the motion, nonlinear or with memory.
     softening : ndarray, shape (nodes,), or None
         ``m``: relative change of stiffness in time.
     modes : tuple of Mode
+        Further modes in parallel.
     echoes : tuple of Echo
+        Waves that return after a delay.
     refills : tuple of Refill
+        Changes of stiffness that depend on the preceding flow.
     """
 
     a0: float
@@ -168,11 +184,11 @@ class Resonance:
         return not self.forces and self.softening is None
 
     def with_softening(self, change: Real) -> Resonance:
-        """With a further relative change of stiffness, shape (nodes,)."""
+        """The same with a further relative change of stiffness, shape (nodes,)."""
         return replace(self, softening=change if self.softening is None else self.softening + change)
 
     def refilled(self, hysteretic_V: Real, excitation: Excitation) -> Resonance:
-        """With the change of stiffness that the refills make of this hysteretic drive in their place."""
+        """The same with the refills replaced by the change of stiffness that they cause under this hysteretic drive."""
         if not self.refills:
             return self
         from inkjet_env.plant import compiled
@@ -199,15 +215,16 @@ class Resonance:
         return changed
 
     def motion(self, hysteretic_V: Real, excitation: Excitation) -> Real:
-        """What the channel shows of the motion, in hysteretic volts, at the samples, shape (n,).
+        """Motion as the channel shows it, at the samples, shape (n,).
 
-        Displacement: the deflection. Self-sensing: the speed over ``drive_a0``, in volt seconds, so that the gain is
-        ``b1``.
+        Displacement shows the deflection, in hysteretic volts. Self-sensing shows the speed over ``drive_a0``, in volt
+        seconds, so that the gain is ``b1``.
 
         Raises
         ------
         SimulationError
-            It grows without bound, never settles under a repeated drive, or has no rest under the drive at the start.
+            The motion grows without bound, never settles under a repeated drive, or has no rest position under the
+            drive at the start.
         """
         shown = 1 if excitation.channel == "self_sensing" else 0
         own = replace(self, modes=(), echoes=()).refilled(hysteretic_V, excitation)
@@ -259,7 +276,7 @@ class Resonance:
             values = [np.array(force.values, dtype=np.float64) for force in self.forces]
             addresses = [(f.law.address, v.ctypes.data) for f, v in zip(self.forces, values, strict=True)]
             forces = np.array(addresses, dtype=np.int64).reshape(-1, 2)
-            before = rest + (state - rest) * np.exp(-lam * h)  # of a drive that had been constant
+            before = rest + (state - rest) * np.exp(-lam * h)  # a step earlier, had the drive been constant
             past = np.array([self._pushed_V(place, lam, forces) for place in (rest, before, state)][1:])
 
             def run(start: complex) -> complex:
@@ -274,7 +291,7 @@ class Resonance:
         if excitation.periodic:
             lap = complex(
                 -np.expm1(lam * excitation.step_s * excitation.samples)
-            )  # what a lap takes away from a change, linearly
+            )  # share of a change that decays over one period, in linear motion
             for _ in range(MOST_LAPS):
                 state += (end - state) / lap
                 end = run(state)
@@ -287,12 +304,12 @@ class Resonance:
         return deflection[: excitation.samples], speed[: excitation.samples]
 
     def _turned(self, motion: tuple[Real, Real]) -> tuple[Real, Real]:
-        """Of a mode's deflection and speed: the speed over ``drive_a0``, and its derivative less the drive."""
+        """Speed of a mode over ``drive_a0``, and its derivative less the drive, from its deflection and speed."""
         deflection, speed = motion
         return speed / self.drive_a0, -(self.a0 * deflection + self.a1 * speed) / self.drive_a0
 
     def _pushed_V(self, state: complex, pole_: complex, forces: NDArray[np.int64]) -> float:
-        """All forces in a state of the resonator at the first sample, in hysteretic volts."""
+        """Sum of all forces in a state of the resonator at the first sample, in hysteretic volts."""
         from inkjet_env.plant import compiled
 
         x_V, speed_V = state.imag, (pole_ * state).imag / math.sqrt(self.a0)
@@ -302,16 +319,16 @@ class Resonance:
         return pushed_V
 
     def _rest_V(self, hysteretic_V: float, repeated: bool) -> float:
-        """Deflection at which the first hysteretic drive is held: ``x = (v - F(x, 0)) / s``, s the spring's stiffness.
+        """Rest position under the first hysteretic drive: ``x = (v - F(x, 0)) / s``, with s the spring's stiffness.
 
-        Each iteration leaves ``F'/s`` of the error before, so that it ends where the forces' slope is below the
-        spring's. Where the drive is repeated, the search for the steady state only begins there and needs no more than
-        a guess.
+        Each iteration multiplies the error by ``F'/s``, so it converges if the slope of the forces is below that of the
+        spring. If the drive is repeated, the position is only the start of the search for the steady state, and a
+        guess suffices.
 
         Raises
         ------
         SimulationError
-            No rest was found.
+            No rest position was found.
         """
         stiffness = self.a0 / self.drive_a0
         if self.softening is not None:
@@ -330,36 +347,43 @@ class Resonance:
 
 
 def amplitude(pole_: complex, deflection: float, speed: float) -> complex:
-    """The amplitude ``A`` with ``Im A`` the deflection and ``Im λA`` its speed."""
+    """Amplitude ``A`` of Eq. (11a): ``Im A`` is the deflection and ``Im λA`` its speed."""
     return complex((speed - pole_.real * deflection) / pole_.imag, deflection)
 
 
 def compiled_force(law: Callable[..., float]) -> Any:
-    """Decorator: a force law ``law(x_V, speed_V, values) -> float``, compiled so that every head can call it."""
+    """Decorator that compiles a force law ``law(x_V, speed_V, values) -> float`` so that the kernels can call it."""
     from numba import cfunc, types
 
     signature = types.float64(types.float64, types.float64, types.CPointer(types.float64))
     try:
         return cfunc(signature, cache=True, error_model="numpy")(law)
-    except RuntimeError:  # a function typed into a console has no file to keep its code beside
+    except RuntimeError:  # a function typed into a console has no file, so its code cannot be cached
         return cfunc(signature, error_model="numpy")(law)
 
 
 def returned(signal: Real, samples: float, periodic: bool, ends: int = 0, loss_samples: float = 0.0) -> Real:
-    """A signal some samples later, cubic between them, behind a first-order lag for each end that it was at.
+    """A signal delayed by some samples, with cubic interpolation, behind a first-order lag for each reflection.
 
-    Before the first sample it was what it is there.
+    Before the first sample the signal is held at its value there.
 
     Parameters
     ----------
     signal : ndarray, shape (n,)
+        Signal at the samples.
     samples : float
-        May be negative, and any fraction.
+        Delay in samples; may be negative and fractional.
     periodic : bool
-        The sample after the last is the first.
+        Whether the sample after the last is the first.
     ends : int
+        Number of reflections, each with its lag.
     loss_samples : float
-        Time constant of the lag.
+        Time constant of the lag, in samples.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The delayed signal, in the unit of ``signal``.
     """
     from inkjet_env.plant import compiled
 
@@ -382,16 +406,16 @@ def returned(signal: Real, samples: float, periodic: bool, ends: int = 0, loss_s
 
 
 def too_slow(excitations: Sequence[Excitation]) -> str | None:
-    """Why shots show nothing of the resonator, as the end of a sentence after "because"; None where they do."""
+    """Why recordings do not show the resonator, as the end of a sentence after "because"; None if they do."""
     if any(excitation.fast for excitation in excitations):
         return None
     return "every recording is of the strain gauge, which is too slow to show the head ringing"
 
 
 def reach_V(printhead: Printhead, excitations: Sequence[Excitation]) -> float:
-    """How far the head deflects in these shots, at most, in hysteretic volts; 1 V where no shot moves it.
+    """Largest deflection of the head in these recordings, in hysteretic volts; 1 V if none moves it.
 
-    The width of the hysteresis is left out.
+    The width of the hysteresis is neglected.
     """
     law = printhead.branch_law
     reach = 0.0

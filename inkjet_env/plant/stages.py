@@ -22,11 +22,14 @@ class Plant:
     Parameters
     ----------
     printhead : Printhead
+        Base model of the head.
     gains : mapping of str to float
-        Of strain gauge and displacement, in the channel's unit per hysteretic volt; that of self-sensing is ``b1``.
+        Gains of strain gauge and displacement, in the channel's unit per hysteretic volt; that of self-sensing is
+        ``b1``.
     offsets : mapping of str to float
-        By channel, in its unit.
+        Offset of each channel, in its unit.
     effects : tuple of (Effect, values)
+        Effects that are on, each with the values of all its parameters in their units.
     """
 
     printhead: Printhead
@@ -35,23 +38,23 @@ class Plant:
     effects: tuple[tuple[Effect, Values], ...] = ()
 
     def of(self, stage: str) -> Sequence[tuple[Effect, Values]]:
-        """The effects of a stage, in the order they were given."""
+        """The effects of a stage, in the given order."""
         return [(effect, values) for effect, values in self.effects if effect.stage == stage]
 
     def gain(self, channel: str) -> float:
-        """Unit of the channel per hysteretic volt (self-sensing: of its derivative, ``b1``; monitor: per volt)."""
+        """Gain in the channel's unit per hysteretic volt (self-sensing: ``b1``, per V/s; drive monitor: per volt)."""
         if channel == "self_sensing":
             return self.printhead.b1
         return self.gains.get(channel, 1.0)
 
     def signal(self, excitation: Excitation) -> Real:
-        """What the sensor shows, at the samples, shape (n,), in the channel's unit; free of noise.
+        """Noise-free sensor signal at the samples, shape (n,), in the channel's unit.
 
         Raises
         ------
         SimulationError
-            A motion that grows without bound, that never settles under the repeated drive, or that has no rest under
-            the drive at the start.
+            The motion grows without bound, never settles under the repeated drive, or has no rest position under the
+            drive at the start.
         """
         drive_V = self.at_ceramic_V(excitation)
         if excitation.channel == "drive_monitor":
@@ -66,14 +69,14 @@ class Plant:
         return signal
 
     def at_ceramic_V(self, excitation: Excitation) -> Real:
-        """Voltage at the ceramic, at the nodes."""
+        """Voltage at the ceramic, at the nodes, shape (nodes,)."""
         drive_V = excitation.drive_at_nodes_V
         for effect, values in self.of("drive"):
             drive_V = _like(drive_V, effect.drive(values, drive_V, excitation), effect)
         return drive_V
 
     def motion(self, drive_V: Real, excitation: Excitation) -> Real:
-        """What a channel shows of the motion, for a gain of 1 and no offset, at the samples."""
+        """Motion as a channel shows it for a gain of 1 and no offset, at the samples, shape (n,)."""
         hysteretic_V = self.hysteretic_V(drive_V, excitation)
         if not excitation.fast:
             return excitation.sampled(hysteretic_V)
@@ -88,14 +91,14 @@ class Plant:
         return resonance.motion(hysteretic_V, excitation)
 
     def motion_of_power(self, power: int, excitation: Excitation) -> Real:
-        """`motion` of the base model under one power of the law alone (0: the first), for a coefficient of 1."""
+        """`motion` of the base model under a single power of the law (0: the first), for a coefficient of 1."""
         levels = np.ascontiguousarray(law_powers(self.printhead, excitation)[:, power])
         if not excitation.fast:
             return excitation.sampled(levels)
         return Resonance(self.printhead.a0, self.printhead.a1, self.printhead.a0).motion(levels, excitation)
 
     def hysteretic_V(self, drive_V: Real, excitation: Excitation) -> Real:
-        """Hysteretic drive at the nodes."""
+        """Hysteretic drive in volts at the nodes, shape (nodes,)."""
         hysteretic_V = law_levels(drive_V, self.printhead, excitation)
         for effect, values in self.of("hysteresis"):
             changed_V = effect.hysteresis(values, hysteretic_V, drive_V, self.printhead, excitation)
@@ -103,12 +106,12 @@ class Plant:
         return hysteretic_V
 
     def with_effects(self, effects: Sequence[tuple[Effect, Values]]) -> Plant:
-        """The same head with these effects on."""
+        """The same head with these effects on instead."""
         return replace(self, effects=tuple(effects))
 
 
 def _like(before: Real, after: Real, effect: Effect) -> Real:
-    """What an effect makes of a signal, if it is as long as that."""
+    """Return the signal ``after`` an effect; `EffectError` unless its shape is that of the one ``before``."""
     if np.shape(after) != before.shape:
         raise EffectError(
             f"effect {effect.id!r}: its {effect.stage}() must return an array of shape {before.shape}, as it is given; "
@@ -118,7 +121,7 @@ def _like(before: Real, after: Real, effect: Effect) -> Real:
 
 
 def law_levels(drive_V: Real, printhead: Printhead, excitation: Excitation) -> Real:
-    """What the branch law gives for a voltage at the nodes."""
+    """Hysteretic drive of the branch law for a voltage at the nodes, in volts, shape (nodes,)."""
     law = printhead.branch_law.ascending
     if drive_V is not excitation.drive_at_nodes_V:
         return _levels(drive_V, printhead.full_scale_V, law[None, :], excitation.periodic)[:, 0]
@@ -127,7 +130,7 @@ def law_levels(drive_V: Real, printhead: Printhead, excitation: Excitation) -> R
 
 
 def law_powers(printhead: Printhead, excitation: Excitation) -> Real:
-    """What each power of the branch law gives for the drive as asked, shape (nodes, degree); kept with the shot."""
+    """Hysteretic drive of each power of the law for the commanded drive, shape (nodes, degree); cached with it."""
     degree = len(printhead.coefficients) - 1
     key = ("powers", printhead.full_scale_V, degree)
     if key not in excitation.cache:

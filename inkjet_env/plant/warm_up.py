@@ -1,4 +1,4 @@
-"""Compile what the plant uses, or load it from the cache, before anybody waits for it."""
+"""Compile the kernels of the plant, or load them from the cache, in advance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from inkjet_env.printhead import Printhead
 
 
 def warm_up() -> None:
-    """Simulate a short pulse with every effect of the catalogue, and look for its peaks."""
+    """Simulate a short pulse with every effect of the catalogue, and find its peaks."""
     printhead = Printhead.published()
     drive_V = np.interp(np.arange(64), [0, 10, 20, 30, 40, 63], [0.0, 0.0, 50.0, 50.0, 0.0, 0.0])
     excitations = [

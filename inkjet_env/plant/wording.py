@@ -1,4 +1,4 @@
-"""Numbers in sentences, as an engineer reads them aloud: 48 kHz, 24 µs, 0.7 ppm."""
+"""Numbers in sentences as an engineer reads them aloud: 48 kHz, 24 µs, 0.7 ppm."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ import math
 
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
 SENSOR_UNIT = "sensor's unit"
-"""Unit of a parameter that is in whatever unit the sensor's signal is in."""
+"""Unit of a parameter that has the unit of the sensor's signal."""
 
 
 def with_prefix(value: float, unit: str, digits: int = 2) -> str:
-    """A value with its unit and the prefix that suits it.
+    """A value with its unit and the appropriate SI prefix.
 
     Parameters
     ----------
     value : float
-        In ``unit``.
+        The value, in ``unit``.
     unit : str
-        "V/s" is told by the microsecond or the millisecond where edges are so steep; "um" and "nm" count as metres.
+        Unit without a prefix. Steep edges in "V/s" are given per microsecond or millisecond; "um" and "nm" are
+        converted to metres.
     digits : int
-        That are told; whole numbers are not cut.
+        Number of significant digits; digits before the decimal point are never dropped.
 
     Examples
     --------
@@ -45,7 +46,7 @@ def with_prefix(value: float, unit: str, digits: int = 2) -> str:
 
 
 def span_told(low: float, high: float, unit: str) -> str:
-    """A stretch in words.
+    """An interval in words, its ends in ``unit``.
 
     Examples
     --------
@@ -61,7 +62,7 @@ def span_told(low: float, high: float, unit: str) -> str:
 
 
 def percent(part: float, digits: int = 2, signed: bool = False) -> str:
-    """A share in per cent, in parts per million where it is below a hundredth of one.
+    """A share in per cent, or in parts per million if it is below a hundredth of a per cent.
 
     Examples
     --------
@@ -73,7 +74,7 @@ def percent(part: float, digits: int = 2, signed: bool = False) -> str:
 
 
 def _plain(value: float, digits: int) -> str:
-    """So many digits and never an exponent."""
+    """The number with ``digits`` significant digits and never an exponent."""
     rounded = float(f"{value:.{digits}g}")
     if rounded == 0:
         return "0"

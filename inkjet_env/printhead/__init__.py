@@ -1,4 +1,4 @@
-"""Physics of one waveform: no files but the printhead's own, no plots, no Gymnasium."""
+"""Physics of one waveform: no files other than the printhead's own, no plots, no Gymnasium."""
 
 from inkjet_env.naming import check_name, nearest_name
 from inkjet_env.printhead.cost import PeakCost

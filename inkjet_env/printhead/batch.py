@@ -1,7 +1,7 @@
 """The printhead for arrays of waveforms, compiled: the same numbers as `Printhead.respond`, thousands of times faster.
 
 Importing this module imports numba. Compiled code is cached on disk; the first use on a machine compiles for some
-seconds (`warm_up` does it at a time of one's choosing).
+seconds (`warm_up` does so in advance).
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ def _bernstein_of_curvature() -> Real:
 
 
 def _table(a0: Real, a1: Real, b1: Real, full_scale_V: Real, degree: Real, slope: Real) -> Real:
-    """Head rows from columns (n,) and ``Q'`` (n, MAX_DEGREE), lowest power first."""
+    """Head table from columns of shape (n,) and the coefficients of ``Q'`` (n, MAX_DEGREE), lowest power first."""
     rows = np.empty((len(a0), compiled_edges.HEAD_COLUMNS))
     rows[:, compiled_edges.HEAD_A0], rows[:, compiled_edges.HEAD_A1], rows[:, compiled_edges.HEAD_B1] = a0, a1, b1
     rows[:, compiled_edges.HEAD_FULL_SCALE], rows[:, compiled_edges.HEAD_DEGREE] = full_scale_V, degree
     rows[:, compiled_edges.HEAD_END_SLOPE] = slope.sum(axis=1)
     rows[:, compiled_edges.HEAD_SLOPE : compiled_edges.HEAD_CURVATURE] = slope
-    # einsum, not BLAS: each row's numbers must not depend on how many rows there are.
+    # einsum, not BLAS: the numbers of a row must not depend on the number of rows.
     bernstein = np.einsum("nk,kc->nc", slope, _bernstein_of_curvature())
     rows[:, compiled_edges.HEAD_CURVATURE :] = (
         np.abs(bernstein).reshape(len(a0), compiled_edges.CURVATURE_CELLS, -1).max(axis=2)
@@ -84,7 +84,7 @@ def varied_head_table(
     gain: ArrayLike,
     hysteresis_strength: ArrayLike,
 ) -> Real:
-    """Rows of ``printhead.varied(…)`` for arrays of shape (n,), without making n printheads."""
+    """Head table of ``printhead.varied(…)`` for arrays of shape (n,), without constructing n printheads."""
     frequency, damping, factor, strength = np.atleast_1d(
         *np.broadcast_arrays(
             *(np.asarray(v, dtype=np.float64) for v in (frequency_Hz, damping_ratio, gain, hysteresis_strength))
@@ -104,7 +104,7 @@ def varied_head_table(
 
 
 def _capacity(heads: Real, longest_s: float, window_s: float) -> int:
-    """Room for all extrema: those of the ringing, those of its tail, and a few an edge."""
+    """Array length that holds all extrema: those of the ringing, those of its tail, and a few per edge."""
     rate = math.sqrt(float(heads[:, compiled_edges.HEAD_A0].max())) / math.pi
     decay = math.pi * float((heads[:, compiled_edges.HEAD_A1] / (2 * np.sqrt(heads[:, compiled_edges.HEAD_A0]))).min())
     tail = -math.log(compiled_edges.INFINITE_TAIL_FLOOR) / decay if math.isinf(window_s) else 0.0
@@ -112,7 +112,7 @@ def _capacity(heads: Real, longest_s: float, window_s: float) -> int:
 
 
 def _cost_settings(cost: PeakCost) -> tuple[float, float, int, float, float]:
-    """A, B, rule, threshold and enough_V, as the compiled functions take them."""
+    """A, B, rule, threshold in volts and enough_V, as the compiled functions take them."""
     rule, threshold = compiled.EFFECTIVE_THRESHOLD, 0.0
     if cost.effective == "largest":
         rule = compiled.EFFECTIVE_LARGEST
@@ -144,16 +144,16 @@ def prepare(
     hysteresis: str,
     period_s: float = math.inf,
 ) -> tuple[tuple, int, Real]:
-    """What `costs` hands to `compiled.batch_costs`: for callers that check once and evaluate often.
+    """Checked arguments of `compiled.batch_costs`, for callers that check once and evaluate often.
 
     Returns
     -------
     arguments : tuple
-        Checked: waveforms, head rows, and the settings, all but the last two arguments of ``batch_costs``.
+        Waveforms, head rows and settings, checked: all arguments of ``batch_costs`` except the last two.
     capacity : int
-        Room for the extrema of the longest of these waveforms; to be doubled when ``batch_costs`` returns False.
+        Number of extrema that the longest of these waveforms may have; double it when ``batch_costs`` returns False.
     costs : ndarray, shape (n,)
-        To be filled.
+        Empty array for the costs, in volts.
     """
     values = as_waveform_array(waveforms)
     rows = _rows(heads, len(values))
@@ -180,17 +180,18 @@ def costs(
     Parameters
     ----------
     waveforms : array_like, shape (n, 7)
-        Order ``U1 U2 t1 … t5``, in volts and seconds.
+        Waveform parameters in the order ``U1 U2 t1 … t5``, in volts and seconds.
     heads : Printhead or ndarray, shape (1 or n, columns)
-        One head for all, or the rows of `head_table` / `varied_head_table`, one a waveform.
+        One head for all waveforms, or rows of `head_table` / `varied_head_table`, one per waveform.
     cost : PeakCost, optional
+        Weights and effective peak; the default is ``PeakCost()``.
     initial_state, window_s, hysteresis, period_s
-        As `Printhead.respond` (not ``play_operators``).
+        As in `Printhead.respond` (without ``play_operators``).
 
     Returns
     -------
     ndarray, shape (n,)
-        In volts. A row's value does not depend on the other rows.
+        Costs in volts. The cost of a row does not depend on the other rows.
 
     Raises
     ------
@@ -212,15 +213,15 @@ def costs_and_gradients(
     hysteresis: str = "full_memory",
     period_s: float = math.inf,
 ) -> tuple[Real, Real]:
-    """Peak cost of many waveforms and its gradient; parameters as `costs`.
+    """Peak cost of many waveforms and its gradient; parameters as in `costs`.
 
     Returns
     -------
     costs : ndarray, shape (n,)
-        In volts.
+        Costs in volts.
     gradients : ndarray, shape (n, 7)
-        With respect to ``U1 U2`` (V/V) and ``t1 … t5`` (V/s). Exact where the cost is smooth: durations above zero, and
-        no peak about to appear, to leave the window or to change its part in the cost.
+        Derivatives with respect to ``U1 U2`` (V/V) and ``t1 … t5`` (V/s). Exact where the cost is smooth: durations
+        above zero, and no peak about to appear, to leave the window or to change its role in the cost.
     """
     from inkjet_env.printhead.compiled_gradient import batch_costs_and_gradients
 
@@ -238,7 +239,7 @@ def peaks(
     window_s: float = DEFAULT_WINDOW_S,
     hysteresis: str = "full_memory",
 ) -> tuple[Real, Real]:
-    """Times in seconds and signed values in volts, shape (k,), of every extremum; as `Printhead.respond`, compiled."""
+    """Times in seconds and signed values in volts of every extremum, shape (k,): `Printhead.respond`, compiled."""
     warm_up_periods, one_point = _memory(initial_state, hysteresis)
     row, window = head_table(head)[0], check_window(window_s)
     knots_s, knots_V = waveform.knots()
@@ -257,13 +258,13 @@ def peaks(
 
 
 def is_compiled() -> bool:
-    """Whether this machine's cache holds the compiled simulator."""
+    """Whether the cache of this machine holds the compiled simulator."""
     cache = Path(compiled.__file__).parent / "__pycache__"
     return any(cache.glob("compiled.batch_costs-*.nbi")) and any(cache.glob("compiled_gradient.*.nbi"))
 
 
 def warm_up() -> None:
-    """Compile everything this module uses, or load it from the cache."""
+    """Compile every kernel that this module uses, or load it from the cache."""
     head, waveform = Printhead.published(), Waveform(50.0, -50.0, 5e-6, 5e-6, 5e-6, 5e-6, 5e-6)
     costs_and_gradients(waveform.to_array(), head)
     costs(waveform.to_array(), head)

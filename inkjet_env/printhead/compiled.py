@@ -1,7 +1,7 @@
 """Compiled kernels of the printhead: the same closed form as `resonator`, written for speed.
 
-Nothing here is called by users; `batch` is the face. `compiled_edges` solves one stretch of the response; this file
-strings them together, from a waveform to its peaks and their cost.
+Users call `batch`, not this module. `compiled_edges` solves one stretch of the response; this file chains the
+stretches, from a waveform to its peaks and their cost.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from inkjet_env.printhead.kernel_cache import kernel_jit
 from inkjet_env.printhead.resonator import JUMP_S, ROUNDING
 
 EFFECTIVE_LARGEST, EFFECTIVE_FIRST, EFFECTIVE_THRESHOLD = 0, 1, 2
+"""Rules for the effective peak; see `cost.PeakCost`."""
 
 _jit = kernel_jit(__file__, fastmath=FAST)
 _jit_hysteresis = kernel_jit(hysteresis.__file__, fastmath=FAST)
@@ -40,30 +41,35 @@ play_operators = _jit_hysteresis(hysteresis.play_operators)
 
 @_jit
 def response_extrema(head, knots_s, pieces, piece_count, window_s, state, rate, series, stack, times, peaks, knots_y):
-    """Every extremum of the response to branch pieces, in time order.
+    """Find every extremum of the response to branch pieces, in time order.
 
     Parameters
     ----------
     head : ndarray, shape (HEAD_COLUMNS,)
+        One row of `batch.head_table`.
     knots_s : ndarray, shape (n,)
-        Times of the drive's knots.
-    pieces : ndarray, shape (piece_count, 6)
-        From `hysteresis.branch_pieces`.
+        Times of the drive's knots, in seconds.
+    pieces : ndarray, shape (≥ piece_count, 6)
+        Branch pieces from `hysteresis.branch_pieces`.
+    piece_count : int
+        Number of rows of ``pieces`` in use.
     window_s : float
+        Extrema later than this are left out, in seconds; may be infinite.
     state : ndarray, shape (2,)
         Response and its slope (V, V/s) at the first knot; on return, at the last one.
     rate, series, stack : ndarray
-        Scratch: (MAX_DEGREE,), (SERIES_TERMS + 2,), (64, 4).
+        Scratch of shapes (MAX_DEGREE,), (SERIES_TERMS + 2,) and (64, 4).
     times, peaks : ndarray
         Filled with times in seconds and values in volts.
     knots_y : ndarray, shape (n,) or (0,)
-        Filled with the response at the knots, in volts, where there is room.
+        Filled with the response at the knots, in volts, unless empty.
 
     Returns
     -------
     count : int
         Number of extrema, or `OVERFLOW` when ``times`` is too short.
     tail_V : float
+        Summed magnitude of the extrema beyond the list, in volts; 0 for a finite window.
     """
     a0, a1 = head[HEAD_A0], head[HEAD_A1]
     pole_re = -0.5 * a1
@@ -79,7 +85,7 @@ def response_extrema(head, knots_s, pieces, piece_count, window_s, state, rate, 
     segment = 0
     index = 0
     while segment < last:
-        # Next piece, or the segment as a whole where the drive stands still.
+        # Next piece, or the whole segment if the drive is constant on it.
         whole = knots_s[segment + 1] - knots_s[segment]
         start = knots_s[segment]
         forced = index < piece_count and int(pieces[index, 0]) == segment
@@ -161,7 +167,7 @@ def response_extrema(head, knots_s, pieces, piece_count, window_s, state, rate, 
 
 @_jit
 def peak_cost(peaks, count, tail_V, A, B, effective, threshold, enough_V):
-    """Peak cost of ``count`` peaks, as `cost.PeakCost`; also the index of the effective peak, or −1."""
+    """Peak cost in volts of ``count`` peaks, Eq. (9) of `cost`; also the index of the effective peak, or −1."""
     e = -1
     total = tail_V
     largest = -1.0
@@ -183,7 +189,7 @@ def peak_cost(peaks, count, tail_V, A, B, effective, threshold, enough_V):
 
 @_jit
 def waveform_knots(waveform, knots_s, knots_V):
-    """Fill the six knots of a bipolar trapezoid."""
+    """Fill the six knots of a bipolar trapezoid, in seconds and volts."""
     knots_s[0] = 0.0
     for k in range(5):
         knots_s[k + 1] = knots_s[k] + waveform[2 + k]
@@ -196,10 +202,11 @@ def waveform_knots(waveform, knots_s, knots_V):
 def steady_start(
     head, knots_s, pieces, piece_count, period_s, state, rate, series, stack, times, peaks, no_knots
 ):  # fmt: skip
-    """Fill ``state`` (2,), V and V/s, at the start of a waveform that has been repeated for ever.
+    """Fill ``state`` (2,), in V and V/s, with its value at the start of a waveform that has been repeated for ever.
 
-    ``s = e^{FT} s + e^{F(T - D)} r`` with ``r`` what the waveform leaves at its end D, begun at rest. The other
-    arguments as `response_extrema`; ``times`` and ``peaks`` are overwritten. False where they are too short.
+    It solves ``s = e^{FT} s + e^{F(T - D)} r``, with ``r`` the state at the waveform's end D after a start at rest. The
+    other arguments are those of `response_extrema`; ``times`` and ``peaks`` are overwritten. False if they are too
+    short.
     """
     duration_s = knots_s[-1]
     state[:] = 0.0
@@ -227,9 +234,10 @@ def steady_start(
 def batch_costs(
     waveforms, heads, laps_before, one_point, window_s, period_s, A, B, effective, threshold, enough_V, capacity, costs
 ):
-    """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False when ``capacity`` was too small.
+    """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False if ``capacity`` was too small.
 
-    The resonator rests at the waveform's start where ``period_s`` is infinite; else it rings from all those before.
+    With an infinite ``period_s`` the resonator rests at the waveform's start; otherwise it still rings from all the
+    waveforms before.
     """
     knots_s, knots_V = np.empty(6), np.empty(6)
     memory, pieces = np.empty(32), np.empty((40, 6))

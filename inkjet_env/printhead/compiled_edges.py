@@ -1,9 +1,9 @@
 """Compiled kernels of one stretch of the response: an edge of the drive, or a free ring-down.
 
-A head is one row of numbers (`HEAD_…` are its columns). On an edge the response is either the power series of the whole
-solution (short edges, where the particular polynomial would cancel) or particular polynomial plus ring-down (long
-edges). Extrema are isolated as in `resonator`: by a bound on ``y'''`` that proves an interval to hold none or at most
-one.
+A head is one row of numbers (`HEAD_…` are its columns). On an edge the response, Eq. (7) of `resonator`, is either the
+power series of the whole solution (short edges, where the particular polynomial would cancel) or the particular
+polynomial plus a ring-down (long edges). Extrema are isolated as in `resonator`, by a bound on ``y'''`` which proves
+that an interval holds none or at most one.
 """
 
 from __future__ import annotations
@@ -15,31 +15,36 @@ import numpy as np
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
 MAX_DEGREE = 16
+"""Largest degree of the branch law."""
+
 CURVATURE_CELLS = 32
+"""Number of equal cells of 0 ≤ x ≤ 1 on which ``|Q''|`` is bounded."""
 
 (HEAD_A0, HEAD_A1, HEAD_B1, HEAD_FULL_SCALE, HEAD_DEGREE, HEAD_END_SLOPE) = range(6)
 HEAD_SLOPE = 6  # Q' lowest power first, MAX_DEGREE columns
 HEAD_CURVATURE = HEAD_SLOPE + MAX_DEGREE  # max |Q''| on each of CURVATURE_CELLS cells of 0 ≤ x ≤ 1
 HEAD_COLUMNS = HEAD_CURVATURE + CURVATURE_CELLS
 
-# Edges up to |λT| = degree / 4 are summed as a power series; longer ones use the particular polynomial, whose error
-# grows like degree! / |λT|^degree.
+# Edges up to |λT| = degree / 4 are summed as a power series; longer ones use the particular polynomial, whose relative
+# error is like degree! / |λT|^degree.
 SERIES_PER_DEGREE = 0.25
 SERIES_TERMS = 64
 _RECIPROCALS = 1.0 / ((np.arange(SERIES_TERMS) + 1.0) * (np.arange(SERIES_TERMS) + 2.0))
-NODE_SPACING = 1.0  # of |λ| t, between the nodes that isolate extrema
+NODE_SPACING = 1.0  # distance in |λ| t between the nodes that isolate extrema
 INFINITE_TAIL_FLOOR = 1e-12
+"""Extrema of an endless ring-down are listed until they fall below this share of its first one."""
 
 OVERFLOW = -1
+"""Count returned when the arrays for the extrema are too short."""
 
 FAST = {"contract", "nsz"}
 _jit = kernel_jit(__file__, fastmath=FAST)
-_inlined = kernel_jit(__file__, fastmath=FAST, inline="always")  # calls cost a fifth of the whole
+_inlined = kernel_jit(__file__, fastmath=FAST, inline="always")  # function calls cost a fifth of the run time
 
 
 @_jit
 def piece_rate(head, x_start, x_change, scale_V, rate):
-    """Fill ``rate`` with dv/dτ on a branch piece, lowest power first; return its number of coefficients."""
+    """Fill ``rate`` with dv/dτ in volts on a branch piece, lowest power first; return its number of coefficients."""
     if x_start >= 1.0:
         rate[0] = scale_V * x_change * head[HEAD_END_SLOPE]
         return 1
@@ -59,10 +64,10 @@ def piece_rate(head, x_start, x_change, scale_V, rate):
 
 @_inlined
 def solve_piece(head, y, slope, duration, rate, n, series):
-    """Coefficients of the response on an edge, in τ; their number, or minus that where a ring-down is added.
+    """Fill ``series`` with coefficients of the response in τ on an edge; return their number, negated for long edges.
 
-    Short edge: ``series`` is the whole solution. Long edge: it is the particular polynomial, and the ring-down is what
-    is missing at τ = 0.
+    On a short edge ``series`` is the whole solution. On a long edge it is the particular polynomial, and the ring-down
+    supplies the difference at τ = 0.
     """
     a0, a1 = head[HEAD_A0], head[HEAD_A1]
     stiffness = a0 * duration * duration
@@ -93,14 +98,14 @@ def solve_piece(head, y, slope, duration, rate, n, series):
 
 @_inlined
 def rotation(pole_re, pole_im, t):
-    """``e^{-σt} cos ωt`` and ``e^{-σt} sin ωt / ω``: a free ring-down after the time t."""
+    """``e^{-σt} cos ωt`` and ``e^{-σt} sin ωt / ω``, in seconds: a free ring-down after time t."""
     decay = math.exp(pole_re * t)
     return decay * math.cos(pole_im * t), decay * math.sin(pole_im * t) / pole_im
 
 
 @_inlined
 def _evaluate(head, duration, series, terms, ring_y, ring_slope, tau, c, s):
-    """Response, slope and curvature (V, V/s, V/s²) at fraction ``tau`` of an edge; ``c, s``: `rotation` to there."""
+    """Response, slope and curvature (V, V/s, V/s²) at fraction ``tau`` of an edge; ``c, s``: `rotation` up to it."""
     value, slope, curvature = 0.0, 0.0, 0.0
     for k in range(abs(terms) - 1, -1, -1):
         curvature = curvature * tau + slope
@@ -121,7 +126,7 @@ def _evaluate(head, duration, series, terms, ring_y, ring_slope, tau, c, s):
 
 @_inlined
 def _curvature_bound(head, x_start, x_change, low, high):
-    """Largest |Q''| on a part of a branch piece."""
+    """Upper bound of |Q''| on the fractions ``low … high`` of a branch piece."""
     if x_start >= 1.0:
         return 0.0
     first = int((x_start + x_change * low) * CURVATURE_CELLS)
@@ -139,7 +144,7 @@ def edge_extrema(
 ):  # fmt: skip
     """Append the extrema inside an edge to ``times`` and ``peaks``.
 
-    Returns their new number (`OVERFLOW` when the arrays are full), then value, slope and curvature at the end.
+    Returns the new number of extrema (`OVERFLOW` if the arrays are full), then value, slope and curvature at the end.
     """
     a0, a1 = head[HEAD_A0], head[HEAD_A1]
     forcing = abs(head[HEAD_B1] * scale_V) * (x_change / duration) ** 2
@@ -153,10 +158,10 @@ def edge_extrema(
     c_node, s_node = 1.0, 0.0
     w2 = pole_im * pole_im
     for cell in range(cells):
-        # The intervals still to be looked at: the node interval, then its halves where it proves nothing.
+        # Intervals still to be examined: the node interval, then its halves if nothing is proved on it.
         depth = 1
         stack[0, 0] = (cell + 1.0) / cells
-        if long and cell == cells - 1:  # the end is passed on, so it is not left to the recurrence
+        if long and cell == cells - 1:  # the end starts the next edge, so it is not computed by the recurrence
             c_node, s_node = rotation(pole_re, pole_im, duration)
         elif long:
             c_node, s_node = c_node * c_step - w2 * s_node * s_step, c_node * s_step + s_node * c_step
@@ -195,7 +200,7 @@ def edge_extrema(
             if positive0 != positive1:
                 if count >= times.shape[0]:
                     return OVERFLOW, y1, g1, d1
-                # Safeguarded Newton from the cubic through both ends of the inverse function.
+                # Safeguarded Newton, started from the cubic through both ends of the inverse function.
                 a, b = low, high
                 u = g0 / (g0 - g1)
                 tau = a + (b - a) * u
@@ -232,9 +237,9 @@ def edge_extrema(
 
 @_jit
 def ring_down_extrema(pole_re, pole_im, a0, y, slope, start_s, duration, times, peaks, count):
-    """Append the extrema of a free ring-down for 0 < t ≤ duration; a geometric series.
+    """Append the extrema of a free ring-down for 0 < t ≤ duration, a geometric series.
 
-    Returns their new number (`OVERFLOW` when the arrays are full) and the summed magnitude beyond the list.
+    Returns the new number of extrema (`OVERFLOW` if the arrays are full) and the summed magnitude beyond the list.
     """
     if y == 0.0 and slope == 0.0:
         return count, 0.0

@@ -1,15 +1,16 @@
 """Exact gradient of the peak cost with respect to the seven waveform parameters, compiled.
 
 A peak is stationary in time, so its value changes with a parameter as the response does at a fixed time (envelope
-theorem). On branch piece p, starting at ``s`` and lasting ``T``, the drive adds to the complex amplitude (`resonator`,
-Eq. 2) ``c ∫ e^{λ(t - s - Tσ)} q(σ) dσ``, whose derivative is again a sum of moments:
+theorem). On a branch piece that starts at ``s`` and lasts ``T``, the drive adds ``c ∫ e^{λ(t - s - Tσ)} q(σ) dσ`` to
+the complex amplitude (Eq. (8b) of `resonator`). Its derivative is again a sum of moments:
 
-    c ∫ e^{λ(t - s - Tσ)} (∂q - λ (∂s + σ ∂T) q) dσ.                                                (3)
+    c ∫ e^{λ(t - s - Tσ)} (∂q - λ (∂s + σ ∂T) q) dσ.                                                (8c)
 
 With the fraction of an edge held fixed, ``q = scale · Δx · Q'(x₀ + Δx σ)`` depends on U1 and U2 through the drive and
-the branch's origin; where two pieces meet inside an edge Q' is continuous, so nothing comes from the border. The
-peaks of a ring-down share one amplitude. A drive that repeats with the period T rings at its start with
-``e^{λ(T - D)} A(D) / (1 - e^{λT})``, A(D) being what it leaves at its end D from rest; so does the derivative.
+the origin of the branch. Where two pieces meet inside an edge, Q' is continuous, so the boundary contributes nothing.
+The peaks of a ring-down share one amplitude. A drive with the period T rings at its start with
+``e^{λ(T - D)} A(D) / (1 - e^{λT})``, where A(D) is the amplitude at its end D after a start at rest; the derivative
+follows the same formula.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def moments(z, count, result):
 
 @_jit
 def _forced_sensitivity(head, pole, gain, duration, rate, n, rate_by, start_by, duration_by, tau, moment, result):
-    """Fill ``result`` (7,) with Eq. (3) at fraction ``tau`` of a piece."""
+    """Fill ``result`` (7,) with the derivatives of the amplitude, Eq. (8c), at fraction ``tau`` of a piece."""
     moments(pole * duration * tau, n + 1, moment)
     plain, weighted = 0j, 0j
     power = 1.0
@@ -70,22 +71,22 @@ def _forced_sensitivity(head, pole, gain, duration, rate, n, rate_by, start_by, 
         plain += rate[k] * power * moment[k]
         weighted += rate[k] * power * tau * moment[k + 1]
     for p in range(7):
-        result[p] = -gain * pole * (start_by[p] * plain + duration_by[p] * weighted)
+        result[p] = -gain * pole * (start_by[p] * plain + duration_by[p] * weighted)  # Eq. (8c), ∂s and ∂T
     for p in range(2):
         power = 1.0
         total = 0j
         for k in range(n):
             power *= tau
             total += rate_by[p, k] * power * moment[k]
-        result[p] += gain * total
+        result[p] += gain * total  # Eq. (8c), ∂q
 
 
 @_jit
 def _rate_by_voltage(head, piece, from_by, to_by, origin_by, rate_by, scratch):
     """Fill ``rate_by`` (2, degree) with ∂(dv/dτ)/∂(U1, U2) on a branch piece; return its number of coefficients.
 
-    ``from_by``, ``to_by`` (2,): derivatives of the drive at the ends of the edge; ``origin_by`` (2,): of the branch's
-    turning point.
+    ``from_by`` and ``to_by`` (2,) are the derivatives of the drive at the ends of the edge, ``origin_by`` (2,) those of
+    the branch's turning point.
     """
     at, length, x, dx, scale = piece[1], piece[2], piece[3], piece[4], piece[5]
     full_scale = head[HEAD_FULL_SCALE]
@@ -110,7 +111,7 @@ def _rate_by_voltage(head, piece, from_by, to_by, origin_by, rate_by, scratch):
 
 @_jit
 def _slope_of_cost(peaks, k, e, A, B, enough_V):
-    """Derivative of the cost by the signed height of peak k, the effective one being e."""
+    """Derivative of the cost, Eq. (9) of `cost`, with respect to the signed height of peak k; peak e is effective."""
     weight = 1.0
     if k == e:
         weight = A if abs(peaks[k]) < enough_V else 0.0
@@ -124,7 +125,7 @@ def batch_costs_and_gradients(
     waveforms, heads, laps_before, one_point, window_s, period_s, A, B, effective, threshold, enough_V, capacity, costs,
     gradients,
 ):  # fmt: skip
-    """Peak cost and its gradient (n, 7) with respect to the waveform parameters; False when capacity was too small."""
+    """Peak cost and its gradient (n, 7) with respect to the waveform parameters; False if capacity was too small."""
     knots_s, knots_V = np.empty(6), np.empty(6)
     memory, pieces = np.empty(32), np.empty((40, 6))
     rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
@@ -133,7 +134,7 @@ def batch_costs_and_gradients(
     moment = np.empty(MAX_DEGREE + 1, dtype=np.complex128)
     forced_by, amplitude_by = np.empty(7, dtype=np.complex128), np.empty(7, dtype=np.complex128)
     start_by, duration_by = np.empty(7), np.empty(7)
-    knot_by = np.zeros((6, 2))  # the drive at each knot by U1, U2
+    knot_by = np.zeros((6, 2))  # derivatives of the drive at each knot with respect to U1, U2
     knot_by[1, 0] = knot_by[2, 0] = knot_by[3, 1] = knot_by[4, 1] = 1.0
     fixed_origin = np.zeros(2)
     state, no_knots = np.empty(2), np.empty(0)
@@ -160,7 +161,7 @@ def batch_costs_and_gradients(
         amplitude_by[:] = 0.0
         peak = 0
         index = 0
-        for segment in range(6):  # the last is the final ring-down
+        for segment in range(6):  # the last one is the final ring-down
             whole = knots_s[segment + 1] - knots_s[segment] if segment < 5 else math.inf
             more = True
             while more:
@@ -171,7 +172,7 @@ def batch_costs_and_gradients(
                     start += piece[1] * whole
                     duration = piece[2] * whole
                     if (segment == 0 and laps_before == 0) or abs(piece[5]) < head[HEAD_FULL_SCALE]:
-                        origin_by = fixed_origin  # 0 V: the first sample, or the virgin curve
+                        origin_by = fixed_origin  # origin at 0 V: the first sample, or the virgin curve
                     elif piece[5] > 0.0:
                         origin_by = knot_by[3]
                     else:

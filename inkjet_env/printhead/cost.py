@@ -1,4 +1,9 @@
-"""What a response costs: the weighted sum of its peaks."""
+"""Peak cost of a response: the weighted sum of its peaks.
+
+    J = A min(|y_e|, enough_V) + B |y_{e+1}| + Σ |y_i| over all other peaks                         (9)
+
+with the equation numbered as in docs/explanation/model.md, and an infinite ``enough_V`` in the paper.
+"""
 
 from __future__ import annotations
 
@@ -11,26 +16,28 @@ from numpy.typing import ArrayLike
 from inkjet_env.naming import nearest_name
 
 LARGEST_WEIGHT = 1e6
+"""Largest magnitude of a weight; dimensionless."""
+
 EFFECTIVE_RULES = ("largest", "first")
 
 
 @dataclass(frozen=True)
 class PeakCost:
-    """Peak cost ``A min(|y_e|, enough_V) + B|y_{e+1}| + Σ|y_i|`` over all other peaks (Zhu et al. 2024, section 2.3).
+    """Peak cost ``A min(|y_e|, enough_V) + B|y_{e+1}| + Σ|y_i|``, Eq. (9) (Zhu et al. 2024, section 2.3).
 
     Parameters
     ----------
     A : float
-        Weight of the effective peak ``y_e``; negative, since that peak ejects the drop.
+        Weight of the effective peak ``y_e``, dimensionless; negative, since that peak ejects the drop.
     B : float
-        Weight of the peak after it.
+        Weight of the peak after it, dimensionless.
     effective : {"largest", "first"} or float
         Which peak ejects: the largest in magnitude (the earliest of equals), the first (the formula as printed), or
-        the first whose magnitude reaches this threshold in volts. Where no peak does, every peak has weight one.
+        the first whose magnitude reaches this threshold in volts. Where no peak reaches it, every peak has weight one.
     enough_V : float
-        Magnitude from which on the effective peak counts no further, in volts: what a drop of the wanted size needs.
-        With a weight A that outweighs what a volt of it costs elsewhere, the best waveform reaches this and rings
-        least. Infinite unless given: the paper's formula.
+        Magnitude in volts that a drop of the wanted size needs; the effective peak counts no further beyond it. With a
+        weight A that outweighs what each volt of it costs elsewhere, the best waveform reaches this magnitude and
+        rings least. Infinite by default, as in the paper's formula.
 
     Examples
     --------
@@ -62,7 +69,7 @@ class PeakCost:
             )
 
     def effective_index(self, peaks_V: ArrayLike) -> int | None:
-        """Index of the effective peak among ``peaks_V`` (time order), or None where there is none."""
+        """Index of the effective peak among ``peaks_V`` (in time order), or None if there is none."""
         magnitude = np.abs(np.asarray(peaks_V, dtype=np.float64))
         if magnitude.size == 0:
             return None
@@ -89,4 +96,4 @@ class PeakCost:
         weights, e = self.weights(peaks_V), self.effective_index(peaks_V)
         if e is not None:
             magnitude[e] = min(magnitude[e], self.enough_V)
-        return float(weights @ magnitude + tail_V)
+        return float(weights @ magnitude + tail_V)  # Eq. (9)

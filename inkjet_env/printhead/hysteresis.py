@@ -1,12 +1,19 @@
 """Rate-independent hysteresis of the ceramic: Prandtl–Ishlinskii as a branch law, and as play operators.
 
-Between turning points ``u_k`` of the drive the hysteretic drive follows one law (Zhu et al. 2024, section 2.2.1):
-``v = v_k ± F Q(|u - u_k| / F)``, with ``F`` the full scale in volts and ``Q`` a polynomial. The law is the classic
-Prandtl–Ishlinskii (PI) operator with density ``p(r) = 2 Q''(2r)``, *provided* that all turning points are remembered:
-a minor loop that closes is wiped out and the branch it interrupted goes on (Madelung's rules). From the demagnetised
-state the virgin curve is ``Q(2|u|/F) / 2``.
+Between turning points ``u_k`` of the drive, the hysteretic drive ``v`` follows one law (Zhu et al. 2024, section 2.2.1;
+equations are numbered as in docs/explanation/model.md), with ``F`` the full scale in volts and ``Q`` a polynomial:
 
-`branch_pieces` keeps that memory and is the only place that does; `PlayOperators` is the O(n) reference without any.
+    F_r[u](t) = max(u - r, min(u + r, F_r[u](t_k)))        play operator                            (1)
+    v = ∫ p(r) F_r[u] dr                                   classic PI operator                      (2)
+    v = v_k ± F Q(|u - u_k| / F)                           branch law, + rising, - falling          (3)
+    p(r) = 2 Q''(2r)                                       density of the play operators            (4)
+    Q(x) = Σ q_n x^n,  x = |u - u_k| / F                   polynomial                               (5)
+
+Equation (3) is the classic Prandtl–Ishlinskii (PI) operator (2) with the density (4), *provided* that all turning
+points are remembered: a minor loop that closes is wiped out, and the branch that it interrupted continues (Madelung's
+rules). From the demagnetised state the virgin curve is ``F Q(2|u|/F) / 2``.
+
+`branch_pieces` is the only place that keeps this memory; `PlayOperators` is the O(n) reference, which needs none.
 """
 
 from __future__ import annotations
@@ -22,20 +29,21 @@ from inkjet_env.naming import check_name
 from inkjet_env.typing import Real
 
 INITIAL_STATES = ("periodic", "demagnetised")
-"""``periodic``: the drive had been repeating for ever. ``demagnetised``: at rest at 0 V, virgin curve first."""
+"""``periodic``: the drive has repeated for ever. ``demagnetised``: at rest at 0 V, so the virgin curve comes first."""
 
 HYSTERESIS_MODELS = ("full_memory", "one_point", "play_operators")
-"""``full_memory``: branch law with all turning points. ``one_point``: the paper's formula, the last turning point only.
-``play_operators``: the classic PI sum."""
+"""``full_memory``: branch law with all turning points. ``one_point``: the paper's formula, which remembers only the
+last turning point. ``play_operators``: the classic PI sum."""
 
 SMALLEST_CHANGE_V = 1e-30
-"""A drive that changes by less stands still; products of smaller numbers would underflow."""
+"""A drive that changes by less, in volts, is taken as constant; products of smaller numbers would underflow."""
 
 PIECE_FIELDS = ("segment", "start", "length", "x_start", "x_change", "scale_V")
+"""Columns of the table that `branch_pieces` fills; all dimensionless but the last, which is in volts."""
 
 
 def periods_before_recording(initial_state: str) -> int:
-    """Repetitions of the drive that bring the memory into ``initial_state``: 1 for periodic, 0 for demagnetised."""
+    """Number of warm-up periods that bring the memory into ``initial_state``: 1 for periodic, 0 for demagnetised."""
     check_name("initial_state", initial_state, INITIAL_STATES)
     return 1 if initial_state == "periodic" else 0
 
@@ -45,31 +53,31 @@ def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, piece
 
     Plain Python that also compiles as it stands. On a piece that covers the fractions ``start … start + length`` of
     drive segment ``segment``, the argument of ``Q`` grows linearly from ``x_start`` to ``x_start + x_change`` and
-    ``dv = scale_V · dQ``. A piece ends where the segment ends, where a loop closes, or at ``x = 1``, beyond which the
-    law goes on along its tangent.
+    ``dv = scale_V · dQ``, Eq. (3). A piece ends where the segment ends, where a loop closes, or at ``x = 1``, beyond
+    which the law continues along its tangent.
 
     Parameters
     ----------
     drive_V : ndarray, shape (n,)
-        Drive at the knots.
+        Drive at the knots, in volts.
     full_scale_V : float
-        ``F``: the change of drive at ``x = 1``.
+        ``F``: the change of drive at ``x = 1``, in volts.
     laps_before : int
-        Repetitions of the drive before the recorded one: 0 from the demagnetised state; 1 settles a periodic drive.
+        Warm-up periods before the recorded one: 0 starts from the demagnetised state; 1 settles a periodic drive.
     one_point : bool
-        Remember the last turning point only, the first sample being one.
+        Remember only the last turning point; the first sample counts as one.
     memory_V : ndarray, shape (≥ n + 1,)
-        Scratch for the turning points.
+        Scratch for the turning points, in volts.
     pieces : ndarray, shape (≥ 4 n + 16, 6)
-        Filled with `PIECE_FIELDS`, one row a piece; segments at constant drive give none.
+        Filled with `PIECE_FIELDS`, one row per piece; segments at constant drive give none.
 
     Returns
     -------
     int
-        The number of pieces.
+        Number of pieces.
     """
     n = drive_V.shape[0]
-    depth = 0  # turning points remembered; none: on the virgin curve
+    depth = 0  # number of remembered turning points; zero on the virgin curve
     direction = 0
     count = 0
     u = 0.0
@@ -94,7 +102,7 @@ def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, piece
                         depth += 1
                 direction = heading
                 end = target
-                if depth == 0:  # virgin curve, from 0 V outwards
+                if depth == 0:  # virgin curve, from 0 V outwards: F Q(2|u|/F) / 2
                     x_start, x_end, scale = 2.0 * abs(u), 2.0 * abs(end), 0.5 * full_scale_V
                 else:
                     origin = memory_V[depth - 1]
@@ -103,7 +111,7 @@ def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, piece
                         if (limit - target) * heading <= 0.0:  # the loop closes on the way
                             end = limit
                             depth = depth - 2 if depth >= 2 else 0
-                    x_start, x_end, scale = abs(u - origin), abs(end - origin), full_scale_V
+                    x_start, x_end, scale = abs(u - origin), abs(end - origin), full_scale_V  # Eq. (3)
                 if recording and segment >= 0 and abs(end - u) > SMALLEST_CHANGE_V:
                     x_start /= full_scale_V
                     x_end /= full_scale_V
@@ -131,12 +139,13 @@ def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, piece
 
 @dataclass(frozen=True)
 class BranchLaw:
-    """The polynomial ``Q`` of the improved PI model, continued along its tangent beyond ``x = 1``.
+    """The polynomial ``Q`` of the improved PI model, Eq. (5), continued along its tangent beyond ``x = 1``.
 
     Parameters
     ----------
     coefficients : tuple of float
-        Of ``Q`` on ``x = |Δu| / full_scale_V``, highest power first, the constant (last) zero; degree 1 to 16.
+        Dimensionless coefficients of ``Q`` on ``x = |Δu| / full_scale_V``, highest power first; the last, the constant,
+        is zero. Degree 1 to 16.
     full_scale_V : float
         Change of drive at ``x = 1``, in volts; the output of ``Q`` is scaled by it too.
 
@@ -171,14 +180,14 @@ class BranchLaw:
 
     @property
     def ascending(self) -> Real:
-        """Coefficients lowest power first, shape (degree + 1,)."""
+        """Coefficients, lowest power first, shape (degree + 1,)."""
         return np.array(self.coefficients[::-1])
 
     def Q(self, x: ArrayLike) -> Real:
-        """Normalised branch ``Q(x)``, x ≥ 0."""
+        """Normalised branch ``Q(x)``, x ≥ 0, Eq. (5)."""
         x = np.asarray(x, dtype=np.float64)
         inside = np.minimum(x, 1.0)
-        return poly.polyval(inside, self.ascending) + self.slope(1.0) * (x - inside)
+        return poly.polyval(inside, self.ascending) + self.slope(1.0) * (x - inside)  # Eq. (5)
 
     def slope(self, x: ArrayLike) -> Real:
         """``Q'(x)``; constant beyond ``x = 1``."""
@@ -190,17 +199,17 @@ class BranchLaw:
         return np.where(x <= 1.0, poly.polyval(x, poly.polyder(self.ascending, 2)), 0.0)
 
     def density(self, r: ArrayLike) -> Real:
-        """PI density ``p(r) = 2 Q''(2r)`` on the normalised threshold ``r`` = threshold / full scale."""
-        return 2.0 * self.curvature(2.0 * np.asarray(r, dtype=np.float64))
+        """PI density ``p(r) = 2 Q''(2r)``, Eq. (4), at the normalised threshold ``r`` = threshold / full scale."""
+        return 2.0 * self.curvature(2.0 * np.asarray(r, dtype=np.float64))  # Eq. (4)
 
     def strengthened(self, factor: float) -> BranchLaw:
-        """The law with its hysteresis (everything but the linear term, so ``p(r)``) multiplied by ``factor``."""
+        """The law with its hysteresis (all but the linear term, and so ``p(r)``) multiplied by ``factor``."""
         scaled = np.array(self.coefficients) * factor
         scaled[-2] = self.coefficients[-2]
         return BranchLaw(tuple(scaled), self.full_scale_V)
 
     def pieces(self, drive_V: ArrayLike, initial_state: str = "periodic", one_point: bool = False) -> Real:
-        """`branch_pieces` of a drive given at its knots: array of shape (pieces, 6), columns `PIECE_FIELDS`."""
+        """`branch_pieces` of a drive in volts at its knots: array of shape (pieces, 6), columns `PIECE_FIELDS`."""
         drive = np.ascontiguousarray(drive_V, dtype=np.float64)
         warm_up_periods = periods_before_recording(initial_state)
         table = np.empty((4 * drive.size + 16, 6))
@@ -210,7 +219,7 @@ class BranchLaw:
     def hysteretic_V(self, drive_V: ArrayLike, initial_state: str = "periodic", one_point: bool = False) -> Real:
         """Hysteretic drive in volts at the knots of a drive, shape (n,).
 
-        From the demagnetised state the first value is that of the virgin curve; else it is 0 V, since what follows
+        From the demagnetised state the first value lies on the virgin curve; otherwise it is 0 V, since the response
         depends on changes alone.
         """
         drive = np.asarray(drive_V, dtype=np.float64)
@@ -224,18 +233,19 @@ class BranchLaw:
 
 
 def play_operators(drive_V, thresholds_V, weights, states_V, output_V):
-    """Classic PI: weighted play operators, one after another, O(n) a sample. Compiles as it stands.
+    """Classic PI: weighted play operators, one after another, O(n) per sample. Compiles as it stands.
 
-    ``F_r[u](t) = max(u - r, min(u + r, w))``, ``v = Σ weight · F_r`` (Zhu et al. 2024, section 2.2.1). ``states_V``
-    (k,) holds ``w`` on entry and on return; ``output_V`` (n,) receives ``v`` in volts.
+    ``F_r[u](t) = max(u - r, min(u + r, w))``, Eq. (1), and ``v = Σ weight · F_r``, the sum for the integral of Eq. (2)
+    (Zhu et al. 2024, section 2.2.1). ``states_V`` (k,) holds ``w`` on entry and on return; ``output_V`` (n,) receives
+    ``v`` in volts.
     """
     for i in range(drive_V.shape[0]):
         u = drive_V[i]
         total = 0.0
         for k in range(thresholds_V.shape[0]):
-            w = max(u - thresholds_V[k], min(u + thresholds_V[k], states_V[k]))
+            w = max(u - thresholds_V[k], min(u + thresholds_V[k], states_V[k]))  # Eq. (1)
             states_V[k] = w
-            total += weights[k] * w
+            total += weights[k] * w  # Eq. (2)
         output_V[i] = total
 
 
@@ -254,9 +264,9 @@ class PlayOperators:
 
     @classmethod
     def of_branch_law(cls, law: BranchLaw, operators: int) -> PlayOperators:
-        """Quadrature of the PI integral with ``operators`` plays, plus the linear part.
+        """Quadrature of the PI integral, Eq. (2), with ``operators`` plays, plus the linear part.
 
-        Thresholds sit in the middle of equal cells of ``0 … full_scale / 2``; a weight is the exact integral of the
+        Thresholds are the midpoints of equal cells of ``0 … full_scale / 2``; a weight is the exact integral of the
         density over its cell, ``Q'(2 r_right) - Q'(2 r_left)``. The difference from the branch law falls as
         ``operators⁻²``.
         """
@@ -274,8 +284,8 @@ class PlayOperators:
         for _ in range(periods_before_recording(initial_state) + 1):
             output = np.empty_like(drive)
             for i, u in enumerate(drive):
-                states = np.maximum(u - self.thresholds_V, np.minimum(u + self.thresholds_V, states))
-                output[i] = self.weights @ states
+                states = np.maximum(u - self.thresholds_V, np.minimum(u + self.thresholds_V, states))  # Eq. (1)
+                output[i] = self.weights @ states  # Eq. (2)
         return output
 
     def pieces(self, drive_V: ArrayLike, initial_state: str = "periodic") -> Real:
@@ -290,7 +300,7 @@ class PlayOperators:
                 if u == target:
                     continue
                 heading = np.sign(target - u)
-                # A play moves once the drive is its threshold away from it.
+                # A play moves once the drive has moved away from it by its threshold.
                 engaged_at = np.clip((states + heading * r - u) / (target - u), 0.0, 1.0)
                 breaks = np.unique(np.concatenate([[0.0], engaged_at, [1.0]]))
                 for a, b in itertools.pairwise(breaks):

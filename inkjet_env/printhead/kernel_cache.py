@@ -1,7 +1,7 @@
-"""Compiled code on disk, kept only while it is what the sources say.
+"""Compiled code on disk, discarded when its sources are newer.
 
-Products and sums are fused as the compiler sees fit, which hangs on the processor and on which functions were compiled
-before: between machines, or after the code was deleted, last bits may differ.
+The compiler chooses which products and sums to fuse. Its choice depends on the processor and on the functions that were
+compiled before, so the last bits may differ between machines, or after the code was deleted.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from numba import njit
 
 
 def discard_stale_code(file: str) -> None:
-    """Delete the compiled code of a module where a source of the simulator, or one beside it, is newer.
+    """Delete the compiled code of a module if a source of the simulator, or one in the module's folder, is newer.
 
-    numba sees when the file of a function changes, but not when one changes that the function calls.
+    numba notices a change in the file of a function, but not in the files of the functions that it calls.
     """
     module = Path(file)
     sources = [module, *module.parent.glob("*.py"), *Path(__file__).parent.glob("*.py")]
     newest = max(source.stat().st_mtime for source in sources)
     for index in (module.parent / "__pycache__").glob(f"{module.stem}.*.nbi"):
-        # Another process was faster; or the folder is not ours to write, and then numba does not use it either.
+        # Another process was faster; or the folder is not writable, and then numba does not use it either.
         with suppress(FileNotFoundError, PermissionError):
             if index.stat().st_mtime < newest:
                 index.unlink()

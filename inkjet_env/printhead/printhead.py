@@ -1,4 +1,7 @@
-"""The printhead: hysteresis, then a second-order resonator; what it answers to one waveform."""
+"""The printhead: hysteresis, then a second-order resonator; its response to one waveform.
+
+Equations are numbered as in docs/explanation/model.md.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +27,17 @@ from inkjet_env.storage import write_json
 from inkjet_env.typing import Real
 
 DEFAULT_WINDOW_S = 350e-6
+"""Time after the waveform's start within which peaks count, in seconds."""
+
 LONGEST_WINDOW_S = 0.01
+"""Longest finite window accepted, in seconds."""
+
 PLAY_OPERATORS = 200
-"""Plays of the classic PI model where it is asked for by name."""
+"""Number of plays in the classic PI model, ``hysteresis="play_operators"``."""
 
 
 def check_window(window_s: float) -> float:
-    """Return the window; ``ValueError`` unless it is a positive time in seconds, not too long, or infinite."""
+    """Return the window in seconds; ``ValueError`` unless it is above 0 s and at most 0.01 s, or infinite."""
     if isinstance(window_s, (int, float, np.number)) and (0 < window_s <= LONGEST_WINDOW_S or window_s == math.inf):
         return float(window_s)
     raise ValueError(
@@ -40,7 +47,7 @@ def check_window(window_s: float) -> float:
 
 
 def check_period(period_s: float, duration_s: float, initial_state: str) -> float:
-    """Return the period; ``ValueError`` unless the waveform has room in it and its repetition has a steady state."""
+    """Return the period in seconds; ``ValueError`` unless it holds the waveform and repetition has a steady state."""
     if period_s == math.inf:
         return math.inf
     if not (isinstance(period_s, (int, float, np.number)) and period_s > 0):
@@ -56,14 +63,14 @@ def check_period(period_s: float, duration_s: float, initial_state: str) -> floa
 
 @dataclass(frozen=True)
 class Printhead:
-    """A piezo printhead: branch law of the hysteresis, then ``G_s(s) = b1 s / (s² + a1 s + a0)``.
+    """A piezo printhead: branch law of the hysteresis, Eq. (3), then ``G_s(s) = b1 s / (s² + a1 s + a0)``, Eq. (7).
 
     Parameters
     ----------
     a0, a1, b1 : float
-        Resonator, in 1/s², 1/s and 1/s (Zhu et al. 2024, section 3.2).
+        Coefficients of the resonator, in 1/s², 1/s and 1/s (Zhu et al. 2024, section 3.2).
     coefficients : tuple of float
-        Branch law ``Q``, highest power first (section 3.1); see `BranchLaw`.
+        Dimensionless coefficients of the branch law ``Q``, highest power first (section 3.1); see `BranchLaw`.
     full_scale_V : float
         Change of drive at ``x = 1``, in volts.
 
@@ -109,7 +116,7 @@ class Printhead:
 
     @classmethod
     def from_json(cls, path: str | os.PathLike[str]) -> Printhead:
-        """Read a ``printhead/1`` file; ``ValueError`` names the file and the rule it breaks."""
+        """Read a ``printhead/1`` file; ``ValueError`` names the file and the broken rule."""
         data = printhead_data(path)
         if ids := effect_ids(data):
             raise ValueError(
@@ -124,7 +131,7 @@ class Printhead:
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Printhead:
-        """The head that a ``printhead/1`` file's content describes, without effects; ``ValueError`` names the rule."""
+        """Head described by the content of a ``printhead/1`` file, without effects; ``ValueError`` names the rule."""
         values = {name: _number(data, "dynamics", name, "value") for name in ("a0", "a1", "b1")}
         values["full_scale_V"] = _number(data, "hysteresis", "full_scale_V")
         coefficients = _entry(data, "hysteresis", "coefficients")
@@ -144,19 +151,19 @@ class Printhead:
         Parameters
         ----------
         path : path
-            Written whole or not at all.
+            Destination; written atomically.
         intervals : mapping of str to (low, high), optional
-            90 % confidence intervals of ``a0``, ``a1``, ``b1``; of a value that was given, not identified, the interval
-            is a point. An infinite end, of a value that no recording tells, is written as null.
+            90 % confidence intervals of ``a0``, ``a1``, ``b1``, in their units; the interval of a value that was given,
+            not identified, is a point. An infinite end, of a value that no recording determines, is written as null.
         fit : mapping, optional
-            How well the head fitted the recordings it was identified from.
+            Quality of the fit to the recordings from which the head was identified, such as ``noise_rms_V``.
         """
         write_json(path, self.as_json(intervals, fit))
 
     def as_json(
         self, intervals: Mapping[str, tuple[float, float]] | None = None, fit: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
-        """What `to_json` writes."""
+        """Content of the file that `to_json` writes."""
         dynamics = {}
         for name, value in (("a0", self.a0), ("a1", self.a1), ("b1", self.b1)):
             low, high = (intervals or {}).get(name, (value, value))
@@ -171,17 +178,17 @@ class Printhead:
 
     @property
     def frequency_Hz(self) -> float:
-        """Undamped natural frequency ``√a0 / 2π``."""
+        """Undamped natural frequency ``√a0 / 2π``, in hertz."""
         return math.sqrt(self.a0) / (2 * math.pi)
 
     @property
     def damping_ratio(self) -> float:
-        """``ζ = a1 / (2 √a0)``."""
+        """Damping ratio ``ζ = a1 / (2 √a0)``, dimensionless."""
         return self.a1 / (2 * math.sqrt(self.a0))
 
     @cached_property
     def branch_law(self) -> BranchLaw:
-        """The hysteresis."""
+        """Branch law of the hysteresis."""
         return BranchLaw(self.coefficients, self.full_scale_V)
 
     def varied(
@@ -191,7 +198,7 @@ class Printhead:
         gain: float = 1.0,
         hysteresis_strength: float = 1.0,
     ) -> Printhead:
-        """Another head: other resonance, ``b1`` times ``gain``, the loop's density times ``hysteresis_strength``."""
+        """Head with another resonance, ``b1`` times ``gain`` and the PI density times ``hysteresis_strength``."""
         frequency = self.frequency_Hz if frequency_Hz is None else frequency_Hz
         damping = self.damping_ratio if damping_ratio is None else damping_ratio
         omega = 2 * math.pi * frequency
@@ -211,20 +218,26 @@ class Printhead:
         hysteresis: str = "full_memory",
         period_s: float = math.inf,
     ) -> Response:
-        """Response to one waveform, the resonator being at rest when it starts unless a period is given.
+        """Response to one waveform; the resonator is at rest at its start unless a period is given.
 
         Parameters
         ----------
         waveform : Waveform
+            The drive.
         initial_state : {"periodic", "demagnetised"}
-            Of the hysteresis: the waveform had been repeating, or virgin curve first.
+            State of the hysteresis: the waveform has been repeated, or it starts on the virgin curve.
         window_s : float
-            Peaks later than this after the waveform's start do not count; may be infinite.
+            Peaks later than this after the waveform's start do not count, in seconds; may be infinite.
         hysteresis : {"full_memory", "one_point", "play_operators"}
-            See `inkjet_env.printhead.hysteresis.HYSTERESIS_MODELS`.
+            Model of the hysteresis; see `inkjet_env.printhead.hysteresis.HYSTERESIS_MODELS`.
         period_s : float
-            The waveform is repeated so often that it starts in what all before it left ringing; peaks count within one
-            period. Infinite: the head has come to rest.
+            Firing period in seconds: the waveform has been repeated for ever and starts in the residual vibration of
+            all those before it; peaks count within one period. Infinite, the default: the head is at rest.
+
+        Returns
+        -------
+        Response
+            Peaks, and the signals at any time.
 
         Examples
         --------
@@ -240,7 +253,7 @@ class Printhead:
 
 
 def printhead_data(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Content of a ``printhead/1`` file; ``ValueError`` names the file where it is none."""
+    """Content of a ``printhead/1`` file; ``ValueError`` names the file if it is not one."""
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -257,7 +270,7 @@ def printhead_data(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def effect_ids(data: Mapping[str, Any]) -> list[str]:
-    """Names of the effects in a ``printhead/1`` file; empty for the base model."""
+    """Ids of the effects in the content of a ``printhead/1`` file; empty for the base model."""
     effects = data.get("effects") or []
     if not isinstance(effects, list):
         return ["effects"]
@@ -265,7 +278,7 @@ def effect_ids(data: Mapping[str, Any]) -> list[str]:
 
 
 def _entry(data: Any, *keys: str) -> Any:
-    """What a printhead/1 file keeps under these keys."""
+    """Entry of a ``printhead/1`` file under nested keys."""
     for depth, key in enumerate(keys):
         if not isinstance(data, dict) or key not in data:
             raise ValueError(f"has no {'.'.join(keys[: depth + 1])}, which a printhead/1 file needs.")
@@ -282,14 +295,15 @@ def _number(data: Any, *keys: str) -> float:
 
 @dataclass(frozen=True)
 class Response:
-    """What a head answers to a piecewise-linear drive that starts at time 0; made by `Printhead.respond`.
+    """Response of a head to a piecewise-linear drive that starts at time 0; made by `Printhead.respond`.
 
     Attributes
     ----------
     peak_times_s, peaks_V : ndarray, shape (k,)
-        Every local extremum of the self-sensed signal within the window, signed, in time order.
+        Times in seconds and signed values in volts of every local extremum of the self-sensed signal within the window,
+        in time order.
     tail_V : float
-        Summed magnitude of the extrema beyond those listed (infinite window only).
+        Summed magnitude of the extrema beyond those listed, in volts (infinite window only).
     """
 
     printhead: Printhead
@@ -336,7 +350,7 @@ class Response:
         return replace(from_rest, start_state=complex(left / (1 - np.exp(from_rest.pole * self.period_s))))
 
     def drive_V(self, time_s: ArrayLike) -> Real:
-        """Drive in volts at any times, same shape."""
+        """Drive in volts at times in seconds, same shape."""
         return np.interp(
             np.asarray(time_s, dtype=np.float64),
             self.knot_times_s,
@@ -346,7 +360,7 @@ class Response:
         )
 
     def hysteretic_V(self, time_s: ArrayLike) -> Real:
-        """Hysteretic drive in volts at any times, same shape; zero at the start."""
+        """Hysteretic drive in volts at times in seconds, same shape; zero at the start."""
         ringing = self._ringing
         antiderivative = np.array([poly.polyint(rate) for rate in ringing.rate_V])
         at_start = np.concatenate([[0.0], np.cumsum(antiderivative.sum(axis=1))])
@@ -360,18 +374,19 @@ class Response:
         return value.reshape(time.shape)
 
     def sensor_V(self, time_s: ArrayLike) -> Real:
-        """Self-sensed signal in volts at any times, same shape."""
+        """Self-sensed signal in volts at times in seconds, same shape."""
         return self._ringing.sensor_V(time_s)
 
     def deflection_V(self, time_s: ArrayLike) -> Real:
-        """Deflection at any times, same shape, as the quasi-static hysteretic drive that would hold it, in volts.
+        """Deflection at times in seconds, same shape, as the static hysteretic drive that would hold it, in volts.
 
-        ``a0 / (s² + a1 s + a0)`` on the hysteretic drive, zero at the start; from the resonator's state:
-        ``v - (a1 y + y') / b1`` with ``y`` the self-sensed signal. Times the static gain it is a displacement.
+        It is ``a0 / (s² + a1 s + a0)`` on the hysteretic drive, zero at the start, and follows from the state of the
+        resonator: ``v - (a1 y + y') / b1`` with ``y`` the self-sensed signal. Multiplied by the static gain it is a
+        displacement.
         """
         ringing = self._ringing
         amplitude = ringing.amplitude_at(time_s)
-        # y' = Im λA and y = Im A (Eq. (1) of `resonator`); b1 cancels.
+        # y' = Im λA and y = Im A, Eq. (8a) of `resonator`; b1 cancels.
         moved = ((ringing.pole + self.printhead.a1) * amplitude).imag
         return self.hysteretic_V(time_s) - moved / self.printhead.b1
 
@@ -381,7 +396,7 @@ class Response:
 
 
 def branch_rates(law: BranchLaw, pieces: Real) -> Real:
-    """``dv/dτ`` of branch pieces as polynomials of ``τ``, lowest power first, in volts: shape (pieces, degree)."""
+    """``dv/dτ`` on branch pieces as polynomials of ``τ``, lowest power first, in volts: shape (pieces, degree)."""
     slope = poly.polyder(law.ascending)
     rates = np.zeros((len(pieces), slope.size))
     for row, (x, dx, scale) in zip(rates, pieces[:, 3:6], strict=True):

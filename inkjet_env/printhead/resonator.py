@@ -1,16 +1,21 @@
 """Closed-form response of the second-order resonator to a piecewise polynomial input.
 
-The self-sensed signal obeys ``y'' + a1 y' + a0 y = b1 v'`` (``G_s`` of Zhu et al. 2024, section 3.2). With the pole
-``λ = -a1/2 + i √(a0 - a1²/4)`` it is the imaginary part of a complex amplitude ``A`` with
+The self-sensed signal obeys ``G_s`` of Zhu et al. 2024, section 3.2 (equations are numbered as in
+docs/explanation/model.md; 8a and 8b are steps towards its closed form 8):
 
-    A' = λ A + c v',   c = b1 / Im λ,   y = Im A,   y' = Im λA.                                     (1)
+    y'' + a1 y' + a0 y = b1 v'.                                                                     (7)
+
+With the pole ``λ = -a1/2 + i √(a0 - a1²/4)`` it is the imaginary part of a complex amplitude ``A``,
+
+    A' = λ A + c v',   c = b1 / Im λ,   y = Im A,   y' = Im λA.                                     (8a)
 
 On a piece of duration T, ``v`` is a polynomial of ``τ = t/T`` with ``dv/dτ = Σ q_k τ^k``, so with ``z = λT``
 
-    A(τ) = A(0) e^{zτ} + c Σ q_k τ^{k+1} m_k(zτ),   m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds.                  (2)
+    A(τ) = A(0) e^{zτ} + c Σ q_k τ^{k+1} m_k(zτ),   m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds.                  (8b)
 
-The moments are ``k! φ_{k+1}``, the φ functions of exponential integrators. ``m_k = (k m_{k-1} - 1)/z`` is stable while
-``k ≤ |z|``; beyond, it is run backwards from the power series of the last moment, which does not cancel there.
+The moments are ``k! φ_{k+1}``, the φ functions of exponential integrators. The recursion ``m_k = (k m_{k-1} - 1)/z`` is
+stable while ``k ≤ |z|``; beyond, it runs backwards from the power series of the last moment, which does not cancel
+there.
 """
 
 from __future__ import annotations
@@ -27,10 +32,10 @@ from inkjet_env.typing import Real
 Complex = NDArray[np.complex128]
 
 ROUNDING = 1e-14
-"""Ringing that cancels to less than this share of what cancelled is rounding, and is taken as rest."""
+"""Ringing that cancels to less than this share of the terms that cancelled is rounding error and is taken as rest."""
 
 JUMP_S = 1e-20
-"""An edge shorter than this is a jump: the ringing it drives differs by less than rounding."""
+"""An edge shorter than this, in seconds, is a jump: the ringing that it drives differs by less than rounding."""
 
 
 def check_resonator(a0: float, a1: float) -> None:
@@ -55,18 +60,19 @@ def moments(z: ArrayLike, count: int) -> Complex:
     Parameters
     ----------
     z : array_like of complex, shape (n,)
-        With real part ≤ 0.
+        Arguments, dimensionless, with real part ≤ 0.
     count : int
+        Number of moments, at least 1.
 
     Returns
     -------
     ndarray of complex, shape (n, count)
-        Accurate to a few units of rounding relative to ``m_0``'s bound ``1/(k+1)``.
+        The moments, accurate to a few units of rounding relative to the bound ``1/(k+1)`` of ``m_k``.
     """
     z = np.atleast_1d(np.asarray(z, dtype=np.complex128))
     last = count - 1
     result = np.empty((z.size, count), dtype=np.complex128)
-    forward = np.where(np.abs(z) < 1.0, 0, np.floor(np.abs(z)) + 1)  # so many moments from m_0 upwards
+    forward = np.where(np.abs(z) < 1.0, 0, np.floor(np.abs(z)) + 1)  # number of moments computed from m_0 upwards
     large = forward > 0
     if large.any():
         total = np.expm1(z[large]) / z[large]
@@ -95,18 +101,18 @@ def moments(z: ArrayLike, count: int) -> Complex:
 
 @dataclass(frozen=True)
 class PiecewiseResponse:
-    """Response of a resonator, at rest before time 0, to an input given by polynomial pieces.
+    """Response of a resonator to an input given by polynomial pieces from time 0.
 
     Parameters
     ----------
     a0, a1, b1 : float
-        ``G_s(s) = b1 s / (s² + a1 s + a0)``, in 1/s², 1/s, 1/s.
+        Coefficients of ``G_s(s) = b1 s / (s² + a1 s + a0)``, Eq. (7), in 1/s², 1/s, 1/s.
     duration_s : ndarray, shape (p,)
-        Durations of the pieces, which follow each other from time 0. Zero, or less than `JUMP_S`, is a jump.
+        Durations of the consecutive pieces from time 0, in seconds. A duration below `JUMP_S` is a jump.
     rate_V : ndarray, shape (p, d)
-        ``dv/dτ`` on each piece as polynomial of ``τ`` in 0…1, lowest power first, in volts.
+        ``dv/dτ`` on each piece as a polynomial of ``τ`` in 0…1, lowest power first, in volts.
     start_state : complex, optional
-        Amplitude A at time 0; zero is at rest.
+        Amplitude A at time 0, in volts; zero, the default, is rest.
     """
 
     a0: float
@@ -122,10 +128,10 @@ class PiecewiseResponse:
         pole_ = pole(self.a0, self.a1)
         gain = self.b1 / pole_.imag
         z = pole_ * self.duration_s
-        forced = gain * np.sum(self.rate_V * moments(z, self.rate_V.shape[1]), axis=1)
+        forced = gain * np.sum(self.rate_V * moments(z, self.rate_V.shape[1]), axis=1)  # Eq. (8b) at τ = 1
         amplitude = np.empty(self.duration_s.size + 1, dtype=np.complex128)
         amplitude[0] = a = self.start_state
-        size = abs(a)  # what an amplitude may have cancelled from
+        size = abs(a)  # bound on the terms that the amplitude is the sum of
         for i, (step, increment) in enumerate(zip(np.exp(z), forced, strict=True)):
             a = a * step + increment
             size = size * abs(step) + abs(increment)
@@ -143,7 +149,7 @@ class PiecewiseResponse:
     amplitude: Complex = field(init=False)
 
     def amplitude_in(self, piece: int, tau: ArrayLike) -> Complex:
-        """Complex amplitude A at fractions ``tau`` of one piece, Eq. (2)."""
+        """Complex amplitude A in volts at fractions ``tau`` of one piece, Eq. (8b)."""
         tau = np.atleast_1d(np.asarray(tau, dtype=np.float64))
         z = self.pole * self.duration_s[piece]
         powers = tau[:, None] ** np.arange(1, self.rate_V.shape[1] + 1)
@@ -151,7 +157,7 @@ class PiecewiseResponse:
         return self.amplitude[piece] * np.exp(z * tau) + self.gain * forced
 
     def amplitude_at(self, time_s: ArrayLike) -> Complex:
-        """Complex amplitude A at any times in seconds, same shape; at a jump, after it."""
+        """Complex amplitude A in volts at times in seconds, same shape; at a jump, the value after it."""
         time = np.asarray(time_s, dtype=np.float64)
         flat = time.ravel()
         result = np.zeros(flat.shape, dtype=np.complex128)
@@ -166,8 +172,8 @@ class PiecewiseResponse:
         return result.reshape(time.shape)
 
     def sensor_V(self, time_s: ArrayLike) -> Real:
-        """The self-sensed signal ``y`` in volts at any times in seconds, same shape."""
-        return self.amplitude_at(time_s).imag
+        """Self-sensed signal ``y`` in volts at times in seconds, same shape."""
+        return self.amplitude_at(time_s).imag  # Eq. (8a)
 
     def extrema(self, window_s: float) -> tuple[Real, Real, float]:
         """Every local extremum from the start to the end of the window.
@@ -175,15 +181,16 @@ class PiecewiseResponse:
         Parameters
         ----------
         window_s : float
-            Extrema later than this are left out. May be infinite: then extrema of the final ring-down are listed
-            until they fall below 1e-12 of its first one.
+            End of the window in seconds; later extrema are left out. May be infinite: then extrema of the final
+            ring-down are listed until they fall below 1e-12 of its first one.
 
         Returns
         -------
         times_s, values_V : ndarray, shape (k,)
-            In time order.
+            Times in seconds and signed values in volts, in time order.
         tail_V : float
-            Summed magnitude of the extrema beyond the list: a geometric series for an infinite window, else 0.
+            Summed magnitude of the extrema beyond the list, in volts: a geometric series for an infinite window,
+            otherwise 0.
         """
         found: list[tuple[float, float]] = []
         heading = 0.0  # sign of y' just before the knot; 0 at rest
@@ -194,7 +201,7 @@ class PiecewiseResponse:
             if duration == 0.0 or (a == 0 and not forced):
                 heading *= bool(a != 0 or forced)
                 continue
-            if heading * self._heading(piece, 0.0) < 0:  # a jump turned y' round, or y' is zero on the knot
+            if heading * self._heading(piece, 0.0) < 0:  # a jump reversed the sign of y', or y' is zero on the knot
                 found.append((start, a.imag))
             if forced:
                 roots = self._stationary_fractions(piece)
@@ -237,10 +244,10 @@ class PiecewiseResponse:
         return list(zip(start_s + first + n * half_period, value * (-ratio) ** n, strict=True)), tail
 
     def _slope_and_curvature(self, piece: int, tau: Real) -> tuple[Real, Real]:
-        """``y'`` and ``y''`` per second and second squared at fractions of a piece, from Eq. (1)."""
+        """``y'`` in V/s and ``y''`` in V/s² at fractions of a piece, from Eq. (8a)."""
         a = self.amplitude_in(piece, tau)
         input_rate = poly.polyval(tau, self.rate_V[piece]) / self.duration_s[piece]
-        return (self.pole * a).imag, (self.pole**2 * a).imag + self.b1 * input_rate
+        return (self.pole * a).imag, (self.pole**2 * a).imag + self.b1 * input_rate  # Eq. (8a)
 
     def _heading(self, piece: int, tau: float) -> float:
         """Sign of ``y'`` just inside a piece, at its start (``tau = 0``) or its end (1)."""
@@ -251,9 +258,10 @@ class PiecewiseResponse:
         """Zeros of ``y'`` inside a piece, each bracketed by an interval on which it is proved to be the only one.
 
         On an interval of length h, ``|y'''| ≤ M`` proves that ``y'`` has no zero (both ends further from zero than
-        ``M h²/8``) or is monotone (``|y''|`` at the ends adds to more than ``M h``, same sign). What neither proves is
-        halved. M follows from the equation of motion ``y''' = b1 v'' - a1 y'' - a0 y'``: with ``|b1 v''| ≤ F`` the
-        energy norm ``E = √(a0 y'² + y''²)`` grows by at most F a second, and ``|a1 y'' + a0 y'| ≤ √(a0 + a1²) E``.
+        ``M h²/8``) or is monotone (``|y''|`` at the ends adds up to more than ``M h``, same sign). An interval for
+        which neither is proved is halved. M follows from the equation of motion ``y''' = b1 v'' - a1 y'' - a0 y'``:
+        with ``|b1 v''| ≤ F`` the energy norm ``E = √(a0 y'² + y''²)`` grows by at most F per second, and
+        ``|a1 y'' + a0 y'| ≤ √(a0 + a1²) E``.
         """
         from scipy.optimize import brentq
 

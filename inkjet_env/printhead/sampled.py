@@ -1,4 +1,4 @@
-"""Response to any sampled drive, linear between its samples: exact at every sample, compiled, O(1) a sample."""
+"""Response to any sampled drive, linear between its samples: exact at every sample, compiled, O(1) per sample."""
 
 from __future__ import annotations
 
@@ -16,23 +16,27 @@ from inkjet_env.printhead.waveform import LARGEST_DRIVE_V
 from inkjet_env.typing import Real
 
 RINGING = ("rest", "steady")
-"""``rest``: the resonator rests at the first sample. ``steady``: it rings as it does under the repeated drive."""
+"""``rest``: the resonator rests at the first sample. ``steady``: it rings as in the steady state of the repeated
+drive."""
 
 LONGEST_STEP_S = 1.0
+"""Longest sampling step accepted, in seconds."""
 
 
 @dataclass(frozen=True)
 class SampledResponse:
-    """What a head answers to a sampled drive.
+    """Response of a head to a sampled drive.
 
     Attributes
     ----------
     time_s, drive_V, sensor_V : ndarray, shape (n,)
-        Sensor values are exact for the drive that is linear between its samples; none depends on the sampling rate.
+        Times in seconds; drive and self-sensed signal in volts. Sensor values are exact for a drive that is linear
+        between its samples; none depends on the sampling rate.
     peak_times_s, peaks_V : ndarray, shape (k,)
-        Every local extremum of the self-sensed signal, between samples too.
+        Times in seconds and signed values in volts of every local extremum of the self-sensed signal, including those
+        between samples.
     tail_V : float
-        Summed magnitude of the extrema beyond those listed (infinite window only).
+        Summed magnitude of the extrema beyond those listed, in volts (infinite window only).
     """
 
     time_s: Real
@@ -48,7 +52,7 @@ class SampledResponse:
 
 
 def check_samples(time_s: ArrayLike, drive_V: ArrayLike) -> tuple[Real, Real]:
-    """Return both as arrays of shape (n,); ``ValueError`` unless finite, of one length and increasing in time."""
+    """Return both as arrays of shape (n,); ``ValueError`` unless finite, of equal length and increasing in time."""
     try:
         time = np.ascontiguousarray(time_s, dtype=np.float64)
         drive = np.ascontiguousarray(drive_V, dtype=np.float64)
@@ -101,16 +105,23 @@ def respond_sampled(
     Parameters
     ----------
     printhead : Printhead
+        The head.
     time_s, drive_V : array_like, shape (n,)
         Increasing times in seconds; drive in volts, linear between samples.
     initial_state : {"periodic", "demagnetised"}
-        Of the hysteresis. A periodic drive goes from its last sample back to its first in one more sampling step.
+        State of the hysteresis. A periodic drive goes from its last sample back to its first in one more sampling step.
     hysteresis : {"full_memory", "one_point"}
+        Memory of the branch law; see `inkjet_env.printhead.hysteresis.HYSTERESIS_MODELS`.
     ringing : {"rest", "steady"}
-        Of the resonator at the first sample; ``steady`` needs ``initial_state="periodic"``.
+        State of the resonator at the first sample; ``steady`` needs ``initial_state="periodic"``.
     window_s : float, optional
-        Peaks are followed to this time after the first sample, the drive staying where its last sample is; at least,
-        and unless given, to the last sample. May be infinite.
+        Peaks are followed up to this time after the first sample, in seconds, with the drive held at its last value.
+        The window ends no earlier than the last sample, which is also the default. May be infinite.
+
+    Returns
+    -------
+    SampledResponse
+        Response at the samples, and its extrema.
 
     Raises
     ------
@@ -154,7 +165,7 @@ def respond_sampled(
     if ringing == "steady":
         period = since[-1] + (since[-1] - since[-2])
         run(np.append(since, period), np.append(drive, drive[0]), state, period)
-        # The state that one period maps to itself: s = e^{FT} s + r, with r what one period adds from rest.
+        # The state that one period maps to itself: s = e^{FT} s + r, with r the response at its end from rest.
         free = np.exp(pole(printhead.a0, printhead.a1) * period)
         damping, frequency = -printhead.a1 / 2, pole(printhead.a0, printhead.a1).imag
         c, s = free.real, free.imag / frequency

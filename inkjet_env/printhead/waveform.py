@@ -16,7 +16,10 @@ PARAMETER_UNITS = ("V", "V", "s", "s", "s", "s", "s")
 
 
 LARGEST_DRIVE_V = 1e5
+"""Largest plateau accepted, in volts; anything above is a mistake of unit."""
+
 LONGEST_DURATION_S = 0.01
+"""Longest duration accepted, in seconds; anything above is a mistake of unit."""
 
 _RULES = (
     ("must be at least 0 V", "The first pulse is the positive one; a negative pulse goes into U2"),
@@ -57,6 +60,7 @@ def as_waveform_array(waveforms: ArrayLike) -> Real:
     Returns
     -------
     ndarray, shape (n, 7)
+        The checked parameters in the same order and units, float64 and C-contiguous.
 
     Raises
     ------
@@ -112,7 +116,7 @@ class Waveform:
 
     @classmethod
     def from_array(cls, values: ArrayLike) -> Waveform:
-        """Waveform from ``(7,)`` values in the order ``U1 U2 t1 t2 t3 t4 t5`` (V, V, s …)."""
+        """Waveform from an array of shape (7,) in the order ``U1 U2 t1 t2 t3 t4 t5`` (V, V, s …)."""
         rows = as_waveform_array(values)
         if len(rows) != 1:
             raise ValueError(f"values must be one waveform of shape (7,); got {len(rows)} rows.")
@@ -131,12 +135,12 @@ class Waveform:
         return math.fsum((self.t1, self.t2, self.t3, self.t4, self.t5))
 
     def knots(self) -> tuple[Real, Real]:
-        """Times in seconds and drive in volts at the six corners, two arrays of shape (6,)."""
+        """Times in seconds and drive in volts at the six corners: two arrays of shape (6,)."""
         time_s = np.concatenate([[0.0], np.cumsum([self.t1, self.t2, self.t3, self.t4, self.t5])])
         return time_s, np.array([0.0, self.U1, self.U1, self.U2, self.U2, 0.0])
 
     def drive_V(self, time_s: ArrayLike) -> Real:
-        """Drive in volts at any times in seconds (same shape); zero outside the waveform."""
+        """Drive in volts at times in seconds (same shape); zero outside the waveform."""
         knot_s, knot_V = self.knots()
         return np.interp(np.asarray(time_s, dtype=np.float64), knot_s, knot_V, left=0.0, right=0.0)
 
@@ -148,8 +152,8 @@ class Bounds:
     Parameters
     ----------
     lower, upper : tuple of 7 floats
-        In volts and seconds, order ``U1 U2 t1 t2 t3 t4 t5``. Defaults: U1 0…100 V, U2 −100…0 V, durations 1…20 µs
-        (the paper prints the voltages, not the durations).
+        Limits in volts and seconds, order ``U1 U2 t1 t2 t3 t4 t5``. Defaults: U1 0…100 V, U2 −100…0 V, durations
+        1…20 µs (the paper prints the voltages, not the durations).
 
     Examples
     --------
@@ -183,18 +187,18 @@ class Bounds:
 
     @property
     def half_width(self) -> Real:
-        """Half the box's widths, shape (7,): d(physical)/d(unit)."""
+        """Half the widths of the box, in volts and seconds, shape (7,): d(physical)/d(unit)."""
         return (self._high - self._low) / 2
 
     def from_unit(self, points: ArrayLike) -> Real:
-        """Physical parameters (V, s) of points in [-1, 1], shape (7,) or (n, 7); ±1 hit the bounds exactly."""
+        """Physical parameters (V, s) of points in [-1, 1], shape (7,) or (n, 7); ±1 maps exactly to the bounds."""
         points = np.asarray(points, dtype=np.float64)
         if points.shape[-1:] != (7,):
             raise ValueError(f"points must have shape (7,) or (n, 7); got shape {points.shape}.")
         return np.clip(((1 - points) * self._low + (1 + points) * self._high) / 2, self._low, self._high)
 
     def to_unit(self, waveforms: ArrayLike) -> Real:
-        """Points in [-1, 1] of physical parameters, shape (7,) or (n, 7); a box of no width maps to 0."""
+        """Points in [-1, 1] of physical parameters, shape (7,) or (n, 7); an axis of zero width maps to 0."""
         offset = np.asarray(waveforms, dtype=np.float64) - (self._low + self._high) / 2
         half_width = self.half_width
         return np.divide(offset, half_width, out=np.zeros_like(offset), where=half_width > 0)

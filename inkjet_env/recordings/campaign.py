@@ -1,4 +1,4 @@
-"""The recordings of one head, and how they belong together."""
+"""The recordings of one head, and their relation to each other."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from inkjet_env.recordings.recording import Recording, brief
 
 @dataclass(frozen=True)
 class Source:
-    """Where a recording was read from.
+    """File and row from which a recording was read.
 
     Parameters
     ----------
@@ -33,19 +33,20 @@ class Campaign:
     Parameters
     ----------
     name : str
+        Name of the campaign, as in its descriptor.
     recordings : tuple of Recording
-        At least one; names are unique, and each ``repeat_of`` names another of them.
+        At least one recording; names are unique, and each ``repeat_of`` names another of them.
     title, description : str
-        For people.
+        Texts for people.
     notes : tuple of str
-        How the files were understood, where that took a guess.
+        Guesses made when the files were read, in sentences.
     sources : mapping of str to Source
-        The file each recording was read from, by the recording's name; empty for recordings that come from no file.
+        File from which each recording was read, by the recording's name; empty for recordings without a file.
 
     Raises
     ------
     ValueError
-        No recordings, a name twice, a ``repeat_of`` that names no other recording, or repeats in a circle.
+        No recordings, a duplicate name, a ``repeat_of`` that names no other recording, or repeats in a circle.
     """
 
     name: str
@@ -91,7 +92,7 @@ class Campaign:
     def select(
         self, channel: str | None = None, excitation: str | None = None, initial_state: str | None = None
     ) -> tuple[Recording, ...]:
-        """The recordings with these labels, in their order; None means any."""
+        """Recordings with these labels, in their order; None matches any."""
         return tuple(
             recording
             for recording in self.recordings
@@ -101,14 +102,14 @@ class Campaign:
         )
 
     def repeats(self) -> dict[str, tuple[Recording, ...]]:
-        """Groups of two or more recordings of the same thing, by the name of the one that the others repeat."""
+        """Groups of two or more repeats, by the name of the recording that the others repeat."""
         groups: dict[str, list[Recording]] = {}
         for recording in self.recordings:
             groups.setdefault(self._first_of(recording), []).append(recording)
         return {name: tuple(group) for name, group in groups.items() if len(group) > 1}
 
     def _first_of(self, recording: Recording) -> str:
-        """Name of the recording that ``recording`` repeats in the end; its own where it repeats none."""
+        """Name of the first recording in the chain that ``recording`` repeats; its own if it repeats none."""
         chain = {recording.name: None}
         while recording.repeat_of is not None:
             recording = self[recording.repeat_of]

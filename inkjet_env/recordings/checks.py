@@ -1,4 +1,4 @@
-"""What is suspicious about a campaign, though it can be read."""
+"""Checks for suspicious recordings in a campaign that can be read."""
 
 from __future__ import annotations
 
@@ -14,32 +14,39 @@ from inkjet_env.recordings.recording import EXCITATIONS, Recording, brief
 from inkjet_env.typing import Real
 
 LARGEST_DRIVE_V = 100.0
+"""Rated drive of the ceramic, in volts; a warning above it."""
 UNREAL_DRIVE_V = 1000.0
+"""Drive in volts above which the unit must be wrong; an error."""
 SMALLEST_DRIVE_V = 1.0
+"""Largest magnitude of a drive, in volts, below which the unit may be wrong; a warning."""
 FEWEST_SAMPLES_A_PERIOD = 10
+"""Smallest number of samples per period of the head's resonance; a warning below it."""
 SHORTEST_FLAT_TOP = 4
+"""Smallest number of equal samples at the maximum that may be clipping."""
 SLOWEST_RATES_Hz = {"self_sensing": 20e3, "displacement": 100.0, "strain_gauge": 0.1}
+"""Sampling rates of each channel, in hertz, below which there is a warning."""
 UNREAL_RATES_Hz = {"self_sensing": 100.0, "displacement": 100.0, "strain_gauge": 0.1}
+"""Sampling rates of each channel, in hertz, below which the unit of the times must be wrong; an error."""
 FASTEST_RATE_Hz = 1e12
+"""Sampling rate in hertz above which the unit of the times must be wrong; an error."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to look at before a campaign is believed.
+    """A doubt about a recording that should be resolved before the campaign is used.
 
     Parameters
     ----------
     level : {"error", "warning"}
-        An error is a unit that cannot be meant: nothing should be concluded from the recording. A warning may be as
-        it should be.
+        An error is an impossible unit: nothing should be concluded from the recording. A warning may be harmless.
     recording : str
-        Its name.
+        Name of the recording.
     file : str
-        The recording's file.
+        File of the recording.
     row : int or None
-        Row of the file, counted from 1; None where the finding is about the whole file.
+        Row of the file, counted from 1; None if the finding concerns the whole file.
     message : str
-        The rule, what came, the likely fix.
+        The rule, the value found, and the likely fix.
     """
 
     level: str
@@ -55,24 +62,25 @@ class Finding:
 def check_campaign(campaign: Campaign, frequency_Hz: float | None = None) -> list[Finding]:
     """List what is suspicious about the recordings of a campaign.
 
-    Suspected are clipped sensors and monitors, drives beyond ±100 V, drives and times in a wrong unit, monitors out of
-    scale, too few samples a period, and repeats that are none.
+    The checks find clipped sensors and monitors, drives beyond ±100 V, drives and times in a wrong unit, monitors out
+    of scale, too few samples per period, and recordings that are not the repeats they claim to be.
 
     Parameters
     ----------
     campaign : Campaign
+        Recordings to check.
     frequency_Hz : float, optional
-        The head's resonance, where it is known.
+        Resonance of the head, if it is known.
 
     Returns
     -------
     list of Finding
-        In the recordings' order; empty where nothing is.
+        Findings in the order of the recordings; empty if there are none.
 
     Raises
     ------
     ValueError
-        A frequency that is not a positive number.
+        ``frequency_Hz`` is not a positive number.
     """
     if frequency_Hz is not None and not 0 < frequency_Hz < math.inf:
         raise ValueError(f"frequency_Hz must be a positive number; got {frequency_Hz:g} Hz.")
@@ -89,7 +97,7 @@ def check_campaign(campaign: Campaign, frequency_Hz: float | None = None) -> lis
     ]
 
 
-# Each doubt is a level, a sample counted from 0 or None for the whole recording, and a message.
+# A doubt is a level, a sample counted from 0 (None for the whole recording), and a message.
 Doubts = Iterator[tuple[str, int | None, str]]
 
 
@@ -176,7 +184,7 @@ def _clipping_doubts(recording: Recording) -> Doubts:
             continue
         for sign in (1.0, -1.0):
             top = _flat_top(sign * values)
-            # Where the drive holds still a monitor, and a slow sensor, may hold still at their extreme.
+            # While the drive is constant, a monitor and a slow sensor may rest at their extreme.
             follows = recording.channel == "strain_gauge" or label == "drive_monitor_V"
             if top is None or (follows and np.ptp(recording.drive_V[top]) == 0):
                 continue
@@ -189,10 +197,10 @@ def _clipping_doubts(recording: Recording) -> Doubts:
 
 
 def _flat_top(values: Real) -> slice | None:
-    """The longest run of samples exactly at the maximum, where a clipped signal explains it and a smooth one does not.
+    """Longest run of samples exactly at the maximum, if clipping explains it and a smooth signal does not; else None.
 
-    A smooth peak that is coarsely digitised is flat too, but it is hardly longer on its highest level than on the next;
-    a clipped one is. A signal that rests at its maximum before or after is not clipped.
+    A coarsely digitised smooth peak is flat too, but hardly longer on its highest level than on the next one; a clipped
+    peak is. A signal that rests at its maximum before or after is not clipped.
     """
     at_top = values == np.max(values)
     below = values[~at_top]

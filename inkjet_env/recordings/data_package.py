@@ -1,4 +1,4 @@
-"""A campaign as a Data Package: a folder with `datapackage.json` and one CSV file a recording."""
+"""A campaign as a Data Package: a folder with `datapackage.json` and one CSV file per recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FORMAT = "campaign/1"
 def read_data_package(
     folder: Path, columns: Mapping[str, str | int] | None, channel: str | None, initial_state: str | None = None
 ) -> Campaign:
-    """Read the campaign that the folder's descriptor describes; see `read_campaign`."""
+    """Read the campaign described by the folder's `datapackage.json`; see `read_campaign`."""
     path = folder / DESCRIPTOR
     package = _read_descriptor(path)
     resources = _field(path, "", package, "resources", list)
@@ -56,7 +56,7 @@ def read_data_package(
 def _read_descriptor(path: Path) -> dict[str, Any]:
     try:
         package = json.loads(path.read_text(encoding="utf-8-sig"))
-        json.dumps(package, ensure_ascii=False).encode()  # JSON can spell half characters, which no text can hold
+        json.dumps(package, ensure_ascii=False).encode()  # JSON allows lone surrogates, which text cannot encode
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read: {error.strerror or error}. Check the folder.") from None
     except json.JSONDecodeError as error:
@@ -73,7 +73,7 @@ def _read_descriptor(path: Path) -> dict[str, Any]:
 
 
 def _field(path: Path, place: str, holder: dict[str, Any], key: str, kind: type, default: Any = None) -> Any:
-    """``holder[key]`` of the type ``kind``; where it is missing, ``default``, or an error if that is None."""
+    """``holder[key]``, of type ``kind``; if it is missing, ``default``, or an error if that is None."""
     words: dict[type, str] = {str: "a text", list: "a list", dict: "an object {…}"}
     if key not in holder:
         if default is not None:
@@ -131,7 +131,7 @@ def _read_resource(
 
 
 def _file_inside(folder: Path, path: Path, place: str, given: str) -> Path:
-    """The file a descriptor names, which must lie in the campaign's folder, links followed."""
+    """File named by a descriptor, which must lie in the campaign's folder after links are followed."""
     rule = f"{path}: {place}path must name a file inside the folder; got {brief(given)}"
     try:
         file = folder / given
@@ -147,7 +147,7 @@ def _file_inside(folder: Path, path: Path, place: str, given: str) -> Path:
 
 
 def _standard_samples(file: Path, path: Path, place: str, resource: dict[str, Any]) -> Samples:
-    """Read a CSV file by the names that the format fixes, and hold the descriptor's schema against its header."""
+    """Read a CSV file by the column names of the format, and check the descriptor's schema against its header."""
     samples = read_standard_samples(file)
     schema = _field(path, place, resource, "schema", dict, {})
     for entry in _field(path, place, schema, "fields", list, []):
@@ -163,7 +163,7 @@ def _standard_samples(file: Path, path: Path, place: str, resource: dict[str, An
 
 
 def descriptor(campaign: Campaign) -> dict[str, Any]:
-    """The Data Package descriptor of a campaign whose recordings lie in files named after them."""
+    """Data Package descriptor of a campaign whose recordings are in files named after them."""
     package: dict[str, Any] = {"name": campaign.name, "inkjet": {"format": FORMAT}}
     package |= {key: text for key in ("title", "description") if (text := getattr(campaign, key))}
     package["resources"] = [
@@ -187,7 +187,7 @@ def descriptor(campaign: Campaign) -> dict[str, Any]:
 
 
 def recording_columns(recording: Recording) -> dict[str, Any]:
-    """The columns of a recording's file, by their names in the file."""
+    """Columns of a recording's file, by their names in the file."""
     columns = {
         "time_s": recording.time_s,
         "drive_V": recording.drive_V,
@@ -199,7 +199,7 @@ def recording_columns(recording: Recording) -> dict[str, Any]:
 
 
 def listed_files(folder: Path) -> set[str]:
-    """Names of the files directly in the folder that its campaign's descriptor lists."""
+    """Names of the files directly in the folder that the descriptor lists."""
     path = folder / DESCRIPTOR
     resources = _field(path, "", _read_descriptor(path), "resources", list, [])
     return {str(resource.get("path")) for resource in resources if isinstance(resource, dict)}

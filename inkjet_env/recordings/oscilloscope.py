@@ -1,4 +1,4 @@
-"""Recordings out of an oscilloscope's CSV files, which carry no description of what was measured."""
+"""Recordings from an oscilloscope's CSV files, which do not describe what was measured."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ Reader = Callable[[Sequence[int]], list[Real]]
 def read_scope_folder(
     folder: Path, columns: Mapping[str, str | int], channel: str | None, initial_state: str = "free"
 ) -> Campaign:
-    """Read each ``*.csv`` and ``*.txt`` of a folder as one recording, in the order of their names.
+    """Read each ``*.csv`` and ``*.txt`` file of a folder as one recording, in the order of their names.
 
-    Files that differ in a final ``CH1``, ``CH2`` … and hold one channel each are one recording together. See
+    Files whose names differ only in a final ``CH1``, ``CH2`` … and that hold one channel each form one recording. See
     `read_campaign`.
     """
     files = sorted(
@@ -74,7 +74,7 @@ def read_scope_folder(
 
 
 def _groups(files: list[Path]) -> dict[str, tuple[Path, ...]]:
-    """Files that make one recording, by its name."""
+    """Files that form each recording, by its name."""
     groups: dict[str, tuple[Path, ...]] = {}
     for file in files:
         match = _ONE_CHANNEL.match(file.stem)
@@ -84,18 +84,24 @@ def _groups(files: list[Path]) -> dict[str, tuple[Path, ...]]:
 
 
 def read_scope_samples(files: Sequence[Path], columns: Mapping[str, str | int]) -> Samples:
-    """Read the samples of one recording from an oscilloscope's file, or from several of one channel each.
+    """Read the samples of one recording from one file of an oscilloscope, or from several with one channel each.
 
     Parameters
     ----------
     files : sequence of Path
+        One file, or one per channel.
     columns : mapping
-        Columns of roles that are known, by name or number from 1.
+        Column of each role that is known, by name or by number from 1.
+
+    Returns
+    -------
+    Samples
+        The samples, with notes on how the columns were understood.
 
     Raises
     ------
     CampaignError
-        Roles that cannot be told, units that do not fit, times that are not uniform, or what `read_columns` refuses.
+        Undetermined roles, inconsistent units, times that are not uniform, or anything that `read_columns` refuses.
     """
     file = files[0]
     sheet, read = (_joined if len(files) > 1 else _single)(files)
@@ -139,7 +145,7 @@ def _single(files: Sequence[Path]) -> tuple[Sheet, Reader]:
 
 
 def _joined(files: Sequence[Path]) -> tuple[Sheet, Reader]:
-    """Several files of a time and one channel each, as one sheet: time, then a column a file named CH1, CH2 …"""
+    """Several files, each with times and one channel, as one sheet: time, then one column per file: CH1, CH2 …"""
     sheets = [read_sheet(file) for file in files]
     for file, sheet in zip(files, sheets, strict=True):
         if len(sheet.columns) != 2 or sheet.clock is not None:

@@ -1,4 +1,4 @@
-"""Read a measuring campaign, whichever way its folder is laid out."""
+"""Read a measuring campaign from a folder of either layout."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ def read_campaign(
     Parameters
     ----------
     folder : str or Path
-        With `datapackage.json`, that describes the recordings; without, each ``*.csv`` or ``*.txt`` in it is one.
+        Folder of the campaign. Its `datapackage.json`, if there is one, describes the recordings; otherwise each
+        ``*.csv`` or ``*.txt`` file is one.
     columns : mapping, optional
-        Which column is which, where the files' own names do not tell: ``time``, ``drive``, ``sensor``, ``monitor`` and
+        Column of each role, if the names in the files do not show it: ``time``, ``drive``, ``sensor``, ``monitor`` and
         ``neighbour``, each by the column's name or by its number from 1.
     channel : {"self_sensing", "strain_gauge", "displacement"}, optional
-        Which sensor was recorded, where nothing in the folder says so.
+        Recorded sensor, if nothing in the folder says so.
     initial_state : {"demagnetised", "periodic", "free"}, optional
-        In which state the head was, where nothing in the folder says so; ``free`` unless given. ``periodic``: the drive
-        had been repeating, and one repetition is recorded.
+        Initial state of the head, if nothing in the folder says so; ``free`` by default. ``periodic``: the drive has
+        been repeated, and one repetition is recorded.
 
     Returns
     -------
     Campaign
-        Its ``notes`` tell how columns were understood.
+        The recordings; its ``notes`` say how the columns were understood.
 
     Raises
     ------
     CampaignError
-        Anything that is missing, damaged or contradictory, in one sentence that names the file, the row, the rule and
-        a fix.
+        Anything is missing, damaged or contradictory; one sentence names the file, the row, the rule and a fix.
     """
     folder = Path(folder)
     for label, given, known in (("channel", channel, CHANNELS), ("initial_state", initial_state, INITIAL_STATES)):

@@ -1,4 +1,4 @@
-"""A recording of a head, checked once."""
+"""A recording of a head, checked when it is made."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EXCITATIONS = (
 )
 SENSOR_COLUMNS = {"V": "sensor_V", "um": "displacement_um", "nm": "displacement_nm"}
 LARGEST_JITTER = 0.01
-"""Largest deviation of a sample's time from the uniform grid, in steps."""
+"""Largest accepted deviation of a sample's time from the uniform grid, in sampling steps."""
 
 
 class CampaignError(ValueError):
@@ -36,7 +36,7 @@ class CampaignError(ValueError):
 
 
 def uniform_grid(time_s: Real) -> tuple[float, float]:
-    """Start and step, in seconds, of the uniform grid nearest to ``time_s`` (n,) in the least-squares sense."""
+    """Start and step, in seconds, of the uniform grid that fits ``time_s`` (n,) best in the least-squares sense."""
     n = len(time_s)
     centred = np.arange(n) - (n - 1) / 2
     step_s = float(centred @ (time_s - time_s[0])) / (n * (n * n - 1) / 12)
@@ -45,37 +45,40 @@ def uniform_grid(time_s: Real) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One measured response, checked once; its arrays are read-only.
+    """One measured response, checked when it is made; its arrays are read-only.
 
     Parameters
     ----------
     name : str
-        Unique within its campaign, and fit to be a file's name.
+        Name, unique within the campaign and valid as a file name.
     time_s : array_like, shape (n,)
-        At least two uniform times in seconds; they may start anywhere, before zero too.
+        At least two uniform times in seconds; they may start anywhere, even before 0 s.
     drive_V : array_like, shape (n,)
-        What the generator was asked for, in volts; linear between samples.
+        Commanded drive in volts, linear between samples.
     sensor : array_like, shape (n,)
-        The sensor's signal, in ``unit``.
+        Signal of the sensor, in ``unit``.
     unit : {"V", "um", "nm"}
+        Unit of the signal: volts, micrometres or nanometres.
     channel : {"self_sensing", "strain_gauge", "displacement"}
+        Sensor that was recorded.
     excitation : str
-        A label for people.
+        Kind of drive, one of `EXCITATIONS`; a label for people.
     initial_state : {"demagnetised", "periodic", "free"}
+        State at the first sample: at rest on the virgin curve, in the steady state of the repeated drive, or unknown.
     order : int
-        When it was taken within the session: 1, 2, 3 …
+        Position of the recording within the session: 1, 2, 3 …
     repeat_of : str or None
         Name of the recording of which this is a repeat.
     condition : mapping of str to float
-        Such as ``{"temperature_C": 25.0}``.
+        Conditions of the measurement by name with unit, such as ``{"temperature_C": 25.0}``.
     drive_monitor_V, neighbour_V : array_like, shape (n,), or None
-        Voltage measured at the head; drive of the neighbouring channel. In volts.
+        Voltage measured at the head, and drive of the neighbouring channel, in volts.
 
     Raises
     ------
     ValueError
-        A wrong name or label, arrays of different lengths, a value that is not finite, times that do not increase or
-        are not uniform to 1 % of a step.
+        An invalid name or label, arrays of different lengths, a value that is not finite, or times that do not increase
+        or are not uniform to 1 % of a step.
 
     Examples
     --------
@@ -123,12 +126,12 @@ class Recording:
 
     @property
     def sample_rate_Hz(self) -> float:
-        """Samples a second."""
+        """Samples per second."""
         return 1 / self.step_s
 
     @property
     def duration_s(self) -> float:
-        """From the first sample to the last, in seconds."""
+        """Time from the first sample to the last, in seconds."""
         return float(self.time_s[-1] - self.time_s[0])
 
     @property
@@ -138,7 +141,7 @@ class Recording:
 
 
 def brief(value: Any) -> str:
-    """``repr`` of a value, cut to fit a message."""
+    """``repr`` of a value, shortened to fit into a message."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}…"
 
@@ -184,7 +187,7 @@ def _checked_samples(label: str, values: ArrayLike, length: int) -> Real:
     if np.iscomplexobj(values):
         raise ValueError(f"{label} must be real numbers; got complex ones. Give the real part, or the magnitude.")
     try:
-        # What nobody can write any more needs no copy; recordings may be large.
+        # An array that can no longer be written needs no copy; recordings may be large.
         frozen = isinstance(values, np.ndarray) and not values.flags.writeable and values.base is None
         samples = np.asarray(values, dtype=np.float64) if frozen else np.array(values, dtype=np.float64)
     except (TypeError, ValueError):

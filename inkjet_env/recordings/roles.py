@@ -1,4 +1,4 @@
-"""Which column of an oscilloscope file is the drive, which the sensor: as told, by name, or guessed and said so."""
+"""Roles of the columns of an oscilloscope file, such as drive and sensor: given, by name, or guessed with a note."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from inkjet_env.recordings.sheet import Sheet
 from inkjet_env.typing import Real
 
 ROLES = ("time", "drive", "sensor", "monitor", "neighbour")
-# In this order: "drive monitor" is a monitor.
+# The order matters: "drive monitor" is a monitor.
 _NAMES = {
     "neighbour": re.compile(r"neighbou?r|adjacent", re.IGNORECASE),
     "monitor": re.compile(r"monitor", re.IGNORECASE),
@@ -23,13 +23,13 @@ _NAMES = {
 }
 _TIME = re.compile(r"^(time|second|x-axis)|^[tx]\b|^t_", re.IGNORECASE)
 CLEARLY_LARGER = 2.0
-"""A column whose range is larger by this factor is guessed to be the drive; below it, the one that comes first is."""
+"""Ratio of ranges from which the column with the larger range is guessed to be the drive; below it, the first is."""
 
 
 def named_roles(file: Path, sheet: Sheet, columns: Mapping[str, str | int]) -> tuple[dict[str, int], dict[str, str]]:
-    """Columns, counted from 0, of the roles that were told or that the header names, and of each role the reason.
+    """Columns, counted from 0, of the roles that are given or named in the header, and the reason for each role.
 
-    Where the header states the times' start and step, ``time`` is the column of sample numbers, or not there.
+    If the header states start and step of the times, ``time`` is the column of sample numbers, or absent.
 
     Raises
     ------
@@ -96,12 +96,12 @@ def _column_number(file: Path, sheet: Sheet, role: str, column: str | int) -> in
 
 
 def candidates(file: Path, sheet: Sheet, roles: dict[str, int]) -> list[int]:
-    """Columns whose names tell nothing but which must be the drive or the sensor, or both in an order to be guessed.
+    """Columns with uninformative names that must be the drive or the sensor, or both in an order to be guessed.
 
     Raises
     ------
     CampaignError
-        More of them, or fewer, than roles to be filled.
+        There are more or fewer such columns than roles to be filled.
     """
     missing = [role for role in ("drive", "sensor") if role not in roles]
     free = [i for i in sheet.columns if i not in roles.values()]
@@ -117,15 +117,23 @@ def candidates(file: Path, sheet: Sheet, roles: dict[str, int]) -> list[int]:
 
 
 def guessed_roles(sheet: Sheet, roles: dict[str, int], values: dict[int, Real]) -> tuple[dict[str, int], str]:
-    """Give the `candidates` their roles, and say why.
+    """Assign the remaining roles to the `candidates`.
 
     Parameters
     ----------
     sheet : Sheet
+        Columns of the file.
     roles : dict
-        As `named_roles` returned it.
+        Columns by role, from `named_roles`.
     values : dict
-        The candidates' samples in base units, by column.
+        Samples of the candidates in base units, by column.
+
+    Returns
+    -------
+    roles : dict
+        Columns by role, now complete.
+    reason : str
+        Reason for the assignment, in words.
     """
     missing = [role for role in ("drive", "sensor") if role not in roles]
     if len(values) == 1:

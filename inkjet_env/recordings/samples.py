@@ -22,19 +22,20 @@ OPTIONAL_COLUMNS = ("drive_monitor_V", "neighbour_V")
 
 @dataclass(frozen=True)
 class Samples:
-    """What a file holds.
+    """Content of one file.
 
     Parameters
     ----------
     arrays : mapping
         `time_s`, `drive_V`, `sensor`, `unit` and the optional columns, by their names in `Recording`.
     names : tuple of str
-        All columns of the file.
+        Names of all columns of the file.
     source : Source
+        File and row of the first sample.
     notes : tuple of str
-        How the file was understood, where that took a guess.
+        Guesses made when the file was read, in sentences.
     channel : str or None
-        The sensor, where its column's name or unit tells.
+        Sensor, if the name or unit of its column shows it.
     """
 
     arrays: Mapping[str, Any]
@@ -50,7 +51,7 @@ def read_standard_samples(file: Path) -> Samples:
     Raises
     ------
     CampaignError
-        A column missing or there twice, or anything `read_columns` refuses.
+        A column is missing or duplicated, or anything that `read_columns` refuses.
     """
     names = _header(file)
     for name in ("time_s", "drive_V", *OPTIONAL_COLUMNS, *SENSOR_COLUMNS.values()):
@@ -81,12 +82,12 @@ def read_standard_samples(file: Path) -> Samples:
 
 
 def uniform(file: Path, layout: Layout, column: int, time: Real, unit: Unit | None) -> tuple[Real, tuple[str, ...]]:
-    """Uniform times in seconds of a file's time column, and a note where they had to be repaired.
+    """Uniform times in seconds from a file's time column, shape (n,), and notes if they were repaired.
 
     Raises
     ------
     CampaignError
-        Times that go back, or whose distances differ by more than their printing explains.
+        Times decrease, or their steps differ by more than their printed precision explains.
     """
     unit = unit or Unit("s")
     printed = [

@@ -1,4 +1,4 @@
-"""Printed times made uniform again, where nothing but their printing keeps them from it."""
+"""Uniform times restored from printed ones, if only their printed precision makes them uneven."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from inkjet_env.recordings.recording import LARGEST_JITTER, uniform_grid
 from inkjet_env.typing import Real
 
 COARSEST_PRINT = 1e-3
-"""Largest print step of times that are repaired, as a fraction of the recording; beyond, the step would be a guess."""
+"""Largest print step of times that are repaired, as a share of the recording; beyond it, the step would be a guess."""
 
 _NUMBER = re.compile(r"[+-]?(?P<digits>[0-9.]+)(?:[eE](?P<exponent>[+-]?[0-9]{1,4}))?")
 
 
 def last_digit(cells: Sequence[str]) -> float:
-    """Value of one unit in the last printed digit of the most precise of some numbers; other cells are passed over.
+    """Value of one unit in the last printed digit of the most precise of some numbers; other cells are ignored.
 
     Examples
     --------
@@ -34,21 +34,21 @@ def last_digit(cells: Sequence[str]) -> float:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def uniform_times(time_s: Real, print_step_s: float) -> tuple[Real, float] | None:
-    """Times on the uniform grid that printed times stand for.
+    """Times on the uniform grid that printed times represent.
 
     Parameters
     ----------
     time_s : ndarray, shape (n,)
-        As printed; equal neighbours are allowed where the printing is coarse.
+        Printed times in seconds; equal neighbours are allowed if the printing is coarse.
     print_step_s : float
         One unit in the last printed digit, in seconds.
 
     Returns
     -------
     (ndarray, shape (n,), float) or None
-        The times, and the largest deviation of the printed ones from the grid, in steps. Times that are uniform to
-        floating-point rounding come back as they are. None where neither rounding nor 1 % of a step explains the
-        deviation.
+        The times in seconds, and the largest deviation of the printed ones from the grid, in steps. Times that are
+        uniform to floating-point rounding are returned unchanged. None if neither the printed precision nor 1 % of a
+        step explains the deviation.
     """
     start_s, step_s = uniform_grid(time_s)
     grid_s: Real = start_s + step_s * np.arange(len(time_s), dtype=np.float64)

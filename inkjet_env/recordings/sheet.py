@@ -1,4 +1,4 @@
-"""The styles in which oscilloscopes write CSV, told apart by their first lines.
+"""CSV styles of oscilloscopes, distinguished by their first lines.
 
 ========== =====================================================================================================
 Tektronix  ``Model,MSO46`` … ``Vertical Units,V,V`` … ``TIME,CH1,CH2``; older: ``Record Length,2500,,-5e-3,0.04,``, the
@@ -34,16 +34,17 @@ class Sheet:
     Parameters
     ----------
     layout : Layout
+        Rows, names, delimiter and decimal sign of the file.
     columns : tuple of int
         Numbers, from 0, of the columns that hold samples.
     units : mapping of int to Unit
-        Of the columns whose unit is printed and known.
+        Units that are printed and known, by column.
     unknown : mapping of int to str
-        Printed units that are not known.
+        Printed units that are not known, by column.
     clock : (float, float) or None
-        Time of the first sample and sampling step in seconds, where the header states them in place of times.
+        Time of the first sample and sampling step in seconds, if the header states them in place of times.
     style : str
-        For people.
+        Name of the style, for people.
     """
 
     layout: Layout
@@ -55,12 +56,12 @@ class Sheet:
 
 
 def read_sheet(file: Path) -> Sheet:
-    """Tell from a file's first lines where its samples are, and in what units.
+    """Find, from a file's first lines, where its samples are and in which units.
 
     Raises
     ------
     CampaignError
-        No rows of numbers, or binary content.
+        The file has no rows of numbers, or binary content.
     """
     lines = _first_lines(file)
     for number, line in enumerate(lines):
@@ -91,7 +92,7 @@ def _first_lines(file: Path) -> list[str]:
     try:
         text = start.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = start.decode("latin-1")  # "µs" of older instruments; also a character cut by the block's end
+        text = start.decode("latin-1")  # "µs" of older instruments, or a character cut at the end of the block
     lines = split_lines(text)
     return lines[:-1] if len(start) == SNIFFED_BYTES else lines
 
@@ -105,13 +106,13 @@ def _is_number(cell: str) -> bool:
 
 
 def _all_numbers(cells: list[str], delimiter: str) -> bool:
-    """Whether all cells that are not empty, at least two, are numbers; with a decimal comma where that can be."""
+    """Whether all non-empty cells, at least two, are numbers; with a decimal comma if the delimiter allows it."""
     filled = [cell if delimiter == "," else cell.replace(",", ".") for cell in cells if cell]
     return len(filled) >= 2 and all(_is_number(cell) for cell in filled)
 
 
 def _sheet(first: Layout, header: list[list[str]]) -> Sheet:
-    """The sheet below a header; ``first.names`` are the cells of the first row of samples."""
+    """Sheet below a header; ``first.names`` are the cells of the first row of samples."""
     filled = [row for row in header if any(row)]
     about = {row[0].lower(): row[1:] for row in filled if len(row) > 1}
     unit_row = filled.pop() if filled and _is_unit_row(filled[-1], below_names=len(filled) > 1) else []
@@ -137,7 +138,7 @@ def _sheet(first: Layout, header: list[list[str]]) -> Sheet:
 
 
 def _sheet_beside(lines: list[str], first: list[str]) -> Sheet:
-    """The sheet of an older Tektronix file, whose header stands beside the first samples."""
+    """Sheet of an older Tektronix file, whose header stands beside the first samples."""
     about = {cells[0].lower(): cells[1] for line in lines[:30] if len(cells := split_cells(line, ",")) > 1 and cells[0]}
     time, *channels = (i for i in range(_BESIDE, len(first)) if first[i])
     names = [f"column {i + 1}" for i in range(len(first))]
@@ -149,7 +150,7 @@ def _sheet_beside(lines: list[str], first: list[str]) -> Sheet:
 
 
 def _is_unit_row(row: list[str], below_names: bool) -> bool:
-    """Whether the words of a row are units; below a row of names that starts with a time, unknown short ones too."""
+    """Whether the cells of a row are units; below names that start with a time, unknown short words count too."""
     words = [cell for cell in row if cell and not _is_number(cell)]
     if not words:
         return False
@@ -165,7 +166,7 @@ def _is_unit_row(row: list[str], below_names: bool) -> bool:
 
 
 def _clock(names: list[str], unit_row: list[str]) -> tuple[tuple[float, float] | None, list[str]]:
-    """Start and step in seconds where a header states them, and the names of the columns without them."""
+    """Start and step in seconds if a header states them, and the names of the columns without them."""
     lowered = [name.lower() for name in names]
     if "start" in lowered and "increment" in lowered:
         places = [lowered.index("start"), lowered.index("increment")]

@@ -1,4 +1,4 @@
-"""Columns of numbers out of a text file: fast, and every bad cell named by its row."""
+"""Columns of numbers from a text file: fast, and every bad cell is named by its row."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ TAIL_BYTES = 1 << 16
 
 @dataclass(frozen=True)
 class Layout:
-    """How the rows of a text file are to be read.
+    """Layout of the rows of a text file.
 
     Parameters
     ----------
     header_rows : int
-        Rows before the first sample.
+        Number of rows before the first sample.
     names : tuple of str
-        One a column.
+        Name of each column.
     delimiter, decimal : str
-        What separates columns, and the decimal sign.
+        Separator of the columns, and decimal sign.
     """
 
     header_rows: int
@@ -40,19 +40,21 @@ class Layout:
 
 
 def read_columns(path: Path, layout: Layout, wanted: Sequence[int]) -> list[Real]:
-    """Read some columns of a text file as float64, block by block, so that only they are held in memory.
+    """Read some columns of a text file as float64, block by block, so that only these are held in memory.
 
     Parameters
     ----------
     path : Path
+        The text file.
     layout : Layout
+        Layout of its rows.
     wanted : sequence of int
-        Which columns, counted from 0.
+        Columns to read, counted from 0.
 
     Returns
     -------
     list of ndarray, shape (n,)
-        In the order of ``wanted``; read-only.
+        The columns in the order of ``wanted``; read-only.
 
     Raises
     ------
@@ -63,7 +65,7 @@ def read_columns(path: Path, layout: Layout, wanted: Sequence[int]) -> list[Real
     import pyarrow
     from pyarrow import csv as fast_csv
 
-    # Column names may repeat in a file; their numbers do not.
+    # Column names may repeat within a file; their numbers do not.
     labels = [f"{i}" for i in range(len(layout.names))]
     chosen = [labels[i] for i in wanted]
     columns = [np.empty(0) for _ in wanted]
@@ -101,12 +103,12 @@ def read_columns(path: Path, layout: Layout, wanted: Sequence[int]) -> list[Real
 
 
 def row_of_sample(path: Path, layout: Layout, sample: int) -> int:
-    """Row of the file, counted from 1, of a sample counted from 0; empty rows are passed over."""
+    """Row of the file, counted from 1, of a sample counted from 0; empty rows are not samples."""
     return next(itertools.islice(_samples(path, layout), sample, None), (layout.header_rows + sample + 1, []))[0]
 
 
 def first_and_last_rows(path: Path, layout: Layout) -> tuple[list[list[str]], list[list[str]]]:
-    """Cells of the first and of the last twenty rows of samples, as printed; the file must have been read before."""
+    """Cells of the first and the last twenty rows of samples, as printed; the file must have been read before."""
     first = [cells for _, cells in itertools.islice(_samples(path, layout), 20)]
     with open(path, "rb") as file:
         size = file.seek(0, os.SEEK_END)
@@ -117,7 +119,7 @@ def first_and_last_rows(path: Path, layout: Layout) -> tuple[list[list[str]], li
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
-    """The cells of one line, without the blanks and quotes around them."""
+    """Cells of one line, without the blanks and quotes around them."""
     try:
         cells = next(csv.reader([line], delimiter=delimiter), []) or [""]
     except csv.Error:
@@ -126,7 +128,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 
 
 def split_lines(text: str) -> list[str]:
-    """Lines as a CSV file has them; `str.splitlines` knows many more ends of lines."""
+    """Lines of a CSV file; `str.splitlines` would split at many more characters."""
     return re.split(r"\r\n|\n|\r", text)
 
 
@@ -143,7 +145,7 @@ def _sample_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
 
 
 def _first_fault(path: Path, layout: Layout, wanted: Sequence[int], reason: str) -> CampaignError:
-    """The first row that breaks a rule, or too few rows: the slow twin of the fast reader, run after it has failed."""
+    """Error for the first row that breaks a rule, or for too few rows: a slow reader, run after the fast one failed."""
     count = 0
     for row, line in _sample_lines(path, layout):
         count += 1

@@ -15,10 +15,9 @@ class Unit:
     Parameters
     ----------
     base : {"s", "V", "um", "nm"}
-        The unit that values are converted to.
+        Unit to which values are converted.
     times, over : float
-        A printed value is multiplied by the one and divided by the other; one of them is 1, so that 0.1 ms becomes
-        the number nearest to 0.0001 s.
+        Factor and divisor of a printed value; one of them is 1, so that 0.1 ms becomes the number nearest to 0.0001 s.
     """
 
     base: str
@@ -26,7 +25,7 @@ class Unit:
     over: float = 1.0
 
     def to_base(self, values: Real) -> Real:
-        """Values in ``base``, same shape; the same array where there is nothing to convert."""
+        """Values in ``base``, same shape; the same array if there is nothing to convert."""
         return values if self.times == self.over else values * self.times / self.over
 
 
@@ -51,7 +50,7 @@ _RIGOL_CHANNEL = re.compile(r"^CH\d+(V)$")
 
 
 def known_unit(printed: str) -> Unit | None:
-    """The unit that a cell such as ``ms``, ``(mV)`` or ``Volt`` stands for, or None.
+    """Unit denoted by a cell such as ``ms``, ``(mV)`` or ``Volt``, or None.
 
     Examples
     --------
@@ -63,7 +62,7 @@ def known_unit(printed: str) -> Unit | None:
 
 
 def unit_in_name(name: str) -> Unit | None:
-    """The unit that a column's name carries, as in ``Time (ms)``, ``drive_V`` or ``CH1V``; None for none."""
+    """Unit in the name of a column, as in ``Time (ms)``, ``drive_V`` or ``CH1V``; None if there is none."""
     for pattern in (_BRACKETED, _SUFFIXED, _RIGOL_CHANNEL):
         found = pattern.search(name)
         if found and (unit := known_unit(found.group(1))):

@@ -1,4 +1,4 @@
-"""Write a measuring campaign, whole or not at all."""
+"""Write a measuring campaign atomically."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ from inkjet_env.storage import UNFINISHED, json_text, write_atomically
 
 
 def write_campaign(folder: str | os.PathLike[str], campaign: Campaign) -> None:
-    """Write a campaign as a Data Package that `read_campaign` reads back, number for number.
+    """Write a campaign as a Data Package that `read_campaign` reads back with identical numbers.
 
     Parameters
     ----------
     folder : str or Path
-        It is made, or replaced where it is empty or holds a campaign and nothing else.
+        Destination. It is created, or replaced if it is empty or holds nothing but a campaign.
     campaign : Campaign
+        Recordings to write.
 
     Raises
     ------
     CampaignError
-        The folder holds other files, or is a file; it stays as it is.
+        The folder holds other files, or is a file; it is left unchanged.
     OSError
-        The place cannot be written to; nothing is left behind.
+        The destination is not writable; nothing is left behind.
     """
     target = Path(os.path.realpath(folder))
     _check_target(target)
@@ -68,7 +69,7 @@ def _check_target(target: Path) -> None:
 
 
 def _csv_bytes(recording: Recording) -> bytes:
-    """The recording's file: a header line, then numbers in the shortest form that reads back exactly."""
+    """Content of a recording's file: a header line, then numbers in the shortest form that reads back exactly."""
     import pyarrow
     from pyarrow import csv
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from inkjet_env.reporting import plotting
+from inkjet_env.reporting.diagnosis_tables import Row
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
 from inkjet_env.reporting.identification_figures import BAND, amplitude_densities, draw_line, time_scale
 from inkjet_env.typing import Real
@@ -30,50 +30,6 @@ BINS = 160
 """Number of frequency bins of a spectrum, equally wide on a logarithmic axis."""
 LABELS = {"base": "base model", "augmented": "augmented model", "corrected": "with flexible correction"}
 COLOURS = {"base": BASE, "augmented": AUGMENTED, "corrected": CORRECTED}
-
-
-@dataclass(frozen=True)
-class Row:
-    """RMS residuals of a condition, a recording or a channel, before and after augmentation.
-
-    Attributes
-    ----------
-    label : str
-        Name of the row.
-    channel : str
-        Channel of its recordings.
-    unit : str
-        Unit of that channel.
-    held_out : bool
-        Whether the samples were held out of the fit.
-    names : tuple of str
-        Names of the recordings.
-    drive_V : (float, float)
-        Smallest and largest drive in volts.
-    noise, base, augmented : float
-        RMS of the noise and of the residuals of base and augmented model, in the channel's unit.
-    """
-
-    label: str
-    channel: str
-    unit: str
-    held_out: bool
-    names: tuple[str, ...]
-    drive_V: tuple[float, float]
-    noise: float
-    base: float
-    augmented: float
-
-    @property
-    def role(self) -> str:
-        """``held out`` or ``fitted``."""
-        return "held out" if self.held_out else "fitted"
-
-    @property
-    def closure(self) -> float:
-        """Fraction of the mean square above the noise that the augmented model removes; NaN if there is hardly any."""
-        beyond = self.base**2 - self.noise**2
-        return (self.base**2 - self.augmented**2) / beyond if beyond > 0.1 * self.noise**2 else math.nan
 
 
 def augmented(recordings: Sequence[ModelledRecording]) -> bool:

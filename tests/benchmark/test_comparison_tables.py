@@ -85,12 +85,12 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
 
 def test_the_record_in_docs_says_what_its_files_say():
     docs = Path(__file__).parents[2] / "docs"
-    lines = (docs / "comparison.md").read_text(encoding="utf-8").splitlines()
+    lines = (docs / "results" / "comparison.md").read_text(encoding="utf-8").splitlines()
     told = dict(comparison_tables.sections(docs / "comparison"))
     assert {"Problems", "Who took part", "After 20,000 evaluations", amortised.TITLE, few_shot.TITLE} <= told.keys()
     for heading, text in told.items():
         missing = [line for line in text.splitlines() if line not in lines]
-        assert not missing, f"docs/comparison.md, {heading}: print its tables anew"
+        assert not missing, f"docs/results/comparison.md, {heading}: print its tables anew"
 
 
 @pytest.mark.parametrize(

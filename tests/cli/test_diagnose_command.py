@@ -282,17 +282,17 @@ def test_help_shows_an_example(inkjet):
 def test_an_interrupted_diagnosis_says_what_is_kept(inkjet, folder, tmp_path, monkeypatch):
     asked = []
 
-    def diagnose(*_, keep, **__):
-        asked.append(keep)
+    def diagnose(*_, checkpoint, **__):
+        asked.append(checkpoint)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(mismatch, "diagnose", diagnose)
     status, _, err = inkjet("diagnose", "campaign", "--json", "found.json", "--report", "page.html")
     assert status == 130
     assert err.endswith("Interrupted; finished fits are kept in found.json.fits. Run the same command to resume.\n")
-    assert inkjet("diagnose", "campaign", "--keep", "mine", "--report", "page.html")[0] == 130
+    assert inkjet("diagnose", "campaign", "--checkpoint", "mine", "--report", "page.html")[0] == 130
     err = inkjet("diagnose", "campaign")[2]
-    assert err.endswith("Interrupted; nothing was kept. Use --keep FOLDER to keep finished fits.\n")
+    assert err.endswith("Interrupted; nothing was kept. Use --checkpoint FOLDER to keep finished fits.\n")
     assert asked == [Path("found.json.fits"), Path("mine"), None]
     assert [path.name for path in tmp_path.iterdir()] == ["campaign"]
 

@@ -236,7 +236,8 @@ def test_the_environment_takes_its_file(augmented):
 def test_without_the_option_a_command_refuses_the_file_in_one_sentence(augmented, command, capsys):
     given = {"simulate": ("--waveform", *WAVEFORM), "optimize": (), "evaluate": ("campaign",)}[command]
     assert run(command, *given, "--printhead", augmented) == 2
-    (told,) = capsys.readouterr().err.strip().splitlines()
+    told = capsys.readouterr().err.strip().splitlines()[-1]  # before it, perhaps, that the simulator is compiled
+    assert told.startswith("inkjet: ")
     assert f"augmented.json: effect 'quadratic_stiffness' is of the class {OWN}, which is not registered here" in told
     assert f'on the command line "--effect {OWN}"' in told
 

@@ -329,7 +329,7 @@ def test_the_same_numbers_drawn_give_the_same_diagnosis_on_any_number_of_workers
     assert told[0] == told[1] == told[2]
 
 
-def checkpoint(campaign, chosen):
+def only(campaign, chosen):
     recordings = [r for r in campaign.recordings if chosen(r)]
     names = {r.name for r in recordings}
     return Campaign(
@@ -339,21 +339,21 @@ def checkpoint(campaign, chosen):
 
 @pytest.mark.parametrize("name", [(), ("quadratic_damping",)])
 def test_without_a_strain_gauge_it_works(name, recorded, head, effects):
-    campaign = checkpoint(recorded(*name), lambda r: r.channel == "self_sensing")
+    campaign = only(recorded(*name), lambda r: r.channel == "self_sensing")
     found = diagnose(campaign, head, [effects["quadratic_damping"], effects["feedthrough"]], workers=1)
     assert ids(found) == list(name)
 
 
 def test_without_repeats_and_without_rest_it_works_and_says_what_it_took_for_noise(recorded, head, effects):
     campaign = recorded("quadratic_damping")
-    campaign = checkpoint(campaign, lambda r: r.repeat_of is None and np.ptp(r.drive_V) > 0)
+    campaign = only(campaign, lambda r: r.repeat_of is None and np.ptp(r.drive_V) > 0)
     found = diagnose(campaign, head, [effects["quadratic_damping"], effects["feedthrough"]], workers=1)
     assert (found.verdict, ids(found)) == ("named", ["quadratic_damping"])
     assert any("no repeats and no recording at rest tell the noise" in note for note in found.notes)
 
 
 def test_one_recording_is_enough_and_nothing_held_out_is_no_figure(recorded, head, effects):
-    campaign = checkpoint(recorded(), lambda r: r.excitation == "bipolar")
+    campaign = only(recorded(), lambda r: r.excitation == "bipolar")
     one = Campaign("one", campaign.recordings[:1])
     found = diagnose(one, head, [effects["quadratic_damping"], effects["feedthrough"]], workers=1)
     assert isinstance(found, Diagnosis)
@@ -364,7 +364,7 @@ def test_one_recording_is_enough_and_nothing_held_out_is_no_figure(recorded, hea
 
 
 def test_recordings_at_rest_alone_are_refused_in_one_sentence(recorded):
-    campaign = checkpoint(recorded(), lambda r: r.excitation == "zero")
+    campaign = only(recorded(), lambda r: r.excitation == "zero")
     with pytest.raises(ValueError, match="has no recording to identify a0, a1 and b1 from"):
         diagnose(campaign, workers=1)
 

@@ -10,7 +10,7 @@ from inkjet_env.mismatch.fitting.dataset import Noise
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
-from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.active_effects import ActiveEffects
 
 FEW = 200
 """Samples that tell the noise: its variance is known to 10 %."""
@@ -25,7 +25,7 @@ def hardly_told(joint):
 @pytest.fixture(scope="module")
 def explained(recorded, fitted, effects, values):
     joint, effect = hardly_told(fitted(recorded("feedthrough", strength=3.0))), effects["feedthrough"]
-    return settled(joint, joint.fit((effect,), coordinates(effect, values("feedthrough", 3.0))))
+    return settled(joint, joint.fit(ActiveEffects.of([(effect, values("feedthrough", 3.0))])))
 
 
 def louder(hypothesis, factors):
@@ -61,7 +61,7 @@ def test_a_rest_that_is_as_loud_everywhere_may_be_noise(explained):
 def test_of_few_recordings_none_is_called_loud(explained):
     few = [o for o in explained.joint.observed if not o.excitation.fast or o.name in fast(explained)[:4]]
     joint = OutputErrorFit(few, explained.joint.noise, explained.joint.start)
-    fit = joint.fit(explained.fit.effects, explained.fit.theta)
+    fit = joint.fit(explained.fit.active)
     assert share(louder(Hypothesis(fit, joint), {fast(explained)[0]: 1.4})) == 0
 
 

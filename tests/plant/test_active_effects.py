@@ -6,7 +6,6 @@ import pytest
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete
-from inkjet_env.printhead import Printhead
 
 EFFECTS = {effect.id: effect for effect in catalogue()}
 MODE, CUBIC = EFFECTS["second_mode"], EFFECTS["cubic_stiffness"]
@@ -55,11 +54,19 @@ def test_a_step_moves_one_coordinate_and_leaves_the_original():
     assert BOTH.theta.tolist() == before.tolist()
 
 
-def test_bounds_are_those_of_each_effect_one_after_another():
-    low, high = BOTH.bounds(Printhead.published(), [])
-    assert low.shape == high.shape == BOTH.theta.shape
-    assert (low <= BOTH.theta).all()
-    assert (BOTH.theta <= high).all()
+def test_other_values_of_one_effect_leave_those_of_the_others():
+    other = BOTH.with_values(CUBIC, complete(CUBIC, stiffening_per_V2=3e-6))
+    assert other.theta_of(MODE).tolist() == BOTH.theta_of(MODE).tolist()
+    assert dict(other.pairs)[CUBIC]["stiffening_per_V2"] == 3e-6
+
+
+def test_a_logarithm_has_scale_one_and_a_linear_coordinate_its_own_size():
+    frequency, strength = (next(k for k, (_, p) in enumerate(BOTH.parameters) if p.name == name)
+                           for name in ("frequency_Hz", "strength"))  # fmt: skip
+    assert BOTH.scale(frequency) == 1.0
+    assert BOTH.scale(strength) == 0.02
+    low, high = BOTH.parameters[strength][1].bounds
+    assert BOTH.stepped(strength, -0.02).scale(strength) == 1e-6 * (high - low)
 
 
 @pytest.mark.parametrize(

@@ -179,7 +179,7 @@ def test_saturation_begins_at_what_was_measured_where_that_is_known():
     effect, excitation = EFFECTS["sensor_saturation"], shot_of()
     largest = np.abs(Plant(HEAD).signal(excitation)).max()
     assert max(s["limit"] for s in effect.starts(HEAD, [excitation]) if not s["skew"]) == pytest.approx(10 * largest)
-    excitation.cache["largest"] = 12.0
+    excitation = replace(excitation, largest_signal=12.0)
     assert max(s["limit"] for s in effect.starts(HEAD, [excitation]) if not s["skew"]) == pytest.approx(120.0)
 
 
@@ -225,7 +225,7 @@ def test_hum_sampled_too_seldom_is_what_its_samples_show(part, columns):
 
 def test_hum_begins_at_the_lines_that_were_seen_then_at_the_mains_that_show():
     slow = Excitation("strain_gauge", "demagnetised", 1e-3, np.zeros(400))
-    slow.cache["lines_Hz"] = [77.0]
+    slow = replace(slow, residual_lines_Hz=(77.0,))
     frequencies = [start["frequency_Hz"] for start in EFFECTS["mains_hum"].starts(HEAD, [shot_of(), slow])]
     assert frequencies[:6] == [77.0, 50.0, 60.0, 100.0, 120.0, 150.0]
     fast_only = [start["frequency_Hz"] for start in EFFECTS["mains_hum"].starts(HEAD, [shot_of()])]

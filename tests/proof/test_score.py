@@ -12,7 +12,7 @@ from experiments.proof.fresh_drive_error import LEAST_CLOSURE
 from experiments.proof.printing import print_score
 from experiments.proof.protocol import Outcome, as_judged
 from experiments.proof.report import headline, page_html, sentences
-from experiments.proof.score import score, told
+from experiments.proof.score import score, verdict_record
 from experiments.publish.proof_tables import document
 from inkjet_env.storage import json_text
 
@@ -120,7 +120,7 @@ def test_a_refusal_is_neither_an_alarm_nor_right(flawless):
     assert figure(found, "false alarms where nothing is concealed")["hits"] == 0
     assert figure(found, "refused or broken down")["hits"] == 16
     assert [m["verdict"] for m in found["misses"]] == ["refused"] * 16
-    assert told(with_answer(flawless, lambda draw: True, None)[0]).verdict == "refused"
+    assert verdict_record(with_answer(flawless, lambda draw: True, None)[0]).verdict == "refused"
 
 
 def test_meagre_campaigns_are_counted_apart(flawless):

@@ -15,16 +15,13 @@ from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.printhead import Printhead
 from inkjet_env.reporting.diagnosis_figures import augmented, left_densities
 from inkjet_env.reporting.diagnosis_report import (
-    channel_rows,
-    condition_rows,
     diagnosis_html,
     models_of,
-    parameter_rows,
     proof_recording,
-    view_tables,
     write_diagnosis_report,
     zoom_of,
 )
+from inkjet_env.reporting.diagnosis_tables import channel_rows, condition_rows, parameter_rows, view_tables
 from inkjet_env.reporting.formatting import engineering, short
 from inkjet_env.rig import default_battery, record_campaign
 

@@ -101,7 +101,7 @@ def _motion(joint: OutputErrorFit, o: ObservedRecording, force_V: Real) -> tuple
     rate_V = np.gradient(hysteretic_V) / np.float64(fine.step_s * omega0)
     if not o.excitation.fast:
         return (hysteretic_V - force_V)[::pairs], np.column_stack([hysteretic_V, rate_V])
-    fine = replace(fine, start=joint.base.states.get(o.name, (0.0, 0.0)))
+    fine = replace(fine, start=joint.base.end.states.get(o.name, (0.0, 0.0)))
     resonance = Resonance(printhead.a0, printhead.a1, printhead.a0)
     pushed_V = np.ascontiguousarray(drive_V - fine.refined(force_V))
     deflection_V = resonance.motion(pushed_V, replace(fine, channel="displacement"))

@@ -95,7 +95,7 @@ class Proposal:
     ----------
     words : str
         "under a pulse of …".
-    excitation : Shot
+    excitation : Excitation
     train : Train or None
         The pulses that it is made of, which may still be changed.
     """

@@ -17,7 +17,7 @@ import numpy as np
 
 from inkjet_env.mismatch.design.drive_library import Proposal, benches, library
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
-from inkjet_env.mismatch.fitting.fit_result import FitResult, split
+from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import DIFFERENCE
 from inkjet_env.mismatch.localization.views import CHANNELS, largest_V
 from inkjet_env.plant import Effect, Excitation, catalogue
@@ -91,7 +91,7 @@ def next_experiment(
         Two or more candidates. Of one, what shows its effects best is told in words; of none, which effects the
         campaign could not show and what would.
     noise : Noise
-    observed : sequence of Observed
+    observed : sequence of ObservedRecording
 
     Returns
     -------
@@ -100,7 +100,7 @@ def next_experiment(
         the two candidates that it separates worst.
     """
     if len(fits) < 2:
-        return _in_words([effect for fit in fits for effect in fit.effects], observed)
+        return _in_words([effect for fit in fits for effect in fit.active.effects], observed)
     judge = _Judge(fits, noise, observed)
     tried = [
         judged
@@ -110,7 +110,7 @@ def next_experiment(
     ]
     best = max(tried, key=lambda judged: judged.worth, default=None)
     if best is None:
-        return _in_words([effect for fit in fits for effect in fit.effects], observed)
+        return _in_words([effect for fit in fits for effect in fit.active.effects], observed)
     best = _refined(best, judge)
     separation = best.separations[best.least]
     if separation < ENOUGH:
@@ -118,7 +118,7 @@ def next_experiment(
         if monitored is not None and monitored.separations[monitored.least] > separation:
             return _proposed(monitored, judge, at_head=True)
     if MOST_REPEATS * separation < ENOUGH:
-        return _in_words([effect for fit in fits for effect in fit.effects], observed)
+        return _in_words([effect for fit in fits for effect in fit.active.effects], observed)
     return _proposed(best, judge, at_head=False)
 
 
@@ -148,8 +148,8 @@ class _Judge:
         if o.noise_key not in self.noise.models:
             return None
         try:
-            signals = [fit.head.plant(fit.with_values).signal(excitation) for fit in self.fits]
-            columns = [np.column_stack([fit.head.sensitivities(o), _slopes(fit, excitation)]) for fit in self.fits]
+            signals = [fit.head.plant(fit.active.pairs).signal(excitation) for fit in self.fits]
+            columns = [np.column_stack([fit.head.sensitivities(o), _jacobian(fit, excitation)]) for fit in self.fits]
         except NUMERICAL:
             return None
         largest = max(
@@ -184,7 +184,7 @@ class _Judge:
             if not excitation.fast:
                 continue
             voltages = [
-                excitation.sampled(fit.head.plant(fit.with_values).at_ceramic_V(excitation)) for fit in self.fits
+                excitation.sampled(fit.head.plant(fit.active.pairs).at_ceramic_V(excitation)) for fit in self.fits
             ]
             apart = [voltages[i] - voltages[j] for i, j in self.pairs]
             found = _Judged(
@@ -216,22 +216,17 @@ def _adapted(told: Real, columns: Real, difference: Real) -> tuple[Real, float]:
     return np.asarray(step / size), float(remains @ remains)
 
 
-def _slopes(fit: FitResult, excitation: Excitation) -> Real:
+def _jacobian(fit: FitResult, excitation: Excitation) -> Real:
     """Derivatives of a signal with respect to the coordinates of a candidate's effects, shape (n, k)."""
-    parameters = [p for effect in fit.effects for p in effect.parameters]
-    columns = np.zeros((excitation.samples, len(parameters)))
-    if not parameters:
+    active = fit.active
+    columns = np.zeros((excitation.samples, active.theta.size))
+    if not active.theta.size:
         return columns
-    here = fit.head.plant(fit.with_values).signal(excitation)
-    for k, parameter in enumerate(parameters):
-        low, high = parameter.bounds
-        wide = 1.0 if parameter.scale == "log" else max(abs(float(fit.theta[k])), 1e-6 * (high - low))
-        size = DIFFERENCE * wide
-        there = fit.theta.copy()
-        there[k] += -size if there[k] + size > high else size
-        columns[:, k] = (fit.head.plant(split(fit.effects, there)).signal(excitation) - here) / (
-            there[k] - fit.theta[k]
-        )
+    here = fit.head.plant(active.pairs).signal(excitation)
+    for k, (_, parameter) in enumerate(active.parameters):
+        size = DIFFERENCE * active.scale(k)
+        there = active.stepped(k, -size if active.theta[k] + size > parameter.bounds[1] else size)
+        columns[:, k] = (fit.head.plant(there.pairs).signal(excitation) - here) / (there.theta[k] - active.theta[k])
     return columns
 
 

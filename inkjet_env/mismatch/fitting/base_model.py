@@ -41,7 +41,7 @@ def base_model(
     Parameters
     ----------
     campaign : Campaign
-    observed : sequence of Observed
+    observed : sequence of ObservedRecording
         Its recordings.
     printhead : Printhead, optional
         Where the fit begins; identified from the campaign unless given.

@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,13 +18,13 @@ import numpy as np
 
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.effect_code import code_digest, source_files
-from inkjet_env.mismatch.fitting.fit_result import FitResult, Place
+from inkjet_env.mismatch.fitting.fit_result import FitResult, ModelState
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.plant import Effect
+from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.printhead import Printhead
 from inkjet_env.storage import write_json
-from inkjet_env.typing import Real
 
 Task = TypeVar("Task")
 
@@ -50,35 +51,35 @@ class FitCheckpoint:
     def fits(
         self, pool: ProcessPool, joint: OutputErrorFit, function: Callable[[Task], FitResult | None],
         tasks: Sequence[Task],
-        questions: Sequence[tuple[Sequence[Effect], Real, FitResult, int | str | None]],
+        questions: Sequence[tuple[ActiveEffects, FitResult, int | str | None]],
     ) -> Iterator[FitResult | None]:  # fmt: skip
         """`ProcessPool.map`, but for the fits that are there already; each is kept as soon as it comes.
 
         Parameters
         ----------
-        pool : Crew
-        joint : JointFit
+        pool : ProcessPool
+        joint : OutputErrorFit
         function : callable
             From a task to its fit, None where it cannot be simulated.
         tasks : sequence
         questions : sequence of tuple
-            What each task asks: effects, point to begin at, fit to go on from, most steps or what else.
+            What each task asks: effects with the coordinates to begin at, fit to go on from, most steps or what else.
         """
         if self.folder is None:
             yield from pool.map(function, tasks)
             return
         begun = _of_joint(joint)
         names = [self._name(begun, *question) for question in questions]
-        there = [self._found(name) for name in names]
+        there = [self._found(name, active.effects) for name, (active, *_) in zip(names, questions, strict=True)]
         missing = pool.map(function, [task for task, record in zip(tasks, there, strict=True) if record is None])
-        for name, record, (effects, *_) in zip(names, there, questions, strict=True):
+        for name, record, (active, *_) in zip(names, there, questions, strict=True):
             if record is None:
                 fit = next(missing)
                 self.folder.mkdir(parents=True, exist_ok=True)
                 write_json(self.folder / name, {"fit": None if fit is None else _as_json(fit)})
             else:
                 told = record["fit"]
-                fit = None if told is None else joint.again(tuple(effects), *_from_json(told))
+                fit = None if told is None else joint.again(*_from_json(told, active.effects))
             yield fit
 
     def clear(self) -> None:
@@ -89,20 +90,18 @@ class FitCheckpoint:
             if not any(self.folder.iterdir()):
                 self.folder.rmdir()
 
-    def _name(
-        self, begun: bytes, effects: Sequence[Effect], theta: Real, fit: FitResult, steps: int | str | None
-    ) -> str:
-        ids = "+".join(effect.id for effect in effects)
-        place = json.dumps(_place_json(Place(fit.head, theta, fit.states)))
+    def _name(self, begun: bytes, active: ActiveEffects, fit: FitResult, steps: int | str | None) -> str:
+        ids = "+".join(active.ids)
+        place = json.dumps(_state_json(replace(fit.end, active=active)))
         return _digest(self.code, begun, ids.encode(), place.encode(), str(steps).encode()).hex()[:32] + ".fit.json"
 
-    def _found(self, name: str) -> dict[str, Any] | None:
+    def _found(self, name: str, effects: tuple[Effect, ...]) -> dict[str, Any] | None:
         if self.folder is None or not (self.folder / name).is_file():
             return None
         try:
             record: dict[str, Any] = json.loads((self.folder / name).read_text())
             if record["fit"] is not None:
-                _from_json(record["fit"])
+                _from_json(record["fit"], effects)
         except (ValueError, TypeError, LookupError, AttributeError):
             raise ValueError(f"{self.folder / name} is damaged: it is not as it was written. Delete it.") from None
         return record
@@ -163,26 +162,27 @@ def _head(told: Mapping[str, Any]) -> Head:
     )
 
 
-def _place_json(place: Place) -> dict[str, Any]:
-    states = {name: [float(v) for v in state] for name, state in place.states.items()}
-    return {"head": _head_json(place.head), "point": [float(v) for v in place.theta], "states": states}
+def _state_json(state: ModelState) -> dict[str, Any]:
+    states = {name: [float(v) for v in pair] for name, pair in state.states.items()}
+    return {"head": _head_json(state.head), "point": [float(v) for v in state.active.theta], "states": states}
 
 
-def _place(told: Mapping[str, Any]) -> Place:
-    states = {name: (state[0], state[1]) for name, state in told["states"].items()}
-    return Place(_head(told["head"]), np.array(told["point"]), states)
+def _state(told: Mapping[str, Any], effects: tuple[Effect, ...]) -> ModelState:
+    states = {name: (pair[0], pair[1]) for name, pair in told["states"].items()}
+    return ModelState(_head(told["head"]), ActiveEffects(effects, np.array(told["point"], dtype=float)), states)
 
 
 def _as_json(fit: FitResult) -> dict[str, Any]:
     return {
-        "end": _place_json(Place(fit.head, fit.theta, fit.states)),
-        "sloped": _place_json(fit.jacobian_at),
+        "end": _state_json(fit.end),
+        "sloped": _state_json(fit.jacobian_at),
         "started": _head_json(fit.started),
         "converged": fit.converged,
         "whole": fit.whole,
     }
 
 
-def _from_json(told: Mapping[str, Any]) -> tuple[Place, Place, Head, bool, bool]:
+def _from_json(told: Mapping[str, Any], effects: tuple[Effect, ...]) -> tuple[ModelState, ModelState, Head, bool, bool]:
     started = _head(told["started"])
-    return _place(told["end"]), _place(told["sloped"]), started, bool(told["converged"]), bool(told["whole"])
+    end, jacobian_at = _state(told["end"], effects), _state(told["sloped"], effects)
+    return end, jacobian_at, started, bool(told["converged"]), bool(told["whole"])

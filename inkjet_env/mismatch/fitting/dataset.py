@@ -31,7 +31,7 @@ class ObservedRecording:
         Nanometres are turned into micrometres.
     condition : int
         Recordings of the same drive on the same channel share one.
-    excitation : Shot
+    excitation : Excitation
     measured : ndarray, shape (n,)
     fitted : int
         Samples from the start that a fit may see: n, 0 (held out) or between (its end is held out).
@@ -86,15 +86,15 @@ def observe(
                 recording.order,
                 recording.neighbour_V,
                 substeps,
+                largest_signal=float(np.abs(signal).max()),
             )
-            excitation.cache["largest"] = float(np.abs(signal).max())
             found[name] = [
                 ObservedRecording(
                     name, measurement.channel, measurement.unit, condition, excitation, signal, measurement.fitted
                 )
             ]
             if recording.drive_monitor_V is not None:
-                monitor = replace(excitation, channel="drive_monitor", cache={"largest": excitation.cache["largest"]})
+                monitor = replace(excitation, channel="drive_monitor", cache={})
                 voltage = recording.drive_monitor_V
                 label = f"{name} (drive monitor)"
                 found[name].append(
@@ -105,18 +105,7 @@ def observe(
 
 def finer(observed: Sequence[ObservedRecording], substeps: int) -> tuple[ObservedRecording, ...]:
     """The same recordings on more nodes a sampling step."""
-    lasting = ("largest",)
-    return tuple(
-        replace(
-            o,
-            excitation=replace(
-                o.excitation,
-                substeps=substeps,
-                cache={k: o.excitation.cache[k] for k in lasting if k in o.excitation.cache},
-            ),
-        )
-        for o in observed
-    )
+    return tuple(replace(o, excitation=replace(o.excitation, substeps=substeps, cache={})) for o in observed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +182,7 @@ def noise_seen(
 
     Parameters
     ----------
-    observed : sequence of Observed
+    observed : sequence of ObservedRecording
     residuals : mapping of str to ndarray
         Measured minus modelled of each recording, in the channel's unit.
     otherwise : mapping

@@ -1,25 +1,35 @@
-"""Where a fit of base model and effects has come to."""
+"""Where a fit of base model and effects stands, and what it ended with."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.plant import Effect
-from inkjet_env.plant.effect import terms_of, values_at
+from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """Where a fit is: base parameters, coordinates of the effects' parameters, free initial states by recording."""
+class ModelState:
+    """Everything that decides a simulation of the recordings.
+
+    Attributes
+    ----------
+    head : Head
+        Parameters of the base model.
+    active : ActiveEffects
+        Effects that are on, with the coordinates of their parameters.
+    states : dict of str to tuple of float
+        By name of a recording with a free initial state: deflection and scaled speed at its first sample, in
+        hysteretic volts.
+    """
 
     head: Head
-    theta: Real
+    active: ActiveEffects
     states: Mapping[str, tuple[float, float]]
 
 
@@ -29,71 +39,54 @@ class FitResult:
 
     Attributes
     ----------
-    head : Head
-    effects : tuple of Effect
-    theta : ndarray, shape (k,)
-        Coordinates of all effects' parameters, one effect after another.
-    states : dict of str to tuple
-        Initial deflection and speed of recordings with a free initial state.
+    end : ModelState
+        Where the fit ended.
     residuals : dict of str to ndarray
-        Measured minus modelled, whitened, chance differences between recordings taken out; of all samples.
+        By recording, measured minus modelled, whitened, random effects taken out, shape (n,); all samples.
     nll : float
-        Half the sum of squares over the fitted samples.
+        Negative log-likelihood less its constant: half the sum of squares over the fitted samples.
     jacobian : ndarray, shape (rows, k)
-        Whitened sensitivities to the point, chance taken out; rows of the fitted samples in order.
+        Whitened sensitivities of the fitted samples, in order, to the coordinates; random effects taken out.
     converged : bool
-    jacobian_at : Place
+        Whether the last step promised or gained less than the stopping rule asks for.
+    jacobian_at : ModelState
         Where the sensitivities were taken: before the last step.
     whole : bool
-        Whether every part of the effects' laws took part, or only those that were on when it began.
+        Whether every term of the effects' laws took part, or only those that were on when it began.
     started : Head
         Base model whose free ringing stands for unknown initial states.
     """
 
-    head: Head
-    effects: tuple[Effect, ...]
-    theta: Real
-    states: Mapping[str, tuple[float, float]]
+    end: ModelState
     residuals: Mapping[str, Real]
     nll: float
     jacobian: Real
     converged: bool
-    jacobian_at: Place
+    jacobian_at: ModelState
     whole: bool
     started: Head
 
     @property
+    def head(self) -> Head:
+        """Base model at the end."""
+        return self.end.head
+
+    @property
+    def active(self) -> ActiveEffects:
+        """Effects with their coordinates at the end."""
+        return self.end.active
+
+    @property
     def ids(self) -> tuple[str, ...]:
-        """Of the effects."""
-        return tuple(effect.id for effect in self.effects)
+        """Ids of the effects."""
+        return self.active.ids
+
+    def moved(self, head: Head | None = None, active: ActiveEffects | None = None) -> FitResult:
+        """The result with the base model or the effects of its end replaced: where another fit may begin."""
+        end = replace(self.end, head=head or self.head, active=self.active if active is None else active)
+        return replace(self, end=end)
 
     @property
     def idle(self) -> NDArray[np.bool_]:
-        """Which coordinates did nothing, shape (k,): fixed, of parts that are off, or shapes of such parts."""
+        """Coordinates that did nothing, shape (k,): fixed, of terms that are off, or shapes of such terms."""
         return np.asarray(~self.jacobian.any(axis=0))
-
-    @property
-    def with_values(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
-        """Each effect with its values."""
-        return split(self.effects, self.theta)
-
-
-def held(effects: Sequence[Effect], theta: Real) -> NDArray[np.bool_]:
-    """Which coordinates are of terms of the effects' laws that are off, shape (k,)."""
-    result, at = np.zeros(theta.size, dtype=bool), 0
-    for effect in effects:
-        count = len(effect.parameters)
-        off = {name for part in terms_of(effect, theta[at : at + count])[1] for name in part}
-        result[at : at + count] = [p.name in off for p in effect.parameters]
-        at += count
-    return result
-
-
-def split(effects: Sequence[Effect], theta: Real) -> tuple[tuple[Effect, dict[str, float]], ...]:
-    """Effects with their values, from the coordinates of all one after another."""
-    result, at = [], 0
-    for effect in effects:
-        count = len(effect.parameters)
-        result.append((effect, values_at(effect, theta[at : at + count])))
-        at += count
-    return tuple(result)

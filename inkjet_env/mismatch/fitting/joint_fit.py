@@ -16,9 +16,11 @@ import numpy as np
 
 from inkjet_env.identification.basis import free_ringing
 from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.damped_step import damped_step
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer
-from inkjet_env.mismatch.fitting.fit_result import FitResult, Place, held, split
+from inkjet_env.mismatch.fitting.fit_result import FitResult, ModelState
 from inkjet_env.plant import Effect, Values
+from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import limits
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.printhead import Printhead
@@ -41,12 +43,12 @@ class OutputErrorFit:
 
     Parameters
     ----------
-    observed : sequence of Observed
+    observed : sequence of ObservedRecording
     noise : Noise
     head : Head
         The base model: where every fit begins.
     random_effects : sequence of (Effect, values)
-        Effects by chance that are known to be there: what their nuisances can explain is taken out everywhere.
+        Effects by chance that are known to be there: what their columns can explain is taken out everywhere.
     base : Fit, optional
         The base model on these recordings; fitted unless given.
     around : Fit, optional
@@ -70,7 +72,7 @@ class OutputErrorFit:
         self.seen = tuple(o for o in self.observed if o.fitted)
         self.ends = np.cumsum([o.fitted for o in self.seen])
         self._limits: dict[str, tuple[Real, Real]] = {}
-        self.base = base or self.fit((), np.zeros(0))
+        self.base = base or self.fit(ActiveEffects())
 
     @cached_property
     def basis(self) -> tuple[Real, Real]:
@@ -78,8 +80,8 @@ class OutputErrorFit:
 
         Where a recording cannot be simulated beside where the fit is, they are those without effects.
         """
-        on = self.around.with_values if self.around else ()
-        states = self.around.states if self.around else {}
+        on = self.around.active.pairs if self.around else ()
+        states = self.around.end.states if self.around else {}
         chosen = [
             replace(o, excitation=replace(o.excitation, start=states[o.name])) if o.name in states else o
             for o in self.seen
@@ -113,7 +115,7 @@ class OutputErrorFit:
         return white - chance @ amplitudes
 
     def chance(self, o: ObservedRecording, effects: Sequence[tuple[Effect, Values]] = ()) -> Real | None:
-        """Whitened columns of what is free in each recording: an unknown initial state, an effect's nuisances."""
+        """Whitened columns of what is free in each recording: an unknown initial state, an effect's columns."""
         if o.channel == "drive_monitor":
             return None
         on = (*self.random_effects, *effects)
@@ -123,15 +125,9 @@ class OutputErrorFit:
             columns.append(free_ringing(o.excitation.samples, o.excitation.step_s, head.a0, head.a1))
         return self.noise.whitened(o, np.column_stack(columns)) if columns else None
 
-    def signals(
-        self,
-        head: Head,
-        effects: Sequence[tuple[Effect, Values]],
-        states: Mapping[str, tuple[float, float]],
-        chosen: Sequence[ObservedRecording],
-    ) -> dict[str, Real]:
-        """Free-run signals by recording."""
-        plant = head.plant(effects)
+    def signals(self, at: ModelState, chosen: Sequence[ObservedRecording]) -> dict[str, Real]:
+        """Free-run signals by recording, in each channel's unit, shape (n,)."""
+        plant, states = at.head.plant(at.active.pairs), at.states
         return {
             o.name: plant.signal(replace(o.excitation, start=states[o.name]) if o.name in states else o.excitation)
             for o in chosen
@@ -139,10 +135,9 @@ class OutputErrorFit:
 
     def modelled(self, fit: FitResult) -> dict[str, Real]:
         """What a fit makes of every recording, in the channel's unit: free-run, with the recording's own chance."""
-        told = fit.with_values
-        signals = self.signals(fit.head, told, fit.states, self.observed)
+        signals = self.signals(fit.end, self.observed)
         for o in self.observed:
-            on = (*self.random_effects, *told)
+            on = (*self.random_effects, *fit.active.pairs)
             columns = [
                 c for effect, values in on if (c := effect.random_effect_basis(values, o.excitation)) is not None
             ]
@@ -160,9 +155,9 @@ class OutputErrorFit:
         """
         substeps = 2 * max(o.excitation.substeps for o in self.seen)
         fine = finer(self.seen, substeps)
-        here = self.signals(fit.head, fit.with_values, fit.states, self.seen)
+        here = self.signals(fit.end, self.seen)
         try:
-            there = self.signals(fit.head, fit.with_values, fit.states, fine)
+            there = self.signals(fit.end, fine)
         except NUMERICAL:
             return math.inf
         return float(np.linalg.norm(self.stacked({o.name: here[o.name] - there[o.name] for o in self.seen})))
@@ -173,43 +168,41 @@ class OutputErrorFit:
 
     def fit(
         self,
-        effects: Sequence[Effect],
-        theta: Real,
+        active: ActiveEffects,
         head: Head | None = None,
         most_steps: int = MOST_STEPS,
         whole: bool = False,
         known: Real | None = None,
     ) -> FitResult:
-        """Least squares from a starting point.
+        """Least squares from a starting point, by Levenberg's damped Gauss–Newton steps.
 
         Parameters
         ----------
-        effects : sequence of Effect
-        theta : ndarray, shape (k,)
-            Coordinates of all parameters, one effect after another.
+        active : ActiveEffects
+            Effects that are on and the coordinates to begin at.
         head : Head, optional
-            Where the base parameters begin.
+            Where the base parameters begin; at the base model unless given.
         most_steps : int
+            Steps after which the fit ends, converged or not.
         whole : bool
             Whether terms of the effects' laws that are off may come on.
         known : ndarray, shape (rows, j), optional
             Sensitivities to the first coordinates, taken elsewhere: as good to step by as the base parameters' are.
         """
-        effects = tuple(effects)
         head = head or self.start
-        low, high = self._free(effects, theta, whole)
-        theta = np.clip(theta, low, high)
+        low, high = self._free(active, whole)
+        active = active.at(np.clip(active.theta, low, high))
         states = {
             o.name: (0.0, 0.0) for o in self.observed if o.excitation.initial_state == "free" and o.excitation.fast
         }
-        states = self._states(head, effects, theta, states)
-        residuals, nll = self._left(head, effects, theta, states)
+        here = self._with_states(ModelState(head, active, states))
+        residuals, nll = self._residuals(here)
         q, r = self.basis
         damping, converged = 1e-3, False
-        jacobian, jacobian_at = np.zeros((residuals.size, 0)), Place(head, theta, states)
+        jacobian, jacobian_at = np.zeros((residuals.size, 0)), here
         for _ in range(most_steps):
-            jacobian_at = Place(head, theta, states)
-            jacobian = self.jacobian(head, effects, theta, states, low, high, known)
+            jacobian_at = here
+            jacobian = self.jacobian(here, low, high, known)
             enough = max(CONVERGED, FAR_FROM_RIGHT * (nll - 0.5 * residuals.size))
             own = residuals - q @ (q.T @ residuals)
             in_base = q.T @ jacobian
@@ -217,16 +210,17 @@ class OutputErrorFit:
             gram, moment, toward = mine.T @ mine, mine.T @ own, q.T @ residuals
             accepted = False
             for attempt in range(8):
-                step = _damped(gram, moment, damping, theta, low, high)
+                theta = here.active.theta
+                step = damped_step(gram, moment, damping, theta, low, high)
                 base = np.linalg.lstsq(r, 0.5**attempt * toward - in_base @ step, rcond=1e-12)[0]
                 promise = nll - 0.5 * float(np.sum((own - mine @ step) ** 2))
                 try:
-                    new_head, new_point = head.moved(base), np.clip(theta + step, low, high)
-                    new_states = self._states(new_head, effects, new_point, states)
-                    new_left, new_nll = self._left(new_head, effects, new_point, new_states)
+                    trial = ModelState(here.head.moved(base), active.at(np.clip(theta + step, low, high)), here.states)
+                    trial = self._with_states(trial)
+                    trial_residuals, trial_nll = self._residuals(trial)
                 except NUMERICAL:
-                    new_nll = WORST
-                if new_nll <= nll:
+                    trial_nll = WORST
+                if trial_nll <= nll:
                     accepted = True
                     break
                 if promise < enough:
@@ -235,52 +229,38 @@ class OutputErrorFit:
             if not accepted:
                 converged = promise < max(1.0, enough)
                 break
-            gained = nll - new_nll
-            head, theta, states, residuals, nll = new_head, new_point, new_states, new_left, new_nll
+            gained = nll - trial_nll
+            here, residuals, nll = trial, trial_residuals, trial_nll
             damping /= 5
             if promise < enough or gained < enough:
                 converged = True
                 break
         if known is not None:
-            jacobian = self.jacobian(jacobian_at.head, effects, jacobian_at.theta, jacobian_at.states, low, high)
-        return self._ended(effects, Place(head, theta, states), nll, jacobian, converged, jacobian_at, whole)
+            jacobian = self.jacobian(jacobian_at, low, high)
+        return self._ended(here, nll, jacobian, converged, jacobian_at, whole)
 
     def _ended(
-        self,
-        effects: tuple[Effect, ...],
-        end: Place,
-        nll: float,
-        jacobian: Real,
-        converged: bool,
-        jacobian_at: Place,
-        whole: bool,
+        self, end: ModelState, nll: float, jacobian: Real, converged: bool, jacobian_at: ModelState, whole: bool
     ) -> FitResult:
-        told = split(effects, end.theta)
-        everything = self.signals(end.head, told, end.states, self.observed)
-        remains = {o.name: self.whitened(o, o.measured - everything[o.name], told) for o in self.observed}
-        head, theta, states = end.head, end.theta, end.states
-        return FitResult(
-            head, effects, theta, states, remains, nll, jacobian, converged, jacobian_at, whole, self.start
-        )
+        everything = self.signals(end, self.observed)
+        residuals = {o.name: self.whitened(o, o.measured - everything[o.name], end.active.pairs) for o in self.observed}
+        return FitResult(end, residuals, nll, jacobian, converged, jacobian_at, whole, self.start)
 
-    def again(
-        self, effects: tuple[Effect, ...], end: Place, jacobian_at: Place, started: Head, converged: bool, whole: bool
-    ) -> FitResult:
+    def again(self, end: ModelState, jacobian_at: ModelState, started: Head, converged: bool, whole: bool) -> FitResult:
         """A fit of which it is known where it ended."""
         here = OutputErrorFit(self.observed, self.noise, started, self.random_effects, self.base)
-        _, nll = here._left(end.head, effects, end.theta, end.states)
-        low, high = here._free(effects, jacobian_at.theta, whole)
-        jacobian = here.jacobian(jacobian_at.head, effects, jacobian_at.theta, jacobian_at.states, low, high)
-        return here._ended(effects, end, nll, jacobian, converged, jacobian_at, whole)
+        _, nll = here._residuals(end)
+        low, high = here._free(jacobian_at.active, whole)
+        return here._ended(end, nll, here.jacobian(jacobian_at, low, high), converged, jacobian_at, whole)
 
-    def _free(self, effects: Sequence[Effect], theta: Real, whole: bool) -> tuple[Real, Real]:
-        """Bounds of the point in a fit, shape (k,) each; where it is, of parts that are off and stay so."""
-        low, high = self.limits(effects)
-        off = held(effects, theta) & (not whole)
-        return np.where(off, theta, low), np.where(off, theta, high)
+    def _free(self, active: ActiveEffects, whole: bool) -> tuple[Real, Real]:
+        """Bounds of the coordinates in a fit, shape (k,) each; equal for terms that are off and stay so."""
+        low, high = self.limits(active.effects)
+        off = active.off & (not whole)
+        return np.where(off, active.theta, low), np.where(off, active.theta, high)
 
     def limits(self, effects: Sequence[Effect]) -> tuple[Real, Real]:
-        """Bounds of the point, shape (k,) each."""
+        """Bounds of the effects' coordinates on the fitted recordings, shape (k,) each."""
         for effect in effects:
             if effect.id not in self._limits:
                 excitations = [o.excitation for o in self.seen if o.channel != "drive_monitor"]
@@ -289,69 +269,68 @@ class OutputErrorFit:
         empty = [np.zeros(0)]
         return np.concatenate([a for a, _ in ends] or empty), np.concatenate([b for _, b in ends] or empty)
 
-    def _left(
-        self, head: Head, effects: tuple[Effect, ...], theta: Real, states: Mapping[str, tuple[float, float]]
-    ) -> tuple[Real, float]:
-        told = split(effects, theta)
-        signals = self.signals(head, told, states, self.seen)
-        residuals = self.stacked({o.name: o.measured - signals[o.name] for o in self.seen}, told)
+    def _residuals(self, at: ModelState) -> tuple[Real, float]:
+        """Whitened residuals of the fitted rows, shape (rows,), and their negative log-likelihood."""
+        signals = self.signals(at, self.seen)
+        residuals = self.stacked({o.name: o.measured - signals[o.name] for o in self.seen}, at.active.pairs)
         nll = 0.5 * float(residuals @ residuals)
         return residuals, nll if math.isfinite(nll) else WORST
 
-    def _states(
-        self, head: Head, effects: tuple[Effect, ...], theta: Real, states: Mapping[str, tuple[float, float]]
-    ) -> dict[str, tuple[float, float]]:
-        """Unknown initial states, one linear step nearer to what each recording shows."""
-        if not states:
-            return {}
-        told = split(effects, theta)
-        chosen = [o for o in self.observed if o.name in states]
-        signals = self.signals(head, told, states, chosen)
-        plant, moved = head.plant(), {}
+    def _with_states(self, at: ModelState) -> ModelState:
+        """Unknown initial states moved one linear step nearer to what each recording shows."""
+        if not at.states:
+            return at
+        chosen = [o for o in self.observed if o.name in at.states]
+        signals = self.signals(at, chosen)
+        plant, moved = at.head.plant(), {}
         for o in chosen:
             rows = o.fitted or o.excitation.samples
-            columns = state_columns(head.printhead, plant.gain(o.channel), o)
+            columns = state_columns(at.head.printhead, plant.gain(o.channel), o)
             pair = self.noise.whitened(o, np.column_stack([columns, o.measured - signals[o.name]]))[:rows]
             change = np.linalg.lstsq(pair[:, :2], pair[:, 2], rcond=None)[0]
-            moved[o.name] = (states[o.name][0] + float(change[0]), states[o.name][1] + float(change[1]))
-        return moved
+            moved[o.name] = (at.states[o.name][0] + float(change[0]), at.states[o.name][1] + float(change[1]))
+        return replace(at, states=moved)
 
-    def jacobian(
-        self,
-        head: Head,
-        effects: tuple[Effect, ...],
-        theta: Real,
-        states: Mapping[str, tuple[float, float]],
-        low: Real,
-        high: Real,
-        known: Real | None = None,
-    ) -> Real:
-        """Whitened sensitivities of the fitted rows to the point, shape (rows, k); 0 where the base can do the same."""
-        told = split(effects, theta)
-        columns = np.zeros((int(self.ends[-1]), theta.size))
-        if not theta.size:
+    def jacobian(self, at: ModelState, low: Real, high: Real, known: Real | None = None) -> Real:
+        """Whitened sensitivities of the fitted rows to the coordinates, by finite differences of the plant.
+
+        Parameters
+        ----------
+        at : ModelState
+            Where they are taken.
+        low, high : ndarray, shape (k,)
+            Bounds of the coordinates; one that cannot move gets zeros.
+        known : ndarray, shape (rows, j), optional
+            Sensitivities to the first coordinates, taken elsewhere.
+
+        Returns
+        -------
+        ndarray, shape (rows, k)
+            Zero for a coordinate for which the base parameters can stand in.
+        """
+        active = at.active
+        columns = np.zeros((int(self.ends[-1]), active.theta.size))
+        if not active.theta.size:
             return columns
-        here = self.signals(head, told, states, self.seen)
-        named = [(effect, values, p.name) for effect, values in told for p in effect.parameters]
+        here = self.signals(at, self.seen)
         first = 0 if known is None else known.shape[1]
         if known is not None:
             columns[:, :first] = known
+        values = {effect.id: own for effect, own in active.pairs}
         changed: dict[str, dict[int, Real]] = {o.name: {} for o in self.seen}
-        for k, (effect, values, name) in enumerate(named):
+        for k, (effect, parameter) in enumerate(active.parameters):
             if k < first or low[k] == high[k]:
                 continue
-            size = DIFFERENCE * _scale(effects, theta, k)
-            if theta[k] + size > high[k]:
+            size = DIFFERENCE * active.scale(k)
+            if active.theta[k] + size > high[k]:
                 size = -size
-            there = theta.copy()
-            there[k] += size
-            touched = [o for o in self.seen if effect.changes(name, o.excitation, values)]
-            signals = self.signals(head, split(effects, there), states, touched)
+            touched = [o for o in self.seen if effect.changes(parameter.name, o.excitation, values[effect.id])]
+            signals = self.signals(replace(at, active=active.stepped(k, size)), touched)
             for o in touched:
                 changed[o.name][k] = (signals[o.name] - here[o.name]) / size
         for o, end in zip(self.seen, self.ends, strict=True):
             if changed[o.name]:
-                white = self.whitened(o, np.column_stack(list(changed[o.name].values())), told)
+                white = self.whitened(o, np.column_stack(list(changed[o.name].values())), active.pairs)
                 columns[end - o.fitted : end, list(changed[o.name])] = white[: o.fitted]
         q, _ = self.basis
         own = np.linalg.norm(columns - q @ (q.T @ columns), axis=0)
@@ -360,13 +339,13 @@ class OutputErrorFit:
 
     def signature(self, effect: Effect, values: Values) -> Real:
         """What switching an effect on changes in the fitted rows, base parameters fixed: whitened, shape (rows,)."""
-        on = self.signals(self.base.head, [(effect, values)], self.base.states, self.seen)
+        on = self.signals(replace(self.base.end, active=ActiveEffects.of([(effect, values)])), self.seen)
         return self.stacked({o.name: on[o.name] - self._off[o.name] for o in self.seen})
 
     @cached_property
     def _off(self) -> dict[str, Real]:
         """Signals of the base model, which are those with any effect switched off."""
-        return self.signals(self.base.head, (), self.base.states, self.seen)
+        return self.signals(self.base.end, self.seen)
 
 
 def state_columns(printhead: Printhead, gain: float, o: ObservedRecording) -> Real:
@@ -382,33 +361,3 @@ def state_columns(printhead: Printhead, gain: float, o: ObservedRecording) -> Re
         shown = (lam * motion).imag / printhead.a0 if o.channel == "self_sensing" else motion.imag
         columns.append(gain * shown)
     return np.column_stack(columns)
-
-
-def _scale(effects: Sequence[Effect], theta: Real, k: int) -> float:
-    """Size of a coordinate for a finite difference: its own, or a small part of its range."""
-    limits = [p for effect in effects for p in effect.parameters][k]
-    if limits.scale == "log":
-        return 1.0
-    low, high = limits.bounds
-    return max(abs(float(theta[k])), 1e-6 * (high - low))
-
-
-def _damped(gram: Real, moment: Real, damping: float, theta: Real, low: Real, high: Real) -> Real:
-    """Levenberg–Marquardt step within the bounds, of the normal equations: what would leave them is held at them."""
-    step = np.zeros(theta.size)
-    free = np.ones(theta.size, dtype=bool)
-    size = np.sqrt(np.diag(gram))
-    size[size == 0] = 1.0
-    scaled = gram / np.outer(size, size)
-    for _ in range(theta.size):
-        target = (moment - gram[:, ~free] @ step[~free])[free] / size[free]
-        normal = scaled[np.ix_(free, free)] + damping * np.eye(int(free.sum()))
-        step[free] = np.linalg.lstsq(normal, target, rcond=1e-13)[0] / size[free]
-        beyond = free & ((theta + step < low) | (theta + step > high))
-        if not beyond.any():
-            break
-        step[beyond] = np.clip(theta[beyond] + step[beyond], low[beyond], high[beyond]) - theta[beyond]
-        free &= ~beyond
-        if not free.any():
-            break
-    return step

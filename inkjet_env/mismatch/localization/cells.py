@@ -236,7 +236,7 @@ def _chance(o: ObservedRecording, noise: Noise, fit: FitResult) -> Real | None:
     if o.channel == "drive_monitor":
         return None
     columns = [
-        c for effect, values in fit.with_values if (c := effect.random_effect_basis(values, o.excitation)) is not None
+        c for effect, values in fit.active.pairs if (c := effect.random_effect_basis(values, o.excitation)) is not None
     ]
     if o.excitation.initial_state == "free" and o.excitation.fast:
         head = fit.head.printhead

@@ -45,10 +45,10 @@ def locate(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, 
 
     Parameters
     ----------
-    observed : sequence of Observed
+    observed : sequence of ObservedRecording
     noise : Noise
         Where nothing told it (``samples`` 0), cells are set against everything that is left instead.
-    fit : Fit
+    fit : FitResult
     q : ndarray, shape (rows, k)
         Orthonormal columns of the fitted rows, as `OutputErrorFit.basis` has them: what the fit took from noise, too.
 
@@ -233,8 +233,8 @@ def _sentence(
 
 def _amount(o: ObservedRecording, noise: Noise, fit: FitResult) -> str:
     """By how much one recording differs, in its unit."""
-    excitation = replace(o.excitation, start=fit.states[o.name]) if o.name in fit.states else o.excitation
-    residuals = o.measured - fit.head.plant(fit.with_values).signal(excitation)
+    excitation = replace(o.excitation, start=fit.end.states[o.name]) if o.name in fit.end.states else o.excitation
+    residuals = o.measured - fit.head.plant(fit.active.pairs).signal(excitation)
     beyond = float(np.mean(residuals**2)) - noise.models[o.noise_key].rms ** 2
     if beyond <= 0:
         return f" in {o.name.removesuffix(MONITOR)}"

@@ -27,7 +27,7 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     fit, joint = hypothesis.fit, hypothesis.joint
     head = fit.head
     law, d = head.printhead, head.degree
-    directions = np.zeros((3, head.size + fit.theta.size))
+    directions = np.zeros((3, head.size + fit.active.theta.size))
     directions[0, d] = directions[1, d + 1] = 1.0
     if "self_sensing" in head.gains:
         # Law and gains share a scale, set by the law's swing: b1 is as sure as both together.

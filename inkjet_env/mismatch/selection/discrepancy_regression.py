@@ -88,7 +88,7 @@ def _ridge(columns: Real, target: Real, groups: Sequence[NDArray[np.intp]]) -> R
 
 def _motion(hypothesis: Hypothesis, o: ObservedRecording) -> Real:
     """What the channel shows of the motion of a head without resonator effects, for a gain of 1."""
-    head, plant = hypothesis.fit.head, hypothesis.fit.head.plant(hypothesis.fit.with_values)
+    head, plant = hypothesis.fit.head, hypothesis.fit.head.plant(hypothesis.fit.active.pairs)
     resonance = Resonance(head.printhead.a0, head.printhead.a1, head.printhead.a0)
     return resonance.motion(plant.hysteretic_V(plant.at_ceramic_V(o.excitation), o.excitation), o.excitation)
 
@@ -99,7 +99,7 @@ def _features(hypothesis: Hypothesis, o: ObservedRecording, scale: float, size: 
     ``scale`` and ``size`` are the largest drive and motion of all recordings: powers are of the same unit everywhere.
     """
     head = hypothesis.fit.head
-    plant, excitation = head.plant(hypothesis.fit.with_values), o.excitation
+    plant, excitation = head.plant(hypothesis.fit.active.pairs), o.excitation
     if o.channel == "drive_monitor":
         return np.zeros((excitation.samples, _count()))
     drive = plant.at_ceramic_V(excitation)

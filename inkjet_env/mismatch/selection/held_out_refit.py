@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis
 from inkjet_env.mismatch.selection.score_test import signatures
 from inkjet_env.mismatch.settings import LEAST_EXCESS, LEFT_OVER, SURE
@@ -22,7 +21,7 @@ def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
 
     Parameters
     ----------
-    joint : JointFit
+    joint : OutputErrorFit
         Whose base model explains what was fitted.
 
     Returns
@@ -53,9 +52,7 @@ def _of_everything(joint: OutputErrorFit) -> OutputErrorFit:
     return OutputErrorFit(everything, joint.noise, joint.base.head, joint.random_effects)
 
 
-def explains_held_out_after_refit(
-    joint: OutputErrorFit, chosen: Hypothesis, pool: ProcessPool, progress: Callable[[str], None]
-) -> bool:
+def explains_held_out_after_refit(joint: OutputErrorFit, chosen: Hypothesis, context: FitContext) -> bool:
     """Whether effects that predicted held-out recordings badly explain them once these may tell the values too.
 
     When a bubble came between two recordings that were fitted, nothing tells of those in between whether it was
@@ -63,18 +60,16 @@ def explains_held_out_after_refit(
 
     Parameters
     ----------
-    joint : JointFit
+    joint : OutputErrorFit
     chosen : Hypothesis
         On the same recordings.
-    pool : Crew
-        Where the fits run.
-    progress : callable
+    context : FitContext
     """
     whole = _of_everything(joint)
-    found, told = signatures(whole, chosen.fit.effects, pool), base_hypothesis(whole)
-    for effect in chosen.fit.effects:
+    found, told = signatures(whole, chosen.fit.active.effects, context), base_hypothesis(whole)
+    for effect in chosen.fit.active.effects:
         beside = found.beside(told.columns)
-        told = next(iter(attribute(whole, told, [effect], beside, pool, progress)), told)
+        told = next(iter(attribute(whole, told, [effect], beside, context)), told)
     before = after = noise = 0.0
     for key in sorted({o.noise_key for o in joint.observed}):
         mine = [o for o in joint.observed if o.noise_key == key]

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
+from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import FAR_FROM_RIGHT, MOST_STEPS, OutputErrorFit
-from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.cross_validation import LeaveOutResiduals, orthonormal, predicted
-from inkjet_env.mismatch.selection.score_test import Signatures, superposed, theta_of
+from inkjet_env.mismatch.selection.score_test import Signatures, superposed
 from inkjet_env.plant import Effect
-from inkjet_env.plant.effect import coordinates, rest, terms_of
+from inkjet_env.plant.active_effects import ActiveEffects
+from inkjet_env.plant.effect import rest
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
@@ -90,15 +90,15 @@ class Hypothesis:
 
         Or a strength into one beyond which these recordings would show something else.
         """
-        low, high = self.joint.limits(self.fit.effects)
-        named = [(e, p) for e in self.fit.effects for p in e.parameters]
+        low, high = self.joint.limits(self.fit.active.effects)
+        named = [(e, p) for e in self.fit.active.effects for p in e.parameters]
         widest = np.array([p.bounds for _, p in named]).reshape(-1, 2)
         room = AT_BOUND * (high - low)
-        shape_at = (self.fit.theta <= low + room) | (self.fit.theta >= high - room)
+        shape_at = (self.fit.active.theta <= low + room) | (self.fit.active.theta >= high - room)
         ends = ((low, low > widest[:, 0]), (high, high < widest[:, 1]))
         strength_at = np.zeros(low.size, dtype=bool)
         for end, narrower in ends:
-            near = np.abs(self.fit.theta - end) <= AT_BOUND * np.where(end == 0, high - low, np.abs(end))
+            near = np.abs(self.fit.active.theta - end) <= AT_BOUND * np.where(end == 0, high - low, np.abs(end))
             strength_at |= near & narrower & (low < high)
         return any(
             bool(strength) if p.name in e.strengths else bool(shape) and not p.open_ended
@@ -118,7 +118,8 @@ class Hypothesis:
     @property
     def lacks_terms(self) -> bool:
         """Whether so much is left that parts of the last effect's law which are off may be what is missing."""
-        plain, terms = self.fit.effects[-1].plain_leaves, terms_of(self.fit.effects[-1], _last(self.fit))
+        effect = self.fit.active.last
+        plain, terms = effect.plain_leaves, self.fit.active.terms(effect)
         short = not self.noise_known or self.excess > plain * (2 * self.gain + self.excess)
         return self.leaves_much and short and bool(terms[1])
 
@@ -129,9 +130,10 @@ class Hypothesis:
 
     def idle_term(self) -> tuple[str, ...] | None:
         """The part of the last effect's law that is missed least, where it is not worth its parameters; Wald's test."""
-        effect, first = self.fit.effects[-1], self.fit.theta.size - len(self.fit.effects[-1].parameters)
+        active, effect = self.fit.active, self.fit.active.last
+        first = active.slices[effect.id].start
         at = {p.name: first + k for k, p in enumerate(effect.parameters)}
-        on, _ = terms_of(effect, _last(self.fit))
+        on, _ = active.terms(effect)
         strong = [term for term in on if term[0] in effect.strengths]
         terms = [term for term in on if term not in strong or len(strong) > 1]
         free = np.flatnonzero(~self.fit.idle)
@@ -141,7 +143,7 @@ class Hypothesis:
         worth: dict[tuple[str, ...], float] = {}
         for term in terms:
             mine = [int(np.flatnonzero(free == at[n])[0]) for n in term if at[n] in free]
-            value = np.array([self.fit.theta[at[n]] - rest(effect, effect.parameters[at[n] - first]) for n in term])
+            value = np.array([active.theta[at[n]] - rest(effect, effect.parameters[at[n] - first]) for n in term])
             value = value[[at[n] in free for n in term]]
             spread = covariance[mine] @ covariance[mine].T
             worth[term] = 0.5 * float(value @ np.linalg.lstsq(spread, value, rcond=1e-12)[0])
@@ -166,10 +168,8 @@ def attribute(
     beside: Hypothesis,
     effects: Sequence[Effect],
     found: Signatures,
-    pool: ProcessPool,
-    progress: Callable[[str], None],
+    context: FitContext,
     hopeless: float = HOPELESS,
-    checkpoint: FitCheckpoint | None = None,
 ) -> list[Hypothesis]:
     """The hypotheses that have one more effect on than ``beside``, best first.
 
@@ -179,59 +179,53 @@ def attribute(
 
     Parameters
     ----------
-    joint : JointFit
+    joint : OutputErrorFit
     beside : Hypothesis
     effects : sequence of Effect
         Those that may be switched on.
     found : Signatures
         Beside ``beside``: they rank the starts.
-    pool : Crew
-        Where the fits run.
-    progress : callable
+    context : FitContext
     hopeless : float
         Share of the best gain below which an effect is not fitted to the end.
-    checkpoint : Kept, optional
-        Fits that were finished before.
     """
-    given, checkpoint = beside.fit, checkpoint or FitCheckpoint()
+    given = beside.fit
 
-    def few_steps(question: tuple[tuple[Effect, ...], Real, FitResult, int]) -> FitResult | None:
-        return _tried(joint, *question, known=given.jacobian if given.effects else None)
+    def few_steps(question: tuple[ActiveEffects, FitResult, int]) -> FitResult | None:
+        return _tried(joint, *question, known=given.jacobian if given.active.effects else None)
 
     best_score = found.best(beside.residuals)
     worth = WORTH_STARTS * max(best_score.values(), default=0.0)
     tasks = [
-        ((*given.effects, effect), np.concatenate([given.theta, theta_of([effect], [start])]), given, FIRST_STEPS)
+        (given.active.plus(effect, start), given, FIRST_STEPS)
         for effect in effects
         if effect.id in best_score and effect.id not in given.ids
         for _, start in found.ranked(effect, beside.residuals)[: STARTS if best_score[effect.id] >= worth else 1]
     ]
     best: dict[str, FitResult] = {}
-    for k, fit in enumerate(checkpoint.fits(pool, joint, few_steps, tasks, tasks)):
-        ids = [effect.id for effect in tasks[k][0]]
-        progress(f"{' + '.join(ids)} ({k + 1} of {len(tasks)} starts)")
+    for k, fit in enumerate(context.fits(joint, few_steps, tasks, tasks)):
+        ids = tasks[k][0].ids
+        context.progress(f"{' + '.join(ids)} ({k + 1} of {len(tasks)} starts)")
         if fit is not None and (ids[-1] not in best or fit.nll < best[ids[-1]].nll):
             best[ids[-1]] = fit
     most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
     promising = [fit for fit in best.values() if given.nll - fit.nll >= hopeless * most]
     hypotheses = [Hypothesis(fit, joint) for fit in best.values() if given.nll - fit.nll < hopeless * most]
-    questions = [(fit.effects, fit.theta, fit, None) for fit in promising]
+    questions = [(fit.active, fit, None) for fit in promising]
     ended: list[Hypothesis] = []
-    for k, fit in enumerate(checkpoint.fits(pool, joint, lambda fit: simplest(joint, fit).fit, promising, questions)):
+    for k, fit in enumerate(context.fits(joint, lambda fit: simplest(joint, fit).fit, promising, questions)):
         if fit is not None:
-            progress(f"{' + '.join(fit.ids)}, to the end ({k + 1} of {len(promising)})")
+            context.progress(f"{' + '.join(fit.ids)}, to the end ({k + 1} of {len(promising)})")
             ended.append(Hypothesis(fit, joint.near(fit)))
     ended.sort(key=lambda h: -h.score)
     if ended and (ended[0].leaves_much or ended[0].degenerate):
         fair = WORTH_WHOLE * max(given.nll - h.fit.nll for h in ended)
         partial = [h.fit for h in ended if h.lacks_terms and given.nll - h.fit.nll >= fair]
-        partial = partial[: MOST_WHOLE if given.effects else None]
-        wholes = [(fit.effects, fit.theta, fit, "whole") for fit in partial]
-        for k, fit in enumerate(
-            checkpoint.fits(pool, joint, lambda fit: shaped(joint, fit, beside).fit, partial, wholes)
-        ):
+        partial = partial[: MOST_WHOLE if given.active.effects else None]
+        wholes = [(fit.active, fit, "whole") for fit in partial]
+        for k, fit in enumerate(context.fits(joint, lambda fit: shaped(joint, fit, beside).fit, partial, wholes)):
             if fit is not None:
-                progress(f"{' + '.join(fit.ids)}, the whole law ({k + 1} of {len(partial)})")
+                context.progress(f"{' + '.join(fit.ids)}, the whole law ({k + 1} of {len(partial)})")
                 ended = [h for h in ended if h.ids != fit.ids] + [Hypothesis(fit, joint.near(fit))]
     return sorted([*hypotheses, *ended], key=lambda h: -h.score)
 
@@ -240,13 +234,13 @@ def shaped(joint: OutputErrorFit, fit: FitResult, beside: Hypothesis) -> Hypothe
     """A fit that has settled, gone on with so many parts of its last effect's law as are worth their parameters."""
     near = joint.near(fit)
     plain = Hypothesis(fit, near)
-    given = fit.theta[: fit.theta.size - _last(fit).size]
-    others = superposed(joint, fit.effects[-1], beside.residuals, beside.columns)
+    effect = fit.active.last
+    others = superposed(joint, effect, beside.residuals, beside.columns)
     known = beside.fit.jacobian if beside.ids else None
-    tried = [_tried(near, fit.effects, fit.theta, fit, FIRST_STEPS, True, known)]
+    tried = [_tried(near, fit.active, fit, FIRST_STEPS, True, known)]
     for values in others:
-        theta = np.concatenate([given, coordinates(fit.effects[-1], values)])
-        tried.append(_tried(joint, fit.effects, theta, beside.fit, FIRST_STEPS, True, known))
+        begin = fit.active.with_values(effect, values)
+        tried.append(_tried(joint, begin, beside.fit, FIRST_STEPS, True, known))
     begun = min((one for one in tried if one is not None), key=lambda one: one.nll, default=None)
     if begun is None or Hypothesis(begun, near).score <= plain.score:
         return plain
@@ -258,39 +252,25 @@ def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypo
     """A fit gone on with until it settles, less the parts of its last effect's law that are not worth it."""
     best, tried = settled(joint, fit, whole), set()
     while True:
-        effect = best.fit.effects[-1]
-        on, _ = terms_of(effect, _last(best.fit))
+        effect = best.fit.active.last
+        on, _ = best.fit.active.terms(effect)
         shapes = [term for term in on if term[0] not in effect.strengths]  # where it is plain may be another minimum
         idle = best.idle_term()
         terms = [term for term in ([idle] if idle else []) + shapes if term not in tried]
         if not terms:
             return best
         tried.add(terms[0])
-        fewer = settled(joint, _without(best.fit, terms[0]))
+        without = replace(best.fit.moved(active=best.fit.active.without_term(effect, terms[0])), nll=math.inf)
+        fewer = settled(joint, without)
         if fewer.score > best.score:
             best, tried = fewer, set()
-
-
-def _last(fit: FitResult) -> Real:
-    """Coordinates of the last effect."""
-    return fit.theta[fit.theta.size - len(fit.effects[-1].parameters) :]
-
-
-def _without(fit: FitResult, term: tuple[str, ...]) -> FitResult:
-    """The fit with a part of the last effect's law off: where to begin."""
-    theta = fit.theta.copy()
-    first = theta.size - len(fit.effects[-1].parameters)
-    for k, p in enumerate(fit.effects[-1].parameters, start=first):
-        if p.name in term:
-            theta[k] = rest(fit.effects[-1], p)
-    return replace(fit, theta=theta, nll=math.inf)
 
 
 def settled(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypothesis:
     """A fit gone on with until it settles, sensitivities taken anew on the way."""
     for _ in range(MOST_ROUNDS):
         near = joint.near(fit)
-        following = _tried(near, fit.effects, fit.theta, fit, whole=whole) or fit
+        following = _tried(near, fit.active, fit, whole=whole) or fit
         gained = fit.nll - following.nll
         fit, joint = following, near
         if gained < max(SETTLED, FAR_FROM_RIGHT * (fit.nll - 0.5 * sum(o.fitted for o in joint.seen))):
@@ -300,8 +280,7 @@ def settled(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypot
 
 def _tried(
     joint: OutputErrorFit,
-    effects: Sequence[Effect],
-    theta: Real,
+    active: ActiveEffects,
     begin: FitResult,
     steps: int = MOST_STEPS,
     whole: bool = False,
@@ -309,6 +288,6 @@ def _tried(
 ) -> FitResult | None:
     """A fit that goes on from another's base parameters; None where the start cannot be simulated."""
     try:
-        return joint.fit(effects, theta, begin.head, most_steps=steps, whole=whole, known=known)
+        return joint.fit(active, begin.head, most_steps=steps, whole=whole, known=known)
     except NUMERICAL:
         return None

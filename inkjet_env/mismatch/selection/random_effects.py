@@ -72,14 +72,14 @@ def detect_random_effects(
 
     Parameters
     ----------
-    observed : sequence of Observed
+    observed : sequence of ObservedRecording
         The recordings to look at: those at rest, or all where the model explains them.
     residuals : dict of str to ndarray
         Measured minus modelled, in the channel's unit.
     noise : Noise
         With nothing of the kind.
     effects : sequence of Effect
-        Those that have nuisances.
+        Those that have a random-effect basis.
     printhead : Printhead
         Which they may take their starts from.
     """
@@ -89,20 +89,17 @@ def detect_random_effects(
         mine = [o for o in observed if o.channel == name]
         level = float(np.mean(np.concatenate([residuals[o.name] for o in mine])))  # an offset is no drift
         residuals = residuals | {o.name: residuals[o.name] - level for o in mine}
-        lines = _lines_Hz(mine, residuals)
-        for o in mine:
-            o.excitation.cache["lines_Hz"] = lines
         # from these recordings, as it will be with the effect
         alone = noise_seen(mine, residuals, dict(noise.models), noise.least)
-        channel = channels[name] = _Channel(mine, residuals, alone, _noise_alone(mine, residuals, alone))
+        channel = channels[name] = _Channel(
+            mine, residuals, alone, _noise_alone(mine, residuals, alone), _lines_Hz(mine, residuals)
+        )
         for effect in effects:
             best = _best(effect, channel, printhead)
             if best is None or best.gain <= _least_gain(effect, mine):
                 continue
             if _at_rest(best, channel) and not _rounded(best, channel):
                 found.append(_with_intervals(best, channel))
-        for o in mine:
-            del o.excitation.cache["lines_Hz"]
     # One hum is heard on every channel: its frequency is the one that explains most on all of them together.
     together = [
         replace(
@@ -115,12 +112,13 @@ def detect_random_effects(
 
 @dataclass(frozen=True, eq=False)
 class _Channel:
-    """Recordings of one channel, what is left of them, and their noise with its negative log-likelihood."""
+    """Recordings of one channel, residuals, noise with its negative log-likelihood, and the residuals' lines."""
 
     observed: Sequence[ObservedRecording]
     residuals: dict[str, Real]
     noise: Noise
     before: float
+    lines_Hz: tuple[float, ...]
 
 
 def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> float:
@@ -184,7 +182,9 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffe
     free = [p for p in effect.parameters if p.name not in effect.strengths and p.scale == "log"]
     starts = [
         start
-        for start in effect.starts(printhead, [o.excitation for o in observed])
+        for start in effect.starts(
+            printhead, [replace(o.excitation, residual_lines_Hz=channel.lines_Hz) for o in observed]
+        )
         if any(effect.random_effect_basis(start, o.excitation) is not None for o in observed)
     ]
     # A loud tone shapes the noise model that is to judge it; so starts are ranked by bare power as well.
@@ -323,7 +323,7 @@ def _with_amplitudes(
     return total - max(float(gains.max()), 0.0), np.array([np.max(np.abs(e)) for e in explained])
 
 
-def _lines_Hz(observed: Sequence[ObservedRecording], residuals: dict[str, Real]) -> list[float]:
+def _lines_Hz(observed: Sequence[ObservedRecording], residuals: dict[str, Real]) -> tuple[float, ...]:
     """Frequencies of the strongest lines in the pooled periodogram of what is left."""
     by_step: dict[float, list[ObservedRecording]] = {}
     for o in observed:
@@ -345,4 +345,4 @@ def _lines_Hz(observed: Sequence[ObservedRecording], residuals: dict[str, Real])
             found.append(float(frequency[at]))
         if len(found) == LINES:
             break
-    return found
+    return tuple(found)

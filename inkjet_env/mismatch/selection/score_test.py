@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.plant import Effect
-from inkjet_env.plant.effect import coordinates
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
@@ -94,8 +93,7 @@ class Signatures:
 def signatures(
     joint: OutputErrorFit,
     effects: Iterable[Effect],
-    pool: ProcessPool,
-    progress: Callable[[str], None] = lambda _: None,
+    context: FitContext,
 ) -> Signatures:
     """Signatures of all effects at all their starts."""
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
@@ -109,8 +107,8 @@ def signatures(
 
     q, _ = joint.basis
     shown, columns, sizes = [], [], []
-    for k, (task, found) in enumerate(zip(tasks, pool.map(column, tasks), strict=True)):
-        progress(f"what {task[0].id} would add ({k + 1} of {len(tasks)})")
+    for k, (task, found) in enumerate(zip(tasks, context.pool.map(column, tasks), strict=True)):
+        context.progress(f"what {task[0].id} would add ({k + 1} of {len(tasks)})")
         if found is None or not np.isfinite(found).all():
             continue
         projected = found - q @ (q.T @ found)
@@ -133,7 +131,7 @@ def superposed(joint: OutputErrorFit, effect: Effect, residuals: Real, basis: Re
 
     Parameters
     ----------
-    joint : JointFit
+    joint : OutputErrorFit
     effect : Effect
     residuals : ndarray, shape (rows,)
         Whitened residual without the effect.
@@ -173,8 +171,3 @@ def _scaled(effect: Effect, start: dict[str, float], factor: float) -> dict[str,
             low, high = p.bounds
             values[p.name] = p.value(min(max(scaled, low), high))
     return values
-
-
-def theta_of(effects: Sequence[Effect], values: Sequence[dict[str, float]]) -> Real:
-    """Coordinates of several effects one after another."""
-    return np.concatenate([coordinates(e, v) for e, v in zip(effects, values, strict=True)] or [np.zeros(0)])

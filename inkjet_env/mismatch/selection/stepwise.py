@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
+from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import LEAST_SHARE, Hypothesis, attribute, base_hypothesis, settled
-from inkjet_env.mismatch.selection.score_test import Signatures, theta_of
+from inkjet_env.mismatch.selection.score_test import Signatures
 from inkjet_env.mismatch.settings import LEFT_OVER
 from inkjet_env.plant import Effect
+from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.errors import NUMERICAL
 
 MOST_EFFECTS = 3
@@ -71,10 +71,7 @@ def select(
     joint: OutputErrorFit,
     effects: Sequence[Effect],
     found: Signatures,
-    pool: ProcessPool,
-    rng: np.random.Generator,
-    progress: Callable[[str], None],
-    checkpoint: FitCheckpoint | None = None,
+    context: FitContext,
 ) -> Selection:
     """Forward from the base model in a beam, then deletions and swaps; each addition must predict the unseen."""
     base = base_hypothesis(joint)
@@ -86,7 +83,7 @@ def select(
         for parent in beam:
             beside = found.beside(parent.columns)
             scores = beside.best(parent.residuals)
-            p_value = beside.chance(max(scores.values(), default=0.0), rng)
+            p_value = beside.chance(max(scores.values(), default=0.0), context.rng)
             if p_value > CHANCE:
                 continue
             promising = sorted(scores, key=lambda name: -scores[name])
@@ -95,7 +92,7 @@ def select(
                 worth = LEAST_LOOK * scores[promising[0]]
                 tried = [e for e in tried if scores[e.id] > worth]
             found_good = 0
-            for hypothesis in attribute(joint, parent, tried, beside, pool, progress, checkpoint=checkpoint):
+            for hypothesis in attribute(joint, parent, tried, beside, context):
                 ids = frozenset(hypothesis.ids)
                 compared[ids] = hypothesis
                 p_values[ids] = p_values[frozenset(parent.ids)] | {hypothesis.ids[-1]: p_value}
@@ -108,7 +105,7 @@ def select(
         if not added or not worth_adding(chosen, added[0]):
             break
         before, chosen = chosen, added[0]
-        if not (chosen.leaves_much and leftover(chosen, found, rng)):
+        if not (chosen.leaves_much and leftover(chosen, found, context.rng)):
             break
         if before.ids and explained(before, chosen) < LEAST_OF_LEFTOVER * unexplained(before):
             break  # what such a pair leaves, a third does not mend
@@ -117,8 +114,7 @@ def select(
     tests = p_values.get(frozenset(chosen.ids), p_values[frozenset(grown.ids)])
     lost = chosen.noise_known and chosen.excess > LOST * (chosen.excess + 2 * chosen.gain)
     alternatives = {
-        name: _as_good(joint, chosen, name, effects, found, compared, pool, progress, checkpoint)
-        for name in (() if lost else chosen.ids)
+        name: _as_good(joint, chosen, name, effects, found, compared, context) for name in (() if lost else chosen.ids)
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
     return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), {n: tests[n] for n in chosen.ids})
@@ -164,9 +160,9 @@ def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator
 def _without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:
     """The hypothesis less whatever effect it does not need."""
     while len(chosen.ids) > 1:
-        for effect in chosen.fit.effects:
-            rest = [(e, v) for e, v in chosen.fit.with_values if e is not effect]
-            key = frozenset(e.id for e, _ in rest)
+        for effect in chosen.fit.active.effects:
+            rest = chosen.fit.active.minus(effect)
+            key = frozenset(rest.ids)
             smaller = compared.get(key) or _only(joint, chosen, rest)
             if smaller is None:
                 continue
@@ -179,13 +175,10 @@ def _without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[froz
     return chosen
 
 
-def _only(
-    joint: OutputErrorFit, chosen: Hypothesis, rest: Sequence[tuple[Effect, dict[str, float]]]
-) -> Hypothesis | None:
+def _only(joint: OutputErrorFit, chosen: Hypothesis, rest: ActiveEffects) -> Hypothesis | None:
     """The chosen hypothesis with some of its effects alone; None where they cannot be simulated there."""
-    theta = theta_of([e for e, _ in rest], [v for _, v in rest])
     try:
-        return settled(joint, joint.fit([e for e, _ in rest], theta, chosen.fit.head))
+        return settled(joint, joint.fit(rest, chosen.fit.head))
     except NUMERICAL:
         return None
 
@@ -197,24 +190,22 @@ def _as_good(
     effects: Sequence[Effect],
     found: Signatures,
     compared: dict[frozenset[str], Hypothesis],
-    pool: ProcessPool,
-    progress: Callable[[str], None],
-    checkpoint: FitCheckpoint | None,
+    context: FitContext,
 ) -> tuple[str, ...]:
     """Effects that could stand in for one of the chosen: swaps, judged by likelihood and by signature."""
-    rest = [(e, v) for e, v in chosen.fit.with_values if e.id != name]
-    ids = frozenset(e.id for e, _ in rest)
+    rest = chosen.fit.active.minus(next(e for e in chosen.fit.active.effects if e.id == name))
+    ids = frozenset(rest.ids)
     without = compared.get(ids) or _only(joint, chosen, rest)
     if without is None:
         return ()
     compared[ids] = without
     missing = [e for e in effects if e.id not in chosen.ids and ids | {e.id} not in compared]
-    if missing and rest:
+    if missing and rest.ids:
         beside = found.beside(without.columns)
         scores = beside.best(without.residuals)
         worth = LEAST_LOOK * max(scores.values(), default=0.0)
         missing = [e for e in missing if scores.get(e.id, 0.0) > worth]
-        for hypothesis in attribute(joint, without, missing, beside, pool, progress, NEARLY_AS_GOOD, checkpoint):
+        for hypothesis in attribute(joint, without, missing, beside, context, NEARLY_AS_GOOD):
             compared[frozenset(hypothesis.ids)] = hypothesis
     same = []
     for effect in effects:

@@ -40,7 +40,7 @@ def fit_truncated_law(joint: OutputErrorFit, chosen: Hypothesis, least: float = 
 
     Parameters
     ----------
-    joint : JointFit
+    joint : OutputErrorFit
     chosen : Hypothesis
         On the same recordings and noise; its effects are on where full scales are compared.
     least : float
@@ -48,7 +48,7 @@ def fit_truncated_law(joint: OutputErrorFit, chosen: Hypothesis, least: float = 
 
     Returns
     -------
-    JointFit or None
+    OutputErrorFit or None
         With the best full scale; None where what is left does not look like a law's bend, or no full scale gains so
         much, more than a parameter would by chance (Schwarz's criterion), and more than the share of the mismatch that
         equations may be wrong by.
@@ -101,9 +101,9 @@ def _bend(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> float:
 
 def _fitted(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> FitResult | None:
     """A hypothesis gone on with from a law of another full scale; None where it cannot be simulated with that."""
-    begun = replace(chosen.fit, head=narrower(chosen.fit.head, part))
+    begun = chosen.fit.moved(head=narrower(chosen.fit.head, part))
     try:
-        return joint.near(begun).fit(begun.effects, begun.theta, most_steps=FITTED)
+        return joint.near(begun).fit(begun.active, most_steps=FITTED)
     except NUMERICAL:
         return None
 

@@ -1,4 +1,4 @@
-"""The catalogue: one file an effect. What is in this folder is in the catalogue; nothing else lists it."""
+"""The catalogue: one file per effect. Every effect in this folder is in the catalogue; nothing else lists it."""
 
 from __future__ import annotations
 

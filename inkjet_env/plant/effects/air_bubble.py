@@ -1,4 +1,4 @@
-"""Air drawn in at the nozzle: from one recording on, the head is tuned otherwise and rings in a further mode."""
+"""Air drawn in at the nozzle: from one recording on, the head is detuned and rings in a further mode."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 FEWEST_ORDERS = 4
+"""Smallest number of fast recordings of different order that can show an onset."""
 MOST_ONSETS = 12
-"""A fit moves an onset by a recording or two; starts must be as near."""
+"""Largest number of onsets among the starts; a fit moves an onset by a recording or two, so starts must be as near."""
 
 
 class AirBubble(Effect):
     """A shift of the resonance and a further mode, both from ``onset_order`` on.
 
-    Between the recording before the onset and the onset the bubble fades in linearly with the order, so that a fit
-    can find the onset; orders are whole numbers, so at most one recording is between.
+    Over the last order before the onset the bubble fades in linearly, so that a fit can find the onset; orders are
+    whole numbers, so at most one recording falls within.
     """
 
     id = "air_bubble"

@@ -1,4 +1,4 @@
-"""A drive amplifier that low-passes what it was asked for."""
+"""A drive amplifier that low-passes the commanded drive."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from inkjet_env.typing import Real
 
 
 class AmplifierBandwidth(Effect):
-    """Low-pass of one pole or two on the drive before it reaches the ceramic."""
+    """Low-pass with one pole or two on the drive before it reaches the ceramic."""
 
     id = "amplifier_bandwidth"
     stage = "drive"

@@ -1,4 +1,4 @@
-"""Positive and negative branches that differ."""
+"""Hysteresis whose positive and negative, or rising and falling, branches differ."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from inkjet_env.printhead.hysteresis import BranchLaw
 from inkjet_env.typing import Real
 
 KNEE = 0.1
-"""Of the law's full scale: where a start begins to differ."""
+"""Knee of a start, as a share of the law's full scale."""
 
 
 class AsymmetricHysteresis(Effect):
-    """Plays whose rising and falling branches differ, and even parts of characteristics before and behind them."""
+    """Plays whose rising and falling branches differ, with even terms of the characteristics before and after them."""
 
     id = "asymmetric_hysteresis"
     stage = "hysteresis"
@@ -118,9 +118,9 @@ class AsymmetricHysteresis(Effect):
 def leaning_plays_V(
     ends_V: Real, lean: float, tilt_per_V: float, law: BranchLaw, periodic: bool, plays: int = PLAYS
 ) -> Real:
-    """What leaning plays in place of the law give, but for its linear part, shape (n,); see `play_sum_V`.
+    """Output in volts of leaning plays that replace the law, without its linear part, shape (n,); see `play_sum_V`.
 
-    Branches of a play of the threshold r differ in slope by ``± (lean + r tilt_per_V)``.
+    The branches of a play with threshold r have slopes ``1 ± (lean + r tilt_per_V)``.
     """
     from inkjet_env.plant import compiled_hysteresis
 

@@ -14,11 +14,11 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 DEGREES = (2, 4, 8)
-"""A parabola, and what is rougher; an eighth degree explains 97 % of a random walk's variance."""
+"""Degrees of the starts: a parabola and rougher drifts; the eighth degree explains 97 % of a random walk's variance."""
 
 
 class BaselineDrift(Effect):
-    """A polynomial in time under every recording, its own in each. No simulation predicts it."""
+    """A polynomial in time under every recording, different in each. No simulation predicts it."""
 
     id = "baseline_drift"
     stage = "sensing"

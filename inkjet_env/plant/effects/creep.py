@@ -1,4 +1,4 @@
-"""Creep: the ceramic goes on with the logarithm of time, or with relaxations of its own."""
+"""Creep: the ceramic continues to move with the logarithm of time, or with relaxations of its own."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 SPACING = 0.8
-"""Of the relaxations' rates, in their logarithm; the error falls as exp(-π² / spacing)."""
+"""Spacing of the logarithms of the relaxation rates; the error falls as exp(-π² / spacing)."""
 SLOWEST = 5e-3
-"""Rate times the recording's duration; what relaxes more slowly grows in proportion to time."""
+"""Smallest rate times the recording's duration; slower relaxations grow in proportion to time."""
 FASTEST = 20.0
-"""Rate times the onset: of faster ones there is next to nothing, exp(-20)."""
+"""Largest rate times the onset; faster relaxations have weights below exp(-20)."""
 
 
 class Creep(Effect):
-    """Logarithmic creep of every change of the hysteretic drive, and two retarded elements; changes superposed.
+    """Logarithmic creep of every change of the hysteretic drive, and two retarded elements; changes superpose.
 
-    In steady state the mean has crept for ever; where to is unknown, and a constant offset tells it from nothing: it
-    is left where it was.
+    In steady state the mean has crept for ever. Its displacement is unknown and indistinguishable from a constant
+    offset, so the mean stays in place.
     """
 
     id = "creep"
@@ -47,7 +47,7 @@ class Creep(Effect):
         Parameter("time_2_s", "s", 1e-4, 100.0, "log", "τ2", open_ended=True, plain=3.0),
     )
     strengths = ("creep_per_decade", "retarded_1", "retarded_2")
-    plain_leaves = 0.025  # so little a logarithm that begins or ends within the records may leave
+    plain_leaves = 0.025  # a logarithm that begins or ends within the records may leave this share unexplained
     terms = (("creep_per_decade",), ("retarded_1", "time_1_s"), ("retarded_2", "time_2_s"))
     signature = "after a step the displacement follows a line over the logarithm of time, for decades"
     confusable_with = ("baseline_drift", "meniscus_refill", "rate_dependent_hysteresis")
@@ -103,14 +103,17 @@ def _where(term: float) -> str:
 def crept(signal: Real, onset_s: float, step_s: float, periodic: bool) -> Real:
     """``∫ lg(1 + (t - s) / t0) dv(s)`` of a signal that is linear between its values, shape (n,).
 
-    By ``lg(1 + t / t0) = ∫ (1 - exp(-r t)) exp(-r t0) d(ln r) / ln 10``: a sum of first-order lags.
+    The kernel is a sum of first-order lags: ``lg(1 + t / t0) = ∫ (1 - exp(-r t)) exp(-r t0) d(ln r) / ln 10``.
 
     Parameters
     ----------
     signal : ndarray, shape (n,)
-        At rest before; or in the steady state of its repetition, where the mean does not creep.
+        Values at equal steps.
     onset_s, step_s : float
+        t0, and the time between the values, in seconds.
     periodic : bool
+        Whether the signal is repeated and in its steady state, where the mean does not creep; otherwise it is at rest
+        before its first value.
     """
     duration_s = step_s * signal.size
     moved = signal - (signal.mean() if periodic else signal[0])
@@ -120,7 +123,7 @@ def crept(signal: Real, onset_s: float, step_s: float, periodic: bool) -> Real:
     weights = SPACING / math.log(10) * np.exp(-rates * onset_s)
     slow = rates * duration_s < SLOWEST
 
-    # So slow that 1 - exp(-r t) = r t
+    # Relaxations so slow that 1 - exp(-r t) = r t.
     area = np.zeros(signal.size)
     np.cumsum(0.5 * step_s * (moved[1:] + moved[:-1]), out=area[1:])
     result: Real = float(weights[slow] @ rates[slow]) * (area - area.mean() if periodic else area)

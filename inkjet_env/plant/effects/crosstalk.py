@@ -1,4 +1,4 @@
-"""The neighbouring channel's drive, heard."""
+"""Crosstalk: the drive of the neighbouring channel in the sensor signal."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 MIDDLING = 0.05
-"""Of what the neighbour's drive would do to the head itself, what a fit begins with."""
+"""Strength of the starts, relative to the head's response if the neighbour's drive were its own."""
 
 REFERENCE_S = 1e-6
+"""Time, in seconds, by which the slope of the neighbour's drive is multiplied: 1 µs."""
 
 
 class Crosstalk(Effect):
-    """What the neighbour's drive adds: a motion nearly like the head's own, its slope, and the drive itself.
+    """Contribution of the neighbour's drive: a motion nearly like the head's own, its slope, and the drive itself.
 
-    The motion is what the head without effects would do under the neighbour's drive: ``b1`` times it where
-    self-sensed, and in hysteretic volts in the other channels.
+    The motion is that of the head without effects under the neighbour's drive, multiplied by ``b1`` in the
+    self-sensing channel and in hysteretic volts in the other channels.
     """
 
     id = "crosstalk"
@@ -99,7 +100,7 @@ class Crosstalk(Effect):
 
 
 def _parts(printhead: Printhead, excitation: Excitation) -> tuple[Real, Real, Real]:
-    """What the neighbour's drive adds at strength 1, each of shape (n,); the shot keeps that of the last head."""
+    """Three contributions of the neighbour's drive at strength 1, shape (n,) each; cached for the last head."""
     key = (printhead.a0, printhead.a1, printhead.b1, printhead.coefficients, printhead.full_scale_V)
     kept_key, terms = excitation.cache.get("crosstalk", (None, None))
     if kept_key != key:
@@ -114,7 +115,7 @@ def _parts(printhead: Printhead, excitation: Excitation) -> tuple[Real, Real, Re
 
 
 def _neighbour(excitation: Excitation) -> Excitation:
-    """The neighbour's drive as if it were the head's own; kept, since it keeps what follows from the drive alone."""
+    """The neighbour's drive as if it were the head's own; cached, together with the results that follow from it."""
     if excitation.neighbour_V is not None and "neighbour" not in excitation.cache:
         initial_state = "periodic" if excitation.periodic else "demagnetised"
         excitation.cache["neighbour"] = replace(

@@ -1,4 +1,7 @@
-"""Duffing's spring: the head grows stiffer, or softer, with the square of its deflection."""
+"""Duffing's spring: the head becomes stiffer, or softer, with the square of its deflection.
+
+In Eq. (11) of docs/explanation/model.md it is the force ``F = k x³``.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +66,7 @@ class CubicStiffness(Effect):
 
 
 def _law(x_V: float, speed_V: float, values: Real) -> float:
-    force: float = values[0] * x_V * x_V * x_V
+    force: float = values[0] * x_V * x_V * x_V  # Eq. (11), k x³
     return force
 
 

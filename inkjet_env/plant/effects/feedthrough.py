@@ -1,4 +1,4 @@
-"""What the capacitance compensation leaves of the drive's own current in the self-sensing signal."""
+"""Current of the drive itself that the capacitance compensation leaves in the self-sensing signal."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 MIDDLING = 0.05
-"""Of the signal's RMS, what a fit begins with."""
+"""Strength of the starts, as a share of the signal's RMS."""
 
 
 class Feedthrough(Effect):
-    """A current in proportion to the drive's slope, and one in proportion to the drive, added to self-sensing."""
+    """Two currents added to self-sensing: one proportional to the slope of the drive, one to the drive."""
 
     id = "feedthrough"
     stage = "sensing"
@@ -85,7 +85,7 @@ class Feedthrough(Effect):
 def slopes(at_nodes_V: Real, excitation: Excitation) -> Real:
     """Slope at the samples, shape (n,), in V/s: the mean of the slopes to the nodes on either side.
 
-    At the ends of a drive that does not repeat it is the slope on the one side there is.
+    At the ends of a drive that does not repeat it is the slope on the inner side.
     """
     h = excitation.node_step_s
     after, before = at_nodes_V[1 :: excitation.substeps], at_nodes_V[excitation.substeps - 1 :: excitation.substeps]
@@ -96,6 +96,6 @@ def slopes(at_nodes_V: Real, excitation: Excitation) -> Real:
 
 
 def rms(signals: Sequence[Real]) -> float:
-    """Of all values together; 1 where nothing moves."""
+    """Root mean square of all values of all signals, in their unit; 1 if all are zero."""
     values = np.concatenate(signals) if signals else np.zeros(1)
     return float(np.sqrt(np.mean(values**2))) or 1.0

@@ -1,4 +1,4 @@
-"""The ceramic itself: softer and more lossy in proportion to how far it swings."""
+"""Ferroelastic softening: the ceramic becomes softer and more lossy in proportion to its amplitude."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 ELEMENTS = 40
-"""That slip: the error falls with the square of their number."""
+"""Number of slipping elements; the error falls with its square."""
 REACH = 3.0
-"""Of the largest drive: what no deflection exceeds."""
+"""Bound of the deflection, in units of the largest drive."""
 LEAST_V = 1e-9
+"""Smallest bound of the deflection, in hysteretic volts."""
 REFERENCE_V = 100.0
+"""Threshold at which the density of the elements is ``rayleigh_per_V``, in hysteretic volts."""
 
 
 class FerroelasticSoftening(Effect):
-    """Frequency and damping both shift in proportion to the amplitude, at once or by elements that slip."""
+    """Frequency and damping both shift in proportion to the amplitude, instantaneously or by elements that slip."""
 
     id = "ferroelastic_softening"
     stage = "resonator"
@@ -99,7 +101,7 @@ class FerroelasticSoftening(Effect):
 
 
 def _share(size_V: float, power: float) -> float:
-    """Fall of the secant stiffness at an amplitude, over that of elements of a constant density."""
+    """Fall of the secant stiffness at an amplitude in volts, over that of elements with a constant density."""
     return 2 * (size_V / REFERENCE_V) ** power / ((1 + power) * (2 + power))
 
 

@@ -1,4 +1,4 @@
-"""An interference at a fixed frequency that does not know of the trigger."""
+"""Interference at a fixed frequency that is not locked to the trigger."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0, 150.0)
+"""Mains frequencies and their multiples at which a search starts, in hertz."""
 MOST_STARTS = 12
-"""Frequencies that a search begins at: of a pure tone, and of one with its multiples."""
+"""Largest number of starting frequencies, for a pure tone and for one with multiples."""
 MULTIPLES = 5
+"""Number of multiples in the starts."""
 FASTEST = 2.0
-"""Periods a sample of the fastest tone that a recording may show; a slow instrument does not follow faster ones."""
+"""Periods per sample of the fastest tone that a recording may show; a slow instrument does not follow faster ones."""
 LEAST_OWN = 1e-3
-"""Of a wave, beside those before it, of its size."""
+"""Smallest share of a wave that is independent of the waves before it, relative to its size."""
 
 
 class MainsHum(Effect):
     """A tone, and multiples of it, whose amplitudes and phases differ from recording to recording.
 
-    No simulation predicts it: it explains recordings. One that is sampled less than twice a period shows it at another
-    frequency, one that is far slower shows none of it.
+    It explains recordings, but no simulation predicts it. A recording with fewer than two samples per period shows it
+    at another frequency, one that is sampled far more slowly shows nothing of it.
     """
 
     id = "mains_hum"
@@ -46,7 +48,7 @@ class MainsHum(Effect):
     random = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
-        seen = [float(line) for excitation in excitations for line in excitation.cache.get("lines_Hz", ())]
+        seen = [line for excitation in excitations for line in excitation.residual_lines_Hz]
         usual = [f for f in MAINS_HZ if any(_shows(excitation, f) for excitation in excitations)]
         longest_s = max((excitation.samples * excitation.step_s for excitation in excitations), default=1.0)
         guesses: list[float] = []
@@ -76,16 +78,16 @@ class MainsHum(Effect):
             return None
         angle = 2 * np.pi * frequency * excitation.step_s * np.arange(excitation.samples)
         waves = np.column_stack([wave(k * angle) for k in heard for wave in (np.cos, np.sin)])
-        # Sampled less than twice a period, one may look like another, or like nothing.
+        # With fewer than two samples per period, one wave may look like another, or like none.
         own = np.abs(np.diag(np.linalg.qr(waves, mode="r")))
         return waves[:, own > LEAST_OWN * np.sqrt(excitation.samples)]
 
     def random_amplitudes(self, count: int, rng: np.random.Generator) -> Real:
-        """Of length 1: as loud in every recording, in any phase."""
+        """Random amplitudes, shape (count,), a vector of length 1: equally loud in every recording, in any phase."""
         drawn: Real = rng.standard_normal(count)
         return drawn / np.float64(np.linalg.norm(drawn))
 
 
 def _shows(excitation: Excitation, frequency_Hz: float) -> bool:
-    """Whether a recording is sampled more than twice a period and lasts half a period or more."""
+    """Whether a recording has more than two samples per period and lasts at least half a period."""
     return frequency_Hz * excitation.step_s < 0.5 <= frequency_Hz * excitation.step_s * excitation.samples

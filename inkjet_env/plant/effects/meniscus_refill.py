@@ -1,4 +1,4 @@
-"""The head's tuning depends on the pulses just before: each one draws the meniscus back, and it refills."""
+"""The head's tuning depends on the preceding pulses: each one draws the meniscus back, and it refills."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 EDGES_V = 100.0
-"""Travel of the drive that the change of stiffness is told for."""
+"""Travel of the drive, in volts, to which the change of stiffness refers."""
 
 
 class MeniscusRefill(Effect):
-    """Stiffness follows a slow state that edges of the drive, or the flow in the nozzle, push and that recovers."""
+    """Stiffness follows a slow state that edges of the drive, or the flow in the nozzle, excite and that recovers."""
 
     id = "meniscus_refill"
     stage = "resonator"
@@ -102,7 +102,7 @@ class MeniscusRefill(Effect):
 
 
 def drawn_back(excitation: Excitation, recovery_s: float) -> Real:
-    """The slow state ``s`` at the nodes, shape (nodes,): exact, as the drive's rate is constant between them."""
+    """Slow state ``s`` at the nodes, shape (nodes,): exact, since the rate of the drive is constant between them."""
     from inkjet_env.plant import compiled
 
     drive_V = excitation.drive_at_nodes_V

@@ -1,4 +1,7 @@
-"""Damping that grows with speed, as where the ink separates at an edge."""
+"""Damping that grows with speed, as where the ink separates at an edge.
+
+In Eq. (11) of docs/explanation/model.md it is the force ``F = c |p| p`` with ``p = x' / ω0``.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from inkjet_env.typing import Real
 
 
 class QuadraticDamping(Effect):
-    """A drag in proportion to the square of the speed, against it."""
+    """A drag proportional to the square of the speed and opposed to it."""
 
     id = "quadratic_damping"
     stage = "resonator"
@@ -61,7 +64,7 @@ class QuadraticDamping(Effect):
 
 
 def _law(x_V: float, speed_V: float, values: Real) -> float:
-    force: float = values[0] * abs(speed_V) * speed_V
+    force: float = values[0] * abs(speed_V) * speed_V  # Eq. (11), c |p| p
     return force
 
 

@@ -16,16 +16,17 @@ from inkjet_env.printhead.hysteresis import BranchLaw
 from inkjet_env.typing import Real
 
 MIDDLING = 0.15
-"""By how much the thresholds of a start grow at the highest of the channels' usual rates."""
+"""Relative growth of the thresholds of a start at the highest of the channels' usual rates."""
 MIDDLING_V = 3.0
-"""The same of thresholds that all grow alike."""
+"""Growth in volts of thresholds that all grow by the same amount, in a start."""
 SETTLING = 0.07
-"""Of a period of the head: how long the plays take to notice a rate, in a start."""
+"""Time until the plays respond to a rate, in a start, in periods of the head."""
 AT_ONCE_S = 1e-9
+"""Settling time, in seconds, up to which the plays respond to a rate at once."""
 
 
 class RateDependentHysteresis(Effect):
-    """Plays whose thresholds or weights follow the logarithm of the drive's rate, or that lag behind the drive."""
+    """Plays whose thresholds or weights follow the logarithm of the rate of the drive, or that lag behind the drive."""
 
     id = "rate_dependent_hysteresis"
     stage = "hysteresis"
@@ -126,8 +127,8 @@ class RateDependentHysteresis(Effect):
 def rate_measure(ends_V: Real, rate_V_s: float, settling_s: float, step_s: float, periodic: bool) -> Real:
     """``ln(1 + |u'| / ρ)`` behind a first-order lag, from rest or in steady state, at the nodes, shape (n,).
 
-    Exact, as the rate is constant between nodes. A lag of less than a hundredth of a step is none: then a node between
-    two rates has their mean.
+    Exact, since the rate is constant between nodes. A lag below a hundredth of a step is neglected: a node between two
+    rates then has their mean.
     """
     from inkjet_env.plant import compiled
 
@@ -155,22 +156,26 @@ def plays_V(
     relaxation: float = 0.0,
     plays: int = PLAYS,
 ) -> Real:
-    """What plays in place of the law give, but for its linear part, with thresholds that follow the rate, shape (n,).
+    """Output in volts of plays that replace the law, with thresholds that follow the rate, shape (n,).
+
+    The linear part of the law is left out.
 
     Parameters
     ----------
     ends_V : ndarray, shape (n,)
-        Drive at the nodes; where periodic, with the first one again at its end.
+        Drive at the nodes, in volts; if periodic, the first one again at its end.
     measure : ndarray, shape (n,)
-        Of the rate; see `rate_measure`.
+        Measure m of the rate at the nodes, dimensionless; see `rate_measure`.
     law : BranchLaw
+        Branch law that the plays replace.
     periodic : bool
+        Whether the drive has been repeated; otherwise it starts from the demagnetised state.
     growth, widening_V : float
-        A threshold r is ``r (1 + growth m) + widening_V m``, not below 0.
+        A threshold r becomes ``r (1 + growth m) + widening_V m``, but not below 0.
     relaxation : float
         Lag of a play, in steps.
     plays : int
-        How many; the difference from the law falls with their square.
+        Number of plays; the difference from the law falls with its square.
     """
     from inkjet_env.plant import compiled_hysteresis
 

@@ -1,4 +1,4 @@
-"""Another mode that the drive excites: refill, Helmholtz, the structure."""
+"""Another mode that the drive excites: refill, Helmholtz, or of the structure."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 GUESSES = (0.25, 0.36, 0.5, 0.7, 1.3, 1.7, 2.3, 3.1, 4.3, 6.0)
-"""Frequencies over the head's."""
+"""Frequencies of the starts, relative to that of the head."""
 WIDE = 0.1
-"""Damping ratio of a start: a wide resonance meets a truth between two guesses, however narrow that is."""
+"""Damping ratio of a start: a wide resonance overlaps a true one between two guesses, however narrow that is."""
 RESOLVED = 0.4
-"""Of a sampling frequency: higher modes are not looked for."""
+"""Highest frequency of a mode, as a share of the sampling frequency."""
 
 
 def resolved_Hz(excitations: Sequence[Excitation]) -> tuple[float, float]:
-    """Frequencies of which the fast shots hold a period, and which they sample finely enough."""
+    """Lowest and highest frequency in hertz that the fast recordings resolve: a whole period, sampled finely enough."""
     fast = [excitation for excitation in excitations if excitation.fast]
     if not fast:
         return 1e-2, 1e8

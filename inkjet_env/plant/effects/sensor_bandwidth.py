@@ -15,7 +15,7 @@ from inkjet_env.typing import Real
 
 
 class SensorBandwidth(Effect):
-    """Low-pass of one pole or two on what a fast sensor shows."""
+    """Low-pass with one pole or two on the signal of a fast sensor."""
 
     id = "sensor_bandwidth"
     stage = "sensing"

@@ -17,15 +17,15 @@ from inkjet_env.typing import Real
 GUESSES = (
     (1.0, 100.0), (0.98, 30.0), (0.8, 30.0), (0.6, 30.0), (0.98, 6.0), (0.7, 6.0), (3.0, 2.0), (1.2, 2.0), (10.0, 1.0)
 )  # fmt: skip
-"""Limit over the largest signal, and hardness."""
+"""Limit relative to the largest signal, and hardness, of each start."""
 OUT_OF_REACH = 100.0
-"""A rail so many times as far off as the other one is none."""
+"""Ratio of the two rails' distances from 0 at which the farther one no longer matters."""
 
 
 class SensorSaturation(Effect):
-    """An amplifier's rails, on both sides of 0 or on one: the same for every fast recording, in its channel's unit.
+    """Rails of an amplifier, on both sides of 0 or on one: equal for every fast recording, in its channel's unit.
 
-    A campaign that mixes self-sensing with a displacement in small units has two amplifiers; this is one.
+    A campaign that mixes self-sensing with a displacement in small units has two amplifiers; this effect is only one.
     """
 
     id = "sensor_saturation"
@@ -79,12 +79,12 @@ class SensorSaturation(Effect):
             return signal
         ratio = np.abs(signal) * (1 + values["skew"] * np.sign(signal)) / limit
         above = np.maximum(ratio, 1.0)
-        below = np.minimum(ratio, 1.0) / above  # the smaller of ratio and 1 / ratio, so that no power is too large
+        below = np.minimum(ratio, 1.0) / above  # the smaller of ratio and 1 / ratio, so that no power overflows
         return signal / above * (1 + below**hardness) ** (-1 / hardness)
 
 
 def _largest(printhead: Printhead, excitation: Excitation) -> float:
-    """Largest magnitude: what was measured, where that is known, else what the base model shows."""
-    if "largest" in excitation.cache:
-        return float(excitation.cache["largest"])
+    """Largest magnitude of the signal: as measured, if that is known, otherwise as the base model shows it."""
+    if excitation.largest_signal is not None:
+        return excitation.largest_signal
     return float(np.abs(Plant(printhead).signal(excitation)).max())

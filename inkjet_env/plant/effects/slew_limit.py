@@ -15,23 +15,26 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 STARTS = 8
+"""Number of slew rates among the starts."""
 STEEPEST = 0.9
-"""Of the steepest edge of all: where the starts begin."""
+"""Highest slew rate of the starts, as a share of the steepest edge of all."""
 GENTLEST = 0.15
-"""Of the median of the recordings' steepest edges: where they end."""
+"""Lowest slew rate of the starts, as a share of the median of the recordings' steepest edges."""
 LAGS = (0.002, 0.05)
-"""Of a period of the head: those of the starts. Without one, a limit beyond all edges does nothing, whatever it is."""
+"""Lags of the starts, in periods of the head. Without a lag, a limit beyond all edges has no influence, whatever its
+value."""
 LINEAR = 2.0
-"""Of the steepest edge: a limit beyond it does not show as one."""
+"""Ratio to the steepest edge beyond which a limit does not show as one."""
 FEWEST_STEPS = 1e-3
-"""Of a node step: a shorter lag is none."""
+"""Lag in node steps below which there is none."""
 HALVINGS = 60
+"""Largest number of bisections for the steady state."""
 SETTLED = 1e-9
-"""Of the most that a node allows."""
+"""Change over a period below which the state is steady, as a share of the largest change per node."""
 
 
 class SlewLimit(Effect):
-    """The drive's rate is limited, up and down alike."""
+    """The rate of the drive is limited, equally for rising and falling edges."""
 
     id = "slew_limit"
     stage = "drive"
@@ -85,17 +88,18 @@ class SlewLimit(Effect):
 
 
 def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0) -> Real:
-    """A signal that is linear between nodes, followed by no more than ``most`` a node, shape (n,).
-
-    From its first value on; or, where periodic, in a steady state of the repeated signal.
+    """Follow a signal that is linear between nodes by at most ``most`` per node, shape (n,).
 
     Parameters
     ----------
     signal : ndarray, shape (n,)
+        Signal at the nodes, in volts.
     most : float
+        Largest change per node, in volts.
     periodic : bool
+        Whether the result is a steady state of the repeated signal; otherwise it starts at the first value.
     lag : float
-        Time constant, in nodes, with which it is followed where that needs less.
+        Time constant, in nodes, with which edges below the limit are followed.
     """
     from inkjet_env.plant import compiled_drive
 
@@ -113,9 +117,9 @@ def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0) ->
     end = lap(start)
     if periodic and end != start:
         start, end = end, lap(end)
-    if periodic and abs(end - start) > SETTLED * most:  # many periods would pass before it has caught up
+    if periodic and abs(end - start) > SETTLED * most:  # it would need many periods to catch up
         low, high = (start, float(ends.max())) if end > start else (float(ends.min()), start)
-        for _ in range(HALVINGS):  # a lap brings any two beginnings nearer: below the steady state it rises
+        for _ in range(HALVINGS):  # a period brings any two states closer: below the steady state it rises
             middle = 0.5 * (low + high)
             if lap(middle) > middle:
                 low = middle

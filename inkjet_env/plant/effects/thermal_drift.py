@@ -16,14 +16,15 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 KNOTS = 9
-"""Equally spaced over the session, after the first recording, where there is nothing."""
+"""Number of knots, equally spaced over the session after the first recording, where the drift is zero."""
 FEWEST_ORDERS = 4
+"""Smallest number of fast recordings of different order that can show a drift."""
 ORDERS_A_KNOT = 2.0
-"""Fast recordings, at least."""
+"""Smallest number of fast recordings per knot."""
 
 
 class ThermalDrift(Effect):
-    """Frequency and damping ratio as smooth curves over the order, through values at nine places of the session."""
+    """Frequency and damping ratio as smooth curves over the order, through values at nine knots of the session."""
 
     id = "thermal_drift"
     stage = "resonator"
@@ -114,14 +115,14 @@ class ThermalDrift(Effect):
 
 
 def last_order(excitations: Sequence[Excitation]) -> float:
-    """Where the ninth place is: at the last fast recording, or later where there are too few of them for so many."""
+    """Order of the ninth knot: that of the last fast recording, or later if the recordings are too few for nine."""
     orders = {excitation.order for excitation in excitations if excitation.fast} or {2}
     latest = max(*orders, 2)
     return 1 + (latest - 1) * max(1.0, KNOTS * ORDERS_A_KNOT / len(orders))
 
 
 def _weights(order: float, last: float) -> Real:
-    """Of the places 0 … KNOTS in the curve's value at an order, shape (KNOTS + 1,); beyond the ends, as at them."""
+    """Weights of the knots 0 … KNOTS in the curve's value at an order, shape (KNOTS + 1,); constant beyond the ends."""
     at = KNOTS * min(max((order - 1) / max(last - 1, 1.0), 0.0), 1.0)
     left = min(int(at), KNOTS - 1)
     t = at - left
@@ -135,7 +136,7 @@ def _weights(order: float, last: float) -> Real:
     )
     weights = np.zeros(KNOTS + 1)
     for place, weight in zip(range(left - 1, left + 3), four, strict=True):
-        if place < 0:  # beyond the ends the curve goes straight on
+        if place < 0:  # beyond its ends the curve is extrapolated linearly
             weights[0] += 2 * weight
             weights[1] -= weight
         elif place > KNOTS:

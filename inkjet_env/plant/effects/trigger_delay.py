@@ -14,11 +14,13 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 PERIODS = (0.02, 0.1, 0.3)
+"""Delays of the starts, in periods of the head."""
 SAMPLES = (0.5, 2.0)
+"""Further delays of the starts, in samples."""
 
 
 class TriggerDelay(Effect):
-    """The ceramic sees what was asked for some time earlier, or later."""
+    """The ceramic sees the commanded drive late, or early, by a constant time."""
 
     id = "trigger_delay"
     stage = "drive"
@@ -55,15 +57,17 @@ class TriggerDelay(Effect):
 
 
 def late(signal: Real, nodes: float, periodic: bool) -> Real:
-    """A signal that is linear between its values, some nodes later, shape (n,).
+    """Delay a signal that is linear between its values, shape (n,).
 
     Parameters
     ----------
     signal : ndarray, shape (n,)
+        Signal at the nodes.
     nodes : float
-        May be negative, and any fraction.
+        Delay in nodes; may be negative and fractional.
     periodic : bool
-        The value after the last is the first; else the signal stands still before its first value and after its last.
+        Whether the value after the last is the first; otherwise the signal is held before its first value and after
+        its last.
     """
     whole = math.floor(nodes)
     term = nodes - whole

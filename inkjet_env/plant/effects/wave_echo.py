@@ -1,4 +1,4 @@
-"""A travelling wave that is thrown back at the end of the channel and returns."""
+"""A travelling wave that is reflected at the end of the channel and returns."""
 
 from __future__ import annotations
 
@@ -16,23 +16,25 @@ from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 
 GUESSES = tuple(0.25 * quarter for quarter in range(1, 49))
-"""Delays in periods of the head. A fit finds the delay from within an eighth of a period and seldom from farther, as a
-ringing head looks much the same a period later."""
+"""Delays of the starts, in periods of the head. A fit finds the delay from within an eighth of a period and seldom from
+farther, since a ringing head looks much the same a period later."""
 
 GRID = 0.125
-"""Step of the delays of two ends, in periods."""
+"""Step of the delays of two ends in the starts, in periods of the head."""
 FIRST = 2
+"""Shortest of these delays, in steps."""
 LATEST = 64
-"""The shortest and the longest of them, in steps."""
+"""Longest of these delays, in steps."""
 REFLECTIONS = (-0.7, -0.35, 0.35, 0.7)
+"""Reflection coefficients in the starts."""
 LAPS = 6
-"""As many returns from each end are heard at the start of a fit."""
+"""Number of returns from each end that the starts include."""
 SHORTEST = 0.15
-"""Delay in periods: a wave that is back sooner is a matter of bandwidth."""
+"""Shortest delay, in periods of the head; a wave that returns sooner is indistinguishable from a bandwidth."""
 
 
 class WaveEcho(Effect):
-    """A copy of the motion, delayed and weaker; where the channel's other end throws it back too, again and again."""
+    """A delayed, weaker copy of the motion; if the channel's other end reflects it too, a series of copies."""
 
     id = "wave_echo"
     stage = "resonator"
@@ -73,7 +75,7 @@ class WaveEcho(Effect):
     def superposed(
         self, printhead: Printhead, excitations: Sequence[Excitation]
     ) -> tuple[list[dict[str, float]], list[dict[str, float]], csr_array]:
-        """Waves between two ends: of the delays of each end on a grid, and of both signs of each reflection."""
+        """Waves between two ends, with the delays of each end on a grid and both signs of each reflection."""
         longest_s = max(
             (excitation.samples * excitation.step_s for excitation in excitations if excitation.fast), default=0.0
         )

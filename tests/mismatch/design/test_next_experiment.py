@@ -10,11 +10,10 @@ from inkjet_env.mismatch.design.drive_library import Train, benches, library
 from inkjet_env.mismatch.design.next_experiment import next_experiment
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, noise_seen, observe
-from inkjet_env.mismatch.fitting.fit_result import FitResult, Place
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.localization.views import largest_V
 from inkjet_env.plant import Effect, Excitation, Parameter, Plant, catalogue
-from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
 from inkjet_env.rig.battery import default_battery, self_sensing_battery
@@ -68,14 +67,9 @@ def plants(printhead, effects):
 
 def candidate(joint, effect, values):
     """An effect with these values beside the base model, not fitted."""
-    theta = coordinates(effect, values)
     low, high = (np.array(ends) for ends in zip(*(p.bounds for p in effect.parameters), strict=True))
-    jacobian = joint.jacobian(joint.base.head, (effect,), theta, joint.base.states, low, high)
-    base = joint.base
-    place = Place(base.head, theta, base.states)
-    return FitResult(
-        base.head, (effect,), theta, base.states, base.residuals, base.nll, jacobian, True, place, False, joint.start
-    )
+    at = replace(joint.base.end, active=ActiveEffects.of([(effect, values)]))
+    return replace(joint.base, end=at, jacobian=joint.jacobian(at, low, high), converged=True, jacobian_at=at)
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +85,7 @@ def one_amplitude():
     for name in ("quadratic_damping", "ferroelastic_softening"):
         effect = EFFECTS[name]
         starts = effect.starts(HEAD, [o.excitation for o in joint.observed])
-        fits.append(min((joint.fit((effect,), coordinates(effect, s)) for s in starts), key=lambda fit: fit.nll))
+        fits.append(min((joint.fit(ActiveEffects.of([(effect, s)])) for s in starts), key=lambda fit: fit.nll))
     return joint, fits, (damping, values)
 
 
@@ -105,7 +99,7 @@ def test_the_separation_is_what_the_best_refit_of_the_rival_leaves():
     found = next_experiment(fits, joint.noise, joint.observed)
     excitation = Excitation(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=6)
     o = ObservedRecording("next", found.channel, "V", -1, excitation, np.zeros(excitation.samples), excitation.samples)
-    signals = [fit.head.plant(fit.with_values).signal(excitation) for fit in fits]
+    signals = [fit.head.plant(fit.active.pairs).signal(excitation) for fit in fits]
     residuals = []
     for fit in fits:
         # the rival sees the campaign again, where it fits, and the new recording, where it does not
@@ -124,13 +118,13 @@ def test_the_separation_is_what_the_best_refit_of_the_rival_leaves():
 
 def new_slopes(fit, excitation):
     """Central differences of the signal with respect to a candidate's coordinates."""
-    (effect,) = fit.effects
+    (effect,) = fit.active.effects
     columns = []
     for k, parameter in enumerate(effect.parameters):
-        step = 1e-4 * (1.0 if parameter.scale == "log" else abs(fit.theta[k]) or 1e-2)
+        step = 1e-4 * (1.0 if parameter.scale == "log" else abs(fit.active.theta[k]) or 1e-2)
         ends = []
         for sign in (1, -1):
-            theta = fit.theta.copy()
+            theta = fit.active.theta.copy()
             theta[k] += sign * step
             values = {p.name: p.value(z) for p, z in zip(effect.parameters, theta, strict=True)}
             ends.append(fit.head.plant([(effect, values)]).signal(excitation))
@@ -149,7 +143,7 @@ def test_what_a_campaign_leaves_alike_is_told_apart_by_the_recording_that_was_as
     noise = joint.noise.models[joint.observed[0].noise_key].rms * np.random.default_rng(1).standard_normal(signal.size)
     more = (*joint.observed, ObservedRecording("next", found.channel, "V", 99, excitation, signal + noise, signal.size))
     again = OutputErrorFit(more, joint.noise, joint.start)
-    after = [again.fit(fit.effects, fit.theta, fit.head) for fit in fits]
+    after = [again.fit(fit.active, fit.head) for fit in fits]
     gained = after[1].nll - after[0].nll
     assert gained > max(10, 0.3 * found.separation)
     assert after[0].nll < 0.55 * sum(o.fitted for o in more)  # the true one explains the new recording, too
@@ -211,7 +205,7 @@ def test_a_train_has_the_corners_that_its_words_tell():
 
 def test_of_one_candidate_what_shows_it_is_told_and_of_none_what_was_not_seen(one_amplitude):
     joint, fits, _ = one_amplitude
-    assert fits[0].effects[0].shown_by in next_experiment(fits[:1], joint.noise, joint.observed).sentence
+    assert fits[0].active.effects[0].shown_by in next_experiment(fits[:1], joint.noise, joint.observed).sentence
     unseen = next_experiment([], joint.noise, joint.observed)
     assert EFFECTS["crosstalk"].shown_by in unseen.sentence
     assert unseen.drive_V == ()

@@ -38,7 +38,7 @@ def run(recorded, head, effects):
             chosen = [replace(r, initial_state="free") if r.name == "r002" else r for r in campaign.recordings]
             campaign = replace(campaign, recordings=tuple(chosen))
         found = diagnose(
-            campaign, head, [effects[e] for e in LOOKED_FOR], 0, workers=1, progress=progress, keep=keep
+            campaign, head, [effects[e] for e in LOOKED_FOR], 0, workers=1, progress=progress, checkpoint=keep
         ).as_json()
         found.pop("seconds", None)
         found.pop("stages", None)
@@ -55,9 +55,9 @@ def test_an_interrupted_diagnosis_ends_as_if_it_had_not_been(run, tmp_path, monk
     whole, _ = run(None)
     with pytest.raises(Stopped):
         run(tmp_path / "fits", "to the end")
-    checkpoint = sorted((tmp_path / "fits").iterdir())
-    assert len(checkpoint) >= 4
-    assert {file.suffix for file in checkpoint} == {".json"}
+    files = sorted((tmp_path / "fits").iterdir())
+    assert len(files) >= 4
+    assert {file.suffix for file in files} == {".json"}
     again = []
     tried = attribute._tried
 
@@ -138,7 +138,7 @@ def test_a_diagnosis_with_an_effect_typed_at_a_console_goes_on(recorded, head, e
 
         looked_for = [effects["cubic_stiffness"], effect]
         return diagnose(recorded("cubic_stiffness"), head, looked_for, 0, workers=1, progress=progress,
-                        keep=tmp_path / "fits").as_json()  # fmt: skip
+                        checkpoint=tmp_path / "fits").as_json()  # fmt: skip
 
     def console():
         return typed(module="console")
@@ -178,8 +178,8 @@ def test_what_an_effect_holds_counts(tmp_path):
 
 def test_typed_code_is_told_alike_in_every_process(tmp_path):
     script = TYPED + (
-        "from inkjet_env.mismatch.fitting.checkpoint import Kept\n"
-        "import sys\nprint(Kept(sys.argv[1], [Leak()]).code.hex())\n"
+        "from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint\n"
+        "import sys\nprint(FitCheckpoint(sys.argv[1], [Leak()]).code.hex())\n"
     )
     told = set()
     for seed in ("1", "2", "3"):

@@ -9,9 +9,10 @@ from numpy.polynomial import Chebyshev, Polynomial
 from inkjet_env.identification import identify
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer, noise_seen, observe
-from inkjet_env.mismatch.fitting.fit_result import Place
+from inkjet_env.mismatch.fitting.fit_result import ModelState
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.plant import Excitation, Plant
+from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete, coordinates
 from inkjet_env.printhead import Printhead
 
@@ -123,13 +124,13 @@ def test_a_planted_effect_is_recovered_to_its_standard_errors(name, recorded, fi
     joint = fitted(recorded(name, strength=0.35))
     truth = coordinates(effect, values(name, 0.35))
     begin = next(iter(effect.starts(joint.base.head.printhead, [o.excitation for o in joint.seen])))
-    fit = joint.fit([effect], coordinates(effect, begin))
-    fit = joint.near(fit).fit([effect], fit.theta, fit.head)
+    fit = joint.fit(ActiveEffects.of([(effect, begin)]))
+    fit = joint.near(fit).fit(fit.active, fit.head)
     assert fit.converged
     assert fit.nll < joint.base.nll - 10
     told = [i for i, p in enumerate(effect.parameters) if p.name in effect.strengths and not fit.idle[i]]
     assert told
-    apart = (fit.theta - truth) / errors_of(joint, fit)
+    apart = (fit.active.theta - truth) / errors_of(joint, fit)
     assert np.abs(apart[told]).max() < 4
     rows = int(joint.ends[-1])
     assert 2 * fit.nll == pytest.approx(rows, abs=5 * np.sqrt(2 * rows))
@@ -150,26 +151,26 @@ def test_errors_of_a_strength_are_as_large_as_told(recorded, fitted, effects, va
             rms = joint.noise.models[o.noise_key].rms
             observed.append(replace(o, measured=clean[o.name] + rms * rng.standard_normal(o.excitation.samples)))
         again = OutputErrorFit(observed, joint.noise, joint.start)
-        fit = again.fit([effect], coordinates(effect, truth))
-        apart.append(((fit.theta - coordinates(effect, truth)) / errors_of(again, fit))[~fit.idle])
+        fit = again.fit(ActiveEffects.of([(effect, truth)]))
+        apart.append(((fit.active.theta - coordinates(effect, truth)) / errors_of(again, fit))[~fit.idle])
     size = np.sqrt(np.mean(np.array(apart) ** 2, axis=0))
     assert np.all((size > 0.65) & (size < 1.4))
     assert np.all(np.abs(np.mean(apart, axis=0)) < 4 / np.sqrt(30))
 
 
-def test_slopes_are_derivatives_of_what_is_compared(recorded, fitted, effects, values):
+def test_the_jacobian_holds_derivatives_of_what_is_compared(recorded, fitted, effects, values):
     effect = effects["second_mode"]
     joint = fitted(recorded("second_mode"))
-    theta = coordinates(effect, values("second_mode"))
+    at = ModelState(joint.start, ActiveEffects.of([(effect, values("second_mode"))]), {})
     low, high = joint.limits([effect])
-    jacobian = joint.jacobian(joint.start, (effect,), theta, {}, low, high)
+    jacobian = joint.jacobian(at, low, high)
     for k, size in enumerate((1e-3, 1e-3, 1e-4)):
         ends = []
         for sign in (1, -1):
-            there = theta.copy()
+            there = at.active.theta.copy()
             there[k] += sign * size
             of = {p.name: p.value(z) for p, z in zip(effect.parameters, there, strict=True)}
-            signals = joint.signals(joint.start, [(effect, of)], {}, joint.seen)
+            signals = joint.signals(replace(at, active=ActiveEffects.of([(effect, of)])), joint.seen)
             ends.append(joint.stacked(signals))
         expected = (ends[0] - ends[1]) / (2 * size)
         assert np.linalg.norm(jacobian[:, k] - expected) < 2e-3 * np.linalg.norm(expected)
@@ -181,22 +182,22 @@ def test_a_parameter_that_the_base_model_can_stand_in_for_stays_where_it_is(reco
     names = [p.name for p in effect.parameters]
     for knee_V, stays in ((0.0, True), (20.0, False)):
         begin = complete(effect, asymmetry=0.02, bowing=0.01, knee_V=knee_V)
-        fit = joint.fit((effect,), coordinates(effect, begin), most_steps=1)
+        fit = joint.fit(ActiveEffects.of([(effect, begin)]), most_steps=1)
         assert fit.idle[names.index("bowing")] == stays
-        assert (fit.theta[names.index("bowing")] == 0.01) == stays
+        assert (fit.active.theta[names.index("bowing")] == 0.01) == stays
         assert not fit.idle[names.index("asymmetry")]
 
 
 def test_sensitivities_taken_elsewhere_lead_to_the_same_end(recorded, fitted, effects):
     joint = fitted(recorded("feedthrough", "quadratic_damping"))
-    first = joint.fit((effects["quadratic_damping"],), np.array([1e-4]))
-    both = (effects["quadratic_damping"], effects["feedthrough"])
-    begin = np.concatenate([first.theta, coordinates(both[1], complete(both[1], capacitive_s=1e-9))])
-    own = joint.fit(both, begin, first.head)
-    lent = joint.fit(both, begin, first.head, known=first.jacobian)
+    first = joint.fit(ActiveEffects((effects["quadratic_damping"],), np.array([1e-4])))
+    feedthrough = effects["feedthrough"]
+    both = first.active.plus(feedthrough, complete(feedthrough, capacitive_s=1e-9))
+    own = joint.fit(both, first.head)
+    lent = joint.fit(both, first.head, known=first.jacobian)
     assert lent.nll == pytest.approx(own.nll, abs=0.1)
     assert lent.nll < first.nll - 100
-    again = joint.again(both, Place(lent.head, lent.theta, lent.states), lent.jacobian_at, lent.started, True, False)
+    again = joint.again(lent.end, lent.jacobian_at, lent.started, True, False)
     np.testing.assert_array_equal(lent.jacobian, again.jacobian)
 
 
@@ -209,17 +210,17 @@ def test_a_fit_begun_where_the_head_has_no_rest_under_the_first_drive_fails(head
     measured = clean + 1e-3 * np.ptp(clean) * np.random.default_rng(0).standard_normal(clean.size)
     observed = [replace(o, measured=measured)]
     joint = OutputErrorFit(observed, noise_seen(observed, {o.name: measured - clean}, {}), start)
-    assert joint.fit([cubic], np.array([1e-5])).nll == pytest.approx(0.5 * o.fitted, rel=0.2)
+    assert joint.fit(ActiveEffects((cubic,), np.array([1e-5]))).nll == pytest.approx(0.5 * o.fitted, rel=0.2)
     with pytest.raises(FloatingPointError, match="no rest was found"):
-        joint.fit([cubic], np.array([5e-4]))
+        joint.fit(ActiveEffects((cubic,), np.array([5e-4])))
 
 
 def test_a_fit_stays_within_its_bounds(recorded, fitted, effects, values):
     effect = effects["second_mode"]
     joint = fitted(recorded("second_mode"))
     low, high = joint.limits([effect])
-    fit = joint.fit([effect], np.array([1e3, 1e3, -1e3, 0.0]), most_steps=3)
-    assert np.all((low <= fit.theta) & (fit.theta <= high))
+    fit = joint.fit(ActiveEffects((effect,), np.array([1e3, 1e3, -1e3, 0.0])), most_steps=3)
+    assert np.all((low <= fit.active.theta) & (fit.active.theta <= high))
 
 
 def test_what_was_held_out_tells_a_fit_nothing(recorded, fitted, effects, values):
@@ -233,10 +234,10 @@ def test_what_was_held_out_tells_a_fit_nothing(recorded, fitted, effects, values
     assert any(not o.fitted for o in changed)
     theta = coordinates(effect, values("feedthrough"))
     one, other = (
-        OutputErrorFit(observed, joint.noise, joint.start).fit([effect], theta)
+        OutputErrorFit(observed, joint.noise, joint.start).fit(ActiveEffects((effect,), theta))
         for observed in (joint.observed, changed)
     )
-    np.testing.assert_array_equal(one.theta, other.theta)
+    np.testing.assert_array_equal(one.active.theta, other.active.theta)
     assert one.nll == other.nll
     for o in changed:
         same = np.array_equal(one.residuals[o.name], other.residuals[o.name])
@@ -263,9 +264,9 @@ def ringing_on(head, states, seed=1):
 def test_unknown_initial_states_are_found_held_out_ones_too(head):
     states = ((8.0, -3.0), (0.0, 12.0), (-5.0, 0.5))
     joint = ringing_on(head, states)
-    assert joint.base.states.keys() == {"r1", "r2", "r3"}
-    for name, truth in zip(joint.base.states, states, strict=True):
-        assert joint.base.states[name] == pytest.approx(truth, abs=0.15)
+    assert joint.base.end.states.keys() == {"r1", "r2", "r3"}
+    for name, truth in zip(joint.base.end.states, states, strict=True):
+        assert joint.base.end.states[name] == pytest.approx(truth, abs=0.15)
     rows = int(joint.ends[-1])
     assert 2 * joint.base.nll == pytest.approx(rows, abs=6 * np.sqrt(2 * rows))
     held_out = joint.base.residuals["r2"]
@@ -278,7 +279,7 @@ def test_a_state_said_to_be_at_rest_is_not_fitted(head):
         replace(o, excitation=replace(o.excitation, initial_state="demagnetised", cache={})) for o in joint.observed
     ]
     wrong = OutputErrorFit(at_rest, joint.noise, joint.start)
-    assert wrong.base.states == {}
+    assert wrong.base.end.states == {}
     assert wrong.base.nll > 10 * joint.base.nll
 
 
@@ -310,7 +311,7 @@ def test_the_numerical_error_falls_with_the_nodes(name, recorded, fitted, effect
     errors = []
     for substeps in (2, 4, 8):
         fine = OutputErrorFit(finer(joint.observed, substeps), joint.noise, joint.start, base=joint.base)
-        fit = replace(joint.base, effects=(effect,), theta=coordinates(effect, told))
+        fit = joint.base.moved(active=ActiveEffects.of([(effect, told)]))
         errors.append(fine.numerical_error(fit))
     assert errors[0] > 3 * errors[1] > 9 * errors[2] > 0
 

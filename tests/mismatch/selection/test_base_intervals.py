@@ -11,7 +11,7 @@ from inkjet_env.identification import identify
 from inkjet_env.mismatch.selection.base_intervals import _errors as standard_errors
 from inkjet_env.mismatch.selection.base_intervals import dynamics
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
-from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.printhead import Printhead
 
 
@@ -36,7 +36,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(recorded, fitted, h
 def test_an_effect_fitted_along_leaves_the_head_less_sure(recorded, fitted, effects, values):
     joint = fitted(recorded("quadratic_damping"))
     effect = effects["quadratic_damping"]
-    along = Hypothesis(joint.fit([effect], coordinates(effect, values("quadratic_damping"))), joint)
+    along = Hypothesis(joint.fit(ActiveEffects.of([(effect, values("quadratic_damping"))])), joint)
     found, alone = dynamics(along), dynamics(base_hypothesis(fitted(recorded(seed=3))))
     widths = [(d["a1"].high - d["a1"].low) / d["a1"].value for d in (found, alone)]
     assert widths[0] > 1.2 * widths[1]
@@ -59,7 +59,7 @@ def test_a_head_that_answers_the_other_way_round_has_the_same_interval_mirrored(
     head = hypothesis.fit.head
     mirrored = replace(head, printhead=replace(head.printhead, b1=-head.printhead.b1))
     b1 = dynamics(hypothesis)["b1"]
-    other = dynamics(replace(hypothesis, fit=replace(hypothesis.fit, head=mirrored)))["b1"]
+    other = dynamics(replace(hypothesis, fit=hypothesis.fit.moved(head=mirrored)))["b1"]
     assert (other.value, other.low, other.high) == (-b1.value, -b1.high, -b1.low)
 
 

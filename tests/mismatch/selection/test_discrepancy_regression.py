@@ -8,7 +8,7 @@ import pytest
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
-from inkjet_env.plant.effect import coordinates
+from inkjet_env.plant.active_effects import ActiveEffects
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def test_it_learns_nothing_from_what_was_held_out(recorded, fitted):
 
 def test_nothing_is_left_to_learn_once_the_effect_is_in_the_model(recorded, fitted, effects, values):
     joint, effect = fitted(recorded("quadratic_damping")), effects["quadratic_damping"]
-    fit = joint.fit([effect], coordinates(effect, values("quadratic_damping")))
+    fit = joint.fit(ActiveEffects.of([(effect, values("quadratic_damping"))]))
     found = discrepancy_regression(Hypothesis(fit, joint))
     assert found.predicted < 8 + 2 * found.error
     assert found.share < 0.02

@@ -12,6 +12,7 @@ from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.mismatch.selection.hypotheses import settled
 from inkjet_env.mismatch.selection.stepwise import _only, _without_idle
 from inkjet_env.plant import Effect, EffectError, Parameter, SimulationError
+from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import coordinates
 from inkjet_env.recordings import Campaign
 
@@ -43,7 +44,7 @@ def faulty(method, error):
     return type("Faulty", (Leak,), {"id": "faulty", method: fails})()
 
 
-METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "told", "sensing", "nuisances")
+METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "description", "sensing", "random_effect_basis")
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -121,8 +122,8 @@ def test_an_effect_that_cannot_be_simulated_in_places_is_fitted_elsewhere(record
     joint = type(joint)(
         [replace(o, measured=plant.signal(o.excitation)) for o in joint.observed], joint.noise, joint.start
     )
-    found = settled(joint, joint.fit([Narrow()], np.array([1.0])))
-    assert found.fit.theta[0] == pytest.approx(2e3, rel=1e-3)
+    found = settled(joint, joint.fit(ActiveEffects((Narrow(),), np.array([1.0]))))
+    assert found.fit.active.theta[0] == pytest.approx(2e3, rel=1e-3)
 
 
 class Stiff(Leak):
@@ -140,10 +141,10 @@ def test_sensitivities_that_cannot_be_taken_with_an_effect_on_are_those_without(
     joint = fitted(recorded())
     effect = Stiff()
     effect.a0 = joint.base.head.printhead.a0
-    fit = replace(joint.base, effects=(effect,), theta=np.array([1.0]))
+    fit = joint.base.moved(active=ActiveEffects((effect,), np.array([1.0])))
     plain = type(joint)(joint.observed, joint.noise, joint.base.head, joint.random_effects, joint.base)
     with pytest.raises(SimulationError):
-        fit.head.sensitivities(next(o for o in joint.seen if o.excitation.fast), fit.with_values)
+        fit.head.sensitivities(next(o for o in joint.seen if o.excitation.fast), fit.active.pairs)
     np.testing.assert_allclose(np.abs(joint.near(fit).basis[1]), np.abs(plain.basis[1]), rtol=1e-3, atol=1e-3)
 
 
@@ -159,14 +160,13 @@ def test_a_step_to_what_is_no_printhead_is_a_failed_trial(true_head, recorded):
 def test_effects_that_cannot_be_simulated_without_one_of_them_keep_it(recorded, fitted, effects, values, monkeypatch):
     joint = fitted(recorded("feedthrough", "quadratic_damping"))
     two = [effects["feedthrough"], effects["quadratic_damping"]]
-    theta = np.concatenate([coordinates(e, values(e.id)) for e in two])
-    chosen = settled(joint, joint.fit(two, theta))
+    chosen = settled(joint, joint.fit(ActiveEffects.of((e, values(e.id)) for e in two)))
 
     def unanswered(self, *_, **__):
         raise SimulationError("no steady state under the repeated drive.")
 
     monkeypatch.setattr(type(joint), "fit", unanswered)
-    assert _only(joint, chosen, chosen.fit.with_values[:1]) is None
+    assert _only(joint, chosen, chosen.fit.active.minus(two[1])) is None
     assert _without_idle(joint, chosen, {}) is chosen
 
 

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch.evidence import named_effects
+from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, settled, shaped, simplest
 from inkjet_env.mismatch.selection.score_test import signatures
 from inkjet_env.mismatch.selection.stepwise import Selection
-from inkjet_env.plant.effect import complete, coordinates, rest, terms_of
+from inkjet_env.plant.active_effects import ActiveEffects
+from inkjet_env.plant.effect import complete, coordinates
 
 STANDARD_ERRORS = 4.0
 """By so many an estimate may be off: of normal errors one in 16,000 is."""
@@ -56,15 +58,14 @@ def at(effects, recorded_as, fitted):
 
     def begun(name, recorded, begin):
         joint, effect = fitted(recorded_as(name, **recorded)), effects[name]
-        return joint, joint.fit((effect,), coordinates(effect, complete(effect, **begin)))
+        return joint, joint.fit(ActiveEffects.of([(effect, complete(effect, **begin))]))
 
     return begun
 
 
 def on(hypothesis):
     """Parts of the last effect's law that are on."""
-    effect = hypothesis.fit.effects[-1]
-    return terms_of(effect, hypothesis.fit.theta[-len(effect.parameters) :])[0]
+    return hypothesis.fit.active.terms(hypothesis.fit.active.last)[0]
 
 
 def errors_off(hypothesis, truth):
@@ -73,8 +74,8 @@ def errors_off(hypothesis, truth):
     jacobian = fit.jacobian[:, ~fit.idle]
     own = jacobian - q @ (q.T @ jacobian)
     errors = np.sqrt(np.diag(np.linalg.inv(own.T @ own)))
-    (effect,) = fit.effects
-    return (fit.theta - coordinates(effect, complete(effect, **truth)))[~fit.idle] / errors
+    (effect,) = fit.active.effects
+    return (fit.active.theta - coordinates(effect, complete(effect, **truth)))[~fit.idle] / errors
 
 
 def noise_of_excess(hypothesis):
@@ -84,13 +85,9 @@ def noise_of_excess(hypothesis):
 def scores_without(hypothesis, terms):
     """The score with each of these parts of the last effect's law off and everything else fitted again."""
     fit, scores = hypothesis.fit, {}
-    effect = fit.effects[-1]
-    first = fit.theta.size - len(effect.parameters)
     for term in terms:
-        theta = fit.theta.copy()
-        for k, p in enumerate(effect.parameters, start=first):
-            theta[k] = rest(effect, p) if p.name in term else theta[k]
-        scores[term] = settled(hypothesis.joint, hypothesis.joint.fit(fit.effects, theta, fit.head)).score
+        without = fit.active.without_term(fit.active.last, term)
+        scores[term] = settled(hypothesis.joint, hypothesis.joint.fit(without, fit.head)).score
     return scores
 
 
@@ -152,8 +149,8 @@ def test_what_is_plain_stays_plain_where_the_whole_law_is_let_in(name, at):
 def test_the_law_that_an_effect_is_attributed_with_has_all_the_parts_it_needs(effects, recorded_as, fitted):
     """No start has both strengths on."""
     joint, effect = fitted(recorded_as("feedthrough", **SEVERAL["feedthrough"])), effects["feedthrough"]
-    found = signatures(joint, [effect], ProcessPool(1))
-    (best,) = attribute(joint, base_hypothesis(joint), [effect], found, ProcessPool(1), lambda _: None)
+    found = signatures(joint, [effect], FitContext(ProcessPool(1)))
+    (best,) = attribute(joint, base_hypothesis(joint), [effect], found, FitContext(ProcessPool(1)))
     assert on(best) == [("capacitive_s",), ("lossy",), ("lag_s",)]
     assert abs(best.excess) < SURE * noise_of_excess(best)
 
@@ -181,7 +178,7 @@ def test_an_idle_part_is_of_the_last_effect(effects, values, recorded, fitted):
     both = [effects["quadratic_damping"], effects["feedthrough"]]
     planted = [coordinates(effect, values(effect.id)) for effect in both]
     planted[1][2] = 1e-6  # a lag that was not recorded
-    everything = settled(joint, joint.fit(both, np.concatenate(planted)))
+    everything = settled(joint, joint.fit(ActiveEffects(tuple(both), np.concatenate(planted))))
     scores = scores_without(everything, on(everything))
     assert everything.idle_term() == max(scores, key=scores.get) == ("lag_s",)
 
@@ -196,6 +193,6 @@ def test_no_part_is_idle_where_every_one_is_worth_its_parameters(at):
 def test_an_effects_only_strength_is_never_idle(effects, recorded, fitted):
     """Else nothing of the effect would be left, which is for the selection to say."""
     joint, effect = fitted(recorded()), effects["feedthrough"]
-    alone = settled(joint, joint.fit((effect,), coordinates(effect, complete(effect, capacitive_s=5e-9))))
+    alone = settled(joint, joint.fit(ActiveEffects.of([(effect, complete(effect, capacitive_s=5e-9))])))
     assert alone.score < base_hypothesis(joint).score
     assert alone.idle_term() is None

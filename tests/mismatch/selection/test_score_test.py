@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
-from inkjet_env.mismatch.selection.score_test import Signatures, signatures, superposed, theta_of
-from inkjet_env.plant.effect import complete, coordinates
+from inkjet_env.mismatch.selection.score_test import Signatures, signatures, superposed
+from inkjet_env.plant.active_effects import ActiveEffects
+from inkjet_env.plant.effect import complete
 
 LOOKED_FOR = ("feedthrough", "cubic_stiffness", "second_mode", "sensor_bandwidth")
 
@@ -22,7 +24,7 @@ def plain(recorded, fitted):
 
 @pytest.fixture(scope="module")
 def found(plain, effects):
-    return signatures(plain, [effects[name] for name in LOOKED_FOR], ProcessPool(1))
+    return signatures(plain, [effects[name] for name in LOOKED_FOR], FitContext(ProcessPool(1)))
 
 
 def left_of(joint):
@@ -113,7 +115,7 @@ def test_beside_more_columns_only_what_they_cannot_say_is_left():
 
 def test_the_effect_that_is_there_scores_highest(recorded, fitted, effects):
     joint = fitted(recorded("feedthrough"))
-    table = signatures(joint, [effects[name] for name in LOOKED_FOR], ProcessPool(1))
+    table = signatures(joint, [effects[name] for name in LOOKED_FOR], FitContext(ProcessPool(1)))
     best = table.best(left_of(joint))
     assert max(best, key=best.get) == "feedthrough"
     assert best["feedthrough"] > 15
@@ -122,7 +124,7 @@ def test_the_effect_that_is_there_scores_highest(recorded, fitted, effects):
 
 def test_a_start_is_scaled_to_what_the_recordings_show(recorded, fitted, effects, values):
     joint, effect = fitted(recorded("feedthrough")), effects["feedthrough"]
-    table = signatures(joint, [effect], ProcessPool(1))
+    table = signatures(joint, [effect], FitContext(ProcessPool(1)))
     ranked = table.ranked(effect, left_of(joint))
     assert len(ranked) == 2
     assert abs(ranked[0][0]) >= abs(ranked[1][0])
@@ -137,7 +139,7 @@ def test_a_start_is_scaled_to_what_the_recordings_show(recorded, fitted, effects
 
 def test_a_reciprocal_strength_keeps_its_sign_and_its_bounds(recorded, fitted, effects):
     joint, effect = fitted(recorded("sensor_bandwidth")), effects["sensor_bandwidth"]
-    table = signatures(joint, [effect], ProcessPool(1))
+    table = signatures(joint, [effect], FitContext(ProcessPool(1)))
     low, high = next((p.low, p.high) for p in effect.parameters if p.name == "bandwidth_Hz")
     for _, start in table.ranked(effect, -1e6 * left_of(joint)):
         assert 0 < start["bandwidth_Hz"] <= high
@@ -165,29 +167,21 @@ def test_an_effect_that_cannot_be_simulated_or_shows_nothing_has_no_signature(pl
         def sensing(self, values, signal, drive_V, printhead, excitation):
             return signal + values["lossy"] * (excitation.channel == "self_sensing")
 
-    found = signatures(plain, [Raises(), Silent(), Offset(), effects["cubic_stiffness"]], ProcessPool(1))
+    found = signatures(plain, [Raises(), Silent(), Offset(), effects["cubic_stiffness"]], FitContext(ProcessPool(1)))
     assert {e.id for e in found.effects} <= {"raises", "cubic_stiffness"}
     assert sum(e.id == "cubic_stiffness" for e in found.effects) == 2
 
 
 def test_what_is_being_looked_for_is_told(plain, effects):
     told = []
-    signatures(plain, [effects["cubic_stiffness"]], ProcessPool(1), told.append)
+    signatures(plain, [effects["cubic_stiffness"]], FitContext(progress=told.append))
     assert told == ["what cubic_stiffness would add (1 of 2)", "what cubic_stiffness would add (2 of 2)"]
 
 
 def test_two_workers_find_what_one_does(plain, found, effects):
-    again = signatures(plain, [effects[name] for name in LOOKED_FOR], ProcessPool(2))
+    again = signatures(plain, [effects[name] for name in LOOKED_FOR], FitContext(ProcessPool(2)))
     np.testing.assert_array_equal(again.columns, found.columns)
     assert again.starts == found.starts
-
-
-def test_coordinates_of_several_effects_come_one_after_another(effects, values):
-    two = [effects["second_mode"], effects["feedthrough"]]
-    of = [values(e.id) for e in two]
-    expected = np.concatenate([coordinates(e, v) for e, v in zip(two, of, strict=True)])
-    np.testing.assert_array_equal(theta_of(two, of), expected)
-    assert theta_of([], []).shape == (0,)
 
 
 def test_the_whole_law_may_begin_where_its_signature_looks_most_like_the_residual(recorded, fitted, effects, head):
@@ -205,10 +199,10 @@ def test_the_whole_law_may_begin_where_its_signature_looks_most_like_the_residua
     observed = [replace(o, measured=plant.signal(o.excitation)) if o.excitation.fast else o for o in joint.observed]
     joint = OutputErrorFit(observed, joint.noise, joint.base.head)
     starts = superposed(joint, echo, left_of(joint), joint.basis[0])
-    ends = [joint.fit([echo], coordinates(echo, start), most_steps=6, whole=True) for start in starts]
+    ends = [joint.fit(ActiveEffects.of([(echo, start)]), most_steps=6, whole=True) for start in starts]
     best = min(ends, key=lambda fit: fit.nll)
-    ((_, found),) = best.with_values
+    ((_, found),) = best.active.pairs
     for name, value in truth.items():
         assert found[name] == pytest.approx(value, rel=0.01), name
-    plain = joint.fit([echo], coordinates(echo, complete(echo, delay_s=truth["delay_s"], strength=0.05)))
+    plain = joint.fit(ActiveEffects.of([(echo, complete(echo, delay_s=truth["delay_s"], strength=0.05))]))
     assert best.nll < 0.1 * plain.nll

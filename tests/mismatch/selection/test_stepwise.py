@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, conditions, settled
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
 from inkjet_env.mismatch.selection.stepwise import cosine, select, supported, worth_adding
+from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete, coordinates
 
 select_module = importlib.import_module("inkjet_env.mismatch.selection.stepwise")
@@ -28,7 +30,7 @@ def looked(recorded, fitted, effects):
     def at(*names, looked_for=LOOKED_FOR):
         if (names, looked_for) not in made:
             joint, chosen = fitted(recorded(*names)), [effects[name] for name in looked_for]
-            made[names, looked_for] = joint, chosen, signatures(joint, chosen, ProcessPool(1))
+            made[names, looked_for] = joint, chosen, signatures(joint, chosen, FitContext(ProcessPool(1)))
         return made[names, looked_for]
 
     return at
@@ -42,7 +44,7 @@ def selected(looked):
     def at(*names):
         if names not in made:
             joint, chosen, found = looked(*names)
-            made[names] = select(joint, chosen, found, ProcessPool(1), np.random.default_rng(0), silent)
+            made[names] = select(joint, chosen, found, FitContext(ProcessPool(1)))
         return made[names]
 
     return at
@@ -58,13 +60,13 @@ def test_conditions_hold_every_fitted_row_once(looked):
 def test_every_effect_is_attributed_once_the_best_first_and_fitted_to_the_end(looked, values):
     joint, chosen, found = looked("quadratic_damping")
     base = base_hypothesis(joint)
-    hypotheses = attribute(joint, base, chosen, found, ProcessPool(1), silent)
+    hypotheses = attribute(joint, base, chosen, found, FitContext(ProcessPool(1)))
     assert {h.ids for h in hypotheses} == {(name,) for name in LOOKED_FOR}
     scores = [h.score for h in hypotheses]
     assert scores == sorted(scores, reverse=True)
     best = hypotheses[0]
     assert best.ids == ("quadratic_damping",)
-    assert best.fit.theta[0] == pytest.approx(values("quadratic_damping")["damping_per_V"], rel=0.02)
+    assert best.fit.active.theta[0] == pytest.approx(values("quadratic_damping")["damping_per_V"], rel=0.02)
     assert best.gain == pytest.approx(joint.base.nll - best.fit.nll)
     assert best.score < best.gain
     rows = best.residuals.size
@@ -75,17 +77,17 @@ def test_every_effect_is_attributed_once_the_best_first_and_fitted_to_the_end(lo
 def test_fits_on_two_processes_are_those_on_one(looked):
     joint, chosen, found = looked("quadratic_damping")
     base = base_hypothesis(joint)
-    one, two = (attribute(joint, base, chosen[:2], found, ProcessPool(n), silent) for n in (1, 2))
+    one, two = (attribute(joint, base, chosen[:2], found, FitContext(ProcessPool(n))) for n in (1, 2))
     assert [(h.ids, h.fit.nll) for h in one] == [(h.ids, h.fit.nll) for h in two]
     for a, b in zip(one, two, strict=True):
-        np.testing.assert_array_equal(a.fit.theta, b.fit.theta)
+        np.testing.assert_array_equal(a.fit.active.theta, b.fit.active.theta)
 
 
 def test_an_effect_is_added_beside_those_that_are_on(looked, effects, values):
     joint, chosen, found = looked("feedthrough", "quadratic_damping")
     damping = effects["quadratic_damping"]
-    beside = settled(joint, joint.fit([damping], coordinates(damping, values("quadratic_damping"))))
-    best = attribute(joint, beside, chosen, found.beside(beside.columns), ProcessPool(1), silent)[0]
+    beside = settled(joint, joint.fit(ActiveEffects.of([(damping, values("quadratic_damping"))])))
+    best = attribute(joint, beside, chosen, found.beside(beside.columns), FitContext(ProcessPool(1)))[0]
     assert best.ids == ("quadratic_damping", "feedthrough")
     assert best.fit.nll < beside.fit.nll
 
@@ -93,7 +95,7 @@ def test_an_effect_is_added_beside_those_that_are_on(looked, effects, values):
 def test_a_fit_that_settles_is_no_worse_than_where_it_came_from(looked, effects):
     joint, _, _ = looked("quadratic_damping")
     effect = effects["quadratic_damping"]
-    begin = joint.fit([effect], np.array([1e-6]), most_steps=1)
+    begin = joint.fit(ActiveEffects((effect,), np.array([1e-6])), most_steps=1)
     end = settled(joint, begin)
     assert end.fit.nll < begin.nll
     again = settled(end.joint, end.fit)
@@ -106,15 +108,14 @@ def test_an_effect_with_a_shape_at_its_bound_has_become_another(looked, effects)
     low, high = joint.limits([mode])
     inside = coordinates(mode, complete(mode, frequency_Hz=1e5, damping_ratio=0.05, strength=0.02))
     jacobian = np.ones((int(joint.ends[-1]), inside.size))
-    hypothesis = replace(
-        base_hypothesis(joint), fit=replace(joint.base, effects=(mode,), theta=inside, jacobian=jacobian)
-    )
+    fit = replace(joint.base.moved(active=ActiveEffects((mode,), inside)), jacobian=jacobian)
+    hypothesis = replace(base_hypothesis(joint), fit=fit)
     assert not hypothesis.degenerate
     for k, degenerate in ((0, True), (1, True), (2, False)):  # a strength may be anything
         for end in (low, high):
             theta = inside.copy()
             theta[k] = end[k]
-            at_bound = replace(hypothesis, fit=replace(hypothesis.fit, theta=theta))
+            at_bound = replace(hypothesis, fit=fit.moved(active=fit.active.at(theta)))
             assert at_bound.degenerate == degenerate
             slopes_without = np.where(np.arange(inside.size) == k, 0.0, jacobian)
             assert not replace(at_bound, fit=replace(at_bound.fit, jacobian=slopes_without)).degenerate  # does nothing
@@ -155,12 +156,15 @@ def test_what_does_not_show_is_not_added_and_what_idles_is_dropped(looked, effec
     joint, _, _ = looked("quadratic_damping")
     damping, feedthrough = effects["quadratic_damping"], effects["feedthrough"]
     base = base_hypothesis(joint)
-    alone = settled(joint, joint.fit([damping], coordinates(damping, values("quadratic_damping"))))
+    alone = settled(joint, joint.fit(ActiveEffects.of([(damping, values("quadratic_damping"))])))
     assert supported(base, alone)
     assert worth_adding(base, alone)
     assert alone.noise_known
     both = settled(
-        joint, joint.fit([damping, feedthrough], np.append(alone.fit.theta, [1e-12, 1e-8, 0.0]), alone.fit.head)
+        joint,
+        joint.fit(
+            ActiveEffects((damping, feedthrough), np.append(alone.fit.active.theta, [1e-12, 1e-8, 0.0])), alone.fit.head
+        ),
     )
     assert both.gain >= alone.gain - 0.5
     assert not (supported(alone, both) and worth_adding(alone, both))
@@ -171,7 +175,7 @@ def test_support_asks_for_conditions_left_out_and_not_for_the_fit_alone(looked):
     """A hypothesis that does well on one condition by failing on the others is not supported."""
     joint, chosen, found = looked("quadratic_damping")
     base = base_hypothesis(joint)
-    best = attribute(joint, base, chosen[:1], found, ProcessPool(1), silent)[0]
+    best = attribute(joint, base, chosen[:1], found, FitContext(ProcessPool(1)))[0]
     assert supported(base, best)
     lucky = replace(best)
     worse = replace(best.predicted, residuals=best.predicted.residuals + 20.0)
@@ -202,7 +206,7 @@ def test_each_p_value_is_of_the_test_that_added_the_effect_whichever_parent_won(
 
     monkeypatch.setattr(select_module, "attribute", first_choice_is_a_dead_end)
     monkeypatch.setattr(Signatures, "chance", lambda self, score, rng: 1e-3 / max(score, 1.0))
-    found_at_last = select(joint, chosen, found, ProcessPool(1), np.random.default_rng(0), silent)
+    found_at_last = select(joint, chosen, found, FitContext(ProcessPool(1)))
     assert set(found_at_last.chosen.ids) == {"feedthrough", "quadratic_damping"}
     first, second = found_at_last.chosen.ids
 

@@ -1,0 +1,49 @@
+"""What every step of a diagnosis needs beside the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+
+from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
+from inkjet_env.mismatch.fitting.fit_result import FitResult
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
+from inkjet_env.plant.active_effects import ActiveEffects
+
+Task = TypeVar("Task")
+
+
+@dataclass(frozen=True, eq=False)
+class FitContext:
+    """Where fits run, how they are kept, where random numbers come from and who is shown the progress.
+
+    Parameters
+    ----------
+    pool : ProcessPool
+        Processes that the fits run on.
+    rng : Generator
+        Random numbers of the diagnosis, drawn in the order of its steps.
+    progress : callable
+        Told in words what is being done.
+    checkpoint : FitCheckpoint
+        Fits that were finished before; none unless given.
+    """
+
+    pool: ProcessPool = field(default_factory=lambda: ProcessPool(1))
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    progress: Callable[[str], None] = lambda _: None
+    checkpoint: FitCheckpoint = field(default_factory=FitCheckpoint)
+
+    def fits(
+        self,
+        joint: OutputErrorFit,
+        function: Callable[[Task], FitResult | None],
+        tasks: Sequence[Task],
+        questions: Sequence[tuple[ActiveEffects, FitResult, int | str | None]],
+    ) -> Iterator[FitResult | None]:
+        """Results of fits in the order of the tasks, as they come; see `FitCheckpoint.fits`."""
+        return self.checkpoint.fits(self.pool, joint, function, tasks, questions)

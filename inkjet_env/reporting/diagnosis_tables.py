@@ -1,0 +1,201 @@
+"""Rows of a diagnosis's tables: fits by channel and condition, parameters, views, noise, the head."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from inkjet_env.estimate import Estimate
+from inkjet_env.reporting.formatting import CHANNEL_WORDS, engineering, hertz, short, unit_text
+
+if TYPE_CHECKING:
+    from inkjet_env.identification import ModelledRecording
+    from inkjet_env.mismatch.diagnosis import Diagnosis, NamedEffect
+
+MOST_CONDITIONS = 60
+"""Largest number of conditions in a figure; the table has all."""
+MOST_CELLS = 8
+"""Largest number of rows in one view of the mismatch's location."""
+VIEW_WORDS = {
+    "amplitude": "Largest drive",
+    "slope": "Steepest edge",
+    "sign": "Polarity",
+    "order": "Order of recording",
+    "distortion": "Distortion",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """RMS residuals of a condition, a recording or a channel, before and after augmentation.
+
+    Attributes
+    ----------
+    label : str
+        Name of the row.
+    channel : str
+        Channel of its recordings.
+    unit : str
+        Unit of that channel.
+    held_out : bool
+        Whether the samples were held out of the fit.
+    names : tuple of str
+        Names of the recordings.
+    drive_V : (float, float)
+        Smallest and largest drive in volts.
+    noise, base, augmented : float
+        RMS of the noise and of the residuals of base and augmented model, in the channel's unit.
+    """
+
+    label: str
+    channel: str
+    unit: str
+    held_out: bool
+    names: tuple[str, ...]
+    drive_V: tuple[float, float]
+    noise: float
+    base: float
+    augmented: float
+
+    @property
+    def role(self) -> str:
+        """``held out`` or ``fitted``."""
+        return "held out" if self.held_out else "fitted"
+
+    @property
+    def closure(self) -> float:
+        """Fraction of the mean square above the noise that the augmented model removes; NaN if there is hardly any."""
+        beyond = self.base**2 - self.noise**2
+        return (self.base**2 - self.augmented**2) / beyond if beyond > 0.1 * self.noise**2 else math.nan
+
+
+def parameter_rows(named: NamedEffect) -> list[tuple[str, str, str, str, str]]:
+    """Name, value, 90 % interval, unit and meaning of an effect's parameters."""
+    known = {p.name: p for p in named.effect.parameters}
+    return [
+        (name, *engineering(estimate, named.unit_of(name)), known[name].meaning)
+        for name, estimate in named.parameters.items()
+    ]
+
+
+def pooled_row(label: str, recordings: Sequence[ModelledRecording], held_out: bool) -> Row:
+    """RMS residuals pooled over the held-out or the fitted samples of recordings of one channel."""
+    weights = np.array([r.measured.size - r.fitted if held_out else r.fitted for r in recordings], dtype=np.float64)
+
+    def pooled(values: Sequence[float]) -> float:
+        return math.sqrt(float(np.average(np.square(values), weights=weights)))
+
+    return Row(
+        label,
+        recordings[0].channel,
+        recordings[0].unit,
+        held_out,
+        tuple(r.name for r in recordings),
+        (min(float(r.drive_V.min()) for r in recordings), max(float(r.drive_V.max()) for r in recordings)),
+        pooled([r.noise_rms for r in recordings]),
+        pooled([r.rms("base", held_out) for r in recordings]),
+        pooled([r.rms("augmented", held_out) for r in recordings]),
+    )
+
+
+def _having(recordings: Sequence[ModelledRecording], held_out: bool) -> list[ModelledRecording]:
+    """The recordings of which any samples were held out, or fitted."""
+    return [r for r in recordings if (r.held_out if held_out else r.fitted > 0)]
+
+
+def channel_rows(diagnosis: Diagnosis) -> list[Row]:
+    """The fit of each channel with base and augmented model: held-out recordings, then fitted ones."""
+    rows = []
+    for channel in CHANNEL_WORDS:
+        mine = [r for r in diagnosis.recordings if r.channel == channel]
+        rows += [
+            pooled_row(CHANNEL_WORDS[channel], some, held_out)
+            for held_out in (True, False)
+            if (some := _having(mine, held_out))
+        ]
+    return rows
+
+
+def condition_rows(diagnosis: Diagnosis) -> list[tuple[Row, list[Row]]]:
+    """The fit of each condition (one drive on one channel) with both models, and of each recording that repeats it.
+
+    A channel's held-out conditions come first.
+    """
+    found = []
+    for channel in CHANNEL_WORDS:
+        by_drive: dict[tuple[float, bytes], list[ModelledRecording]] = {}
+        for recording in diagnosis.recordings:
+            if recording.channel == channel:
+                by_drive.setdefault((recording.step_s, recording.drive_V.tobytes()), []).append(recording)
+        for held_out in (True, False):
+            for recordings in by_drive.values():
+                if some := _having(recordings, held_out):
+                    label = some[0].name if len(some) == 1 else f"{some[0].name} + {len(some) - 1} more"
+                    each = [pooled_row(r.name, [r], held_out) for r in some] if len(some) > 1 else []
+                    found.append((pooled_row(label, some, held_out), each))
+    return found
+
+
+def shown_conditions(conditions: Sequence[tuple[Row, list[Row]]]) -> list[list[Row]]:
+    """Rows of each figure: a channel's conditions, at most `MOST_CONDITIONS` with the largest residual over noise."""
+    pictures = []
+    for channel in CHANNEL_WORDS:
+        mine = [row for row, _ in conditions if row.channel == channel]
+        kept = sorted(range(len(mine)), key=lambda k: -mine[k].base / max(mine[k].noise, 1e-300))[:MOST_CONDITIONS]
+        if kept:
+            pictures.append([mine[k] for k in sorted(kept)])
+    return pictures
+
+
+def view_tables(diagnosis: Diagnosis) -> list[tuple[str, int, list[tuple[str, float, float, float]]]]:
+    """Title, number of cells and rows of each view of the mismatch's location.
+
+    A row is a label, power over noise, the length of its bar in per cent, and z. A view with many cells shows those
+    with the largest z, in the view's order.
+    """
+    tables = []
+    for view, cells in diagnosis.location.tables.items():
+        kept = sorted(range(len(cells)), key=lambda k: -np.nan_to_num(cells[k][2], nan=-math.inf))[:MOST_CELLS]
+        rows = [cells[k] for k in sorted(kept)]
+        largest = max(1.0, *(_decades(ratio) for _, ratio, _ in rows)) if rows else 1.0
+        bars = [(_in_words(label), ratio, round(100 * _decades(ratio) / largest, 1), z) for label, ratio, z in rows]
+        if bars:
+            tables.append((VIEW_WORDS.get(view, view.capitalize()), len(cells), bars))
+    return tables
+
+
+def _in_words(label: str) -> str:
+    for channel, words in CHANNEL_WORDS.items():
+        label = label.replace(channel, words)
+    return label
+
+
+def _decades(ratio: float) -> float:
+    """Decades of power above the noise; 0 for a power at or below it, which has no bar."""
+    return math.log10(ratio) if 1 < ratio < math.inf else 0.0
+
+
+def noise_rows(diagnosis: Diagnosis) -> list[tuple[str, str, float, int, str]]:
+    """Channel, sampling step, RMS, number of recordings and unit of each noise."""
+    groups: dict[tuple[str, str], list[ModelledRecording]] = {}
+    for recording in diagnosis.recordings:
+        step = " ".join(engineering(Estimate(recording.step_s, recording.step_s, recording.step_s), "s")[::2])
+        groups.setdefault((CHANNEL_WORDS[recording.channel], step), []).append(recording)
+    return [
+        (channel, step, float(np.sqrt(np.mean([r.noise_rms**2 for r in some]))), len(some), unit_text(some[0].unit))
+        for (channel, step), some in groups.items()
+    ]
+
+
+def head_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    """Name, value without and value with effects of the head's parameters, which absorb part of missing effects."""
+    base, augmented = diagnosis.base_printhead, diagnosis.printhead
+    return [
+        ("resonance", hertz(base.frequency_Hz), hertz(augmented.frequency_Hz)),
+        ("damping ratio", short(base.damping_ratio, 4), short(augmented.damping_ratio, 4)),
+        ("gain of self-sensing b1, 1/s", short(base.b1, 4), short(augmented.b1, 4)),
+    ]
