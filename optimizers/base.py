@@ -56,7 +56,7 @@ class Optimizer:
             The budget is spent.
         """
         if self.remaining == 0:
-            raise RuntimeError(f"the budget of {self.budget} evaluations is spent. Make a new optimiser to go on.")
+            raise RuntimeError(f"the budget of {self.budget} evaluations is spent. Make a new optimiser to continue.")
         if self._asked is None:
             self._asked = np.array(self.propose()[: self.remaining], dtype=np.float64)
         return self._asked.copy()

@@ -13,9 +13,9 @@ from optimizers.base import Optimizer, Real, checked_count
 class ParticleSwarm(Optimizer):
     """Particle swarm with random factors and a global best, in constriction form.
 
-    ::
+    The update is Eq. (10) of docs/explanation/model.md with random factors::
 
-        v ← c1 v + c2 r2 (pbest − x) + c3 r3 (gbest − x),   x ← x + v
+        v ← c1 v + c2 r2 (pbest − x) + c3 r3 (gbest − x),   x ← x + v        (10)
 
     r2 and r3 are uniform on [0, 1] and drawn for every particle, coordinate and generation; all particles move before
     any best is updated. Initial positions are uniform in the box, initial velocities half the distance to another
@@ -74,8 +74,8 @@ class ParticleSwarm(Optimizer):
         swarm_best = self._best_x[np.argmin(self._best_cost)]
         c1, c2, c3 = self._coefficients
         r2, r3 = self._factors()
-        self._v = c1 * self._v + c2 * r2 * (self._best_x - self._x) + c3 * r3 * (swarm_best - self._x)
-        moved = self._x + self._v
+        self._v = c1 * self._v + c2 * r2 * (self._best_x - self._x) + c3 * r3 * (swarm_best - self._x)  # Eq. (10)
+        moved = self._x + self._v  # Eq. (10)
         self._x = np.clip(moved, -1.0, 1.0)
         self._v[moved != self._x] = 0.0
 
@@ -86,9 +86,9 @@ class ParticleSwarm(Optimizer):
 class PrintedParticleSwarm(ParticleSwarm):
     """The particle swarm as printed in Zhu et al. (Micromachines 15, 2024, 1192), without random factors.
 
-    ::
+    The update is Eq. (10) of docs/explanation/model.md::
 
-        v ← c1 v + c2 (pbest − x) + c3 (gbest − x),   x ← x + v
+        v ← c1 v + c2 (pbest − x) + c3 (gbest − x),   x ← x + v        (10)
 
     Start and walls are those of `ParticleSwarm`; only the initial positions and velocities are random, every later move
     is deterministic. The paper prints neither c1, c2, c3 nor the population. Here c1 = 0.7298 and c2 = c3 = 0.74809:

@@ -162,9 +162,9 @@ class Comparison:
         return regrets_V(runs, budget)
 
     def regrets(self, optimizer: str, name: str, budget: int) -> Real:
-        """Regret in the problem's scale, shape (runs,), rounded to a microvolt first."""
+        """Regret in the problem's scale, Eq. (1) of `regret`, shape (runs,); rounded to a microvolt first."""
         rounded_V = RESOLUTION_V * np.round(self.regrets_V(optimizer, name, budget) / RESOLUTION_V)
-        regrets: Real = rounded_V / scale_V(name)
+        regrets: Real = rounded_V / scale_V(name)  # Eq. (1)
         return regrets
 
     def hits(self, optimizer: str, name: str, targets: Sequence[float] = TARGETS) -> Real:
@@ -176,7 +176,7 @@ class Comparison:
         runs = self.runs.get((optimizer, name), [])
         found = np.full((len(runs) or self.outcome.settings.repeats, len(targets)), math.inf)
         for row, run in zip(found, runs, strict=False):
-            regret = (run.costs_V - best_known_cost(name)) / scale_V(name)
+            regret = (run.costs_V - best_known_cost(name)) / scale_V(name)  # Eq. (1)
             for k, target in enumerate(targets):
                 met = np.flatnonzero(regret <= target)
                 row[k] = run.evaluations[met[0]] if met.size else math.inf

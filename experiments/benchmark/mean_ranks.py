@@ -133,7 +133,12 @@ def mean_rank_intervals(regrets_V: Mapping[str, ArrayLike], rng: np.random.Gener
 def friedman_and_nemenyi(medians_V: Real) -> tuple[float, float]:
     """Friedman's p-value and Nemenyi's critical difference of mean ranks at 5 %.
 
-    Both are NaN with fewer than three optimisers or fewer than `ENOUGH_PROBLEMS` problems.
+    The critical difference of m optimisers on N problems is Eq. (2) of docs/explanation/statistics.md::
+
+        CD = q sqrt(m (m + 1) / (6 N))        (2)
+
+    with the Studentised range statistic q divided by √2. Both results are NaN with fewer than three optimisers or fewer
+    than `ENOUGH_PROBLEMS` problems.
 
     Parameters
     ----------
@@ -149,5 +154,5 @@ def friedman_and_nemenyi(medians_V: Real) -> tuple[float, float]:
     if (rounded == rounded[0]).all():
         return 1.0, math.nan
     critical = studentized_range.ppf(CONFIDENCE, optimizers, np.inf) / math.sqrt(2)
-    difference = critical * math.sqrt(optimizers * (optimizers + 1) / (6 * problems))
+    difference = critical * math.sqrt(optimizers * (optimizers + 1) / (6 * problems))  # Eq. (2)
     return float(friedmanchisquare(*rounded).pvalue), float(difference)

@@ -1,4 +1,11 @@
-"""Regret of runs: best cost minus the best known cost, in volts or in the problem's own scale."""
+"""Regret of runs: best cost minus the best known cost, in volts or in the problem's own scale.
+
+In the problem's scale the regret is Eq. (1) of docs/explanation/statistics.md::
+
+    ρ = (J − J*) / s,   s = E[min of 50 random waveforms' costs] − J*        (1)
+
+with the cost J of the waveform kept, the best known cost J* and the scale s, all in volts.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +49,7 @@ def regrets_V(runs: Sequence[RunResult], evaluations: ArrayLike) -> Real:
     ndarray, shape (runs, *evaluations.shape)
         Regrets in volts.
     """
-    return np.array([run.kept_V(evaluations) - best_known_cost(run.key.problem) for run in runs])
+    return np.array([run.kept_V(evaluations) - best_known_cost(run.key.problem) for run in runs])  # J − J* of Eq. (1)
 
 
 def regret_quartiles_V(runs: Sequence[RunResult], evaluations: ArrayLike) -> Real:
@@ -52,8 +59,8 @@ def regret_quartiles_V(runs: Sequence[RunResult], evaluations: ArrayLike) -> Rea
 
 @functools.cache
 def scale_V(name: str) -> float:
-    """Mean regret of the best of 50 random waveforms on a problem, in volts."""
-    return best_of_random_V(problem(name)) - best_known_cost(name)
+    """Mean regret of the best of 50 random waveforms on a problem, in volts: the scale s of Eq. (1)."""
+    return best_of_random_V(problem(name)) - best_known_cost(name)  # s of Eq. (1)
 
 
 def best_of_random_V(of: Problem) -> float:

@@ -1,4 +1,4 @@
-"""What else one could do about a mismatch, tried on the same campaigns: refit, SINDy, ridge, network."""
+"""Baselines for a mismatch, tried on the campaigns of the proof: refit, SINDy, ridge regression, neural network."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from experiments.proof.campaign_files import unpack
 
 
 def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -> dict[str, Any]:
-    """Held-out RMS over the noise of each peer of the diagnosis on a campaign, and how far what it named is right.
+    """Held-out RMS over the noise of each baseline on a campaign, and the judgement of the effects it names.
 
-    The peers stand on the base model of a diagnosis, so it is made once more here.
+    The baselines need the base model of a diagnosis, so the campaign is diagnosed once more here.
 
     Parameters
     ----------
     packed : bytes
-        The campaign.
+        Files of the campaign.
     truth : sequence of str
         Ids of the concealed effects.
     verdict : dict
@@ -27,7 +27,8 @@ def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -
     Returns
     -------
     dict
-        ``over_noise`` by peer, ``judged`` by peer, and whether the diagnosis said the ``same`` again.
+        ``over_noise`` and ``judged`` by baseline, the groups that ``pysindy`` names, and whether the diagnosis gave the
+        ``same`` verdict again.
     """
     from experiments.validation.baselines.compare import PEERS, compared, verdict_on
     from experiments.validation.baselines.sindy import said
@@ -56,7 +57,7 @@ def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -
 
 
 def _with_sets(found: Any) -> list[tuple[str, ...]]:
-    """The named effects, each with those that it was not told apart from."""
+    """The named effects, each with those from which it could not be distinguished."""
     groups = []
     for effect in found.effects:
         mine = next((group for group in found.candidates if effect.effect.id in group), (effect.effect.id,))

@@ -1,4 +1,4 @@
-"""One case diagnosed blind: a process of its own, in an empty folder, that is given a copy of the campaign alone."""
+"""Blind diagnosis of one case: by a separate process in an empty folder that gets only a copy of the campaign."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
     Parameters
     ----------
     name : str
-        Of the campaign.
+        Opaque name of the campaign.
     packed : bytes
-        Its files, see `campaign_files.pack`.
+        Its files, from `campaign_files.pack`.
     sealed_digest : str
-        What the manifest says of it.
+        Its SHA-256 in the manifest.
 
     Returns
     -------
     dict
         ``answer``: status ("diagnosed", "refused" or "failed"), sentence, the ``diagnosis/1`` without its seconds, the
-        augmented and the base printhead as ``printhead/1``; ``run``: seconds, CPU seconds, what was opened elsewhere.
+        augmented and the base printhead as ``printhead/1``; ``run``: seconds, CPU seconds, paths opened elsewhere.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
         scratch = Path(place)
         unpack(packed, scratch / name)
         if digest(scratch / name) != sealed_digest:
-            raise ProofError(f"{name} is not the campaign that was sealed. Begin again in another folder.")
+            raise ProofError(f"{name} is not the campaign that was sealed. Start again in another folder.")
         begin_s, begin_cpu_s = time.perf_counter(), _children_cpu_s()
         answer: dict[str, Any] = {
             "status": "diagnosed",
@@ -80,7 +80,7 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
 
 
 def _inkjet(scratch: Path, seen: set[str], *arguments: str) -> tuple[int, str]:
-    """Run the command; exit status and, where it is not 0, what it said last."""
+    """Run the command in the sandbox; its exit status and, if that is not 0, its last line on standard error."""
     command = [sys.executable, "-m", "experiments.proof.sandbox", *arguments]
     try:
         done = subprocess.run(
@@ -105,13 +105,13 @@ def _inkjet(scratch: Path, seen: set[str], *arguments: str) -> tuple[int, str]:
 
 
 def _last_words(lines: Sequence[str], scratch: Path) -> str:
-    """The sentence of a refusal, or of a traceback; the scratch folder's name, which is chance, left out."""
+    """The last line of a refusal or a traceback, without the scratch folder's name, which is random."""
     last = lines[-1] if lines else "it said nothing."
     return last.removeprefix("inkjet: ").replace(f"{scratch}{os.sep}", "")
 
 
 def clean_environment(scratch: Path) -> Mapping[str, str]:
-    """What a blind process is told: where programs are and where the package is, one thread, no hash seed of chance."""
+    """Environment of a blind process: paths of programs and of the package, one thread, a fixed hash seed."""
     kept = {name: os.environ[name] for name in KEPT_OF_ENVIRONMENT if name in os.environ}
     package = Path(__file__).resolve().parents[2]
     own = {"PYTHONPATH": str(package), "PYTHONHASHSEED": "0", "LANG": "C.UTF-8", "HOME": str(scratch)}
@@ -119,6 +119,6 @@ def clean_environment(scratch: Path) -> Mapping[str, str]:
 
 
 def _children_cpu_s() -> float:
-    """CPU time of all processes that this one has waited for."""
+    """CPU time in seconds of all child processes that this one has waited for."""
     times = os.times()
     return times.children_user + times.children_system

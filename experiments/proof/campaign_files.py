@@ -1,4 +1,4 @@
-"""A campaign's folder as one value: its digest, its bytes for a worker that shares no disc, what may be in it."""
+"""A campaign's folder as one value: its digest, its bytes for a worker without a shared disk, its permitted content."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any
 
 DESCRIPTOR = "datapackage.json"
 TELLING = frozenset({"truth", "effect", "effects", "family", "strength", "rho", "variant", "concealed", "seed"})
-"""Keys that a descriptor of a campaign has no use for."""
+"""Keys that a campaign's descriptor must not contain, because they may reveal the truth."""
 
 
 class ProofError(ValueError):
-    """What would make a proof worthless: the run stops and says so."""
+    """A violation that would invalidate a proof: the run stops with this error."""
 
 
 def digest(folder: Path) -> str:
@@ -43,42 +43,42 @@ def unpack(packed: bytes, folder: Path) -> None:
     Raises
     ------
     ProofError
-        A name that is no plain file name.
+        A name in the archive is not a plain file name.
     """
     folder.mkdir(parents=True)
     with zipfile.ZipFile(io.BytesIO(packed)) as archive:
         for name in archive.namelist():
             if name != Path(name).name or name in ("", ".", ".."):
                 raise ProofError(
-                    f"a packed campaign holds {name!r}, which is no plain file name. Pack the folder again."
+                    f"a packed campaign holds {name!r}, which is not a plain file name. Pack the folder again."
                 )
             (folder / name).write_bytes(archive.read(name))
 
 
 def check_campaign_only(folder: Path) -> None:
-    """Raise ``ProofError`` where a campaign's folder holds anything but a descriptor and the recordings it lists."""
+    """Raise ``ProofError`` if a campaign's folder holds anything but a descriptor and the recordings it lists."""
     descriptor = folder / DESCRIPTOR
     try:
         content = json.loads(descriptor.read_text(encoding="utf-8"))
         listed = {str(resource["path"]) for resource in content["resources"]}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ProofError(
-            f"{descriptor} cannot be read ({type(error).__name__}). Begin again in another folder."
+            f"{descriptor} cannot be read ({type(error).__name__}). Start again in another folder."
         ) from None
     for path in sorted(folder.iterdir()):
         if path.name not in listed | {DESCRIPTOR}:
             raise ProofError(
-                f"{path} is no recording of that campaign, and a campaign that is diagnosed blind holds nothing else: "
-                "it may tell the truth. Remove it, or begin again in another folder."
+                f"{path} is not a recording of that campaign, and a campaign for blind diagnosis must hold nothing "
+                "else: it may reveal the truth. Remove it, or start again in another folder."
             )
     if told := _telling(content):
         raise ProofError(
-            f"{descriptor} has the key {told!r}, which may tell what is concealed. Begin again in another folder."
+            f"{descriptor} has the key {told!r}, which may reveal what is concealed. Start again in another folder."
         )
 
 
 def _telling(value: Any) -> str:
-    """The first telling key; empty where there is none."""
+    """The first key that may reveal the truth; empty if there is none."""
     if isinstance(value, dict):
         for key, inner in value.items():
             if found := key if key.lower() in TELLING else _telling(inner):
@@ -91,11 +91,11 @@ def _telling(value: Any) -> str:
 
 
 def _files(folder: Path) -> list[Path]:
-    """In the order of their names."""
+    """The files of a campaign's folder in the order of their names."""
     if not folder.is_dir():
         raise ProofError(f"{folder} is missing: the campaigns of a proof must stay where they were written.")
     found = sorted(folder.iterdir())
     for path in found:
         if not path.is_file():
-            raise ProofError(f"{path} is no file: a campaign of a proof is a descriptor and its recordings.")
+            raise ProofError(f"{path} is not a file: a campaign of a proof is a descriptor and its recordings.")
     return found

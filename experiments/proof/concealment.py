@@ -1,4 +1,4 @@
-"""The door to the concealed plant, the only one: a draw becomes a campaign and its truth, or the plant itself again."""
+"""The only interface to the concealed plant: it turns a draw into a campaign with its truth, or into the plant."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from experiments.proof.corpus import MOST_ATTEMPTS, Draw
 
 RIG = "experiments.concealed_rig"
 OUT_OF_REACH = re.compile(r" does not reach rho | cannot be as faint as rho |: no strength gives rho ")
-"""In the plant's ValueError where no strength within an effect's bounds gives the mismatch that is asked for; it raises
-that type for everything else too."""
+"""Matches the message of the plant's ValueError if no strength within an effect's bounds gives the requested mismatch;
+the plant raises that type for all other errors too."""
 
 
 @dataclass(frozen=True)
 class Concealed:
-    """What one case has become.
+    """One concealed case.
 
     Attributes
     ----------
     packed : bytes
-        The campaign, see `campaign_files.pack`.
+        Files of the campaign, from `campaign_files.pack`.
     digest : str
-        Of its folder.
+        SHA-256 of the campaign's folder.
     truth : dict
-        What the plant tells of itself, as plain JSON values.
+        Description of the plant, as plain JSON values.
     attempt : int
-        At which physics allowed the draw, from 0.
+        Number, from 0, of the first attempt at which the draw was physically possible.
     """
 
     packed: bytes
@@ -47,17 +47,18 @@ def conceal(draw: Draw, name: str, rig: str = RIG) -> Concealed:
     Parameters
     ----------
     draw : Draw
+        The case of the corpus.
     name : str
-        Of the campaign: opaque.
+        Opaque name of the campaign.
     rig : str
         Module of the concealed plant.
 
     Raises
     ------
     ProofError
-        No attempt of `MOST_ATTEMPTS` gave the strength that was asked for.
+        None of `MOST_ATTEMPTS` attempts gave the requested strength.
     RuntimeError
-        The plant refused the draw for another reason, which another draw would hide.
+        The plant refused the draw for another reason, which a further attempt would mask.
     """
     reason = ""
     for attempt in range(MOST_ATTEMPTS):
@@ -73,7 +74,7 @@ def conceal(draw: Draw, name: str, rig: str = RIG) -> Concealed:
             plant.write(folder, name)
             check_campaign_only(folder)
             return Concealed(pack(folder), digest(folder), plant.truth(), attempt)
-    raise ProofError(f"{_told(draw)} was drawn {MOST_ATTEMPTS} times in vain: {reason}")
+    raise ProofError(f"{_told(draw)} was drawn {MOST_ATTEMPTS} times without success: {reason}")
 
 
 def _told(draw: Draw) -> str:
@@ -81,13 +82,13 @@ def _told(draw: Draw) -> str:
 
 
 def families(rig: str = RIG) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What the plant can conceal that no catalogue has, and the laws of hysteresis of its own."""
+    """Families of effects that the plant has and no catalogue contains, and the plant's own hysteresis laws."""
     module = import_module(f"{rig}.case")
     return tuple(module.OUTSIDE), tuple(module.BASES)
 
 
 def plant_of(draw: Draw, attempt: int, rig: str = RIG) -> Any:
-    """The concealed plant of a case: the same at every call."""
+    """The concealed plant of a case; the same at every call."""
     module = import_module(rig)
     case = module.Case(
         number=draw.number,

@@ -1,4 +1,4 @@
-"""One line of the table: a figure with its interval, beside what is asked of a first-rate diagnosis."""
+"""One line of the proof's table: a figure with its interval and the criterion of a first-rate diagnosis."""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ class Figure:
     Attributes
     ----------
     name : str
-        In words.
+        Name of the figure, in words.
     value, low, high : float
-        With the 90 % interval: Wilson's for a share, a bootstrap over cases for anything else; NaN where nothing tells.
+        Value and 90 % interval: Wilson's for a proportion, a bootstrap over cases otherwise; NaN if undefined.
     of : int
-        Number of cases, or of what else it is counted over.
+        Number of cases or other items over which it is computed.
     kind : {"share", "number"}
+        Whether it is a proportion, printed in per cent, or a plain number.
     hits : int or None
-        Of a share.
+        Number of hits of a proportion.
     least, most : float or None
-        What is asked; None where nothing is.
+        Bounds of the criterion; None if there is no bound.
     """
 
     name: str
@@ -47,14 +48,14 @@ class Figure:
 
     @property
     def met(self) -> bool | None:
-        """Whether it is as good as asked; None where nothing is asked, or nothing was counted."""
+        """Whether the criterion is met; None if there is no criterion or no value."""
         if (self.least is None and self.most is None) or math.isnan(self.value):
             return None
         return (self.least is None or self.value >= self.least) and (self.most is None or self.value <= self.most)
 
     @property
     def asked(self) -> str:
-        """What is asked, in words; empty where nothing is."""
+        """The criterion as text; empty if there is none."""
 
         def told(value: float) -> str:
             return f"{100 * value:.3g} %" if self.kind == "share" else f"{value:.3g}"
@@ -66,7 +67,7 @@ class Figure:
         return f"≤ {told(self.most)}" if self.most is not None else ""
 
     def as_json(self) -> dict[str, Any]:
-        """Plain JSON values; what does not exist is null."""
+        """The figure as plain JSON values; undefined numbers are null."""
         numbers = {name: finite(getattr(self, name)) for name in ("value", "low", "high")}
         return {
             "name": self.name,
@@ -82,12 +83,12 @@ class Figure:
 
 
 def finite(value: float) -> float | None:
-    """The number, or None where it is none."""
+    """The number; None if it is not finite."""
     return float(value) if math.isfinite(value) else None
 
 
 def counted(name: str, hits: Sequence[bool], least: float | None = None, most: float | None = None) -> Figure:
-    """A share of cases, with Wilson's interval."""
+    """A proportion of cases with Wilson's interval."""
     number = int(sum(hits))
     value, low, high = share(number, len(hits), CONFIDENCE)
     return Figure(name, value, low, high, len(hits), "share", number, least, most)
@@ -101,9 +102,9 @@ def estimated(
     most: float | None = None,
     kind: str = "number",
 ) -> Figure:
-    """A statistic of cases, with the percentiles of its bootstrap over them; the same numbers at every call.
+    """A statistic of cases with its bootstrap percentile interval over them; the same numbers at every call.
 
-    One case tells nothing of the spread, and has no interval.
+    A single case gives no interval.
     """
     if len(sample) < 2:
         value = statistic(sample) if sample else math.nan

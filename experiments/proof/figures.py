@@ -1,4 +1,4 @@
-"""Pictures of a proof: detection against strength, who was taken for whom, closures, what it is worth."""
+"""Figures of a proof: detection against strength, confusion matrix, closures, waveform gains."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 WIDTH = 5.4
 RIGHT, WRONG, ABSTAINED = "#1b5e8c", "#b3541e", "#777777"
 LEAST_SHADE, LEAST_WRONG = 0.2, 0.55
-"""Of a cell that holds one head among many; a wrong one shows."""
+"""Lightest shade of a nonempty cell, and of a wrong one, so that single heads are visible."""
 NOTHING_AT = 0.03
-"""Where a strength of 0 stands on the logarithmic axis."""
+"""Position of strength 0 on the logarithmic axis."""
 
 
 def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Share detected, and rightly named, against strength, with 90 % intervals."""
+    """Fractions detected and correctly named against strength, with 90 % intervals."""
     figure, axes = plotting.new_figure(WIDTH, 3.5)
     at = [row["rho"] if row["strength"] != "nothing" else NOTHING_AT for row in rows]
     for name, label, colour, mark in (
@@ -48,7 +48,7 @@ def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def confusion_figure(table: Mapping[str, Mapping[str, int]]) -> Figure:
-    """Rows: what was concealed; columns: what was said; numbers: heads. Blue is right, orange wrong, grey abstained."""
+    """Confusion matrix of heads. Rows: concealed; columns: verdict. Blue: right, orange: wrong, grey: abstained."""
     rows = [name for name, counts in table.items() if sum(counts.values())]
     columns = [*STAGES, *OUTCOMES]
     figure, axes = plotting.new_figure(8.6, 1.9 + 0.235 * len(rows))
@@ -104,7 +104,7 @@ def _words(name: str) -> str:
 
 
 def closures_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Closure on fresh drives, a dot a head, by effect."""
+    """Closure on fresh drives by effect, one dot per head."""
     names = [name for name in STAGES if any(row["effect"] == name for row in rows)]
     figure, axes = plotting.new_figure(WIDTH, 1.3 + 0.2 * max(len(names), 4))
     for strength, colour, shift in (("strong", plotting.COLOURS[0], -0.14), ("medium", plotting.COLOURS[4], 0.14)):
@@ -123,7 +123,7 @@ def closures_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def worth_figure(heads: Sequence[Mapping[str, Any]]) -> Figure:
-    """Peak cost on the concealed head of the three waveforms, a line a head, the largest gain first."""
+    """Peak costs of the three waveforms on the concealed head, one line per head, the largest gain first."""
     order = sorted(heads, key=lambda head: head["oracle"] - head["base"])
     figure, axes = plotting.new_figure(WIDTH, 1.3 + 0.2 * max(len(order), 4))
     at = np.arange(len(order))

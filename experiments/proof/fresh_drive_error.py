@@ -1,4 +1,4 @@
-"""Base and augmented model against the concealed plant, on drives that neither has seen."""
+"""Errors of base and augmented model against the concealed plant, on drives that neither model has seen."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from inkjet_env.typing import Real
 
 NODES_A_PERIOD = 200
 LEAST_CLOSURE = -1e3
-"""What a model comes to that is worse than that, or that has no bounded answer to a fresh drive."""
+"""Lower limit of the closure; also that of a model whose response to a fresh drive is unbounded."""
 UNPREDICTABLE = tuple(effect.id for effect in catalogue() if not effect.predictable)
-"""On fresh drives, with which no neighbour moves, base and augmented model say the same of these effects."""
+"""Effects that do not show on fresh drives, which have no neighbour's drive: both models predict the same there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +29,13 @@ class Model:
     Attributes
     ----------
     head : Printhead or AugmentedPrinthead
+        The head.
     plant : Plant
+        The simulated head with its sensors.
     order : int
-        Of the recording after which it is meant.
+        Order of the recording at which the model is valid.
     channels : frozenset of str
-        Whose gain is known.
+        Channels with a known gain.
     """
 
     head: Printhead | AugmentedPrinthead
@@ -42,12 +44,12 @@ class Model:
     channels: frozenset[str]
 
     def signal(self, drive_V: Real, step_s: float, channel: str, initial_state: str) -> Real:
-        """What the sensor would show, shape (n,), but for an offset.
+        """Predicted sensor signal up to an offset, in the channel's unit, shape (n,).
 
         Raises
         ------
         FloatingPointError
-            A motion that grows without bound.
+            The motion grows without bound.
         """
         substeps = 2 * max(1, math.ceil(NODES_A_PERIOD * self.plant.printhead.frequency_Hz * step_s / 2))
         substeps = substeps if channel != "strain_gauge" else 2
@@ -55,7 +57,7 @@ class Model:
 
 
 def model_of(data: Mapping[str, Any]) -> Model:
-    """The model that a ``printhead/1`` describes; ``ValueError`` where `printhead_of` refuses it."""
+    """The model that a ``printhead/1`` describes; ``ValueError`` if `printhead_of` refuses it."""
     head = printhead_of(data)
     channels = (data.get("fit") or {}).get("channels") or {}
     gains = {channel: float(entry["gain"]["value"]) for channel, entry in channels.items() if "gain" in entry}
@@ -66,25 +68,26 @@ def model_of(data: Mapping[str, Any]) -> Model:
 
 
 def closure(base: Model, augmented: Model, plant: Any, seed: int) -> dict[str, Any]:
-    """How much of the base model's error on fresh drives the augmented one removes.
+    """Fraction of the base model's error on fresh drives that the augmented model removes.
 
-    Each model may have one offset a drive. Errors are pooled over the drives relative to each one's own signal, so that
-    a gauge's volts and a current's count alike.
+    One offset per model and drive is free. Errors are relative to each drive's own signal before they are pooled over
+    the drives, so that volts of a strain gauge and of a current count alike.
 
     Parameters
     ----------
     base, augmented : Model
+        The two models.
     plant : object
-        The concealed one, with ``fresh_drives`` and ``response``.
+        The concealed plant, with ``fresh_drives`` and ``response``.
     seed : int
-        Of the fresh drives.
+        Seed of the fresh drives.
 
     Returns
     -------
     dict
-        ``closure`` (1: all, 0: nothing, below: it made things worse, at the least `LEAST_CLOSURE`); the number of
-        ``drives``; and of base and augmented model the RMS error over the signal's, pooled, None where a model has no
-        bounded answer. Where the base model has no error to compare with, ``closure`` is None and ``reason`` tells why.
+        ``closure`` (1: all, 0: nothing, negative: the error grew; at least `LEAST_CLOSURE`); the number of ``drives``;
+        and for each model the pooled RMS error relative to the signal's RMS, None if its response is unbounded. If the
+        base model has no error to compare with, ``closure`` is None and ``reason`` explains why.
     """
     errors: dict[str, list[float]] = {"base": [], "augmented": []}
     for drive in plant.fresh_drives(np.random.default_rng(seed)):
@@ -92,7 +95,7 @@ def closure(base: Model, augmented: Model, plant: Any, seed: int) -> dict[str, A
             continue
         true = plant.response(drive.drive_V, drive.step_s, drive.channel, drive.initial_state)
         if np.ptp(true) == 0:
-            continue  # a drive that stands still
+            continue  # a constant drive
         size = float(np.mean((true - true.mean()) ** 2))
         for name, model in (("base", base), ("augmented", augmented)):
             try:

@@ -1,4 +1,4 @@
-"""An answer held against the truth: what only whoever concealed can know."""
+"""Judgement of an answer against the truth, which only the concealed plant knows."""
 
 from __future__ import annotations
 
@@ -30,24 +30,23 @@ COMPARED = {
     ("sensor_saturation", "limit"): ("level_V", ("clip",)),
     ("mains_hum", "frequency_Hz"): ("frequency_Hz", ()),
 }
-"""Parameters that mean the same to diagnosis and concealed plant: the plant's name for each, and in which of its
-variants (all where none is listed): those in which both write the same equation. Left out is whatever hangs on
-hysteretic volts, which are a convention that two models need not share, and whatever the two describe by other
-equations (the rail of a tanh)."""
+"""Parameters with the same meaning in diagnosis and concealed plant: the plant's name for each, and the variants in
+which both use the same equation (all if none is listed). Parameters that depend on hysteretic volts, a convention that
+the two models need not share, and parameters of differing equations (such as the limit of a tanh) are left out."""
 COVERED = 0.5
-"""Of a true stretch, what was told must hold so much."""
+"""Fraction of the true segments that the reported location must cover."""
 
 
 def questions(draws: Sequence[Draw], reoptimise: int, baselines: int) -> dict[int, dict[str, bool]]:
-    """What is asked of each case beside the usual, by its number.
+    """Additional questions about each case, by its number.
 
     Parameters
     ----------
     draws : sequence of Draw
         The corpus.
     reoptimise, baselines : int
-        How many heads have their waveform optimised anew, and on how many campaigns the peers are tried: of strong
-        effects that fresh drives show, taken in turn from all of them.
+        Number of heads whose waveform is re-optimised, and of campaigns on which the baselines are tried; both are
+        chosen in turn from all strong effects that fresh drives show.
     """
     from experiments.proof.fresh_drive_error import UNPREDICTABLE
 
@@ -71,16 +70,16 @@ def questions(draws: Sequence[Draw], reoptimise: int, baselines: int) -> dict[in
 def judge_case(
     case: Mapping[str, Any], answer: Mapping[str, Any], packed: bytes, asked: Mapping[str, Any], rig: str, code: str
 ) -> dict[str, Any]:
-    """Everything about one answer that the truth is needed for.
+    """All results on one answer that require the truth.
 
     Parameters
     ----------
     case : dict
-        As sealed: draw, attempt, truth.
+        The case as sealed: draw, attempt, truth.
     answer : dict
-        See `blind_run.diagnose_blind`.
+        The answer from `blind_run.diagnose_blind`.
     packed : bytes
-        The campaign.
+        Files of the campaign.
     asked : dict
         Whether to ``reoptimise`` and to try the ``baselines``.
     rig, code : str
@@ -89,12 +88,10 @@ def judge_case(
     Raises
     ------
     ProofError
-        The worker's code is another.
+        The worker has other code.
     """
     if code_digest(JUDGE_SOURCES) != code:
-        raise ProofError(
-            "the judge's code was changed, here or at a worker. Start the workers again with the same code."
-        )
+        raise ProofError("the judge's code was changed, here or at a worker. Restart the workers with the same code.")
     draw, truth = Draw.from_json(dict(case["draw"])), case["truth"]
     nothing: dict[str, Any] = {"closure": None, "fresh": None, "parameters": [], "location": {}}
     verdict = answer["verdict"]
@@ -121,7 +118,7 @@ def judge_case(
 
 
 def parameters(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Parameters of `COMPARED` of effects that were rightly found, beside their true values."""
+    """Estimates and true values of the parameters in `COMPARED`, for effects that were found correctly."""
     rows = []
     concealed = {entry["id"]: entry for entry in truth["effects"]}
     for effect in verdict["effects"]:
@@ -137,9 +134,9 @@ def parameters(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dic
 
 
 def located(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, bool]:
-    """Whether recordings, time, frequency and drive that were told hold those of the recordings that show most.
+    """Whether the reported recordings, times, frequencies and drives cover those where the effect is strongest.
 
-    Empty where nothing is to be seen anywhere.
+    Empty if the effect shows nowhere.
     """
     told, details = verdict["location"], truth["location"]["details"]
     if not details:
@@ -165,7 +162,7 @@ def _log(value: float) -> float:
 
 
 def _covered(span: tuple[float, float], told: Sequence[tuple[float, float]]) -> float:
-    """Share of a stretch that lies in the union of others; of a point, whether it does."""
+    """Fraction of an interval that lies in the union of others; for a point, 1 or 0."""
     low, high = span
     if high <= low:
         return float(any(a <= low <= b for a, b in told))

@@ -1,4 +1,4 @@
-"""The score of a proof for people, on a terminal."""
+"""The score of a proof, printed on a terminal."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def figure_text(value: float | None, kind: str) -> str:
-    """A figure for people.
+    """A figure as text: a proportion in per cent, a number with three digits, a dash if undefined.
 
     Examples
     --------
@@ -20,7 +20,7 @@ def figure_text(value: float | None, kind: str) -> str:
 
 
 def interval_text(figure: Mapping[str, Any]) -> str:
-    """The 90 % interval of a figure for people; a dash where one case tells nothing of the spread.
+    """The 90 % interval of a figure as text; a dash if there is none.
 
     Examples
     --------
@@ -34,7 +34,7 @@ def interval_text(figure: Mapping[str, Any]) -> str:
 
 
 def print_score(found: Mapping[str, Any]) -> None:
-    """Print the table, and how many figures fall short."""
+    """Print the table, the number of criteria met and the two commitments."""
     from inkjet_env.reporting.tables import print_table
 
     marks = {True: "yes", False: "SHORT", None: ""}
@@ -46,5 +46,5 @@ def print_score(found: Mapping[str, Any]) -> None:
             rows.append((figure["name"], value, interval_text(figure), count, figure["asked"], marks[figure["met"]]))
     print_table(("figure", "reached", "90 % interval", "cases", "asked", "met"), rows)
     judged = [figure for figure in found["figures"] if figure["met"] is not None]
-    print(f"{len(judged) - len(found['short'])} of {len(judged)} figures are what is asked of a first-rate diagnosis.")
-    print(f"Truth sealed as {found['truth_sha256']}, answers as {found['answers_sha256']}.")
+    print(f"{len(judged) - len(found['short'])} of {len(judged)} figures meet the criteria of a first-rate diagnosis.")
+    print(f"SHA-256 of the sealed truth: {found['truth_sha256']}; of the answers: {found['answers_sha256']}.")

@@ -1,4 +1,4 @@
-"""The proof from end to end: conceal, seal, diagnose blind, commit, unseal, judge; each goes on where it stopped."""
+"""The proof from end to end: conceal, seal, diagnose blind, commit, unseal, judge; each step resumes if stopped."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ JUDGED_FORMAT = "proof-judged/1"
 
 @dataclass(frozen=True)
 class Steps:
-    """What workers do to a case; of modules that they have too.
+    """The functions that workers apply to a case; workers must be able to import their modules.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Steps:
     answer : callable
         (name, campaign's bytes, its digest, code digest) → answer.
     judge : callable
-        (case as sealed, answer, campaign's bytes, what is asked, rig, code digest) → judgement.
+        (case as sealed, answer, campaign's bytes, questions, rig, code digest) → judgement.
     """
 
     conceal: Callable[..., Any]
@@ -64,12 +64,14 @@ class Outcome:
 
     Attributes
     ----------
+    folder : Path
+        Folder of the proof.
     manifest, answers : dict
-        The two commitments.
+        The two commitments: to truth and campaigns, and to the answers.
     cases : list of dict
-        In the order of their numbers: name, draw, truth, answer, run, judged.
+        Name, draw, truth, answer, run and judgement of each case, in the order of the case numbers.
     judge : dict, optional
-        Code and versions that judged, where it was not this code now.
+        Code and versions that judged, if not the present ones.
     """
 
     folder: Path
@@ -80,14 +82,14 @@ class Outcome:
 
 
 def conceal_case(draw: Mapping[str, Any], name: str, rig: str, code: str) -> tuple[bytes, str, Mapping[str, Any], int]:
-    """What `concealment.conceal` makes of a draw, at a worker."""
+    """Conceal one case at a worker, with `concealment.conceal`."""
     _check_code("rig", SOURCES["rig"], code)
     made = conceal(Draw.from_json(dict(draw)), name, rig)
     return made.packed, made.digest, made.truth, made.attempt
 
 
 def answer_case(name: str, packed: bytes, sealed_digest: str, code: str) -> dict[str, Any]:
-    """What `blind_run.diagnose_blind` says of a campaign, at a worker."""
+    """Answer one campaign at a worker, with `blind_run.diagnose_blind`."""
     _check_code("finder", SOURCES["finder"], code)
     return diagnose_blind(name, packed, sealed_digest)
 
@@ -95,30 +97,33 @@ def answer_case(name: str, packed: bytes, sealed_digest: str, code: str) -> dict
 def _check_code(part: str, patterns: tuple[str, ...], expected: str) -> None:
     if code_digest(patterns) != expected:
         raise ProofError(
-            f"the {part} is no longer the code that this proof was begun with, here or at a worker. Put that code back "
-            "on all machines, start the workers again, and give the same command; or begin again in another folder."
+            f"the code of the {part} differs, here or at a worker, from that with which this proof was started. "
+            "Restore it on all machines, restart the workers and repeat the command, or start again in another folder."
         )
 
 
 def prove(
     settings: Settings, folder: Path, client: Any, steps: Steps, asked: Callable[[Sequence[Draw]], Mapping[int, Any]]
 ) -> Outcome:
-    """Do all that ``folder`` does not hold yet.
+    """Do all steps whose results ``folder`` does not hold yet.
 
     Parameters
     ----------
     settings : Settings
+        Seed, profile and rig.
     folder : Path
-        Made if missing.
+        Folder of the proof; created if missing.
     client : distributed.Client
+        Client of the cluster that does the work.
     steps : Steps
+        Functions that the workers apply to a case.
     asked : callable
-        Of all draws: what is asked of the judge beside the usual, by the number of a case.
+        Maps the list of all draws to additional questions for the judge by case number.
 
     Raises
     ------
     ProofError
-        Whatever would make the result worthless; see `sealing`.
+        A violation that would invalidate the result; see `sealing`.
     """
     open_folder(folder, settings)
     code = read_json(folder / "proof.json")["code"]
@@ -139,12 +144,12 @@ def prove(
 
 
 def as_judged(folder: Path) -> Outcome:
-    """A proof that has been judged, as it was, held against its commitments; without its campaigns, if need be.
+    """A judged proof as stored, after its commitments have been checked; its campaigns may be absent.
 
     Raises
     ------
     ProofError
-        A judgement or its score.json is missing; or answers or truth are not those that were committed to.
+        A judgement or score.json is missing, or answers or truth are not those that were committed to.
     """
     manifest = read_json(folder / "manifest.json")
     committed, truth = commit_answers(folder, manifest), unseal(folder, manifest)
@@ -172,9 +177,9 @@ def _say(sentence: str) -> None:
 
 
 def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any, steps: Steps, code: str) -> None:
-    """Record every case that is not recorded yet; the file that tells its truth is written last.
+    """Record every case that is not recorded yet; the file with its truth is written last.
 
-    A campaign that was taken away is recorded anew, and must be the same to the byte.
+    A campaign that was removed is recorded again and must be identical byte for byte.
     """
 
     def told(name: str) -> Path:
@@ -194,13 +199,13 @@ def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any,
             case = {"draw": named[name].as_json(), "attempt": attempt, "campaign": campaign, "truth": truth}
             if told(name).exists() and read_json(told(name))["campaign"] != campaign:
                 raise ProofError(
-                    f"{name} comes out otherwise than it was recorded before: on this machine the rig computes other "
-                    f"numbers. Put back {folder / 'campaigns'}, go on where it was begun, or begin again."
+                    f"{name} differs from its earlier recording: on this machine the rig computes other numbers. "
+                    f"Restore {folder / 'campaigns'}, resume on the original machine, or start again."
                 )
             place = folder / "campaigns" / name
             unfinished = place.with_name(f"{name}{UNFINISHED}")
             unpack(packed, unfinished)
-            if place.exists():  # written by a run that was stopped before it told the truth
+            if place.exists():  # written by a run that was stopped before it wrote the truth
                 shutil.rmtree(place)
             unfinished.rename(place)
             if not told(name).exists():
@@ -212,19 +217,19 @@ def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any,
 
 
 def _answer_all(folder: Path, manifest: Mapping[str, Any], client: Any, steps: Steps, code: str) -> None:
-    """Have every campaign diagnosed that has no answer yet, in the order of their opaque names."""
+    """Diagnose every campaign that has no answer yet, in the order of the opaque names."""
     campaigns: Mapping[str, str] = manifest["campaigns"]
 
     def job(name: str) -> tuple[Any, ...]:
         place = folder / "campaigns" / name
         if digest(place) != campaigns[name]:
-            raise ProofError(f"{place} was changed after it was sealed. Put back what was there, or begin again.")
+            raise ProofError(f"{place} was changed after it was sealed. Restore the original, or start again.")
         return name, pack(place), campaigns[name], code
 
     jobs = {name: functools.partial(job, name) for name in campaigns if not answer_file(folder, name).exists()}
     done = len(campaigns) - len(jobs)
     if done and jobs:
-        _say(f"{done} of {len(campaigns)} answers are there already; going on.")
+        _say(f"{done} of {len(campaigns)} answers are finished already; resuming.")
     with shown_progress("diagnose blind", len(campaigns), done) as progress:
 
         def keep(name: str, entry: dict[str, Any]) -> None:
@@ -252,7 +257,7 @@ def _judge_all(
     asked: Mapping[int, Any],
     rig: str,
 ) -> dict[str, Any]:
-    """Judge every answer that was not judged yet by this code, on these questions."""
+    """Judge every answer that this code has not judged yet on these questions."""
     code = code_digest(JUDGE_SOURCES)
     questions = {name: asked[case["draw"]["number"]] for name, case in truth.items()}
     judged: dict[str, Any] = {}

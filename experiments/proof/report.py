@@ -1,4 +1,4 @@
-"""The page that a proof is read from: what was proven in plain words, the table, and the pictures behind it."""
+"""The HTML report of a proof: the result in plain words, the table and the figures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOST_WORTH_SHOWN = 100
 
 
 def write_page(path: Path, found: Mapping[str, Any]) -> None:
-    """Write the page of a ``proof-score/1``: one HTML file that needs nothing but itself.
+    """Write the report of a ``proof-score/1``: one self-contained HTML file.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def write_page(path: Path, found: Mapping[str, Any]) -> None:
 
 
 def page_html(found: Mapping[str, Any]) -> str:
-    """The page as text."""
+    """The report as HTML text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(loader=PackageLoader("experiments.proof"), autoescape=True, undefined=StrictUndefined)
@@ -48,20 +48,20 @@ def page_html(found: Mapping[str, Any]) -> str:
 
 
 def any_heads(found: Mapping[str, Any]) -> bool:
-    """Whether the confusion matrix has any."""
+    """Whether the confusion matrix counts any heads."""
     return any(count for row in found["confusion"].values() for count in row.values())
 
 
 def headline(found: Mapping[str, Any]) -> str:
-    """What the proof came to, in one line."""
+    """Result of the proof in one line."""
     asked = sum(figure["met"] is not None for figure in found["figures"])
     if not found["short"]:
-        return f"The diagnosis passes its blind proof: all {asked} figures are what is asked of a first-rate one"
-    return f"In {len(found['short'])} of {asked} figures the diagnosis falls short of a first-rate one"
+        return f"The diagnosis passes its blind proof: all {asked} figures meet the criteria of a first-rate one"
+    return f"In {len(found['short'])} of {asked} figures the diagnosis misses the criteria of a first-rate one"
 
 
 def sentences(found: Mapping[str, Any]) -> list[str]:
-    """What was proven, in plain words."""
+    """Results of the proof in plain words."""
     by_name = {figure["name"]: figure for figure in found["figures"]}
 
     def told(name: str, template: str) -> list[str]:
@@ -78,40 +78,40 @@ def sentences(found: Mapping[str, Any]) -> list[str]:
         ),
         *told(
             "right name or right set",
-            "A strong or medium effect was concealed in {of} heads; in {hits} of them the diagnosis gave it its name, "
-            "or named a set that holds it and the recording that would decide ({value}; {interval}).",
+            "A strong or medium effect was concealed in {of} heads; in {hits} of them the diagnosis named it, or gave "
+            "a set that contains it and the recording that would decide ({value}; {interval}).",
         ),
         *told(
             "confidently wrong, inside the catalogue",
-            "In {hits} of those {of} it named physics that is not there ({value}; {interval}).",
+            "In {hits} of those {of} it named an effect that is not present ({value}; {interval}).",
         ),
         *told(
             "outside the catalogue told as unknown",
-            "Physics that no catalogue has was concealed in {of} heads; “unknown” was said of {hits} ({value}; "
-            "{interval}).",
+            "Effects outside the catalogue were concealed in {of} heads; the verdict was “unknown” for {hits} "
+            "({value}; {interval}).",
         ),
         *told(
             "median closure on drives nobody saw",
-            "On fresh drives, which the concealed plant answered and the diagnosis never saw, the corrected model "
-            "removed a median of {value} of the base model's error (1 is all of it; heads: {of}).",
+            "On fresh drives of the concealed plant, which the diagnosis never saw, the corrected model removed a "
+            "median fraction of {value} of the base model's error (1 is all of it; {of} heads).",
         ),
         *told(
             "share of the oracle's gain won back, all heads together",
-            "Waveforms optimised on the corrected model won {value} of what waveforms optimised on the concealed head "
-            "itself win over those of the base model (heads: {of}; {interval}).",
+            "Waveforms optimised on the corrected model achieved {value} of the gain over the base model's waveforms "
+            "that waveforms optimised on the concealed head itself achieve ({of} heads; {interval}).",
         ),
     ]
     if found["profile"] == "quick":
         said.append(
-            f"These were {found['cases']} cases for a quick look: the intervals are wide. The full corpus has 1,200."
+            f"This quick proof has {found['cases']} cases, so its intervals are wide. The full corpus has 1,200."
         )
     if found["short"]:
-        said.append("Short of what is asked: " + "; ".join(found["short"]) + ".")
+        said.append("Criteria not met: " + "; ".join(found["short"]) + ".")
     return said
 
 
 def parameter_rows(found: Mapping[str, Any]) -> list[tuple[str, str, int, int, float]]:
-    """Effect, parameter, how often it was estimated, how often its interval held the truth, median relative error."""
+    """Effect, parameter, number of estimates, number of intervals that contain the truth, median relative error."""
     rows: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for row in found["parameters"]:
         rows.setdefault((row["effect"], row["parameter"]), []).append(row)

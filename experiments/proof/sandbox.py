@@ -1,7 +1,8 @@
-"""The process that diagnoses blind: ``inkjet`` as ever, but watched, and unable to load the concealed plant.
+"""The process of a blind diagnosis: the usual ``inkjet``, but monitored, and unable to import the concealed plant.
 
-``python -m experiments.proof.sandbox diagnose head-… --json verdict.json``. Beside what the command writes, the current
-folder receives `SEEN`: every path and address that Python opened or listed outside the installation and that folder.
+``python -m experiments.proof.sandbox diagnose head-… --json verdict.json``. In addition to the command's output, the
+current folder receives `SEEN`: every path and address that Python opened or listed outside the installation and that
+folder.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ PACKAGES = ("inkjet_env", "optimizers", "experiments")
 SYSTEM = ("/dev", "/proc", "/sys", "/etc", "/usr", "/bin", "/lib", "/lib64", "/opt")
 SEEN = "seen.json"
 PARENT = "INKJET_PROOF_PARENT"
-"""Names the process that waits for this one; without it nobody does."""
+"""Environment variable with the id of the process that waits for this one; by default it is the parent process."""
 PATH_EVENTS = ("open", "os.listdir", "os.scandir")
 OTHER_EVENTS = ("socket.connect", "subprocess.Popen", "os.system")
 
 
 def watch(seen: set[str]) -> None:
-    """From now on note what is opened in ``seen``, and refuse to import what conceals; it cannot be switched off."""
+    """From now on record opened paths in ``seen`` and refuse forbidden imports; this cannot be switched off."""
 
     def hook(event: str, arguments: tuple[Any, ...]) -> None:
         if event in PATH_EVENTS:
@@ -37,13 +38,13 @@ def watch(seen: set[str]) -> None:
         elif event == "import":
             name = arguments[0]
             if name not in ALLOWED and any(name == p or name.startswith(f"{p}.") for p in FORBIDDEN):
-                raise ImportError(f"{name} is not there for a diagnosis that is made blind.")
+                raise ImportError(f"{name} is not available to a blind diagnosis.")
 
     sys.addaudithook(hook)
 
 
 def outside(seen: set[str], scratch: Path) -> list[str]:
-    """What of ``seen`` is neither in the installation nor in the scratch folder."""
+    """The entries of ``seen`` that are neither in the installation nor in the scratch folder."""
     root = Path(__file__).resolve().parents[2]
     own = [sys.prefix, sys.base_prefix, *SYSTEM, str(scratch), *(str(root / package) for package in PACKAGES)]
     roots = {os.path.abspath(p) for p in own} | {os.path.realpath(p) for p in own}
@@ -55,7 +56,7 @@ def outside(seen: set[str], scratch: Path) -> list[str]:
 
 
 def end_with_parent(parent: int) -> None:
-    """End this process when the one that started it has gone, however that ended."""
+    """End this process when its parent has ended for any reason."""
 
     def wait() -> None:
         while os.getppid() == parent:
@@ -66,7 +67,7 @@ def end_with_parent(parent: int) -> None:
 
 
 def main() -> None:
-    """Run the command under watch."""
+    """Run the command under monitoring."""
     end_with_parent(int(os.environ.get(PARENT, os.getppid())))
     scratch, seen = Path.cwd(), set[str]()
     watch(seen)

@@ -1,4 +1,4 @@
-"""What a proof came to: every figure that is asked of a first-rate diagnosis beside what was reached."""
+"""The score of a proof: every figure with its criterion for a first-rate diagnosis, and the data behind it."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 SCORE_FORMAT = "proof-score/1"
 ALARMS = ("named", "set", "unknown")
 CLEAR = ("strong", "medium")
-"""Strengths that the figures are of."""
+"""Strengths of the effects over which the main figures are computed."""
 PLACES = ("recordings", "time", "frequency", "drive")
 MOST_ALARMS = 8 / 300
 LEAST_ORACLE = 0.01
-"""Of the base model's peak cost: a head whose own optimum gains less has nothing to win back."""
+"""Smallest gain of the head's own optimum that can be shared, as a fraction of the base model's peak cost."""
 NEVER_RIGHT = "outside the catalogue"
 
 Case = Mapping[str, Any]
 
 
 def verdict_record(case: Case) -> VerdictRecord:
-    """What was said of a case."""
+    """The verdict on a case, with the truth."""
     draw, verdict = case["draw"], case["answer"]["verdict"]
     truth = frozenset(draw["effects"]) if draw["family"] in ("effect", "pair") else frozenset[str]()
     if draw["family"] in ("outside", "base"):
@@ -43,7 +43,7 @@ def verdict_record(case: Case) -> VerdictRecord:
 
 
 def score(outcome: Outcome) -> dict[str, Any]:
-    """The ``proof-score/1``: figures, curve, confusion matrix, closures, worth, peers, and what was refused."""
+    """The ``proof-score/1``: figures, curve, confusion matrix, closures, waveform gains, baselines and misses."""
     cases = outcome.cases
     figures = table(cases)
     manifest = outcome.manifest
@@ -69,7 +69,7 @@ def score(outcome: Outcome) -> dict[str, Any]:
 
 
 def of(cases: Sequence[Case], family: str, strengths: Sequence[str] = (), meagre: bool = False) -> list[Case]:
-    """The cases of a family, of some strengths (all where none is given)."""
+    """The cases of a family with some strengths (all if none is given)."""
     return [
         case
         for case in cases
@@ -80,22 +80,22 @@ def of(cases: Sequence[Case], family: str, strengths: Sequence[str] = (), meagre
 
 
 def alarm(case: Case) -> bool:
-    """Whether anything was found."""
+    """Whether the verdict reports any mismatch."""
     return verdict_record(case).verdict in ALARMS
 
 
 def right(case: Case) -> bool:
-    """Whether the truth was named, or is what a set holds."""
+    """Whether the truth was named or is in the set given."""
     return verdict_record(case).judged in ("right", "in the set")
 
 
 def wrong(case: Case) -> bool:
-    """Whether something was named, and nothing of it is there."""
+    """Whether effects were named of which none is present."""
     return verdict_record(case).judged == "wrong"
 
 
 def table(cases: Sequence[Case]) -> list[Figure]:
-    """All figures, in the order in which they are read."""
+    """All figures, in the order of the report."""
     null, clear, faint = of(cases, "null"), of(cases, "effect", CLEAR), of(cases, "effect", ["faint"])
     outside, base, pairs = of(cases, "outside"), of(cases, "base"), of(cases, "pair")
     meagre = [case for case in cases if case["draw"]["meagre"]]
@@ -157,7 +157,7 @@ def _tenth(values: Sequence[float]) -> float:
 
 
 def _size(one: VerdictRecord) -> int:
-    """Number of effects that a verdict leaves open in the place of one: 1 where it is named."""
+    """Number of effects in the largest candidate group of a verdict; 1 for a named effect."""
     return max([1, *(len(group) for group in one.candidates)]) if one.verdict == "set" else 1
 
 
@@ -178,7 +178,7 @@ def _located(cases: Sequence[Case], place: str) -> Figure:
 
 
 def closures(cases: Sequence[Case]) -> list[dict[str, Any]]:
-    """Closure on fresh drives of every strong or medium effect that shows there."""
+    """Closure on fresh drives for every strong or medium effect that shows there."""
     return [
         {
             "effect": case["draw"]["effects"][0],
@@ -192,7 +192,7 @@ def closures(cases: Sequence[Case]) -> list[dict[str, Any]]:
 
 
 def parameters(cases: Sequence[Case]) -> list[dict[str, Any]]:
-    """Parameters in physical units, of effects that were rightly found: truth, estimate, interval, relative error."""
+    """Parameters of correctly found effects in physical units: truth, estimate, interval, relative error."""
     rows = []
     for case in of(cases, "effect", CLEAR):
         for row in case["judged"]["parameters"]:
@@ -210,7 +210,7 @@ def parameters(cases: Sequence[Case]) -> list[dict[str, Any]]:
 
 
 def curve(cases: Sequence[Case]) -> list[dict[str, Any]]:
-    """Detection against strength, with nothing concealed as the first point."""
+    """Detection rate against strength; the first point has nothing concealed."""
     rows = []
     for label, mine in (
         ("nothing", of(cases, "null")),
@@ -232,7 +232,7 @@ def curve(cases: Sequence[Case]) -> list[dict[str, Any]]:
 
 
 def matrix(cases: Sequence[Case]) -> dict[str, dict[str, int]]:
-    """What was concealed against what was said: nothing, strong and medium effects, outside families, other laws."""
+    """Confusion matrix, concealed against verdict: nothing, strong and medium effects, outside families, other laws."""
     mine = [verdict_record(case) for case in (*of(cases, "null"), *of(cases, "effect", CLEAR))]
     rows = confusion(mine, list(STAGES))
     for case in (*of(cases, "outside"), *of(cases, "base")):
@@ -242,10 +242,10 @@ def matrix(cases: Sequence[Case]) -> dict[str, dict[str, int]]:
 
 
 def worth(cases: Sequence[Case]) -> dict[str, Any]:
-    """Peak cost on the concealed plant of the waveforms of base model, augmented model and plant itself.
+    """Peak costs on the concealed plant of the waveforms optimised on base model, augmented model and plant itself.
 
-    The oracle's is the best of the three: a search on the plant that ends above another model's waveform has not found
-    what the plant can do.
+    The oracle's cost is the lowest of the three: a search on the plant that ends above another model's waveform has not
+    found the plant's optimum.
     """
     heads = []
     for case in cases:
@@ -257,16 +257,16 @@ def worth(cases: Sequence[Case]) -> dict[str, Any]:
 
 
 def _won_back(heads: Sequence[Mapping[str, Any]]) -> float:
-    """Gain of the augmented model's waveforms over the base model's, of what the plant's own gain, over all heads."""
+    """Gain of the augmented model's waveforms over the base model's, as a fraction of the oracle's, over all heads."""
     gain = sum(head["base"] - head["augmented"] for head in heads)
     oracle = sum(head["base"] - head["oracle"] for head in heads)
     return gain / oracle if oracle > 0 else math.nan
 
 
 def peers(cases: Sequence[Case]) -> dict[str, Any]:
-    """Median held-out RMS over the noise of each peer on the cases they were tried on, and what each said.
+    """Median held-out RMS over the noise and judgements of each baseline, over the cases on which they were tried.
 
-    ``same``: how often the diagnosis, made once more beside them, said the same again.
+    ``same`` is the number of cases in which the repeated diagnosis gave the same verdict.
     """
     rows = [case["judged"]["baselines"] for case in cases if case["judged"].get("baselines")]
     names = list(rows[0]["over_noise"]) if rows else []
@@ -288,7 +288,7 @@ def peers(cases: Sequence[Case]) -> dict[str, Any]:
 
 
 def misses(cases: Sequence[Case]) -> list[dict[str, Any]]:
-    """Every case of which something else was said than the truth, for whoever wants to look."""
+    """Every case whose verdict differs from the truth, for inspection."""
     rows = []
     for case in cases:
         draw, one = case["draw"], verdict_record(case)

@@ -1,12 +1,12 @@
-"""The order of a proof, kept in its folder: settings, sealed truth, campaigns, answers; each step checked on the next.
+"""Files of a proof in its folder, in order: settings, sealed truth, campaigns, answers; each step checks the previous.
 
-``proof.json``      what was asked: version, seed, profile, code; written first
-``sealed/``         salt, what each case conceals, and all of it in ``truth.json``: for whoever judges
-``campaigns/``      a folder a case under its opaque name: all that a diagnosis is given; recorded anew where missing
+``proof.json``      settings: version, seed, profile, code; written first
+``sealed/``         salt, what each case conceals, and all of it in ``truth.json``: for the judge only
+``campaigns/``      one folder per case under its opaque name: all that a diagnosis gets; recorded again if missing
 ``manifest.json``   the commitment, made before anything is diagnosed: SHA-256 of salt and truth, and of every campaign
-``answers/``        what was said of each campaign
+``answers/``        the diagnosis of each campaign
 ``answers.json``    the commitment to the answers, made before the truth is opened
-``judged/``         an answer against the truth
+``judged/``         each answer judged against the truth
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SOURCES = {
     "rig": ("experiments/concealed_rig/**/*.py", "experiments/proof/corpus.py"),
     "finder": ("inkjet_env/**/*.py",),
 }
-"""What decides the campaigns, and what decides the answers."""
+"""Files that determine the campaigns ("rig") and the answers ("finder")."""
 JUDGE_SOURCES = (
     *(*SOURCES["rig"], *SOURCES["finder"], "optimizers/**/*.py", "experiments/proof/*.py"),
     *(f"experiments/{room}/**/*.py" for room in ("execution", "benchmark", "validation")),
@@ -41,12 +41,14 @@ JUDGE_SOURCES = (
 
 @dataclass(frozen=True)
 class Settings:
-    """Everything that decides a proof's numbers.
+    """Everything that determines a proof's numbers.
 
     Attributes
     ----------
     seed : int
+        Seed of the corpus.
     profile : {"full", "quick"}
+        Size of the corpus.
     rig : str
         Module of the concealed plant.
     """
@@ -56,7 +58,7 @@ class Settings:
     rig: str = RIG
 
     def to_json(self) -> dict[str, Any]:
-        """As plain JSON values, with the code's digests and the versions of what it stands on."""
+        """The settings as plain JSON values, with digests of the code and the versions of packages."""
         return {
             "format": "proof-settings/1",
             "version": VERSION,
@@ -70,14 +72,15 @@ class Settings:
 
 
 def open_folder(folder: Path, settings: Settings) -> None:
-    """Make ``folder`` this proof's own, or check that it is.
+    """Create this proof's ``folder``, or check that it belongs to this proof.
 
-    Once all answers are committed to, they may be judged by other code and packages than gave them, on the same rig.
+    Once all answers are committed to, code and packages other than those that gave them may judge them, on the same
+    rig.
 
     Raises
     ------
     ProofError
-        It holds a proof of another version, seed, profile or code, or something else. Nothing in it is changed.
+        The folder holds a proof of another version, seed, profile or code, or something else. Nothing in it is changed.
     """
     file, asked = folder / SETTINGS, settings.to_json()
     if file.exists():
@@ -86,7 +89,7 @@ def open_folder(folder: Path, settings: Settings) -> None:
             asked["versions"], asked["code"]["finder"] = stored.get("versions"), code.get("finder")
         if difference := first_difference(stored, asked):
             raise ProofError(
-                f"{folder} holds a proof of other settings: {difference}. "
+                f"{folder} holds a proof with other settings: {difference}. "
                 "Results are never mixed: give another folder with --out, or delete that one."
             )
     elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -103,39 +106,40 @@ def open_folder(folder: Path, settings: Settings) -> None:
 
 
 def salt_of(folder: Path) -> str:
-    """The proof's salt, drawn at the first call: 256 bits in hexadecimal, from the system and not from the seed."""
+    """The proof's salt, drawn at the first call: 256 bits in hexadecimal, from the system rather than from the seed."""
     file = folder / "sealed" / "salt.txt"
     if not file.exists():
         write_atomically(file, secrets.token_hex(32) + "\n")
     salt = file.read_text(encoding="utf-8").strip()
     if len(salt) != 64:
-        raise ProofError(f"{file} is damaged: it must hold 64 hexadecimal digits. Begin again in another folder.")
+        raise ProofError(f"{file} is damaged: it must hold 64 hexadecimal digits. Start again in another folder.")
     return salt
 
 
 def canonical(value: Any) -> str:
-    """The one JSON text of a value."""
+    """The canonical JSON text of a value."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
 
 
 def commitment(salt: str, truth: Any) -> str:
-    """SHA-256 of salt and truth: binds to the truth and tells nothing of it."""
+    """SHA-256 of salt and truth: it commits to the truth without revealing it."""
     return sha256(f"{salt}{canonical(truth)}".encode()).hexdigest()
 
 
 def seal(folder: Path, cases: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Write the truth, then the manifest that commits to it and to every campaign; or read that again.
+    """Write the truth, then the manifest that commits to it and to every campaign; read the manifest if it exists.
 
     Parameters
     ----------
     folder : Path
+        Folder of the proof.
     cases : mapping of str to dict
-        By opaque name: draw, attempt, digest of the campaign, truth.
+        Draw, attempt, digest of the campaign and truth by opaque name.
 
     Raises
     ------
     ProofError
-        A campaign that is not the one recorded, or that holds more than a campaign.
+        A campaign is not the one recorded, or its folder holds other files too.
     """
     if (folder / MANIFEST).exists():
         return verified_manifest(folder)
@@ -155,21 +159,21 @@ def seal(folder: Path, cases: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]
 
 
 def verified_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest, every campaign held against it.
+    """The manifest, after every campaign has been checked against it.
 
     Raises
     ------
     ProofError
-        A campaign that was changed, added or removed after sealing; or a manifest of other settings.
+        A campaign was changed, added or removed after sealing, or the manifest belongs to other settings.
     """
     manifest: dict[str, Any] = read_json(folder / MANIFEST)
     settings = read_json(folder / SETTINGS)
     if {name: manifest.get(name) for name in settings} != settings | {"format": "proof/1"}:
-        raise ProofError(f"{folder / MANIFEST} is not of the settings in {SETTINGS}. Begin again in another folder.")
+        raise ProofError(f"{folder / MANIFEST} does not match the settings in {SETTINGS}. Start again elsewhere.")
     sealed = manifest["campaigns"]
     for path in sorted((folder / "campaigns").iterdir()):
         if path.name not in sealed:
-            raise ProofError(f"{path} was not sealed. Remove it; nothing may join a proof after its truth was sealed.")
+            raise ProofError(f"{path} was not sealed. Remove it: no campaign may be added after the truth was sealed.")
     for name, expected in sealed.items():
         check_campaign_only(folder / "campaigns" / name)
         _check_digest(folder, name, expected)
@@ -181,20 +185,20 @@ def _check_digest(folder: Path, name: str, expected: str) -> None:
     if digest(campaign) != expected:
         raise ProofError(
             f"{campaign} was changed after it was sealed: its SHA-256 is no longer {expected[:16]}…. "
-            "Put back what was there, or begin again in another folder."
+            "Restore the original, or start again in another folder."
         )
 
 
 def check_answer(folder: Path, entry: Mapping[str, Any], manifest: Mapping[str, Any]) -> None:
-    """Raise ``ProofError`` at an answer that cannot be scored.
+    """Raise ``ProofError`` if an answer cannot be scored.
 
-    It is of no sealed campaign, or of other bytes; it names an id that nobody knows; or whoever gave it looked into
-    the proof's folder.
+    It does not belong to a sealed campaign or its bytes differ, it names an unknown id, or the process that gave it
+    looked into the proof's folder.
     """
     name = entry["name"]
     if manifest["campaigns"].get(name) != entry["campaign"]:
         raise ProofError(
-            f"the answer to {name} is not to the campaign that was sealed. Delete {name}.json in {folder}."
+            f"the answer to {name} does not belong to the campaign that was sealed. Delete {name}.json in {folder}."
         )
     verdict = entry["answer"]["verdict"] or {"effects": [], "candidates": []}
     told = [effect["id"] for effect in verdict["effects"]]
@@ -202,22 +206,22 @@ def check_answer(folder: Path, entry: Mapping[str, Any], manifest: Mapping[str, 
     for one in told:
         if one not in STAGES:
             raise ProofError(
-                f"the verdict on {name} names {one!r}, which is no id of the catalogue. Nothing is scored."
+                f"the verdict on {name} names {one!r}, which is not an id of the catalogue. Nothing is scored."
             )
     for path in entry["run"]["seen"]:
         if Path(path).is_relative_to(folder.resolve()):
             raise ProofError(
-                f"whoever diagnosed {name} opened {path}, which only the judge may see. Nothing is scored."
+                f"the process that diagnosed {name} opened {path}, which only the judge may see. Nothing is scored."
             )
 
 
 def commit_answers(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Write, or check against what was written, the digests of all answers; with one digest of them all.
+    """Write the digests of all answers and a digest over them, or check the answers against those already written.
 
     Raises
     ------
     ProofError
-        An answer that is missing, was changed after it was committed to, or cannot be scored.
+        An answer is missing, was changed after it was committed to, or cannot be scored.
     """
     found = {}
     for name in sorted(manifest["campaigns"]):
@@ -237,51 +241,51 @@ def commit_answers(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
         if found.get(name) != expected:
             raise ProofError(
                 f"{answer_file(folder, name)} was changed after all answers were committed to. "
-                "Put back what was there, or begin again in another folder."
+                "Restore the original, or start again in another folder."
             )
     return committed
 
 
 def unseal(folder: Path, manifest: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The truth by opaque name, held against the commitment.
+    """The truth by opaque name, after it has been checked against the commitment.
 
     Raises
     ------
     ProofError
-        It is not the truth that was sealed.
+        The truth is not the one that was sealed.
     """
     file = folder / "sealed" / "truth.json"
     truth: dict[str, dict[str, Any]] = read_json(file)["cases"]
     if commitment(salt_of(folder), truth) != manifest["truth_sha256"]:
         raise ProofError(
-            f"{file} is not the truth that was sealed: with the salt, its SHA-256 is not the manifest's. "
+            f"{file} is not the truth that was sealed: its SHA-256 with the salt differs from the manifest's. "
             "Nothing is scored."
         )
     return truth
 
 
 def answer_file(folder: Path, name: str) -> Path:
-    """Where the answer to a campaign is kept."""
+    """Path of the answer to a campaign."""
     return folder / "answers" / f"{name}.json"
 
 
 def read_answer(folder: Path, name: str) -> dict[str, Any]:
-    """The answer to a campaign; ``ProofError`` where it is missing or damaged."""
+    """The answer to a campaign; ``ProofError`` if it is missing or damaged."""
     file = answer_file(folder, name)
     entry = read_json(file)
     if entry.get("name") != name or not {"answer", "run", "campaign"} <= entry.keys():
-        raise ProofError(f"{file} is not the answer to {name}. Delete that file to have it diagnosed again.")
+        raise ProofError(f"{file} is not the answer to {name}. Delete that file to repeat the diagnosis.")
     return entry
 
 
 def read_json(file: Path) -> dict[str, Any]:
-    """An object from a file of the proof; ``ProofError`` where it is missing or damaged."""
+    """The JSON object in a file of the proof; ``ProofError`` if it is missing or damaged."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         if not isinstance(content, dict):
             raise ValueError("it is not a JSON object")
     except (OSError, ValueError, RecursionError) as error:
         raise ProofError(
-            f"{file} cannot be read ({type(error).__name__}). Begin again in another folder, or put it back."
+            f"{file} cannot be read ({type(error).__name__}). Restore it, or start again in another folder."
         ) from None
     return content

@@ -1,4 +1,4 @@
-"""What a diagnosis is worth to whoever prints: the waveform that each model finds, tried on the concealed head."""
+"""Gain of a diagnosis in printing: the waveforms optimised on each model, tried on the concealed head."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from inkjet_env.printhead import Bounds, Printhead
 from inkjet_env.typing import Real
 
 STARTS, BUDGET = 4, 600
-"""Searches of one objective, and evaluations of each."""
+"""Number of searches of one objective, and evaluations of each."""
 POLISH = 300
-"""Evaluations of a simplex from where the base model's search ended, and from the best of the others."""
+"""Evaluations of a simplex search from the base model's result, and from the best of the other searches."""
 
 
 class Objective(Protocol):
-    """What is minimised over ``[-1, 1]⁷``."""
+    """The function to minimise over ``[-1, 1]⁷``."""
 
     def evaluate(self, points: Real) -> Real:
         """Costs in volts, shape (n,), of points, shape (n, 7)."""
@@ -33,7 +33,7 @@ class PlantObjective:
     Attributes
     ----------
     plant : object
-        With ``peak_cost`` of a waveform of seven parameters.
+        The concealed plant, with ``peak_cost`` of a waveform of seven parameters.
     """
 
     plant: Any
@@ -48,15 +48,17 @@ def reoptimised(
 ) -> dict[str, Any]:
     """Peak costs on the concealed plant, in volts, of the best waveforms of base model, augmented model and plant.
 
-    All three are searched by the same optimiser, from the same seeds and with the same budget; the latter two also from
-    the base model's waveform, which is what one has before the diagnosis.
+    All three are searched with the same optimiser, seeds and budget; the latter two also from the base model's
+    waveform, which is available before the diagnosis.
 
     Parameters
     ----------
     base, augmented : Printhead or AugmentedPrinthead
+        The two models.
     plant : object
-        The concealed one.
+        The concealed plant, with ``peak_cost``.
     seed : int
+        Seed of the first search; each further one's is one higher.
     """
     truly = PlantObjective(plant)
     first = searched(Problem("base", base), seed, ())
@@ -73,7 +75,7 @@ def reoptimised(
 
 
 def searched(objective: Objective, seed: int, known: Sequence[Real]) -> Real:
-    """The best point of several searches, then of a simplex from it and from each known point; shape (7,)."""
+    """Best point of several searches, refined by a simplex search from it and from each known point; shape (7,)."""
     from scipy.optimize import minimize
 
     import optimizers
@@ -102,7 +104,7 @@ def searched(objective: Objective, seed: int, known: Sequence[Real]) -> Real:
 
 
 def _simplex(point: Real) -> Real:
-    """Corners a twentieth of the box away, towards its inside, shape (8, 7)."""
+    """Corners of a simplex, each offset inwards by a twentieth of the box's width, shape (8, 7)."""
     corners = np.repeat(point[None, :], len(point) + 1, axis=0)
     for k in range(len(point)):
         corners[k + 1, k] -= 0.1 if point[k] > 0 else -0.1

@@ -1,7 +1,7 @@
-"""The tables of a comparison in Markdown, for its record in ``docs``.
+"""Tables of a comparison in Markdown, for the record in ``docs``.
 
-``python -m experiments.publish.comparison_tables FOLDER`` prints those of a bench's ranking.json and of what else lies
-in the folder: beating.json (the attack on the best known costs), amortised.json and few_tries.json."""
+``python -m experiments.publish.comparison_tables FOLDER`` prints the tables of a bench's ranking.json and of the other
+results in the folder: beating.json (the challenge of the best known costs), amortised.json and few_tries.json."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Content = Mapping[str, Any]
 
 
 def problems_table(tried: Content) -> str:
-    """The suite: best known cost, scale, how certain that is, and how far above it each method of the attack ended."""
+    """The suite: best known cost, its scale and certainty, and how far above it each method of the challenge ended."""
     columns = list(dict.fromkeys(attempt["method"] for attempt in tried["attempts"]))
     above_V = {
         (attempt["problem"], attempt["method"]): attempt["cost_V"] - attempt["known_V"] for attempt in tried["attempts"]
@@ -43,7 +43,7 @@ def problems_table(tried: Content) -> str:
 
 
 def press_table() -> str:
-    """What the best known waveforms are worth at the press: of one drop from rest, on the nominal head."""
+    """Jetting figures of the best known waveforms, for one drop from rest on the nominal head."""
     rows = []
     for one in suite().values():
         if (known := one.best_known) is None:
@@ -61,7 +61,7 @@ def press_table() -> str:
 
 
 def entrants_table(ranking: Content) -> str:
-    """Who took part, how far and with which settings."""
+    """The entrants with their budgets and settings."""
     rows = [
         (
             one["name"], f"{one['budget']:,}", f"{one['tuning']:,}" if one["tuning"] else "–", one["settings"],
@@ -73,12 +73,12 @@ def entrants_table(ranking: Content) -> str:
 
 
 def sections(folder: Path) -> Iterator[tuple[str, str]]:
-    """Headings and what stands under them, of what the folder holds.
+    """Headings and text of the sections for which the folder has results.
 
     Raises
     ------
     ValueError
-        A file is of another format.
+        A file has another format.
     """
     ranking = _read(folder / "ranking.json", RANKING_FORMAT)
     tried = _read(folder / "beating.json", challenge_best_known.FORMAT)

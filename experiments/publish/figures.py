@@ -1,4 +1,4 @@
-"""The pictures of README and docs: ``python -m experiments.publish.figures`` draws ``docs/figures/*.png``."""
+"""Figures of README and docs: ``python -m experiments.publish.figures`` draws ``docs/figures/*.png``."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).parents[2] / "docs" / "figures"
 SHOWN_SEED = 2
-"""A seed under which the swarm reaches the best optimum known; `studies.figure7` lists how the others end."""
+"""A seed with which the swarm reaches the best known optimum; `studies.figure7` lists the results of other seeds."""
 RANKING = Path(__file__).parents[2] / "docs" / "comparison" / "ranking.json"
 COMPARED = (
     *("scipy-differential-evolution", "scipy-differential-evolution-tuned", "lbfgsb-multistart", "bipop-cma-es"),
     *("pso", "pso-printed", "coordinate", "sb3-ppo", "optuna-gp", "nevergrad-NGOpt", "random"),
 )
-"""Those of the comparison that are drawn: one or two of each kind, where they took part."""
+"""Optimisers of the comparison that are drawn, if they took part: one or two of each kind."""
 
 
 def before_after() -> Figure:
-    """Drive and response at generation 1 beside generation 50."""
+    """Drive and response in generation 1 and in generation 50, side by side."""
     run = reproduce(SHOWN_SEED)
     titles = ("generation 1", f"generation {GENERATIONS}")
     return plotting.draw_before_after(run.response(1), run.response(GENERATIONS), run.problem.cost, titles)
 
 
 def comparison() -> Figure:
-    """Regret against budget of some optimisers, with intervals: what docs/comparison/ranking.json holds."""
+    """Regret against budget of some optimisers, with intervals, from docs/comparison/ranking.json."""
     ranking = json.loads(RANKING.read_text(encoding="utf-8"))
     if ranking["format"] != RANKING_FORMAT:
         raise ValueError(f"{RANKING} is not a {RANKING_FORMAT}; it is {ranking['format']!r}. Make it again.")
@@ -51,7 +51,7 @@ def comparison() -> Figure:
 
 
 def published_hysteresis() -> Figure:
-    """Fig. 5 B–D of the paper again: error against degree, loop and model, what the model leaves."""
+    """Fig. 5 B–D of the paper reproduced: error against degree, loop and model, residual."""
     from matplotlib.figure import Figure
 
     found, _ = published_loop()
@@ -84,12 +84,14 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 
 
 def main() -> None:
-    """Draw the chosen plotting."""
+    """Draw the chosen figures."""
     parser = argparse.ArgumentParser(prog="python -m experiments.publish.figures", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="name", help=f"of {', '.join(FIGURES)}; all unless given")
+    parser.add_argument(
+        "names", nargs="*", metavar="name", help=f"one or more of {', '.join(FIGURES)}; all unless given"
+    )
     names = parser.parse_args().names or list(FIGURES)
     if unknown := [name for name in names if name not in FIGURES]:
-        parser.error(f"there is no figure {unknown[0]!r}; known: {', '.join(FIGURES)}")
+        parser.error(f"there is no figure {unknown[0]!r}; choose from {', '.join(FIGURES)}.")
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name in names:
         path = FOLDER / f"{name}.png"

@@ -1,7 +1,7 @@
-"""The tables of a proof in Markdown, for its record in ``docs``.
+"""Tables of a proof in Markdown, for the record in ``docs``.
 
-``python -m experiments.publish.proof_tables FOLDER`` prints them, and draws the pictures with ``--figures``. Of a
-folder the kept judgements are counted again, held against both commitments; the campaigns need not be there."""
+``python -m experiments.publish.proof_tables FOLDER`` prints them, and draws the figures with ``--figures``. The stored
+judgements of a folder are counted again after both commitments have been checked; the campaigns may be absent."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _ranged(figure: Mapping[str, Any]) -> str:
 
 
 def figures_table(found: Mapping[str, Any]) -> str:
-    """Every figure with its 90 % interval, beside what is asked."""
+    """Every figure with its 90 % interval and its criterion."""
     return markdown_table(
         ("figure", "reached (90 % interval)", "cases", "asked", "met"),
         [
@@ -48,7 +48,7 @@ def figures_table(found: Mapping[str, Any]) -> str:
 
 
 def curve_table(found: Mapping[str, Any]) -> str:
-    """Detection against strength."""
+    """Detection rate against strength."""
     return markdown_table(
         ("strength", "mismatch over noise, median", "detected", "right name or set"),
         [
@@ -62,7 +62,7 @@ def curve_table(found: Mapping[str, Any]) -> str:
 
 
 def said_table(found: Mapping[str, Any]) -> str:
-    """What was said of each concealed effect, strong or medium, of families outside the catalogue and other laws."""
+    """Verdicts on each strong or medium concealed effect, on families outside the catalogue and on other laws."""
     rows = []
     for hidden, row in found["confusion"].items():
         counts = {column: count for column, count in row.items() if count}
@@ -79,7 +79,7 @@ def said_table(found: Mapping[str, Any]) -> str:
 
 
 def worth_table(found: Mapping[str, Any]) -> str:
-    """Share of the oracle's gain won back by effect, where the oracle has one."""
+    """Fraction of the oracle's gain achieved, by effect, where the oracle has a gain."""
     from experiments.proof.score import LEAST_ORACLE
 
     heads = [h for h in found["worth"]["heads"] if h["base"] - h["oracle"] > LEAST_ORACLE * abs(h["base"])]
@@ -99,7 +99,7 @@ def worth_table(found: Mapping[str, Any]) -> str:
 
 
 def misses_table(found: Mapping[str, Any]) -> str:
-    """How often each wrong thing was said of what, over all families and strengths."""
+    """Number of times that each wrong effect or set was named, by truth, over all families and strengths."""
     counted = Counter((miss["concealed"], miss["strength"], miss["verdict"], miss["said"]) for miss in found["misses"])
     named = {key: n for key, n in counted.items() if key[2] in ("named", "set")}
     return markdown_table(
@@ -109,7 +109,7 @@ def misses_table(found: Mapping[str, Any]) -> str:
 
 
 def peers_table(found: Mapping[str, Any]) -> str:
-    """What else one could do, on the same heads."""
+    """Results of the baselines on the same heads."""
     peers = found["peers"]
     return markdown_table(
         ("method", "held-out RMS over noise, median", "what it said"),
@@ -146,7 +146,7 @@ def document(found: Mapping[str, Any]) -> str:
 
 
 def draw(found: Mapping[str, Any], folder: Path) -> None:
-    """The pictures of a score, as PNG in a folder."""
+    """Draw the figures of a score as PNG files in a folder."""
     from experiments.proof.figures import closures_figure, confusion_figure, curve_figure, worth_figure
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -163,9 +163,9 @@ def draw(found: Mapping[str, Any], folder: Path) -> None:
 def main() -> None:
     """Print the tables of a score."""
     parser = argparse.ArgumentParser(prog="python -m experiments.publish.proof_tables", description=__doc__)
-    parser.add_argument("score", type=Path, metavar="FOLDER", help="a judged proof's, or a score.json")
-    parser.add_argument("--out", type=Path, help="score.json to write")
-    parser.add_argument("--figures", type=Path, help="folder to draw the pictures into")
+    parser.add_argument("score", type=Path, metavar="FOLDER", help="folder of a judged proof, or a score.json")
+    parser.add_argument("--out", type=Path, help="file for the score: score.json")
+    parser.add_argument("--figures", type=Path, help="folder for the figures")
     given = parser.parse_args()
     try:
         found = score(as_judged(given.score)) if given.score.is_dir() else read_json(given.score)

@@ -38,7 +38,10 @@ def best_seconds(rivals: Mapping[str, Callable[[], Any]], repetitions: int = REP
 
 
 def sampled_hysteresis(waveforms: Real, head: Printhead, time_s: Real) -> Real:
-    """Hysteretic drive in volts of periodic firing on a time grid, vectorised over waveforms, shape (n, samples)."""
+    """Hysteretic drive in volts of periodic firing on a time grid, vectorised over waveforms, shape (n, samples).
+
+    Eq. (3) of docs/explanation/model.md, ``v = v_k ± Q(|u - u_k|)``, with the turning points U1 and U2.
+    """
     law = head.branch_law
     U1, U2 = waveforms[:, :1], waveforms[:, 1:2]
     ends_s = np.cumsum(waveforms[:, 2:], axis=1)
@@ -48,7 +51,7 @@ def sampled_hysteresis(waveforms: Real, head: Printhead, time_s: Real) -> Real:
     rising = (time_s < ends_s[:, :1]) | (time_s > ends_s[:, 3:4])
     change = law.full_scale_V * law.Q(np.where(rising, drive_V - U2, U1 - drive_V) / law.full_scale_V)
     swing = law.full_scale_V * law.Q((U1 - U2) / law.full_scale_V)
-    return np.where(rising, change, swing - change)
+    return np.where(rising, change, swing - change)  # Eq. (3)
 
 
 @functools.lru_cache
@@ -66,7 +69,8 @@ def sampled_costs(waveforms: Real, head: Printhead, method: str) -> Real:
     A few waveforms at a time are faster than many, because their samples stay in the cache.
 
     ``method`` is "lsim", or "lfilter" with the coefficients of the first-order hold, which is exact for an input that
-    is linear between samples. Peaks come from `scipy.signal.find_peaks`.
+    is linear between samples. Peaks come from `scipy.signal.find_peaks`; the cost is Eq. (9) of
+    docs/explanation/model.md, ``A |y_e| + B |y_{e+1}| + Σ |y_i|`` over the other peaks, with A = −5 and B = 5.
     """
     from scipy.signal import find_peaks, lfilter, lsim
 
@@ -86,7 +90,7 @@ def sampled_costs(waveforms: Real, head: Printhead, method: str) -> Real:
             costs[i] = 0.0
             continue
         e = int(np.argmax(peaks))
-        costs[i] = peaks.sum() - 6.0 * peaks[e] + (4.0 * peaks[e + 1] if e + 1 < peaks.size else 0.0)
+        costs[i] = peaks.sum() - 6.0 * peaks[e] + (4.0 * peaks[e + 1] if e + 1 < peaks.size else 0.0)  # Eq. (9)
     return costs
 
 

@@ -49,7 +49,7 @@ def test_another_campaign_than_the_sealed_one_is_not_diagnosed(campaign):
 
 def test_a_blind_process_cannot_load_the_concealed_plant(tmp_path):
     done = run_watched(tmp_path, "import experiments.concealed_rig")
-    assert "ImportError: experiments.concealed_rig is not there for a diagnosis that is made blind" in done.stderr
+    assert "ImportError: experiments.concealed_rig is not available to a blind diagnosis" in done.stderr
 
 
 def test_what_a_blind_process_opens_elsewhere_is_noted(tmp_path):

@@ -47,7 +47,7 @@ def test_a_strength_that_no_parameter_gives_is_drawn_again(rho_of, said, refusal
     assert OUT_OF_REACH.search(said)
     attempts = refusals(caught.value)
     with pytest.raises(
-        ProofError, match=rf"case 3 \(effect creep, strong\) was drawn 20 times in vain: {re.escape(said)}"
+        ProofError, match=rf"case 3 \(effect creep, strong\) was drawn 20 times without success: {re.escape(said)}"
     ):
         conceal(DRAW, "head-0")
     assert attempts == list(range(MOST_ATTEMPTS))

@@ -35,7 +35,7 @@ def test_a_killed_driver_loses_nothing_that_is_finished(start, driver, finished,
     kept = {path: path.read_bytes() for path in (folder / "answers").glob("*.json")}
     assert 5 <= len(kept) < 60
     out, err = done(start(driver, folder))
-    assert "answers are there already; going on." in err
+    assert "answers are finished already; resuming." in err
     assert out == finished[1]
     assert all(path.read_bytes() == content for path, content in kept.items())
 
@@ -70,7 +70,7 @@ def test_campaigns_that_were_taken_away_are_recorded_anew_and_must_be_the_same(s
     again = start(driver, folder)
     _, err = again.communicate(timeout=120)
     assert again.returncode
-    assert f"{name} comes out otherwise than it was recorded before" in err
+    assert f"{name} differs from its earlier recording" in err
     assert not (folder / "campaigns" / name).exists()
 
 

@@ -249,7 +249,7 @@ def test_the_page_stands_alone_and_begins_with_what_was_proven(flawless):
     spoilt = with_answer(flawless, lambda draw: draw["family"] == "outside", verdict("named", "creep"))
     found = scored(spoilt)
     page = page_html(json.loads(json_text(found)))
-    assert "falls short" in headline(found)
+    assert "misses the criteria" in headline(found)
     nulls = sum(case["draw"]["family"] == "null" and not case["draw"]["meagre"] for case in flawless)
     assert page.index(f"Nothing was concealed in {nulls} heads; 0 of them") < page.index("<table>")
     assert not re.search(r"https?://|<script|<link|src=", page)
@@ -264,14 +264,14 @@ def test_a_page_of_nulls_alone_is_a_page(flawless):
 
 def test_what_falls_short_is_said_in_words(flawless):
     spoilt = with_answer(flawless, lambda draw: draw["family"] == "outside", verdict("none"))
-    assert any("Short of what is asked: outside the catalogue told as unknown" in s for s in sentences(scored(spoilt)))
+    assert any("Criteria not met: outside the catalogue told as unknown" in s for s in sentences(scored(spoilt)))
 
 
 def test_the_table_is_printed_with_what_is_asked(flawless, capsys):
     print_score(scored(with_answer(flawless, lambda draw: draw["family"] == "pair", verdict("unknown"))))
     out = capsys.readouterr().out
     assert re.search(r"F1 of two effects at once\s+0\s.*≥ 0.8\s+SHORT", out)
-    assert "figures are what is asked of a first-rate diagnosis" in out
+    assert "figures meet the criteria of a first-rate diagnosis" in out
 
 
 def test_the_record_in_markdown_says_what_was_said_of_each(flawless, draws):

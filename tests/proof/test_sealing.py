@@ -79,7 +79,7 @@ def test_a_campaign_changed_after_sealing_stops_the_run(proof):
 
 def test_a_truth_file_inside_a_campaign_stops_the_run(proof):
     shutil.copy(proof / "sealed" / "truth.json", a_campaign(proof))
-    with pytest.raises(ProofError, match=r"truth\.json is no recording of that campaign"):
+    with pytest.raises(ProofError, match=r"truth\.json is not a recording of that campaign"):
         verified_manifest(proof)
 
 
@@ -121,13 +121,13 @@ def test_an_answer_changed_after_it_was_committed_to_stops_the_run(proof):
 def test_a_verdict_that_names_an_unknown_id_stops_the_run(proof, part, value):
     entry = read_answer(proof, a_campaign(proof).name)
     entry["answer"]["verdict"][part] = value
-    with pytest.raises(ProofError, match="names 'gremlins', which is no id of the catalogue"):
+    with pytest.raises(ProofError, match="names 'gremlins', which is not an id of the catalogue"):
         check_answer(proof, entry, read_json(proof / "manifest.json"))
 
 
 def test_an_answer_to_other_bytes_stops_the_run(proof):
     entry = read_answer(proof, a_campaign(proof).name) | {"campaign": "0" * 64}
-    with pytest.raises(ProofError, match="is not to the campaign that was sealed"):
+    with pytest.raises(ProofError, match="does not belong to the campaign that was sealed"):
         check_answer(proof, entry, read_json(proof / "manifest.json"))
 
 
@@ -142,7 +142,7 @@ def test_a_diagnosis_that_looked_at_the_truth_stops_the_run(proof):
     ("change", "told"), [({"seed": 2}, "seed is 1 there and 2 here"), ({"profile": "full"}, "full")]
 )
 def test_a_folder_of_another_corpus_is_refused(proof, change, told):
-    with pytest.raises(ProofError, match=f"holds a proof of other settings: .*{told}"):
+    with pytest.raises(ProofError, match=f"holds a proof with other settings: .*{told}"):
         open_folder(proof, replace(SETTINGS, **change))
 
 
@@ -153,7 +153,7 @@ def test_a_folder_whose_settings_are_damaged_is_refused(proof, damaged, finished
         (proof / "answers.json").unlink()
     changed(proof / "proof.json", lambda content: [content.pop(name) for name in ("code", "versions")])
     changed(proof / "proof.json", lambda content: content.update(damaged))
-    with pytest.raises(ProofError, match="holds a proof of other settings"):
+    with pytest.raises(ProofError, match="holds a proof with other settings"):
         open_folder(proof, SETTINGS)
 
 
