@@ -30,7 +30,7 @@ def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -
         ``over_noise`` and ``judged`` by baseline, the groups that ``pysindy`` names, and whether the diagnosis gave the
         ``same`` verdict again.
     """
-    from experiments.validation.baselines.compare import PEERS, compared, verdict_on
+    from experiments.validation.baselines.compare import METHODS, compared, verdict_on
     from experiments.validation.baselines.sindy import said
     from inkjet_env.mismatch import diagnose
     from inkjet_env.recordings import read_campaign
@@ -43,7 +43,7 @@ def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -
     row = compared(campaign, found, 0)
     named = said([term for terms in row["terms"].values() for term in terms])
     groups = [[effect.effect.id] for effect in found.effects]
-    words = {peer: verdict_on(named if peer == "pysindy" else (), truth) for peer in PEERS}
+    words = {peer: verdict_on(named if peer == "pysindy" else (), truth) for peer in METHODS}
     words["diagnosis"] = (
         "nothing" if not groups and found.verdict == "unknown" else verdict_on(_with_sets(found), truth)
     )

@@ -107,9 +107,9 @@ def judge_case(
             found["fresh"] = closure(base, augmented, plant, draw.case_seed(case["attempt"]))
             found["closure"] = found["fresh"]["closure"]
         if asked.get("reoptimise"):
-            from experiments.proof.waveform_gain import reoptimised
+            from experiments.proof.waveform_gain import reoptimised_costs
 
-            found["reoptimised"] = reoptimised(base.head, augmented.head, plant, draw.number)
+            found["reoptimised"] = reoptimised_costs(base.head, augmented.head, plant, draw.number)
     if asked.get("baselines"):
         from experiments.proof.baselines import baselines
 

@@ -43,7 +43,7 @@ class PlantObjective:
         return np.array([self.plant.peak_cost(row) for row in Bounds().from_unit(np.atleast_2d(points))])
 
 
-def reoptimised(
+def reoptimised_costs(
     base: Printhead | AugmentedPrinthead, augmented: Printhead | AugmentedPrinthead, plant: Any, seed: int
 ) -> dict[str, Any]:
     """Peak costs on the concealed plant, in volts, of the best waveforms of base model, augmented model and plant.

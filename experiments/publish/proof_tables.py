@@ -108,9 +108,9 @@ def misses_table(found: Mapping[str, Any]) -> str:
     )
 
 
-def peers_table(found: Mapping[str, Any]) -> str:
+def methods_table(found: Mapping[str, Any]) -> str:
     """Results of the baselines on the same heads."""
-    peers = found["peers"]
+    methods = found["peers"]
     return markdown_table(
         ("method", "held-out RMS over noise, median", "what it said"),
         [
@@ -118,10 +118,10 @@ def peers_table(found: Mapping[str, Any]) -> str:
                 name,
                 "–" if over is None else f"{over:.3g}",
                 ", ".join(
-                    f"{word} {n}" for word, n in sorted(peers["judged"].get(name, {}).items(), key=lambda i: -i[1])
+                    f"{word} {n}" for word, n in sorted(methods["judged"].get(name, {}).items(), key=lambda i: -i[1])
                 ),
             )
-            for name, over in peers["median_over_noise"].items()
+            for name, over in methods["median_over_noise"].items()
         ],
     )
 
@@ -139,7 +139,7 @@ def document(found: Mapping[str, Any]) -> str:
         ("Detection against strength", curve_table(found)),
         ("What was said", said_table(found)),
         ("What it is worth", worth_table(found)) if found["worth"]["heads"] else None,
-        ("Beside other methods", peers_table(found)) if found["peers"]["cases"] else None,
+        ("Beside other methods", methods_table(found)) if found["peers"]["cases"] else None,
         ("Wrong names and sets", misses_table(found)),
     ]
     return "\n\n".join(f"## {section[0]}\n\n{section[1]}" for section in sections if section) + "\n"

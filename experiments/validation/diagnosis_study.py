@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from experiments.execution.provenance import code_digest, first_difference, versions
-from experiments.validation.synthetic_campaigns import MEDIUM, STRONG, effect_named, planted, record_planted
+from experiments.validation.synthetic_campaigns import MEDIUM, STRONG, effect_named, record_synthetic, synthetic_values
 from experiments.validation.verdict_scores import OUTCOMES, VerdictRecord, confusion, f1, share
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import diagnose
@@ -102,8 +102,10 @@ def cases(part: str, seeds: int) -> Iterator[Case]:
 def recorded(case: Case) -> tuple[Campaign, list[tuple[Effect, dict[str, float]]]]:
     """The campaign of a case, and the effects in it with their values."""
     head = head_of(case.seed)
-    on = [(effect, planted(effect, STRENGTHS[case.strength], head)) for effect in map(effect_named, case.effects)]
-    return record_planted(head, on, 1000 + case.seed, monitored=case.monitored), on
+    on = [
+        (effect, synthetic_values(effect, STRENGTHS[case.strength], head)) for effect in map(effect_named, case.effects)
+    ]
+    return record_synthetic(head, on, 1000 + case.seed, monitored=case.monitored), on
 
 
 def outcome(case: Case) -> dict[str, Any]:

@@ -37,7 +37,7 @@ EFFECTS = (CubicStiffness(), WaveEcho(), SecondMode())
 
 
 @dataclass(frozen=True)
-class Rival:
+class Baseline:
     """A baseline integrator: method, tolerance, errors of both relative to the largest value, seconds of both."""
 
     method: str
@@ -83,7 +83,7 @@ def integrated(method: str, rtol: float, head: Printhead, excitation: Excitation
     return speed / a0
 
 
-def rivals(head: Printhead) -> list[Rival]:
+def baselines(head: Printhead) -> list[Baseline]:
     """The plant's resonator compared with SciPy's integrators, each at the plant's accuracy."""
     excitation = standard_shot(head, "demagnetised")
     base = Resonance(head.a0, head.a1, head.a0)
@@ -106,7 +106,7 @@ def rivals(head: Printhead) -> list[Rival]:
         theirs = partial(integrated, method, rtol, head, excitation)
         seconds = best_seconds({"plant": ours, method: theirs}, REPETITIONS)
         error_there = error(integrated(method, rtol, head, excitation))
-        found.append(Rival(method, rtol, error_there, plant_error, seconds[method], seconds["plant"] / CALLS))
+        found.append(Baseline(method, rtol, error_there, plant_error, seconds[method], seconds["plant"] / CALLS))
     return found
 
 
@@ -130,10 +130,10 @@ def main() -> None:
         print("On one core.")
     head = Printhead.published()
     print(f"\nA cubic spring, {SAMPLES} samples, from rest, against solve_ivp")
-    for rival in rivals(head):
+    for other in baselines(head):
         print(
-            f"  {rival.method:6s} rtol {rival.rtol:.0e}  error {rival.error:.1e} {1e3 * rival.seconds:7.2f} ms"
-            f"   plant: error {rival.plant_error:.1e}  {1e3 * rival.plant_seconds:.3f} ms   {rival.ratio:7.0f} ×"
+            f"  {other.method:6s} rtol {other.rtol:.0e}  error {other.error:.1e} {1e3 * baseline.seconds:7.2f} ms"
+            f"   plant: error {other.plant_error:.1e}  {1e3 * baseline.plant_seconds:.3f} ms   {other.ratio:7.0f} ×"
         )
     print("\nThe whole plant, in steady state under a repeated pulse")
     for name, ns in costs(head).items():

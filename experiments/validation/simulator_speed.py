@@ -24,13 +24,13 @@ SAMPLES = 4000
 REPETITIONS = 7
 
 
-def best_seconds(rivals: Mapping[str, Callable[[], Any]], repetitions: int = REPETITIONS) -> dict[str, float]:
+def best_seconds(alternatives: Mapping[str, Callable[[], Any]], repetitions: int = REPETITIONS) -> dict[str, float]:
     """Shortest time of each call in seconds; the calls take turns."""
-    best = dict.fromkeys(rivals, float("inf"))
-    for call in rivals.values():
+    best = dict.fromkeys(alternatives, float("inf"))
+    for call in alternatives.values():
         call()
     for _ in range(repetitions):
-        for name, call in rivals.items():
+        for name, call in alternatives.items():
             begin_s = time.perf_counter()
             call()
             best[name] = min(best[name], time.perf_counter() - begin_s)
@@ -134,7 +134,7 @@ def hysteresis_table() -> list[tuple[str, float, float]]:
         x, change = table[:found, 3], table[:found, 4]
         np.cumsum(table[:found, 5] * (law.Q(x + change) - law.Q(x)))
 
-    rivals: dict[str, Callable[[], Any]] = {"branch law, all turning points": branch_law}
+    alternatives: dict[str, Callable[[], Any]] = {"branch law, all turning points": branch_law}
     for n in (10, 30, 100, 300, 1000):
         plays = PlayOperators.of_branch_law(law, n)
 
@@ -142,8 +142,8 @@ def hysteresis_table() -> list[tuple[str, float, float]]:
             states = np.zeros_like(plays.thresholds_V)
             compiled.play_operators(drive_V, plays.thresholds_V, plays.weights, states, output)
 
-        rivals[f"{n} play operators"] = classic
-    each = {name: 1e9 * total / drive_V.size for name, total in best_seconds(rivals).items()}
+        alternatives[f"{n} play operators"] = classic
+    each = {name: 1e9 * total / drive_V.size for name, total in best_seconds(alternatives).items()}
     ours = each["branch law, all turning points"]
     return [(name, ns, ns / ours) for name, ns in each.items()]
 

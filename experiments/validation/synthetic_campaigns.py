@@ -36,11 +36,11 @@ STRONG, MEDIUM = 1.0, 0.35
 """Strength of an effect as a factor on its `Effect.example_values`."""
 
 
-def planted(effect: Effect, strength: float, printhead: Printhead) -> dict[str, float]:
+def synthetic_values(effect: Effect, strength: float, printhead: Printhead) -> dict[str, float]:
     """Values of an effect's parameters at a strength; 1 is full strength.
 
     Amplitudes are in standard deviations of the noise. A level that depends on the largest signal is 0 here and is set
-    by `record_planted`.
+    by `record_synthetic`.
     """
     values = complete(effect, **effect.example_values(printhead, largest=0.0))
     for p in effect.parameters:
@@ -49,7 +49,7 @@ def planted(effect: Effect, strength: float, printhead: Printhead) -> dict[str, 
     return values
 
 
-def record_planted(
+def record_synthetic(
     printhead: Printhead,
     effects: Sequence[tuple[Effect, Values]],
     seed: int,

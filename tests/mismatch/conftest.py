@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.validation.synthetic_campaigns import planted, record_planted
+from experiments.validation.synthetic_campaigns import record_synthetic, synthetic_values
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import noise_seen, observe
@@ -38,21 +38,21 @@ def _lines(fast=FAST, slow=("loop-1",), twice=TWICE):
 
 def _values(name, strength=1.0):
     """What is planted of an effect."""
-    return planted(EFFECTS[name], strength, HEAD)
+    return synthetic_values(EFFECTS[name], strength, HEAD)
 
 
 @functools.cache
 def _recorded(*names, strength=1.0, seed=3, snr_dB=50.0, monitored=False, **lines):
     """A campaign with these effects on."""
     effects = [(EFFECTS[name], _values(name, strength)) for name in names]
-    return record_planted(HEAD, effects, seed, snr_dB, monitored, _lines(**lines))
+    return record_synthetic(HEAD, effects, seed, snr_dB, monitored, _lines(**lines))
 
 
 @functools.cache
 def _recorded_as(name, **given):
     """A campaign with one effect on, of these values; what is not given of it is off or plain."""
     slow = ("loop-0.5", "loop-1", "loop-5", "staircase") if name == "creep" else ("loop-1",)
-    return record_planted(HEAD, [(EFFECTS[name], complete(EFFECTS[name], **given))], 3, lines=_lines(slow=slow))
+    return record_synthetic(HEAD, [(EFFECTS[name], complete(EFFECTS[name], **given))], 3, lines=_lines(slow=slow))
 
 
 def _true_head(campaign):

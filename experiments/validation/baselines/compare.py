@@ -64,7 +64,7 @@ from inkjet_env.recordings import Campaign, read_campaign
 from inkjet_env.reporting.tables import print_table
 from inkjet_env.storage import write_json
 
-PEERS = ("base", "base, as diagnosed", "pysindy", "narx", "flexible", "diagnosis")
+METHODS = ("base", "base, as diagnosed", "pysindy", "narx", "flexible", "diagnosis")
 
 
 def verdict_on(groups: Sequence[Sequence[str]], truth: Sequence[str]) -> str:
@@ -108,7 +108,7 @@ def compared(campaign: Campaign, found: Diagnosis, seed: int) -> dict[str, Any]:
         ),
     }
     return {
-        "over_noise": {peer: error if math.isfinite(error) else None for peer, error in errors.items()},
+        "over_noise": {method: error if math.isfinite(error) else None for method, error in errors.items()},
         "noise_rms": joint.noise.models[first.noise_key].rms,
         "noise_known": joint.noise.known(first),
         "unit": first.unit,
@@ -136,24 +136,24 @@ def _told(campaign: Campaign, truth: Sequence[str] | None, seed: int) -> dict[st
     row["said"] = [list(group) for group in groups]
     if truth is not None:
         right = {"diagnosis": verdict_record({"effects": truth} | verdict).judged, "pysindy": verdict_on(groups, truth)}
-        row["judged"] = {peer: right.get(peer, verdict_on((), truth)) for peer in PEERS}
+        row["judged"] = {method: right.get(method, verdict_on((), truth)) for method in METHODS}
     return row
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Median RMS over noise and counts of judgements by baseline, over the cases with an effect."""
     mine = [row for row in rows if "judged" in row and row["name"] != "nothing"]
-    peers = PEERS if mine else ()
+    methods = METHODS if mine else ()
     return {
         "cases": len(mine),
-        "median": {p: float(np.median([_error(row, p) for row in mine])) for p in peers},
-        "judged": {p: dict(Counter(row["judged"][p] for row in mine)) for p in peers},
+        "median": {p: float(np.median([_error(row, p) for row in mine])) for p in methods},
+        "judged": {p: dict(Counter(row["judged"][p] for row in mine)) for p in methods},
     }
 
 
-def _error(row: Mapping[str, Any], peer: str) -> float:
+def _error(row: Mapping[str, Any], method: str) -> float:
     """RMS over noise of one baseline; infinite if its model has no signal."""
-    error = row["over_noise"][peer]
+    error = row["over_noise"][method]
     return math.inf if error is None else error
 
 
@@ -169,21 +169,21 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
         lines.append(
             (
                 row["name"],
-                *(f"{_error(row, p):.3g}" for p in PEERS),
+                *(f"{_error(row, p):.3g}" for p in METHODS),
                 f"{names} ({count} terms): {judgement.get('pysindy', '')}",
                 f"{verdict_record}: {judgement.get('diagnosis', '')}",
             )
         )
     whole = summary(rows)
     if whole["cases"]:
-        lines.append((f"median of {whole['cases']}", *(f"{whole['median'][p]:.3g}" for p in PEERS), "", ""))
+        lines.append((f"median of {whole['cases']}", *(f"{whole['median'][p]:.3g}" for p in METHODS), "", ""))
     print("Held-out RMS over the noise, free run; if the noise is unknown, over the level of most fitted samples:")
-    print_table(("planted", *PEERS, "pysindy says", "diagnosis says"), lines)
+    print_table(("planted", *METHODS, "pysindy says", "diagnosis says"), lines)
     for row in rows:
         if not row["noise_known"]:
             print(f"{row['name']}: 1 corresponds to {row['noise_rms']:.4g} {row['unit']} of the fast channel.")
-    for peer, counts in whole["judged"].items():
-        print(f"{peer}: " + ", ".join(f"{count} {word}" for word, count in counts.items()))
+    for method, counts in whole["judged"].items():
+        print(f"{method}: " + ", ".join(f"{count} {word}" for word, count in counts.items()))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

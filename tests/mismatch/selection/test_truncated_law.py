@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.validation.synthetic_campaigns import planted, record_planted
+from experiments.validation.synthetic_campaigns import record_synthetic, synthetic_values
 from inkjet_env.mismatch import diagnose
 from inkjet_env.mismatch.fitting.base_model import base_model
 from inkjet_env.mismatch.fitting.base_parameters import Head
@@ -25,7 +25,7 @@ PUBLISHED = Printhead.published()
 def recorded_without_a_gauge(*effects, printhead=PUBLISHED):
     """Self-sensing alone, of little noise, swinging over 200 V."""
     lines = [line for line in default_battery(printhead.frequency_Hz) if line.label in DRIVES]
-    campaign = record_planted(printhead, effects, 3, 70.0, False, lines)
+    campaign = record_synthetic(printhead, effects, 3, 70.0, False, lines)
     return replace(campaign, recordings=tuple(r for r in campaign.recordings if r.channel == "self_sensing"))
 
 
@@ -54,7 +54,7 @@ def test_no_effect_is_blamed_for_it(effects):
 
 def test_an_effect_beside_it_is_named_alone(effects):
     cubic = effects["cubic_stiffness"]
-    campaign = recorded_without_a_gauge((cubic, planted(cubic, 0.03, PUBLISHED)))
+    campaign = recorded_without_a_gauge((cubic, synthetic_values(cubic, 0.03, PUBLISHED)))
     found = diagnose(campaign, effects=[effects[name] for name in SUSPECTS])
     assert [named.effect.id for named in found.effects] == ["cubic_stiffness"], found.headline
     assert found.printhead.full_scale_V == pytest.approx(PUBLISHED.full_scale_V, rel=0.02)

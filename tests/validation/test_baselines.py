@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from experiments.validation.baselines.base_fit import base_fit, over_noise, put_aside
-from experiments.validation.baselines.compare import PEERS, main, summary, verdict_on
+from experiments.validation.baselines.compare import METHODS, main, summary, verdict_on
 from experiments.validation.baselines.narx import with_network
 from experiments.validation.baselines.sindy import said, sparse_force
 from experiments.validation.diagnosis_study import head_of
-from experiments.validation.synthetic_campaigns import GAUGE_GAIN, LINES, effect_named, record_planted
+from experiments.validation.synthetic_campaigns import GAUGE_GAIN, LINES, effect_named, record_synthetic
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.rig.battery import default_battery
@@ -19,7 +19,7 @@ SHORT = [line for line in LINES if not line.startswith(("multisine", "staircase"
 
 def campaign_with(**values):
     lines = [line for line in default_battery(HEAD.frequency_Hz) if line.label in SHORT]
-    return record_planted(HEAD, [(effect_named(name), value) for name, value in values.items()], 3, lines=lines)
+    return record_synthetic(HEAD, [(effect_named(name), value) for name, value in values.items()], 3, lines=lines)
 
 
 def fitted(campaign, gauge_gain=GAUGE_GAIN):
@@ -145,9 +145,9 @@ def test_names_are_judged(groups, truth, verdict):
 
 def test_medians_leave_out_measured_recordings_and_what_has_nothing_planted():
     def row(name, rms, **judged):
-        return {"name": name, "over_noise": dict.fromkeys(PEERS, rms)} | judged
+        return {"name": name, "over_noise": dict.fromkeys(METHODS, rms)} | judged
 
-    right = {"judged": dict.fromkeys(PEERS, "right")}
+    right = {"judged": dict.fromkeys(METHODS, "right")}
     found = summary([row("silverbox", 90.0), row("nothing", 1.0, **right), row("creep", 3.0, **right)])
     assert found["cases"] == 1
     assert set(found["median"].values()) == {3.0}
