@@ -132,8 +132,8 @@ def main() -> None:
     print(f"\nA cubic spring, {SAMPLES} samples, from rest, against solve_ivp")
     for other in baselines(head):
         print(
-            f"  {other.method:6s} rtol {other.rtol:.0e}  error {other.error:.1e} {1e3 * baseline.seconds:7.2f} ms"
-            f"   plant: error {other.plant_error:.1e}  {1e3 * baseline.plant_seconds:.3f} ms   {other.ratio:7.0f} ×"
+            f"  {other.method:6s} rtol {other.rtol:.0e}  error {other.error:.1e} {1e3 * other.seconds:7.2f} ms"
+            f"   plant: error {other.plant_error:.1e}  {1e3 * other.plant_seconds:.3f} ms   {other.ratio:7.0f} ×"
         )
     print("\nThe whole plant, in steady state under a repeated pulse")
     for name, ns in costs(head).items():
