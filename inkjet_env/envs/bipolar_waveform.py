@@ -1,4 +1,4 @@
-"""The Gymnasium environment: one waveform, one answer, one reward."""
+"""The Gymnasium environment: one waveform, one response, one reward."""
 
 from __future__ import annotations
 
@@ -21,43 +21,44 @@ RENDER_MODES = ("human", "rgb_array")
 
 
 def check_render_mode(render_mode: str | None) -> str | None:
-    """Return the render mode; ``ValueError`` unless it is offered."""
+    """Return the render mode; ``ValueError`` unless it is supported."""
     if render_mode is not None:
         check_name("render_mode", render_mode, RENDER_MODES)
     return render_mode
 
 
 def check_no_options(options: dict[str, Any] | None) -> None:
-    """Raise ``ValueError`` when a reset is given options: there are none."""
+    """Raise ``ValueError`` if a reset is given options, since there are none."""
     if options:
         raise ValueError(f"reset takes no options; got {', '.join(map(repr, options))}. Pass them to gymnasium.make.")
 
 
 def warn_of_no_render_mode() -> None:
-    """Say, as Gymnasium's own environments do, that nothing was drawn."""
+    """Warn, as Gymnasium's own environments do, that nothing was drawn."""
     gymnasium.logger.warn('render() needs a render mode: gymnasium.make(id, render_mode="rgb_array").')
 
 
 class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
-    """Choose a waveform, fire it, be paid minus its peak cost: an episode of one step.
+    """Choose a waveform and fire it; the reward is minus its peak cost. An episode has one step.
 
-    Action: ``U1, U2, t1 … t5`` scaled to ``[-1, 1]``, shape (7,). Observation, shape (4,): resonance frequency, damping
-    ratio, gain and strength of the hysteresis of the head on the bench, on the scale where ±1 are the ends of the
-    ranges that ``context="random"`` draws from. A fixed head shows its own numbers on that scale, so that what was
-    learnt on random heads can be tried on it; the observation space is widened where such a head lies outside.
+    The action, shape (7,), is ``U1, U2, t1 … t5`` scaled to ``[-1, 1]``. The observation, shape (4,), is the resonance
+    frequency, damping ratio, gain and strength of the hysteresis of the head on the bench, on a scale where ±1 are the
+    ends of the ranges of ``context="random"``. A fixed head has its own values on that scale, so that a policy learnt
+    on random heads can be applied to it; the observation space is wider if such a head lies outside.
 
-    ``info`` after a step: ``waveform``, shape (7,), in volts and seconds, and ``cost``, in volts, free of noise.
+    ``info`` after a step holds ``waveform``, shape (7,), in volts and seconds, and ``cost``, in volts, without noise.
 
     Parameters
     ----------
     render_mode : {None, "rgb_array", "human"}
+        Rendering: none, `render` returns a picture, or each picture is shown in a window.
     **options
-        See `inkjet_env.envs.task.make_task`.
+        Options of the task; see `inkjet_env.envs.task.make_task`.
 
     Raises
     ------
     ValueError
-        From the constructor, an option that is not offered; from `step`, an action of wrong shape, NaN, or outside the
+        From the constructor, an unknown or invalid option; from `step`, an action of wrong shape, NaN, or outside the
         box without ``clip_actions``.
     gymnasium.error.ResetNeeded
         From `step`, before the first reset and after the episode's only step.
@@ -93,7 +94,7 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode; in a random context, draw a head. There are no ``options``; ``info`` is empty."""
+        """Start an episode; in a random context, draw a head. There are no ``options``; ``info`` is empty."""
         check_no_options(options)
         super().reset(seed=seed)
         if self.task.context == "random":
@@ -106,7 +107,7 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         return self._context.copy(), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Fire one waveform; the episode ends."""
+        """Fire one waveform, which ends the episode."""
         if not self._awaits_action:
             raise ResetNeeded("An episode is a single step: call reset() before every step().")
         waveforms = self.task.waveforms(action, (7,))
@@ -125,7 +126,7 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
     def render(self) -> NDArray[np.uint8] | None:
         """Picture of this episode's drive, hysteresis loop, response and peaks, shape (640, 960, 3).
 
-        Before the waveform is fired the axes are empty. With ``human`` the picture goes to a window.
+        Before the waveform is fired the axes are empty. In mode ``human`` the picture is shown in a window.
         """
         if self.render_mode is None:
             warn_of_no_render_mode()
@@ -143,7 +144,7 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         return None
 
     def close(self) -> None:
-        """Close the window, if there is one; may be called again."""
+        """Close the window, if there is one; may be called repeatedly."""
         if self._window is not None:
             self._window.close()
             self._window = None

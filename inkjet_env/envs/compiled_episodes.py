@@ -1,6 +1,6 @@
 """Compiled kernels of the environment: actions to waveforms, waveforms to peaks, readings of peaks to costs.
 
-Nothing here is called by users; `task` is the face.
+Users call `task`, not this module.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _jit = kernel_jit(__file__)
 
 @_jit
 def waveforms_of_actions(points, lower, upper, waveforms):
-    """Fill waveforms (n, 7) from points (n, 7), as `Bounds.from_unit`; False where one is NaN or outside [-1, 1]."""
+    """Fill waveforms (n, 7) from points (n, 7), as `Bounds.from_unit`; False if one is NaN or outside [-1, 1]."""
     for i in range(points.shape[0]):
         for k in range(points.shape[1]):
             point = points[i, k]
@@ -28,9 +28,10 @@ def waveforms_of_actions(points, lower, upper, waveforms):
 
 @_jit
 def batch_peaks(waveforms, heads, laps_before, one_point, window_s, times, peaks, counts, tails):
-    """Fill times and signed peaks (n, capacity) of each waveform (n, 7), their number, the magnitude beyond them (V).
+    """Fill times in seconds and signed peaks in volts, (n, capacity) each, of each waveform (n, 7).
 
-    ``heads`` has 1 or n rows. Returns False when ``peaks`` was too narrow.
+    ``counts`` and ``tails`` receive their number and the summed magnitude beyond them, in volts. ``heads`` has 1 or n
+    rows. Returns False if ``peaks`` was too narrow.
     """
     knots_s, knots_V = np.empty(6), np.empty(6)
     memory, pieces = np.empty(32), np.empty((40, 6))
@@ -54,6 +55,6 @@ def batch_peaks(waveforms, heads, laps_before, one_point, window_s, times, peaks
 
 @_jit
 def costs_of_readings(readings, counts, tails, A, B, effective, threshold, enough_V, costs):
-    """Fill the peak cost of each row of readings (n, capacity), of which the first ``counts`` are peaks."""
+    """Fill ``costs`` with the peak cost in volts of the first ``counts`` entries of each row of readings (n, k)."""
     for i in range(readings.shape[0]):
         costs[i], _ = compiled.peak_cost(readings[i], counts[i], tails[i], A, B, effective, threshold, enough_V)

@@ -1,4 +1,4 @@
-"""What vector environments of N heads share: a generator a head, seeds, infos with Gymnasium's masks."""
+"""Base of the vector environments of N heads: one generator per head, seeds, infos with Gymnasium's masks."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ from inkjet_env.typing import Real
 
 
 class LockstepVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
-    """N heads, each with a random stream of its own; their episodes end together, and begin anew in the same step.
+    """N heads, each with its own random stream; their episodes end together and restart in the same step.
 
     Parameters
     ----------
     num_envs : int
+        Number of heads, N.
     render_mode : {None, "rgb_array"}
+        Rendering: none, or one picture per head.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
@@ -42,7 +44,7 @@ class LockstepVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The generator of each head; one that was never seeded is seeded by chance."""
+        """The generator of each head; one that was never seeded gets a random seed."""
         for i, generator in enumerate(self._generators):
             if generator is None:
                 self._seed(i, None)
@@ -58,7 +60,7 @@ class LockstepVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         self._generators[i], self._seeds[i] = seeding.np_random(None if seed is None else operator.index(seed))
 
     def _seed_all(self, seed: int | Sequence[int | None] | None) -> None:
-        """Take the seeds of a reset: the first head's, or one a head."""
+        """Take the seeds of a reset: that of the first head, or one per head."""
         if seed is None:
             return
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, (int, np.integer)) else list(seed)
@@ -69,6 +71,6 @@ class LockstepVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
                 self._seed(i, one)
 
     def _infos(self, **values: Real) -> dict[str, NDArray[Any]]:
-        """Values of all heads, each with Gymnasium's mask that says whose it is: everyone's."""
+        """Values of all heads, each with Gymnasium's mask, which is true for every head."""
         masks = {f"_{name}": np.ones(self.num_envs, dtype=np.bool_) for name in values}
         return {**values, **masks}

@@ -1,4 +1,4 @@
-"""The compiled simulator on several threads, where there are rows enough to be worth it."""
+"""The compiled simulator on several threads, if there are enough rows to pay for them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import numpy as np
 from inkjet_env.typing import Real
 
 ROWS_A_PART = 64
-"""About 0.15 ms of simulation: threads take parts as they come, so that none waits long for another."""
+"""Rows per part, about 0.15 ms of simulation: threads take parts as they become free, so that none waits long."""
 PARTS_WORTH_A_THREAD = 4
-"""Starting a thread takes some 0.05 ms."""
+"""Number of parts that justify a further thread; starting one takes some 0.05 ms."""
 
 
 @lru_cache
 def available_cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -28,10 +28,19 @@ def simulated_costs(waveforms: Real, heads: Real, settings: tuple, capacity: int
 
     Parameters
     ----------
+    waveforms : ndarray, shape (n, 7)
+        Checked waveforms, in volts and seconds.
+    heads : ndarray, shape (1 or n, columns)
+        Rows of `inkjet_env.printhead.batch.head_table`.
     settings, capacity
         Further arguments of `inkjet_env.printhead.compiled.batch_costs`.
     threads : int, optional
-        As many as there are cores unless given; no number depends on it.
+        Largest number of threads; by default the number of cores. No result depends on it.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Costs in volts.
     """
     from inkjet_env.printhead.compiled import batch_costs
 
@@ -49,7 +58,7 @@ def simulated_costs(waveforms: Real, heads: Real, settings: tuple, capacity: int
         fill(iter([slice(None)]))
         return costs
     parts = iter([slice(start, start + ROWS_A_PART) for start in range(0, len(waveforms), ROWS_A_PART)])
-    # A pool of its own: one that is kept would not survive a fork.
+    # A new pool each time: a persistent one would not survive a fork.
     with ThreadPoolExecutor(threads - 1) as pool:
         others = [pool.submit(fill, parts) for _ in range(threads - 1)]
         fill(parts)

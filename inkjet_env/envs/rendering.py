@@ -1,6 +1,7 @@
-"""Drawing a response: drive, hysteresis loop, ringing and peaks, on matplotlib axes that are handed in.
+"""Draw a response: drive, hysteresis loop, ringing and peaks, on given matplotlib axes.
 
-`picture` makes the environment's frame of them. Nothing touches pyplot's global state; matplotlib is imported on use.
+`picture` combines them into the environment's frame. The global state of pyplot is not touched; matplotlib is imported
+on use.
 """
 
 from __future__ import annotations
@@ -18,31 +19,32 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PICTURE_SIZE = (960, 640)
-"""Width and height in pixels."""
+"""Width and height of a picture, in pixels."""
 
-# Colours of Okabe and Ito, told apart by colour-blind eyes too.
+# Colours of Okabe and Ito, which colour-blind readers can distinguish too.
 DRIVE_COLOUR, HYSTERETIC_COLOUR, SENSOR_COLOUR = "#555555", "#D55E00", "#0072B2"
 EFFECTIVE_COLOUR, NEXT_COLOUR = "#009E73", "#CC79A7"
 
 AnyResponse = Response | AugmentedResponse
 
 POINTS = 2000
+"""Number of evenly spaced times in a curve."""
 FAINTEST_SHOWN = 1e-3
-"""Of the largest peak: where the whole tail counts, it is drawn as far as its peaks are larger than this."""
+"""Size of the faintest peak drawn if the window is infinite, as a share of the largest peak."""
 
 
 def _ended_s(response: AnyResponse) -> float:
-    """When the drive ends, in seconds."""
+    """Time at which the drive ends, in seconds."""
     return float(response.knot_times_s[-1])
 
 
 def _text(value: float, decimals: int) -> str:
-    """A number with a minus sign instead of a hyphen, and never −0."""
+    """A number as text, with a minus sign instead of a hyphen, and never −0."""
     return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−")
 
 
 def _legend_above(axes: Axes) -> None:
-    """A legend in one line beside the title, where no curve can run into it."""
+    """Add a legend in one line beside the title, where it cannot overlap a curve."""
     axes.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
@@ -56,7 +58,7 @@ def _legend_above(axes: Axes) -> None:
 
 
 def _leave_room(axes: Axes, which: str) -> None:
-    """Keep a curve that stands still from being blown up: at least ±1 V to see."""
+    """Widen the limits of an axis to at least ±1 V, so that a constant curve is not magnified."""
     for axis in which:
         low, high = getattr(axes, f"get_{axis}lim")()
         if high - low < 2.0:
@@ -64,7 +66,7 @@ def _leave_room(axes: Axes, which: str) -> None:
 
 
 def _shown_s(response: AnyResponse) -> float:
-    """Until when the response is drawn, in seconds: the window, or as long as there is something to see."""
+    """Time up to which the response is drawn, in seconds: the window, or as long as peaks are visible."""
     if np.isfinite(response.window_s):
         return response.window_s
     magnitude = np.abs(response.peaks_V)
@@ -73,13 +75,13 @@ def _shown_s(response: AnyResponse) -> float:
 
 
 def _times_s(response: AnyResponse, end_s: float) -> Real:
-    """Times to draw lines through: even ones, the drive's corners and the peaks."""
+    """Times of the points of a curve, in seconds: evenly spaced ones, the corners of the drive, and the peaks."""
     own = np.concatenate([response.knot_times_s, response.peak_times_s])
     return np.union1d(np.linspace(0.0, end_s, POINTS), own[own <= end_s])
 
 
 def draw_drive(axes: Axes, response: AnyResponse | None) -> None:
-    """Draw the drive and what the hysteresis makes of it, against time in µs."""
+    """Draw the drive and the hysteretic drive against time in µs."""
     if response is not None:
         time_s = _times_s(response, _ended_s(response) * 1.08)
         axes.plot(
@@ -96,7 +98,7 @@ def draw_drive(axes: Axes, response: AnyResponse | None) -> None:
 
 
 def draw_loop(axes: Axes, response: AnyResponse | None) -> None:
-    """Draw the hysteretic drive against the drive, with its departure from a straight line made visible by one."""
+    """Draw the hysteretic drive against the drive, with a straight line for comparison."""
     if response is not None:
         time_s = _times_s(response, _ended_s(response))
         drive_V, hysteretic_V = response.drive_V(time_s), response.hysteretic_V(time_s)
@@ -107,7 +109,7 @@ def draw_loop(axes: Axes, response: AnyResponse | None) -> None:
 
 
 def draw_response(axes: Axes, response: AnyResponse | None, cost: PeakCost) -> None:
-    """Draw the self-sensed signal and its peaks against time in µs; the effective peak and the next one stand out."""
+    """Draw the self-sensed signal and its peaks against time in µs; the effective peak and the next are highlighted."""
     axes.set(title="Self-sensed response", xlabel="Time (µs); grey: driven", ylabel="Signal (V)")
     if response is None:
         return
@@ -137,14 +139,14 @@ def draw_response(axes: Axes, response: AnyResponse | None, cost: PeakCost) -> N
 
 
 def _heading(response: AnyResponse, cost: PeakCost) -> str:
-    """The cost, and the waveform's seven parameters."""
+    """Heading with the cost and the seven parameters of the waveform."""
     volts = " and ".join(_text(float(u), 1) for u in (response.knot_drive_V[1], response.knot_drive_V[3]))
     durations = ", ".join(_text(float(t), 2) for t in np.diff(response.knot_times_s) * 1e6)
     return f"Peak cost {_text(response.cost(cost), 2)} V\nU {volts} V,  t {durations} µs"
 
 
 def picture(response: AnyResponse | None, cost: PeakCost) -> NDArray[np.uint8]:
-    """Picture of a response, shape (640, 960, 3); of empty axes where there is none yet."""
+    """Picture of a response, shape (640, 960, 3); empty axes if there is none yet."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

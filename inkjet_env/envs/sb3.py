@@ -1,4 +1,4 @@
-"""The vector environments as Stable-Baselines3 wants them. Importing this module imports it and torch."""
+"""The vector environments with Stable-Baselines3's interface. Importing this module imports it and torch."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class _HeadsVecEnv(VecEnv):
         self._actions: NDArray[Any] | None = None
 
     def reset(self) -> NDArray[np.float32]:
-        """Begin all episodes, with the seeds given to `seed` since the last reset."""
+        """Start all episodes, with the seeds given to `seed` since the last reset."""
         for options in self._options:
             check_no_options(options)
         observations, _ = self.vector_env.reset(seed=self._seeds)
@@ -32,11 +32,11 @@ class _HeadsVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Keep the actions for `step_wait`."""
+        """Store the actions for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Fire the waveforms; episodes that end begin again."""
+        """Fire the waveforms; episodes that end are restarted."""
         if self._actions is None:
             raise RuntimeError("step_wait() needs actions: call step_async(actions) first.")
         actions, self._actions = self._actions, None
@@ -53,50 +53,53 @@ class _HeadsVecEnv(VecEnv):
 
     @staticmethod
     def _told(infos: dict[str, Any]) -> dict[str, NDArray[Any]]:
-        """What the vector environment tells of every head, without Gymnasium's masks."""
+        """Infos of the vector environment for every head, without Gymnasium's masks."""
         return {name: values for name, values in infos.items() if not name.startswith(("_", "final_"))}
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Do nothing: no resources are held open."""
         self.vector_env.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """One picture a head of the waveforms fired last."""
+        """One picture per head of the waveform fired last."""
         return self.vector_env.render() or [None] * self.num_envs
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The vector environment's attribute, once for each environment asked for; all of them share it."""
+        """Attribute of the vector environment, once for each requested environment; all of them share it."""
         value = getattr(self.vector_env, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refused: the environments are one object, and its task is fixed when it is made."""
+        """Refuse: the environments are one object, whose task is fixed when it is made."""
         raise NotImplementedError(f"{attr_name} cannot be set: pass the option when making the environment.")
 
     def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
-        """Refused: there are no single environments to call."""
+        """Refuse: there are no single environments to call."""
         raise NotImplementedError(f"{method_name} cannot be called: the environments are one object, `vector_env`.")
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """False for each environment asked for."""
+        """False for each requested environment."""
         return [False for _ in self._get_indices(indices)]
 
 
 class BipolarWaveformVecEnv(_HeadsVecEnv):
     """`BipolarWaveformVectorEnv` with Stable-Baselines3's interface; the numbers are the same, rewards in float32.
 
-    An environment's info holds ``waveform``, shape (7,), ``cost`` in volts, and ``terminal_observation``.
+    The info of an environment holds ``waveform``, shape (7,), in volts and seconds, ``cost`` in volts, and
+    ``terminal_observation``.
 
     Parameters
     ----------
     num_envs : int
+        Number of heads, N.
     render_mode : {None, "rgb_array"}
+        Rendering: none, or one picture per head.
     **options
-        See `inkjet_env.envs.task.make_task`.
+        Options of the task; see `inkjet_env.envs.task.make_task`.
 
     Examples
     --------
-    A batch of one step each, since an episode has one::
+    A batch has one step per environment, since an episode has one::
 
         from stable_baselines3 import PPO
         from inkjet_env.envs.sb3 import BipolarWaveformVecEnv
@@ -111,18 +114,20 @@ class BipolarWaveformVecEnv(_HeadsVecEnv):
 class TuneWaveformVecEnv(_HeadsVecEnv):
     """`TuneWaveformVectorEnv` with Stable-Baselines3's interface; the numbers are the same, rewards in float32.
 
-    An environment's info holds what the single one's does, and ``terminal_observation`` where the episode has ended.
+    The info of an environment is that of the single one, with ``terminal_observation`` if the episode has ended.
 
     Parameters
     ----------
     num_envs : int
+        Number of heads, N.
     render_mode : {None, "rgb_array"}
+        Rendering: none, or one picture per head.
     **options
-        See `TuneWaveformEnv`.
+        Options of the environment; see `TuneWaveformEnv`.
 
     Examples
     --------
-    An episode is ten steps unless told::
+    An episode has ten steps by default::
 
         from stable_baselines3 import PPO
         from inkjet_env.envs.sb3 import TuneWaveformVecEnv

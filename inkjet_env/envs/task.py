@@ -1,7 +1,7 @@
-"""What one episode asks: which head is on the bench, which waveform an action means, what that waveform costs.
+"""Task of one episode: the head on the bench, the waveform of an action, and the cost of that waveform.
 
-The single environment, the vector environment and the Stable-Baselines3 one are faces of this file: all of them call
-these functions on rows, and a row's numbers do not depend on how many rows there are.
+The single environment, the vector environment and the Stable-Baselines3 one share this file: all of them call these
+functions on rows, and the numbers of a row do not depend on the number of rows.
 """
 
 from __future__ import annotations
@@ -25,8 +25,11 @@ from inkjet_env.typing import Real
 
 CONTEXTS = ("fixed", "random")
 CONTEXT_NAMES = ("frequency_Hz", "damping_ratio", "gain", "hysteresis_strength")
+"""Parameters of a drawn head; gain and strength are relative to the task's head."""
 CONTEXT_LOWER = np.array([35e3, 0.03, 0.7, 0.6])
+"""Lower ends of their ranges; the frequency is in hertz, the others are dimensionless."""
 CONTEXT_UPPER = np.array([70e3, 0.08, 1.3, 1.4])
+"""Upper ends of their ranges."""
 _CENTRE, _HALF = (CONTEXT_LOWER + CONTEXT_UPPER) / 2, (CONTEXT_UPPER - CONTEXT_LOWER) / 2
 
 Value = TypeVar("Value", PeakCost, Bounds)
@@ -43,33 +46,38 @@ def make_task(
     window_s: float = DEFAULT_WINDOW_S,
     hysteresis: str = "full_memory",
 ) -> WaveformTask:
-    """Task of the environment's keyword options.
+    """Task for the environment's keyword options.
 
     Parameters
     ----------
     printhead : Printhead, AugmentedPrinthead or path, optional
-        The head, or its ``printhead.json``, with effects or without; the published one unless given.
+        The head, or its ``printhead.json``, with or without effects; by default the published one.
     cost : PeakCost or dict, optional
-        A dict holds the arguments of `PeakCost`, for example ``{"A": -10, "effective": "first"}``.
+        Peak cost; a dict holds the arguments of `PeakCost`, for example ``{"A": -10, "effective": "first"}``.
     bounds : Bounds or dict, optional
-        The search box that ``[-1, 1]⁷`` maps to; a dict holds ``lower`` and ``upper``, 7 values each (V, V, s …).
+        Search box to which ``[-1, 1]⁷`` maps; a dict holds ``lower`` and ``upper``, 7 values each (V, V, s …).
     context : {"fixed", "random"}
-        ``random``: every reset draws a head, uniformly: resonance 35…70 kHz, damping ratio 0.03…0.08, gain ±30 % and
-        strength of the hysteresis ×0.6…1.4 (both relative to ``printhead``, which must be one without effects).
+        ``random``: every reset draws a head from uniform ranges: resonance 35…70 kHz, damping ratio 0.03…0.08, gain
+        ±30 % and strength of the hysteresis ×0.6…1.4 (both relative to ``printhead``, which must have no effects).
     noise : float
         Standard deviation in volts of an independent Gaussian error on the reading of every peak. The reward is minus
-        the cost *of the readings*, the effective peak being chosen among them: what a measurement would give. A peak
+        the cost *of the readings*, with the effective peak chosen among them, as a measurement would give it. A peak
         well above the noise is read without bias; one within it adds about 0.8 ``noise`` to the cost, since the cost
         takes magnitudes. ``info["cost"]`` is free of noise.
     clip_actions : bool
-        Take an action outside the box for the nearest one inside, instead of refusing it.
+        Whether to replace an action outside the box by the nearest one inside, instead of refusing it.
     initial_state, window_s, hysteresis
-        As `Printhead.respond` (not ``play_operators``).
+        As in `Printhead.respond` (without ``play_operators``).
+
+    Returns
+    -------
+    WaveformTask
+        The checked task.
 
     Raises
     ------
     ValueError
-        An option has a value that is not offered; the message suggests the nearest name.
+        An option has an invalid value; the message suggests the nearest name.
     """
     head: Printhead | AugmentedPrinthead
     if printhead is None:
@@ -106,7 +114,7 @@ def make_task(
 
 
 def warm_up() -> None:
-    """Compile all that the simulator and the environments use, or load it from the cache."""
+    """Compile every kernel of the simulator and the environments, or load it from the cache."""
     from inkjet_env.printhead import batch
 
     batch.warm_up()
@@ -115,7 +123,7 @@ def warm_up() -> None:
 
 
 def _value_of(option: str, kind: type[Value], keys: tuple[str, ...], given: object) -> Value:
-    """A `PeakCost` or `Bounds` from one, from a dict of its arguments, or from None."""
+    """`PeakCost` or `Bounds` from an instance, from a dict of its arguments, or from None."""
     if isinstance(given, kind):
         return given
     if given is None:
@@ -129,16 +137,17 @@ def _value_of(option: str, kind: type[Value], keys: tuple[str, ...], given: obje
 
 @dataclass(frozen=True)
 class Readings:
-    """What was read of n responses.
+    """Readings of n responses.
 
     Attributes
     ----------
     times_s, heights_V : ndarray, shape (n, capacity)
-        Of the peaks, signed, in time order; what follows the last one means nothing.
+        Times in seconds and signed heights in volts of the peaks, in time order; entries after the last peak are
+        undefined.
     counts : ndarray of int, shape (n,)
-        How many peaks there are.
+        Number of peaks.
     read_V, costs_V : ndarray, shape (n,)
-        Costs of the readings, and those free of noise.
+        Costs of the readings, and noise-free costs, in volts.
     """
 
     times_s: Real
@@ -150,7 +159,19 @@ class Readings:
 
 @dataclass(frozen=True)
 class WaveformTask:
-    """One printhead, cost, search box and way of measuring; made by `make_task`, which tells what each field is."""
+    """One printhead, cost, search box and way of measuring; made by `make_task`.
+
+    Attributes
+    ----------
+    printhead : Printhead or AugmentedPrinthead
+        The head on the bench or, if ``context`` is ``"random"``, the one that drawn heads are relative to.
+    cost : PeakCost
+        Peak cost.
+    bounds : Bounds
+        Search box to which ``[-1, 1]⁷`` maps, in volts and seconds.
+    context, noise, clip_actions, initial_state, window_s, hysteresis
+        As in `make_task`.
+    """
 
     printhead: Printhead | AugmentedPrinthead
     cost: PeakCost
@@ -163,11 +184,11 @@ class WaveformTask:
     hysteresis: str
 
     def __post_init__(self) -> None:
-        _ = self._prepared  # checks the options that only the simulator knows
+        _ = self._prepared  # checks the options of the simulator
 
     @cached_property
     def _prepared(self) -> tuple[tuple, int]:
-        """Checked settings of the compiled simulator, and room for the most extrema that an episode can have."""
+        """Checked settings of the compiled simulator, and the largest number of extrema that an episode can have."""
         from inkjet_env.printhead import batch
 
         if isinstance(self.printhead, AugmentedPrinthead):
@@ -194,11 +215,11 @@ class WaveformTask:
         return head.printhead if isinstance(head, AugmentedPrinthead) else head
 
     def action_space(self) -> spaces.Box:
-        """The seven parameters, scaled."""
+        """Space of the seven waveform parameters, scaled to [-1, 1]."""
         return spaces.Box(-1.0, 1.0, (7,), np.float32)
 
     def observation_space(self) -> spaces.Box:
-        """The head's four numbers, scaled; wider than [-1, 1] where a fixed head lies outside the drawn ranges."""
+        """Space of the head's four parameters, scaled; wider than [-1, 1] if a fixed head lies outside the ranges."""
         if self.context == "random":
             return spaces.Box(-1.0, 1.0, (4,), np.float32)
         own = self.fixed_context
@@ -206,23 +227,23 @@ class WaveformTask:
 
     @cached_property
     def fixed_context(self) -> NDArray[np.float32]:
-        """Observation of the task's own head, shape (4,): its numbers on the scale of the drawn ones, not clipped."""
+        """Observation of the task's own head, shape (4,): its parameters on the scale of drawn heads, not clipped."""
         values = np.array([self.printhead.frequency_Hz, self.printhead.damping_ratio, 1.0, 1.0])
         return ((values - _CENTRE) / _HALF).astype(np.float32)
 
     def contexts(self, generators: Sequence[np.random.Generator]) -> NDArray[np.float32]:
-        """One observation a generator, shape (n, 4): `CONTEXT_NAMES` on a scale where ±1 are the ends of the ranges."""
+        """One observation per generator, shape (n, 4): `CONTEXT_NAMES` scaled so that ±1 are the ends of the ranges."""
         drawn = np.empty((len(generators), 4))
         for row, generator in zip(drawn, generators, strict=True):
             generator.random(out=row)
         return (2.0 * drawn - 1.0).astype(np.float32)
 
     def head_values(self, contexts: ArrayLike) -> Real:
-        """Physical values of observations of drawn heads, same shape; exact, since the observation is what is used."""
+        """Physical values of observations of drawn heads, same shape; exact, since heads are made from observations."""
         return _CENTRE + _HALF * np.asarray(contexts, dtype=np.float64)
 
     def heads(self, contexts: ArrayLike) -> Real:
-        """Heads of observations (n, 4) for the compiled simulator; a single row where the context is fixed."""
+        """Head table of observations (n, 4) for the compiled simulator; a single row if the context is fixed."""
         if self.context == "fixed":
             return self._fixed_head
         from inkjet_env.printhead import batch
@@ -237,7 +258,7 @@ class WaveformTask:
         return self._base.varied(**{name: float(v) for name, v in zip(CONTEXT_NAMES, values, strict=True)})
 
     def respond(self, waveform: Real | None, context: ArrayLike) -> Response | AugmentedResponse | None:
-        """Response of one observation's head to physical parameters, shape (7,); None to None."""
+        """Response of the head of one observation to a waveform, shape (7,), in volts and seconds; None for None."""
         if waveform is None:
             return None
         return self.head(context).respond(
@@ -249,9 +270,15 @@ class WaveformTask:
 
         Parameters
         ----------
-        actions : array_like
+        actions : array_like, shape ``shape``
+            Scaled waveform parameters.
         shape : tuple
-            What the actions' shape must be: (7,) or (n, 7).
+            Required shape of the actions: (7,) or (n, 7).
+
+        Returns
+        -------
+        ndarray, shape (n, 7)
+            Waveforms in volts and seconds.
 
         Raises
         ------
@@ -285,9 +312,9 @@ class WaveformTask:
         return np.clip(points, -1.0, 1.0)
 
     def measure(self, waveforms: Real, heads: Real, generators: Sequence[np.random.Generator]) -> tuple[Real, Real]:
-        """Fire waveforms (n, 7) on heads (1 or n rows): the costs that are read, and those free of noise; in volts.
+        """Fire waveforms (n, 7) on heads (1 or n rows); return costs of the readings and noise-free costs, in volts.
 
-        Without noise the two are one array, and no generator is used.
+        Without noise both are the same array, and no generator is used.
         """
         if isinstance(self.printhead, AugmentedPrinthead):
             return self._measure_with_effects(waveforms, generators)
@@ -299,9 +326,9 @@ class WaveformTask:
         return readings.read_V, readings.costs_V
 
     def read(self, waveforms: Real, heads: Real, generators: Sequence[np.random.Generator]) -> Readings:
-        """Fire waveforms (n, 7) on heads without effects (1 or n rows) and read every peak, with an error each.
+        """Fire waveforms (n, 7) on heads without effects (1 or n rows) and read every peak, each with an error.
 
-        A generator a row; none is used where there is no noise.
+        There is one generator per row; without noise none is used.
         """
         from inkjet_env.envs.compiled_episodes import batch_peaks, costs_of_readings
 

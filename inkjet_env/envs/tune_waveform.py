@@ -1,4 +1,4 @@
-"""The Gymnasium environment of tuning: a few tries on a head that nobody knows."""
+"""The Gymnasium environment of tuning: a few tries on an unknown head."""
 
 from __future__ import annotations
 
@@ -16,39 +16,43 @@ from inkjet_env.envs.lockstep_vector_env import LockstepVectorEnv
 from inkjet_env.envs.waveform_tuning_task import WaveformTuningTask
 
 TRIES, PEAKS, NOISE_V = 10, 8, 0.05
+"""Default steps of an episode, peaks of an observation, and standard deviation of a reading in volts."""
 
 
 class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
-    """Tune the waveform of a head that was drawn and is not told, in ``tries`` tries.
+    """Tune the waveform of a randomly drawn, unknown head in ``tries`` tries.
 
-    Action: ``U1, U2, t1 … t5`` scaled to ``[-1, 1]``, shape (7,): the next waveform to fire. Of what is fired the rig
-    reads every peak, with an error, and keeps the waveform whose reading costs least; firing nothing, which costs
-    nothing, is kept until one costs less. Reward: by how much less the waveform that is now kept truly costs than the
-    one kept before, in volts; it may be negative, where an error of reading misled the rig. An episode's rewards add
-    up to minus the true cost of what is kept at its end.
+    The action, shape (7,), is the next waveform to fire: ``U1, U2, t1 … t5`` scaled to ``[-1, 1]``. The rig reads every
+    peak of its response, with an error, and keeps the waveform with the lowest cost of the readings; firing nothing,
+    which costs 0 V, is kept until a waveform costs less. The reward is the decrease of the true cost of the kept
+    waveform, in volts; it is negative if an error of reading misled the rig. The rewards of an episode add up to minus
+    the true cost of the waveform that is kept at its end.
 
-    Observation, shape (16 + 2 peaks,), clipped to ±10: the share of tries that are made; the reading of what is kept,
-    in 20 V; the action fired last, and the one kept (zeros before there is one); heights, signed, in 5 V, and times, in
-    100 µs, of the last response's first ``peaks`` peaks (zeros where there are fewer).
+    The observation, shape (16 + 2 peaks,), is clipped to ±10: the share of tries made; the reading of the kept
+    waveform, in units of 20 V; the action fired last, and the one kept (zeros before there is one); signed heights, in
+    units of 5 V, and times, in units of 100 µs, of the first ``peaks`` peaks of the last response (zeros if there are
+    fewer).
 
-    ``info`` after a step: ``waveform``, shape (7,), in volts and seconds; ``cost`` and ``kept_cost``, in volts, free of
-    noise, of what was fired and of what is kept; ``reading``, the cost as read.
+    ``info`` after a step holds ``waveform``, shape (7,), in volts and seconds; ``cost`` and ``kept_cost``, the
+    noise-free costs in volts of the waveforms fired and kept; ``reading``, the cost as read, in volts.
 
     Parameters
     ----------
     tries : int
-        Steps of an episode.
+        Number of steps of an episode.
     peaks : int
+        Number of peaks of the last response in the observation.
     noise : float
         Standard deviation of the error of each peak's height, in volts.
     render_mode : {None, "rgb_array", "human"}
+        Rendering: none, `render` returns a picture, or each picture is shown in a window.
     **options
-        See `inkjet_env.envs.task.make_task`: heads are drawn as by its ``context="random"``.
+        Options of the task; see `inkjet_env.envs.task.make_task`. Heads are drawn as with its ``context="random"``.
 
     Raises
     ------
     ValueError, gymnasium.error.ResetNeeded
-        As `BipolarWaveformEnv`.
+        As in `BipolarWaveformEnv`.
 
     Examples
     --------
@@ -78,7 +82,7 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Put another head on the bench. There are no ``options``; ``info`` is empty."""
+        """Start an episode with another head. There are no ``options``; ``info`` is empty."""
         check_no_options(options)
         super().reset(seed=seed)
         self.tuning.begin((self.np_random,))
@@ -103,17 +107,19 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
 
 
 class TuneWaveformVectorEnv(LockstepVectorEnv):
-    """N single environments, number for number; see `TuneWaveformEnv` and `BipolarWaveformVectorEnv`.
+    """Vector of N single environments, with identical numbers; see `TuneWaveformEnv` and `BipolarWaveformVectorEnv`.
 
-    All episodes end in the same step and the next ones begin in it. ``infos["final_obs"]`` and ``infos["final_info"]``
-    are there in such a step alone.
+    All episodes end in the same step, in which the next ones start. ``infos["final_obs"]`` and ``infos["final_info"]``
+    exist only in such a step.
 
     Parameters
     ----------
     num_envs : int
+        Number of heads, N.
     tries, peaks, noise, **options
         See `TuneWaveformEnv`.
     render_mode : {None, "rgb_array"}
+        Rendering: none, or one picture per head.
 
     Examples
     --------
@@ -143,7 +149,7 @@ class TuneWaveformVectorEnv(LockstepVectorEnv):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Put N other heads on the bench. ``seed`` is the first head's, or one a head; there are no ``options``."""
+        """Start N episodes with other heads. ``seed`` is that of the first head, or one per head; no ``options``."""
         check_no_options(options)
         self._seed_all(seed)
         self.tuning.begin(self.np_random)
@@ -153,7 +159,7 @@ class TuneWaveformVectorEnv(LockstepVectorEnv):
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Fire N waveforms; where that was the last try, the observations are those of the next heads."""
+        """Fire N waveforms; after the last try, the observations are those of the next heads."""
         if not self._is_reset:
             raise ResetNeeded("Call reset() before the first step().")
         rewards, told = self.tuning.fire(actions, (self.num_envs, 7), self.np_random)
@@ -171,7 +177,7 @@ class TuneWaveformVectorEnv(LockstepVectorEnv):
         return self.tuning.observations(), rewards, ended, np.zeros(self.num_envs, dtype=np.bool_), infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One picture a head of its last try; axes are empty before the first."""
+        """One picture per head of its last try; the axes are empty before the first."""
         if self.render_mode is None:
             warn_of_no_render_mode()
             return None

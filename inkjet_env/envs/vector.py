@@ -1,4 +1,4 @@
-"""The same environment for N heads at once: one compiled call a step."""
+"""The same environment for N heads at once: one compiled call per step."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ from inkjet_env.typing import Real
 
 
 class BipolarWaveformVectorEnv(LockstepVectorEnv):
-    """N single environments, number for number: seeded with ``s``, they are N environments seeded ``s … s + N − 1``.
+    """N single environments with identical numbers: a seed ``s`` stands for N environments seeded ``s … s + N − 1``.
 
-    Every step ends all episodes and begins the next ones (autoreset in the same step). As Gymnasium does it, the ended
-    episodes are told in ``infos["final_obs"]`` and ``infos["final_info"]``; ``infos["waveform"]``, shape (N, 7), and
-    ``infos["cost"]``, shape (N,), tell them once more where a user of the single environment looks.
+    Every step ends all episodes and starts the next ones (autoreset in the same step). As usual in Gymnasium, the ended
+    episodes are in ``infos["final_obs"]`` and ``infos["final_info"]``; ``infos["waveform"]``, shape (N, 7), and
+    ``infos["cost"]``, shape (N,), repeat them under the names of the single environment.
 
     Parameters
     ----------
     num_envs : int
+        Number of heads, N.
     render_mode : {None, "rgb_array"}
-        One picture a head.
+        Rendering: none, or one picture per head.
     **options
-        See `inkjet_env.envs.task.make_task`.
+        Options of the task; see `inkjet_env.envs.task.make_task`.
 
     Raises
     ------
     ValueError, gymnasium.error.ResetNeeded
-        As `BipolarWaveformEnv`.
+        As in `BipolarWaveformEnv`.
 
     Examples
     --------
@@ -61,7 +62,7 @@ class BipolarWaveformVectorEnv(LockstepVectorEnv):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin N episodes. ``seed`` is the first head's, or one a head; there are no ``options``."""
+        """Start N episodes. ``seed`` is that of the first head, or one per head; there are no ``options``."""
         check_no_options(options)
         self._seed_all(seed)
         self._begin()
@@ -77,7 +78,7 @@ class BipolarWaveformVectorEnv(LockstepVectorEnv):
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Fire N waveforms; N episodes end, and the observations are those of the next ones."""
+        """Fire N waveforms, which ends N episodes; the observations are those of the next ones."""
         if not self._is_reset:
             raise ResetNeeded("Call reset() before the first step().")
         waveforms = self.task.waveforms(actions, (self.num_envs, 7))
@@ -96,7 +97,7 @@ class BipolarWaveformVectorEnv(LockstepVectorEnv):
         return self._contexts.copy(), -read, terminations, truncations, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One picture a head of the waveforms fired last; axes are empty before the first step."""
+        """One picture per head of the waveform fired last; the axes are empty before the first step."""
         if self.render_mode is None:
             warn_of_no_render_mode()
             return None

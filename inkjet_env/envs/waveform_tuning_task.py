@@ -1,7 +1,7 @@
-"""Tuning the waveform of a head that nobody knows, in a few tries: what is tried, read and shown.
+"""Tuning the waveform of an unknown head in a few tries: actions, readings and observations.
 
-The single environment and the vector one are faces of this file, which works on rows; a row's numbers do not depend on
-how many rows there are.
+The single environment and the vector one share this file, which works on rows; the numbers of a row do not depend on
+the number of rows.
 """
 
 from __future__ import annotations
@@ -19,25 +19,26 @@ from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.typing import Real
 
 PEAK_SCALE_V, TIME_SCALE_S, COST_SCALE_V = 5.0, 100e-6, 20.0
-"""What 1 in an observation is."""
+"""Peak height in volts, time in seconds and cost in volts that are 1 in an observation."""
 LARGEST = 10.0
-"""Observations are clipped at this."""
+"""Magnitude at which observations are clipped."""
 MOST_TRIES, MOST_PEAKS = 10_000, 1000
+"""Largest numbers of tries and peaks accepted."""
 
 
 class WaveformTuningTask:
-    """N heads on the bench, what was tried on each and what was read.
+    """N heads on the bench, with the tries and readings of each.
 
     Parameters
     ----------
     count : int
-        N.
+        Number of heads, N.
     tries : int
-        Waveforms that may be fired at each head.
+        Number of waveforms that may be fired on each head.
     peaks : int
-        How many peaks of the last response are shown, from the first on.
+        Number of peaks of the last response in an observation, counted from the first.
     **options
-        See `inkjet_env.envs.task.make_task`; ``context`` is "random" and cannot be given.
+        Options of the task; see `inkjet_env.envs.task.make_task`. ``context`` is "random" and cannot be given.
     """
 
     def __init__(self, count: int, tries: int, peaks: int, **options: Any) -> None:
@@ -58,15 +59,15 @@ class WaveformTuningTask:
         self.kept_read_V, self.kept_cost_V = np.zeros(n), np.zeros(n)
 
     def action_space(self) -> spaces.Box:
-        """The seven parameters, scaled."""
+        """Space of the seven waveform parameters, scaled to [-1, 1]."""
         return self.task.action_space()
 
     def observation_space(self) -> spaces.Box:
-        """Of one head."""
+        """Observation space of one head."""
         return spaces.Box(-LARGEST, LARGEST, (len(self.observation_names()),), np.float32)
 
     def observation_names(self) -> tuple[str, ...]:
-        """What each number of an observation is."""
+        """Name of each entry of an observation."""
         numbered = range(1, self.peaks + 1)
         return (
             "tries_made", "kept_reading", *(f"fired_{name}" for name in PARAMETER_NAMES),
@@ -75,7 +76,7 @@ class WaveformTuningTask:
         )  # fmt: skip
 
     def begin(self, generators: Sequence[np.random.Generator]) -> None:
-        """Put other heads on the bench, of which nothing is known."""
+        """Replace the heads on the bench by unknown ones."""
         self._clear()
         self.contexts = self.task.contexts(generators)
         self._heads = self.task.heads(self.contexts)
@@ -83,12 +84,12 @@ class WaveformTuningTask:
     def fire(
         self, actions: NDArray[Any], shape: tuple[int, ...], generators: Sequence[np.random.Generator]
     ) -> tuple[Real, dict[str, Real]]:
-        """One try on each head: rewards in volts, shape (n,), and what ``info`` tells, a row a head.
+        """One try on each head: rewards in volts, shape (n,), and the contents of ``info``, one row per head.
 
         Raises
         ------
         ValueError
-            Actions that are not of ``shape``, NaN or outside the box; nothing has been fired.
+            The actions have another shape than ``shape``, are NaN or outside the box; nothing is fired.
         """
         waveforms = self.task.waveforms(actions, shape)
         readings = self.task.read(waveforms, self._heads, generators if self.task.noise else ())
@@ -118,7 +119,7 @@ class WaveformTuningTask:
         return self.done >= self.tries
 
     def observations(self) -> NDArray[np.float32]:
-        """What is known of each head, shape (n, 16 + 2 peaks)."""
+        """Observation of each head, shape (n, 16 + 2 peaks)."""
         share = np.full((self.count, 1), self.done / self.tries)
         parts = (
             share, self.kept_read_V[:, None] / COST_SCALE_V, self.fired, self.kept,

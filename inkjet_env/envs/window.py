@@ -13,7 +13,7 @@ class Window:
     Parameters
     ----------
     frames_per_second : float
-        No picture replaces another sooner than this allows.
+        Largest rate at which pictures replace each other.
 
     Raises
     ------

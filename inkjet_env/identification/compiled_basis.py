@@ -8,6 +8,7 @@ from inkjet_env.printhead.compiled_gradient import moments as fill_moments
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
 MAX_DEGREE = 16
+"""Largest degree of the branch law."""
 
 BINOMIALS = np.zeros((MAX_DEGREE, MAX_DEGREE))
 """``(j + 1) · C(j, k)``: factors of ``d/dτ (x + dx τ)^(j + 1) = Σ_k (j + 1) C(j, k) x^(j - k) dx^(k + 1) τ^k``."""
@@ -73,7 +74,7 @@ def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns)
             scale *= inverse
             if x >= 1.0:  # on the tangent
                 for j in range(degree):
-                    start[j] = start[j] * decay + scale * dx * (j + 1) * m[0]
+                    start[j] = start[j] * decay + scale * dx * (j + 1) * m[0]  # Eq. (8b)
             else:
                 power = 1.0
                 factor = scale * dx
@@ -86,7 +87,7 @@ def basis_amplitudes(pieces, step_s, pole, binomials, start, im_factor, columns)
                     total = 0j
                     for k in range(j + 1):
                         total += binomials[j, k] * powers[j - k] * forced[k]
-                    start[j] = start[j] * decay + total
+                    start[j] = start[j] * decay + total  # Eq. (8b)
             covered += length
             at += 1
         if 0.0 < covered < 1.0 - 1e-12:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from inkjet_env.printhead import Printhead
 
 PUBLISHED = Printhead.published()
+"""Head whose law fixes the scale."""
 
 
 def conventional_swing(full_scale_V: float) -> float:

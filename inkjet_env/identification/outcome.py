@@ -30,6 +30,7 @@ NOTHING_RINGS = (
     "nothing in them rings. Take pulses with short edges, or a multisine about the resonance, sampled at ten times its "
     "frequency; `inkjet record --plan FOLDER` writes such drives."
 )
+"""End of the error sentence if no resonance is found."""
 
 
 def outcome_of(fit: CampaignFit) -> Identification:

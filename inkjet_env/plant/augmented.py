@@ -245,6 +245,16 @@ class AugmentedResponse:
 
     Attributes
     ----------
+    printhead : AugmentedPrinthead
+        The head with its effects.
+    knot_times_s, knot_drive_V : ndarray, shape (6,)
+        Times in seconds and commanded drive in volts at the corners of the waveform.
+    window_s : float
+        Window of the peaks after the waveform's start, in seconds.
+    step_s : float
+        Step of the grid, in seconds.
+    hysteretic_at_steps_V, sensor_at_steps_V : ndarray, shape (steps,)
+        Hysteretic drive and self-sensed signal at the steps of the grid, in volts.
     peak_times_s, peaks_V : ndarray, shape (k,)
         Times in seconds and signed values in volts of every local extremum of the self-sensed signal within the window,
         in time order.

@@ -8,6 +8,7 @@ from inkjet_env.plant.effect import Parameter
 from inkjet_env.printhead import Printhead
 
 BANDWIDTH = Parameter("bandwidth_Hz", "Hz", 0.1, math.inf, "reciprocal", "where it passes half the power")
+"""Half-power bandwidth; infinite when the effect is off."""
 
 
 SECOND_ORDER = Parameter(
@@ -19,6 +20,7 @@ SECOND_ORDER = Parameter(
     open_ended=True,
     plain=0.0,
 )
+"""q of the low-pass ``1 / (1 + τ s + q τ² s²)``."""
 
 
 def low_pass_starts(printhead: Printhead) -> list[dict[str, float]]:

@@ -47,11 +47,18 @@ FAINT = 1e-4
 
 @dataclass(frozen=True)
 class Mode:
-    """A further mode in parallel, with ``strength`` times the static compliance of the first.
+    """A further mode in parallel to the first.
 
-    ``a0`` in 1/s² and ``a1`` in 1/s are its resonator. ``exchange`` is the coefficient e of the coupling of both modes
-    by damping, ``e ω1 (s / D2 - s / D1)`` on the hysteretic drive, with ``D = s² + a1 s + a0`` of each mode. With it
-    the two modes can be those of any two masses that springs and dampers couple.
+    Attributes
+    ----------
+    a0, a1 : float
+        Coefficients of its resonator, in 1/s² and 1/s.
+    strength : float
+        Static compliance relative to that of the first mode.
+    exchange : float
+        Coefficient e of the coupling of the modes by damping, ``e ω1 (s / D2 - s / D1)`` on the hysteretic drive, with
+        ``D = s² + a1 s + a0`` of each mode; dimensionless. With it the two modes can be those of any two masses that
+        springs and dampers couple.
     """
 
     a0: float

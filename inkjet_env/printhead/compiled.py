@@ -180,7 +180,7 @@ def peak_cost(peaks, count, tail_V, A, B, effective, threshold, enough_V):
                 e = i
         elif e < 0 and (effective == EFFECTIVE_FIRST or magnitude >= threshold):
             e = i
-    if e >= 0:
+    if e >= 0:  # Eq. (9)
         total += A * min(abs(peaks[e]), enough_V) - abs(peaks[e])
         if e + 1 < count:
             total += (B - 1.0) * abs(peaks[e + 1])

@@ -25,10 +25,11 @@ HEAD_SLOPE = 6  # Q' lowest power first, MAX_DEGREE columns
 HEAD_CURVATURE = HEAD_SLOPE + MAX_DEGREE  # max |Q''| on each of CURVATURE_CELLS cells of 0 ≤ x ≤ 1
 HEAD_COLUMNS = HEAD_CURVATURE + CURVATURE_CELLS
 
-# Edges up to |λT| = degree / 4 are summed as a power series; longer ones use the particular polynomial, whose relative
-# error is like degree! / |λT|^degree.
+# Edges up to |λT| = degree / 4 are summed as a power series; longer ones use the particular polynomial, whose error
+# grows like degree! / |λT|^degree.
 SERIES_PER_DEGREE = 0.25
 SERIES_TERMS = 64
+"""Largest number of terms of the power series."""
 _RECIPROCALS = 1.0 / ((np.arange(SERIES_TERMS) + 1.0) * (np.arange(SERIES_TERMS) + 2.0))
 NODE_SPACING = 1.0  # distance in |λ| t between the nodes that isolate extrema
 INFINITE_TAIL_FLOOR = 1e-12
@@ -38,6 +39,7 @@ OVERFLOW = -1
 """Count returned when the arrays for the extrema are too short."""
 
 FAST = {"contract", "nsz"}
+"""Floating-point optimisations of the kernels: fused multiply-add, and no distinction of −0 from 0."""
 _jit = kernel_jit(__file__, fastmath=FAST)
 _inlined = kernel_jit(__file__, fastmath=FAST, inline="always")  # function calls cost a fifth of the run time
 
@@ -80,6 +82,7 @@ def solve_piece(head, y, slope, duration, rate, n, series):
         k = 0
         while True:
             f = force * rate[k] if k < n else 0.0
+            # Eq. (7), coefficient of τ^k.
             term = (f - damping * (k + 1) * series[k + 1] - stiffness * series[k]) * _RECIPROCALS[k]
             series[k + 2] = term
             largest = max(largest, abs(term))
@@ -89,6 +92,7 @@ def solve_piece(head, y, slope, duration, rate, n, series):
     above, above2 = 0.0, 0.0
     compliance = 1.0 / stiffness
     for k in range(n - 1, -1, -1):
+        # Eq. (7), coefficient of τ^k of the particular polynomial.
         p = (force * rate[k] - damping * (k + 1) * above - (k + 1.0) * (k + 2.0) * above2) * compliance
         series[k] = p
         above2 = above

@@ -225,6 +225,7 @@ class BranchLaw:
         drive = np.asarray(drive_V, dtype=np.float64)
         pieces = self.pieces(drive, initial_state, one_point)
         segment, x, dx, scale = pieces[:, 0].astype(int), pieces[:, 3], pieces[:, 4], pieces[:, 5]
+        # Eq. (3), piece by piece.
         change = np.bincount(segment, scale * (self.Q(x + dx) - self.Q(x)), minlength=max(drive.size - 1, 0))
         first = 0.0
         if initial_state == "demagnetised" and not one_point and drive.size:

@@ -299,6 +299,12 @@ class Response:
 
     Attributes
     ----------
+    printhead : Printhead
+        The head.
+    knot_times_s, knot_drive_V : ndarray, shape (n,)
+        Times in seconds and drive in volts at the knots of the drive.
+    initial_state, window_s, hysteresis, period_s
+        As in `Printhead.respond`.
     peak_times_s, peaks_V : ndarray, shape (k,)
         Times in seconds and signed values in volts of every local extremum of the self-sensed signal within the window,
         in time order.
@@ -404,7 +410,7 @@ def branch_rates(law: BranchLaw, pieces: Real) -> Real:
             row[0] = scale * dx * float(law.slope(1.0))
             continue
         derivative = slope
-        for k in range(slope.size):  # Taylor coefficients of Q' at x
+        for k in range(slope.size):  # Taylor coefficients of Q' at x, Eq. (3) and (5) of `hysteresis`
             row[k] = scale * dx ** (k + 1) * poly.polyval(x, derivative) / math.factorial(k)
             derivative = poly.polyder(derivative)
     return rates

@@ -113,6 +113,17 @@ class PiecewiseResponse:
         ``dv/dτ`` on each piece as a polynomial of ``τ`` in 0…1, lowest power first, in volts.
     start_state : complex, optional
         Amplitude A at time 0, in volts; zero, the default, is rest.
+
+    Attributes
+    ----------
+    pole : complex
+        λ, in 1/s.
+    gain : float
+        ``c`` of Eq. (8a), dimensionless.
+    start_s : ndarray, shape (p + 1,)
+        Start of each piece, and the end of the last, in seconds.
+    amplitude : ndarray of complex, shape (p + 1,)
+        Amplitude A at these times, in volts.
     """
 
     a0: float
@@ -153,6 +164,7 @@ class PiecewiseResponse:
         tau = np.atleast_1d(np.asarray(tau, dtype=np.float64))
         z = self.pole * self.duration_s[piece]
         powers = tau[:, None] ** np.arange(1, self.rate_V.shape[1] + 1)
+        # Eq. (8b), the sum over k.
         forced = np.sum(self.rate_V[piece] * powers * moments(z * tau, self.rate_V.shape[1]), axis=1)
         return self.amplitude[piece] * np.exp(z * tau) + self.gain * forced
 

@@ -27,6 +27,7 @@ EXCITATIONS = (
     "arbitrary",
 )
 SENSOR_COLUMNS = {"V": "sensor_V", "um": "displacement_um", "nm": "displacement_nm"}
+"""Name of the sensor's column in a file, by the unit of its signal."""
 LARGEST_JITTER = 0.01
 """Largest accepted deviation of a sample's time from the uniform grid, in sampling steps."""
 

@@ -131,7 +131,7 @@ def guessed_roles(sheet: Sheet, roles: dict[str, int], values: dict[int, Real]) 
     Returns
     -------
     roles : dict
-        Columns by role, now complete.
+        Column of each role that was missing.
     reason : str
         Reason for the assignment, in words.
     """

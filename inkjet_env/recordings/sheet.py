@@ -22,6 +22,7 @@ from inkjet_env.recordings.table import Layout, split_cells, split_lines
 from inkjet_env.recordings.units import Unit, known_unit, unit_in_name
 
 SNIFFED_BYTES = 1 << 16
+"""Bytes at the start of a file from which its layout is recognised."""
 _START = re.compile(r"^t0\s*=\s*(\S+)$", re.IGNORECASE)
 _INCREMENT = re.compile(r"^tInc\s*=\s*(\S+)$", re.IGNORECASE)
 _BESIDE = 3

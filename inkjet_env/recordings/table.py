@@ -17,6 +17,7 @@ from inkjet_env.recordings.recording import CampaignError, brief
 from inkjet_env.typing import Real
 
 TAIL_BYTES = 1 << 16
+"""Bytes at the end of a file in which its last rows are looked for."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Virtual instruments: a measuring campaign of a head whose truth is known."""
+"""Virtual instruments: a measuring campaign of a head with known true parameters."""
 
 from inkjet_env.rig.battery import (
     DriveLine,

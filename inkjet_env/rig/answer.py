@@ -1,4 +1,4 @@
-"""What a head gives to each instrument: hysteretic drive, self-sensed signal, deflection."""
+"""Input of each instrument from a head: hysteretic drive, self-sensed signal, deflection."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from inkjet_env.typing import Real
 
 
 def answer_V(printhead: Printhead, line: DriveLine) -> Real:
-    """What the line's instrument is given, in volts, shape (n,); exact at the samples.
+    """Input of the line's instrument in volts, shape (n,); exact at the samples.
 
     Strain gauge: `absolute_hysteretic_V`. Displacement: `deflection_V`. Self-sensing: the head's sensor signal, in the
-    steady state of a repeated drive, resonator ringing over from one repetition to the next; from rest else.
+    steady state of a repeated drive, in which the resonator rings over from one repetition to the next; otherwise from
+    rest.
     """
     if line.channel == "strain_gauge":
         return absolute_hysteretic_V(printhead, line.drive_V, line.initial_state)
@@ -27,10 +28,10 @@ def answer_V(printhead: Printhead, line: DriveLine) -> Real:
 
 
 def absolute_hysteretic_V(printhead: Printhead, drive_V: ArrayLike, initial_state: str) -> Real:
-    """Hysteretic drive at the samples in volts, shape (n,), 0 V being the demagnetised ceramic.
+    """Hysteretic drive at the samples in volts, shape (n,); 0 V is the demagnetised ceramic.
 
-    A repeated drive had started from there too, so that its hysteretic drive has a level of its own; one offset then
-    holds for every recording of a channel.
+    A repeated drive started from there too, so its hysteretic drive has a definite level, and one offset holds for
+    every recording of a channel.
     """
     drive = np.asarray(drive_V, dtype=np.float64)
     if initial_state == "demagnetised":
@@ -39,18 +40,20 @@ def absolute_hysteretic_V(printhead: Printhead, drive_V: ArrayLike, initial_stat
 
 
 def deflection_V(printhead: Printhead, drive_V: ArrayLike, step_s: float, initial_state: str) -> Real:
-    """Deflection at the samples as the quasi-static hysteretic drive that would hold it, in volts, shape (n,).
+    """Deflection at the samples as the static hysteretic drive that would hold it, in volts, shape (n,).
 
-    ``a0 / (s² + a1 s + a0)`` on the hysteretic drive, exact for a drive that is linear between samples. Periodic: the
-    steady state of the repeated drive; demagnetised: the resonator rests at the first sample.
+    It is ``a0 / (s² + a1 s + a0)`` on the hysteretic drive, exact for a drive that is linear between samples.
 
     Parameters
     ----------
     printhead : Printhead
+        The head.
     drive_V : array_like, shape (n,)
+        Drive at the samples in volts, linear between them.
     step_s : float
-        Sampling step.
+        Sampling step, in seconds.
     initial_state : {"periodic", "demagnetised"}
+        ``periodic``: steady state of the repeated drive. ``demagnetised``: the resonator rests at the first sample.
     """
     law, drive = printhead.branch_law, np.asarray(drive_V, dtype=np.float64)
     periodic = initial_state == "periodic"
@@ -68,7 +71,7 @@ def deflection_V(printhead: Printhead, drive_V: ArrayLike, step_s: float, initia
         ringing = PiecewiseResponse(
             printhead.a0, printhead.a1, printhead.b1, duration_s, rate_V, ringing.amplitude[-1] / (1 - left)
         )
-    first = np.searchsorted(segment[order], np.arange(drive.size))  # the piece that starts at each sample
+    first = np.searchsorted(segment[order], np.arange(drive.size))  # index of the piece that starts at each sample
     amplitude = ringing.amplitude[first]
     moved = ((ringing.pole + printhead.a1) * amplitude).imag / printhead.b1  # as in Response.deflection_V
     return absolute_hysteretic_V(printhead, drive, initial_state) - moved

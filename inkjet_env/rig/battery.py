@@ -1,4 +1,4 @@
-"""What a good campaign holds: drives, each with what it is for."""
+"""Drives of a good campaign, each with its purpose."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from inkjet_env.recordings.recording import CHANNELS
 from inkjet_env.typing import Real
 
 EXPECTED_FREQUENCY_Hz = 50e3
+"""Expected resonance of a head, in hertz."""
 SAMPLES_A_PERIOD = 100
-"""Of the expected resonance; the sampling rate is rounded to two digits."""
+"""Samples per period of the expected resonance; the sampling rate is rounded to two digits."""
 
 LARGEST_DRIVE_V = 100.0
-"""Rated voltage of the ceramic (Zhu et al. 2024, section 2.3)."""
+"""Rated voltage of the ceramic, in volts (Zhu et al. 2024, section 2.3)."""
 
 MULTISINE_PERIODS = 40
 MULTISINE_LAST_LINE = 101
-"""A repetition of a multisine is 40 periods of the expected resonance f0; lines 3, 5 … 101 are 0.075 … 2.525 f0."""
+"""A repetition of a multisine lasts 40 periods of the expected resonance f0; lines 3, 5 … 101 are 0.075 … 2.525 f0."""
 
 SLOW_SAMPLES = 1200
-"""Samples in one period of a slow loop, a multiple of four: the drive's extremes are sampled."""
+"""Samples per period of a slow loop; a multiple of four, so that the extremes of the drive are sampled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,21 +38,22 @@ class DriveLine:
     Parameters
     ----------
     label : str
-        Unique within its channel; fit for a file's name.
+        Label, unique within the channel and valid in a file name.
     channel : {"self_sensing", "strain_gauge", "displacement"}
+        Sensor to record.
     excitation : str
-        As in a `Recording`.
+        Kind of drive, as in a `Recording`.
     initial_state : {"periodic", "demagnetised"}
-        ``periodic``: the samples are exactly one repetition; the one after the last is the first. ``demagnetised``: the
-        ceramic had been demagnetised, and the head is at rest.
+        ``periodic``: the samples are exactly one repetition; the sample after the last is the first. ``demagnetised``:
+        the ceramic has been demagnetised, and the head is at rest.
     step_s : float
-        Sampling step.
+        Sampling step, in seconds.
     drive_V : ndarray, shape (n,)
-        Linear between samples; within ±100 V.
+        Drive at the samples in volts, linear between them; within ±100 V.
     purpose : str
-        What the line is for.
+        Purpose of the line, in words.
     repeats : int
-        How many recordings of it to take, at least 1.
+        Number of recordings to take of it, at least 1.
     """
 
     label: str
@@ -78,22 +80,22 @@ class DriveLine:
 
     @property
     def time_s(self) -> Real:
-        """Times of the samples from 0 s, shape (n,)."""
+        """Times of the samples in seconds from 0 s, shape (n,)."""
         return np.asarray(self.step_s * np.arange(self.drive_V.size), dtype=np.float64)
 
     @property
     def repetition_period_s(self) -> float | None:
-        """Time from one repetition to the next; None if the drive is applied once."""
+        """Time from one repetition to the next, in seconds; None if the drive is applied once."""
         return self.step_s * self.drive_V.size if self.initial_state == "periodic" else None
 
 
 def default_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[DriveLine, ...]:
-    """The strain gauge's lines, then those of self-sensing for a head expected to ring at ``frequency_Hz``."""
+    """Lines for the strain gauge, then for self-sensing with a head expected to ring at ``frequency_Hz``."""
     return strain_gauge_battery() + self_sensing_battery(frequency_Hz)
 
 
 def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[DriveLine, ...]:
-    """Fast lines; all times scale with the expected resonance, which must be above 0 Hz."""
+    """Fast lines for self-sensing; all times scale with the expected resonance, which must be above 0 Hz."""
     if not (math.isfinite(frequency_Hz) and frequency_Hz > 0):
         raise ValueError(f"frequency_Hz must be finite and above 0 Hz; got {frequency_Hz!r}.")
     step_s = 1 / float(f"{SAMPLES_A_PERIOD * frequency_Hz:.1e}")
@@ -145,7 +147,7 @@ def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[D
 
 
 def strain_gauge_battery() -> tuple[DriveLine, ...]:
-    """Slow lines, for the hysteresis and what may creep."""
+    """Slow lines for the strain gauge, which show the hysteresis and any creep."""
     lines = []
     for omega, repeats in ((0.5, 1), (1.0, 2), (5.0, 1)):
         drive = 90 * np.sin(2 * np.pi * np.arange(SLOW_SAMPLES) / SLOW_SAMPLES)
@@ -165,7 +167,7 @@ def strain_gauge_battery() -> tuple[DriveLine, ...]:
 
 
 def displacement_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[DriveLine, ...]:
-    """Lines for a vibrometer, not in the default battery: a choice of those for self-sensing."""
+    """Lines for a vibrometer, a selection of those for self-sensing; not in the default battery."""
     chosen = ("trapezoid-60V", "trapezoid-minus100V", "bipolar-full", "multisine-50V-a", "step", "zero")
     return tuple(
         replace(line, channel="displacement") for line in self_sensing_battery(frequency_Hz) if line.label in chosen
@@ -178,18 +180,18 @@ def odd_multisine(samples: int, last_line: int, peak_V: float, rng: np.random.Ge
     Parameters
     ----------
     samples : int
-        In one repetition.
+        Number of samples in one repetition.
     last_line : int
-        Odd multiple of the repetition rate, below ``samples / 2``.
+        Highest line, an odd multiple of the repetition rate, below ``samples / 2``.
     peak_V : float
-        Largest magnitude at the samples.
+        Largest magnitude at the samples, in volts.
     rng : Generator
-        For the phases.
+        Source of the random phases.
 
     Returns
     -------
     ndarray, shape (samples,)
-        In volts.
+        The drive, in volts.
     """
     line = np.arange(3, last_line + 1, 2)
     spectrum = np.zeros(samples // 2 + 1, dtype=np.complex128)
@@ -199,13 +201,13 @@ def odd_multisine(samples: int, last_line: int, peak_V: float, rng: np.random.Ge
 
 
 def _polyline(samples: int, steps: Sequence[tuple[int, float]]) -> Real:
-    """Drive that goes linearly from 0 V to each level in so many samples, and stays at the last."""
+    """Drive that goes linearly from 0 V to each level in the given number of samples, and stays at the last."""
     at, levels = np.cumsum([0, *(count for count, _ in steps)]), [0.0, *(level for _, level in steps)]
     return np.interp(np.arange(samples), at, levels)
 
 
 def _trapezoids(samples: int, *pulses: tuple[int, int, int, float]) -> Real:
-    """Sum of pulses (start, edge, dwell, level), the first three in samples."""
+    """Sum of trapezoidal pulses (start, edge, dwell, level), the first three in samples and the level in volts."""
     total = np.zeros(samples)
     for start, edge, dwell, level in pulses:
         total += _polyline(samples, ((start, 0), (edge, level), (dwell, level), (edge, 0)))
@@ -213,7 +215,7 @@ def _trapezoids(samples: int, *pulses: tuple[int, int, int, float]) -> Real:
 
 
 def _ramps(levels: Sequence[float], volts_a_sample: float) -> Real:
-    """Drive from level to level at one rate; the levels are sampled."""
+    """Drive from level to level at a constant rate; every level falls on a sample."""
     pieces = [np.array([float(levels[0])])]
     for start, end in itertools.pairwise(levels):
         pieces.append(np.linspace(start, end, round(abs(end - start) / volts_a_sample) + 1)[1:])
@@ -221,5 +223,5 @@ def _ramps(levels: Sequence[float], volts_a_sample: float) -> Real:
 
 
 def _staircase(holds: Sequence[tuple[float, float]], step_s: float) -> Real:
-    """Drive that holds each level for so many seconds, one sampling step between them."""
+    """Drive that holds each level for the given number of seconds, with edges of one sampling step."""
     return np.concatenate([np.full(round(seconds / step_s), float(level)) for level, seconds in holds])

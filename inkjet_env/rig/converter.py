@@ -1,4 +1,4 @@
-"""Analogue-to-digital converter: a range, a step, and a plain refusal to clip."""
+"""Analogue-to-digital converter with a range and a step; it raises an error instead of clipping."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Converter:
     low, high : float
         Ends of the range, in the recorded unit.
     bits : int or None
-        ``2**bits`` codes; None is an ideal converter, without steps.
+        Resolution, ``2**bits`` codes; None is an ideal converter, without steps.
 
     Examples
     --------
@@ -42,16 +42,16 @@ class Converter:
 
     @property
     def step(self) -> float:
-        """One code in the recorded unit; 0 for an ideal converter."""
+        """Size of one code in the recorded unit; 0 for an ideal converter."""
         return 0.0 if self.bits is None else (self.high - self.low) / 2**self.bits
 
     def quantised(self, values: ArrayLike) -> Real:
-        """Values as the converter tells them, same shape: the nearest of ``low + k step``.
+        """Output of the converter, same shape: the nearest of ``low + k step``, in the recorded unit.
 
         Raises
         ------
         ValueError
-            A value is outside the range: a virtual rig does not clip in silence.
+            A value is outside the range: a virtual rig does not clip silently.
         """
         values = np.asarray(values, dtype=np.float64)
         least, most = float(values.min()), float(values.max())

@@ -1,4 +1,4 @@
-"""Laser vibrometer: the head's position, ``b0 / (s² + a1 s + a0)`` on the hysteretic drive, in micrometres."""
+"""Laser vibrometer: position of the head, ``b0 / (s² + a1 s + a0)`` on the hysteretic drive, in micrometres."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ class Vibrometer:
     um_per_V : float
         Static deflection per hysteretic volt, ``b0 / a0``. 2 nm/V: a piezo diaphragm moves 0.1 … 0.2 µm at 50 … 100 V.
     offset_um : float
-        Where the decoder's zero lies when the head is demagnetised and at rest.
+        Reading of the decoder when the head is demagnetised and at rest.
     noise_um_per_rtHz, noise_bandwidth_Hz : float
-        0.1 pm/√Hz through 10 MHz, 0.3 nm RMS: a laser Doppler vibrometer on a good surface.
+        Density and bandwidth of the white noise. 0.1 pm/√Hz through 10 MHz, which is 0.3 nm RMS: a laser Doppler
+        vibrometer on a good surface.
     range_um : float or None
         ± range of the decoder; None lets `fitted_to` choose it.
     bits : int or None
-        Of its digitiser, 16; None is without steps.
+        Resolution of its digitiser, 16; None is without steps.
     """
 
     um_per_V: float = 2e-3
@@ -46,18 +47,18 @@ class Vibrometer:
 
     @property
     def converter(self) -> Converter:
-        """The digitiser's; ``ValueError`` before a range is chosen."""
+        """Converter of the digitiser; ``ValueError`` before a range is chosen."""
         if self.range_um is None:
             raise ValueError("range_um must be set before recording. Give it, or use fitted_to(largest_V).")
         return Converter(-self.range_um, self.range_um, self.bits)
 
     @property
     def noise(self) -> Noise:
-        """White, in µm."""
+        """White noise, in µm."""
         return Noise(self.noise_um_per_rtHz, self.noise_bandwidth_Hz)
 
     def signal_um(self, deflection_V: ArrayLike) -> Real:
-        """Position without noise and steps of any deflection in volts (see `answer.deflection_V`), same shape."""
+        """Position in µm, without noise and steps, of a deflection in volts (see `answer.deflection_V`), same shape."""
         return self.um_per_V * np.asarray(deflection_V, dtype=np.float64) + self.offset_um
 
     def fitted_to(self, largest_V: float) -> Vibrometer:

@@ -19,20 +19,20 @@ def thermal_density(resistance_ohm: float, temperature_K: float) -> float:
 
 @dataclass(frozen=True)
 class Noise:
-    """Stationary Gaussian noise with one-sided density ``density² (1 + corner / f)``, sampled.
+    """Samples of stationary Gaussian noise with one-sided power density ``density² (1 + corner / f)``.
 
-    The white part is what a bandwidth lets through; where that is wider than half the sampling rate it folds back, so
-    that each sample has the whole of it. The 1/f part has the frequencies that a recording can tell, from one over its
-    length to half the sampling rate; what wanders more slowly is left out, since the rig has one offset a channel.
+    The white part is limited by a bandwidth. If that exceeds half the sampling rate the noise aliases, so that each
+    sample has its whole power. The 1/f part covers the frequencies that a recording resolves, from the inverse of its
+    length to half the sampling rate; slower drift is left out, since the rig has one offset per channel.
 
     Parameters
     ----------
     density : float
         White level in the recorded unit per √Hz, at least 0.
     bandwidth_Hz : float
-        Noise bandwidth of the white part; π/2 times the −3 dB frequency for a single pole.
+        Noise bandwidth of the white part; for a single pole, π/2 times the −3 dB frequency.
     corner_Hz : float
-        Where the 1/f part equals ``density``; 0 is no 1/f part.
+        Frequency at which the 1/f part equals ``density``; 0 is no 1/f part.
     """
 
     density: float
@@ -47,11 +47,11 @@ class Noise:
 
     @classmethod
     def white(cls, rms: float) -> Noise:
-        """White noise of a given RMS a sample."""
+        """White noise with a given RMS per sample, in the recorded unit."""
         return cls(rms, 1.0)
 
     def power_per_bin(self, samples: int, sample_rate_Hz: float) -> Real:
-        """One-sided density in unit²/Hz at ``rfftfreq(samples, 1 / sample_rate_Hz)``, shape (samples // 2 + 1,)."""
+        """One-sided power density in unit²/Hz at ``rfftfreq(samples, 1 / sample_rate_Hz)``, (samples // 2 + 1,)."""
         frequency_Hz = np.fft.rfftfreq(samples, 1 / sample_rate_Hz)
         flicker = np.divide(self.corner_Hz, frequency_Hz, out=np.zeros_like(frequency_Hz), where=frequency_Hz > 0)
         return self.density**2 * (self.bandwidth_Hz / (sample_rate_Hz / 2) + flicker)
@@ -59,7 +59,7 @@ class Noise:
     def rms(self, samples: int, sample_rate_Hz: float) -> float:
         """Expected RMS of `draw`, in the recorded unit."""
         power = self.power_per_bin(samples, sample_rate_Hz)
-        twice = power[1 : (samples + 1) // 2].sum() + power.sum()  # bins with a twin at the negative frequency
+        twice = power[1 : (samples + 1) // 2].sum() + power.sum()  # these bins also occur at negative frequency
         return math.sqrt(twice * sample_rate_Hz / (2 * samples))
 
     def draw(self, rng: np.random.Generator, samples: int, sample_rate_Hz: float) -> Real:
@@ -69,7 +69,7 @@ class Noise:
         return np.fft.irfft(gain * white, samples)
 
     def scaled_to(self, rms: float, samples: int, sample_rate_Hz: float) -> Noise:
-        """The same spectrum with another RMS over so many samples; a silent noise becomes white."""
+        """The same spectrum scaled to an RMS over ``samples`` samples; zero noise becomes white noise of that RMS."""
         now = self.rms(samples, sample_rate_Hz)
         if now == 0:
             return Noise.white(rms)

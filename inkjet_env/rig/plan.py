@@ -13,6 +13,7 @@ from inkjet_env.rig.battery import DriveLine, default_battery
 from inkjet_env.storage import write_atomically
 
 PLAN = "plan.csv"
+"""Name of the file that lists the drives."""
 
 PLAN_COLUMNS = (
     "file",
@@ -28,24 +29,24 @@ PLAN_COLUMNS = (
 
 
 def plan_csvs(folder: str | os.PathLike[str], battery: Sequence[DriveLine] | None = None) -> None:
-    """Write each line's drive as ``<channel>-<label>.csv`` (time_s, drive_V), and ``plan.csv`` that lists them.
+    """Write the drive of each line as ``<channel>-<label>.csv`` (time_s, drive_V), and a list of them as ``plan.csv``.
 
-    In ``plan.csv`` the ``repetition_period_s`` is how often a periodic drive is fired; it is empty where the drive is
-    applied once, to the demagnetised head. Take the recordings of a channel in random order.
+    In ``plan.csv`` the ``repetition_period_s`` is the period at which a periodic drive is fired; it is empty if the
+    drive is applied once, to the demagnetised head. Take the recordings of a channel in random order.
 
     Parameters
     ----------
     folder : str or Path
-        Made if it is missing; files of the same names are replaced.
+        Destination; created if it is missing. Files of the same names are replaced.
     battery : sequence of DriveLine, optional
-        Default: `default_battery` for a head expected at 50 kHz.
+        Lines to write; by default `default_battery` for a head expected at 50 kHz.
 
     Raises
     ------
     ValueError
-        No lines, or two of a channel have the same label.
+        There are no lines, or two lines of a channel have the same label.
     OSError
-        The folder cannot be written to.
+        The folder is not writable.
     """
     lines = default_battery() if battery is None else tuple(battery)
     if not lines:

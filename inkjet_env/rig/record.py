@@ -1,4 +1,4 @@
-"""The virtual rig at work: a battery of drives through a head and its instruments, to a campaign."""
+"""Recording with the virtual rig: a battery of drives through a head and its instruments, to a campaign."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from inkjet_env.rig.strain_gauge import StrainGauge
 from inkjet_env.typing import Real
 
 CONDITION = {"temperature_C": 25.0, "back_pressure_kPa": 1.3}
-"""The paper keeps the back pressure at 0.9 … 1.7 kPa."""
+"""Conditions noted with every recording; the paper keeps the back pressure at 0.9 … 1.7 kPa."""
 
 SIMULATED = "Simulated by the virtual rig, not measured."
-"""Begins the description of every campaign that the rig records."""
+"""First sentence of the description of every campaign that the rig records."""
 
 LOWEST_SNR_dB = -40.0
+"""Lowest signal-to-noise ratio accepted, in dB."""
 
 NOISE_ROOM = 6.0
-"""Standard deviations of noise for which the instruments' ranges leave room."""
+"""Margin for noise in the instruments' ranges, in standard deviations."""
 
 Instrument = StrainGauge | SelfInduction | Vibrometer
 
@@ -33,7 +34,7 @@ DEFAULT_INSTRUMENTS: dict[str, Instrument] = {
     "self_sensing": SelfInduction(),
     "displacement": Vibrometer(),
 }
-"""In the order of the sessions: the strain gauge is glued to a ceramic that is not built in."""
+"""Instruments in the order of the sessions; the strain gauge is glued to a ceramic that is not built into a head."""
 
 
 def record_campaign(
@@ -49,36 +50,38 @@ def record_campaign(
 ) -> Campaign:
     """Record a head with the virtual instruments.
 
-    Within each channel the recordings come in random order, so that drift cannot pass for an effect of amplitude.
+    Within each channel the recordings are in random order, so that drift is not mistaken for an effect of amplitude.
 
     Parameters
     ----------
     printhead : Printhead
+        Head to record.
     seed : int or Generator
-        Draws order and noise; the same seed gives the same campaign.
+        Source of order and noise; the same seed gives the same campaign.
     battery : sequence of DriveLine, optional
-        Default: `default_battery` for the head's own frequency.
+        Lines to record; by default `default_battery` for the head's own frequency.
     strain_gauge, self_induction, vibrometer : optional
-        The default instruments are set to the battery's largest signal, as at a bench: U2B's gain, the oscilloscope's
-        and the vibrometer's range. Given ones are taken as they are, but for a range of None.
+        Instruments. The default ones are adjusted to the battery's largest signal, as at a bench: the gain of U2B, the
+        ranges of oscilloscope and vibrometer. Given ones are used unchanged, except for a range of None.
     snr_dB : float, optional
-        Instead of the instruments' own noise RMS, that far below the RMS (about its mean) of the channel's largest
-        recording; the spectrum keeps its shape. Infinity is no noise. Steps of the converters remain.
+        Signal-to-noise ratio: RMS (about its mean) of the channel's largest recording over that of the noise, in dB. It
+        replaces the RMS of the instruments' own noise, whose spectrum keeps its shape. Infinity is no noise. The steps
+        of the converters remain.
     name : str
-        The campaign's.
+        Name of the campaign.
 
     Returns
     -------
     Campaign
-        Recordings r001, r002 … in the order they were taken; the description tells the strain gauge's true gain and
-        offset.
+        Recordings r001, r002 … in the order in which they were taken; the description states the strain gauge's true
+        gain and offset.
 
     Raises
     ------
     ValueError
-        No lines; a signal that leaves an instrument's range; ``snr_dB`` below −40.
+        There are no lines, a signal leaves an instrument's range, or ``snr_dB`` is below −40.
     TypeError
-        No seed.
+        ``seed`` is missing.
 
     Examples
     --------
@@ -143,11 +146,11 @@ def record_campaign(
 def _set_up(
     channel: str, given: Instrument | None, lines: Sequence[DriveLine], answers: Sequence[Real], snr_dB: float | None
 ) -> Instrument:
-    """The given instrument or the default one, fitted to the largest answer where that is left open."""
+    """The given instrument or the default one, with an open range or gain fitted to the largest answer."""
     if isinstance(given, StrainGauge):
         return given
     instrument = given or DEFAULT_INSTRUMENTS[channel]
-    if isinstance(instrument, SelfInduction):  # its range must hold what the compensation leaves, too
+    if isinstance(instrument, SelfInduction):  # its range must also hold the feedthrough of the compensation
         answers = [_signal(instrument, line, answer) for line, answer in zip(lines, answers, strict=True)]
     noise_V = 0.0 if snr_dB is None else max(map(np.std, answers)) * 10 ** (-snr_dB / 20)
     largest_V = max(float(np.abs(answer).max()) for answer in answers) + NOISE_ROOM * float(noise_V)
@@ -155,7 +158,7 @@ def _set_up(
 
 
 def _signal(instrument: Instrument, line: DriveLine, answer: Real) -> Real:
-    """What reaches the converter without noise."""
+    """Noise-free signal at the converter, in the recorded unit."""
     if isinstance(instrument, StrainGauge):
         return instrument.signal_V(answer)
     if isinstance(instrument, Vibrometer):

@@ -1,9 +1,9 @@
 """Self-induction rig for the dynamics: current subtractor and converter (Zhu et al. 2024, section 3.2 and Fig. 6).
 
-The head's current is ``C_e dU/dt`` plus what its deflection induces. A second amplifier drives a compensating
-capacitor with the same voltage; the difference of the two currents goes through a resistor. With equal capacitors the
-output is the head's self-sensed signal ``b1 s / (s² + a1 s + a0)`` on the hysteretic drive, else a part of ``dU/dt``
-comes with it. The paper prints the circuit without values; those here are of ordinary parts.
+The current of the head is ``C_e dU/dt`` plus the current induced by its deflection. A second amplifier drives a
+compensating capacitor with the same voltage; the difference of the two currents flows through a resistor. With equal
+capacitors the output is the self-sensed signal ``b1 s / (s² + a1 s + a0)`` on the hysteretic drive; otherwise a term
+proportional to ``dU/dt`` is added. The paper prints the circuit without values; those here are of ordinary parts.
 """
 
 from __future__ import annotations
@@ -26,23 +26,24 @@ class SelfInduction:
     Parameters
     ----------
     capacitance_F, compensating_F : float
-        The head's equivalent capacitance and the capacitor that stands for it. 2 nF: tube heads have 1 … 5 nF.
+        Equivalent capacitance of the head, and the capacitor that compensates it. 2 nF: tube heads have 1 … 5 nF.
     sensing_ohm : float
-        Current-to-voltage converter; the head's ``b1`` already contains it.
+        Resistor of the current-to-voltage converter; the head's ``b1`` already contains it.
     bandwidth_Hz : float
-        Single pole of the sensing amplifier on the signal; infinite unless given, as in a recording corrected for its
-        known instrument. A pole at B delays the signal by 1/2πB, an error of f/B of what it is at f: with 100 MHz
-        5e-4 at 50 kHz, which a campaign's repeats already tell from noise. See `bandwidth_error`.
+        Single pole of the sensing amplifier on the signal; infinite by default, as in a recording corrected for its
+        known instrument. A pole at B delays the signal by 1/2πB, a relative error of f/B at the frequency f: with
+        100 MHz 5e-4 at 50 kHz, which the repeats of a campaign already resolve. See `bandwidth_error`.
     amplifier_noise_V_per_rtHz, noise_bandwidth_Hz : float
-        At the output. 250 nV/√Hz: a 25 nV/√Hz high-voltage op-amp at a noise gain of 10.
+        Density and bandwidth of the amplifier's noise at the output. 250 nV/√Hz: a 25 nV/√Hz high-voltage op-amp at a
+        noise gain of 10.
     range_V : float or None
         ± range of the oscilloscope; None lets `fitted_to` choose it.
     bits : int or None
-        Of the oscilloscope; None is without steps.
+        Resolution of the oscilloscope; None is without steps.
     noise_of_range : float
         RMS of the oscilloscope's own noise over ``range_V``. 1e-4: a 16-bit one with 12.5 effective bits.
     temperature_K : float
-        Of the sensing resistor, for its thermal noise.
+        Temperature of the sensing resistor, for its thermal noise.
 
     Examples
     --------
@@ -72,25 +73,25 @@ class SelfInduction:
 
     @property
     def feedthrough_s(self) -> float:
-        """Output volts per V/s of drive that the compensation leaves: ``R (C_e − C_c)``, in seconds; 0 if exact."""
+        """Feedthrough, output volts per V/s of drive: ``R (C_e − C_c)``, in seconds; 0 for exact compensation."""
         return self.sensing_ohm * (self.capacitance_F - self.compensating_F)
 
     @property
     def converter(self) -> Converter:
-        """The oscilloscope's; ``ValueError`` before a range is chosen."""
+        """Converter of the oscilloscope; ``ValueError`` before a range is chosen."""
         if self.range_V is None:
             raise ValueError("range_V must be set before recording. Give it, or use fitted_to(largest_V).")
         return Converter(-self.range_V, self.range_V, self.bits)
 
     @property
     def noise(self) -> Noise:
-        """White: resistor and amplifier through their bandwidth, and the oscilloscope's."""
+        """White noise in volts: of resistor and amplifier within their bandwidth, and of the oscilloscope."""
         density = math.hypot(thermal_density(self.sensing_ohm, self.temperature_K), self.amplifier_noise_V_per_rtHz)
         analogue = density * math.sqrt(self.noise_bandwidth_Hz)
         return Noise.white(math.hypot(analogue, self.noise_of_range * self.converter.high))
 
     def bandwidth_error(self, frequency_Hz: float) -> float:
-        """How much of a sine's amplitude the pole changes, as a share: ``|1 − 1/(1 + i f/B)|``."""
+        """Relative error that the pole causes in a sine: ``|1 − 1/(1 + i f/B)|``."""
         return abs(1 - 1 / complex(1, frequency_Hz / self.bandwidth_Hz))
 
     def signal_V(self, sensor_V: ArrayLike, drive_V: ArrayLike, step_s: float, periodic: bool) -> Real:
@@ -99,16 +100,18 @@ class SelfInduction:
         Parameters
         ----------
         sensor_V, drive_V : array_like, shape (n,)
-            The head's self-sensed signal and the drive, linear between samples. At a corner the slope of the drive is
-            the mean of both sides.
+            Self-sensed signal of the head and drive, in volts, linear between samples. At a corner the slope of the
+            drive is the mean of both sides.
         step_s : float
-            Sampling step.
+            Sampling step, in seconds.
         periodic : bool
-            The drive repeats: the sample after the last is the first. Else it stood still before and after.
+            Whether the drive repeats, so that the sample after the last is the first; otherwise it is constant before
+            and after.
 
         Returns
         -------
         ndarray, shape (n,)
+            Voltage at the samples, in volts.
         """
         signal = np.asarray(sensor_V, dtype=np.float64)
         if self.feedthrough_s != 0.0:
@@ -119,7 +122,7 @@ class SelfInduction:
         return signal
 
     def fitted_to(self, largest_V: float) -> SelfInduction:
-        """The rig with the smallest range of 1, 2 or 5 × 10ⁿ V that holds 1.01 ``largest_V``; a given range stays."""
+        """The rig with the smallest range of 1, 2 or 5 × 10ⁿ V that holds 1.01 ``largest_V``; a given range is kept."""
         if self.range_V is not None:
             return self
         needed_V = 1.01 * largest_V or 1.0
@@ -130,7 +133,7 @@ class SelfInduction:
 def single_pole(signal: Real, step_over_tau: float, periodic: bool) -> Real:
     """``1 / (τs + 1)`` on a signal that is linear between samples, exact at the samples; shape (n,).
 
-    Starts after one repetition of the signal, or at rest at the first sample.
+    The filter starts in the state after one repetition of the signal, or at rest at the first sample.
     """
     from scipy.signal import lfilter
 

@@ -1,8 +1,8 @@
 """Strain-gauge rig for the hysteresis: bridge, amplifiers, converter (Zhu et al. 2024, section 3.1 and Fig. 4).
 
-An active gauge on the ceramic and a dummy beside it are two arms of a Wheatstone bridge, two resistors and a
-potentiometer the others. The instrumentation amplifier's output is zeroed (U2A), amplified (U2B) and shifted into the
-converter's range (U2D). All stages are linear, so the recorded voltage is ``gain × hysteretic drive + offset``. The
+An active gauge on the ceramic and a dummy beside it are two arms of a Wheatstone bridge; two resistors and a
+potentiometer are the others. The instrumentation amplifier's output is zeroed (U2A), amplified (U2B) and shifted into
+the converter's range (U2D). All stages are linear, so the recorded voltage is ``gain × hysteretic drive + offset``. The
 paper prints the circuit and 350 Ω; the other values are those of ordinary parts, each with its source below.
 """
 
@@ -19,6 +19,7 @@ from inkjet_env.rig.noise import Noise, thermal_density
 from inkjet_env.typing import Real
 
 STM32 = Converter(0.0, 3.3, 12)
+"""Converter of an STM32 microcontroller: 0 … 3.3 V, 12 bits."""
 
 FILL = 0.75
 """Share of the converter's half range that `StrainGauge.fitted_to` lets the signal fill."""
@@ -28,8 +29,8 @@ FILL = 0.75
 class StrainGauge:
     """The strain-gauge rig.
 
-    Left out: the bridge's own curvature (half the relative change of resistance, 1e-4 of the reading) and the lag of
-    the filter (0.2 % of the swing at 5 rad/s).
+    The nonlinearity of the bridge (half the relative change of resistance, 1e-4 of the reading) and the lag of the
+    filter (0.2 % of the swing at 5 rad/s) are neglected.
 
     Parameters
     ----------
@@ -38,31 +39,32 @@ class StrainGauge:
     gauge_factor : float
         Relative change of resistance per strain. 2.1: constantan foil gauges.
     gauge_ohm : float
-        Both gauges; 350 Ω in the paper. The bridge's source resistance is the same.
+        Resistance of both gauges; 350 Ω in the paper. The source resistance of the bridge is the same.
     excitation_V : float
-        Across the bridge. 5 V is 18 mW a gauge.
+        Voltage across the bridge. 5 V is 18 mW per gauge.
     imbalance : float
-        Relative difference of resistance left between the arms by the potentiometer. 50 ppm: a tenth of a turn of a
+        Relative difference of resistance between the arms that the potentiometer leaves. 50 ppm: a tenth of a turn of a
         ten-turn trimmer across 0.5 %.
     instrumentation_gain : float
-        501: INA128, ``1 + 50 kΩ / R_G`` with 100 Ω.
+        Gain of the instrumentation amplifier. 501: INA128, ``1 + 50 kΩ / R_G`` with 100 Ω.
     instrumentation_offset_V : float
-        At its input; 10 µV typical (INA128).
+        Offset at its input; 10 µV typical (INA128).
     zero_V : float
-        What U2A takes away from the instrumentation amplifier's output.
+        Voltage that U2A subtracts from the instrumentation amplifier's output.
     stage_gain : float
-        U2B's.
+        Gain of U2B.
     shift_V : float
-        What U2D adds: the middle of the converter's range.
+        Voltage that U2D adds: the middle of the converter's range.
     amplifier_noise_V_per_rtHz, noise_corner_Hz : float
-        At the instrumentation amplifier's input: 8 nV/√Hz, and 1/f from 2 Hz downwards, together the 0.2 µV peak to
-        peak in 0.1 … 10 Hz of the INA128's data sheet. Of the op-amps behind it (LM358, 40 nV/√Hz) 1/501 counts.
+        White density and 1/f corner at the instrumentation amplifier's input: 8 nV/√Hz, and 1/f below 2 Hz, together
+        the 0.2 µV peak to peak in 0.1 … 10 Hz of the INA128's data sheet. The noise of the op-amps after it (LM358,
+        40 nV/√Hz) counts only 1/501.
     bandwidth_Hz : float
-        Single pole before the converter; it lets π/2 times as much noise through.
+        Single pole before the converter; its noise bandwidth is π/2 times as wide.
     temperature_K : float
-        Of the bridge, for its thermal noise.
+        Temperature of the bridge, for its thermal noise.
     converter : Converter
-        0 … 3.3 V, 12 bits: the converter of an STM32.
+        Analogue-to-digital converter. Default: 0 … 3.3 V, 12 bits, that of an STM32.
 
     Examples
     --------
@@ -96,7 +98,7 @@ class StrainGauge:
 
     @property
     def bridge_V_per_V(self) -> float:
-        """Bridge voltage per hysteretic volt: a quarter of the excitation, one arm of four being active."""
+        """Bridge voltage per hysteretic volt: a quarter of the excitation counts, since one arm of four is active."""
         return self.excitation_V / 4 * self.gauge_factor * self.strain_per_V
 
     @property
@@ -112,7 +114,7 @@ class StrainGauge:
 
     @property
     def noise(self) -> Noise:
-        """At the converter: the bridge's thermal noise and the amplifier's."""
+        """Noise at the converter in volts: thermal noise of the bridge, and the amplifier's."""
         amplifier, bridge = self.amplifier_noise_V_per_rtHz, thermal_density(self.gauge_ohm, self.temperature_K)
         white = math.hypot(amplifier, bridge)
         amplification = self.instrumentation_gain * self.stage_gain
@@ -120,10 +122,10 @@ class StrainGauge:
         return Noise(white * amplification, math.pi / 2 * self.bandwidth_Hz, corner)
 
     def signal_V(self, hysteretic_V: ArrayLike) -> Real:
-        """Voltage at the converter without noise and steps, of any hysteretic drive in volts, same shape."""
+        """Voltage at the converter, without noise and steps, for a hysteretic drive in volts, same shape."""
         return self.gain * np.asarray(hysteretic_V, dtype=np.float64) + self.offset_V
 
     def fitted_to(self, largest_V: float) -> StrainGauge:
-        """The rig with U2B set so that hysteretic drives of ``±largest_V`` fill three quarters of the range."""
+        """The rig with U2B's gain set so that hysteretic drives of ``±largest_V`` fill three quarters of the range."""
         half_range = (self.converter.high - self.converter.low) / 2
         return replace(self, stage_gain=abs(self.stage_gain * FILL * half_range / (self.gain * largest_V)))

@@ -17,7 +17,7 @@ MAINS_HZ = (50.0, 60.0, 100.0, 120.0, 150.0)
 MOST_STARTS = 12
 """Largest number of starting frequencies, for a pure tone and for one with multiples."""
 MULTIPLES = 5
-"""Number of multiples in the starts."""
+"""Number of multiples in the starts with multiples, the tone included."""
 FASTEST = 2.0
 """Periods per sample of the fastest tone that a recording may show; a slow instrument does not follow faster ones."""
 LEAST_OWN = 1e-3
