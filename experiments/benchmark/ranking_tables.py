@@ -30,7 +30,7 @@ def print_ranking(ranking: Mapping[str, Any]) -> None:
         print("Median regret in volts above the best known cost.")
     else:
         print_table(*standings_table(ranking["standings"][str(ranking["settings"]["budget"])]))
-        print(f"Over all {len(names)} problems; regret in the problems' scales, solved: regret of at most 1/100.")
+        print(f"Regret in the problems' scales over all {len(names)} problems; solved: a regret of at most 0.01.")
     for sentence in ranking["sentences"]:
         print(f"- {sentence}")
     for name, reason in ranking["unavailable"].items():

@@ -339,7 +339,7 @@ def test_every_command_explains_itself_with_an_example(inkjet, command):
 
 def test_help_imports_nothing_that_costs():
     code = (
-        "import sys, experiments.cli\n"
+        "import sys, experiments.cli, inkjet_env.cli.app\n"
         "try: inkjet_env.cli.app.main(['--help'])\n"
         "except SystemExit: pass\n"
         "print([m for m in ('numba', 'scipy', 'torch', 'nevergrad', 'matplotlib', 'pandas') if m in sys.modules])"
