@@ -210,7 +210,7 @@ def noise_seen(
     residuals : mapping of str to ndarray
         Measured minus modelled of each recording, in the channel's unit, shape (n,).
     otherwise : mapping
-        Noise models by `ObservedRecording.noise_key`, used where only residuals are left.
+        Noise models by `ObservedRecording.noise_key`, used where nothing but residuals is available.
     least : mapping, optional
         ``Noise.least``; computed from these recordings unless given. Pass the campaign's if these are only part of it.
     """

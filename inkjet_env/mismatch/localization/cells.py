@@ -217,7 +217,7 @@ def _rows(
     for i, k in enumerate(keys):
         if noise.samples[k]:
             continue
-        mine = key == i  # only residuals tell this noise: each cell is compared with all of them
+        mine = key == i  # noise known from residuals alone: each cell is compared with all
         level = squares[mine].sum() / max(alone[mine].sum(), 1e-300)
         squares[mine] /= level or 1.0
         told[i] = max(alone[mine].sum(), 1.0)

@@ -48,7 +48,7 @@ HOPELESS = 0.3
 class Hypothesis:
     """A fit compared with the base model on the same recordings and noise.
 
-    Attributes
+    Parameters
     ----------
     fit : FitResult
         Base model and effects at the minimum.
