@@ -133,7 +133,7 @@ class Diagnosis:
     left_over : float
         Share of the mismatch in the fitted recordings that remains significantly beyond noise; 0 if none does.
     attributions : tuple of HypothesisScore
-        All hypotheses that were compared, best first.
+        Best hypotheses that were compared, best first.
     untestable : dict of str to str
         By id, the effects that these recordings cannot show: why not, and which recordings would.
     next_experiment : NextExperiment or None
