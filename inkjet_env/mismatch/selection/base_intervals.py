@@ -4,7 +4,7 @@ The covariance of all fitted parameters is Eq. (2) of docs/explanation/identific
 
     Cov(θ̂) = (JᵀJ)⁻¹ JᵀS J (JᵀJ)⁻¹,                                                                              (2)
 
-with ``J`` the whitened Jacobian and ``S = s² I``: one where the residuals are noise, larger where more is left.
+with ``J`` the whitened Jacobian and ``S = s² I``; ``s²`` is 1 if the residuals are noise alone, and larger if not.
 """
 
 from __future__ import annotations
