@@ -1,4 +1,4 @@
-"""From a campaign to a diagnosis: noise, base model, where they differ, which physics was left out."""
+"""From a campaign to a diagnosis: noise, base model, where recordings and model differ, which effect is missing."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ from inkjet_env.recordings import Campaign
 from inkjet_env.typing import Real
 
 FINE_ENOUGH = 0.5
-"""Standard errors of a parameter by which the simulation may be wrong."""
+"""Largest acceptable error of the simulation, in standard errors of a parameter."""
 SURELY_PREDICTED = 2.0
-"""Standard errors by which a flexible model must do better on held-out recordings to be offered as a correction."""
+"""Standard errors by which the discrepancy regression must gain on held-out recordings to be offered as correction."""
 AS_WELL = 0.5
-"""Share of what effects explain, from which on a bend of the law that explains it is tried in their place."""
+"""Share of the effects' gain that a bend of the law alone must reach to be tried in their place."""
 SAME_GAIN = 0.02
-"""Two effects by chance of which one gains so little more than the other are not told apart."""
+"""Relative difference in gain, below which two random effects are not distinguished."""
 
 
 def diagnose(
@@ -69,32 +69,40 @@ def diagnose(
     progress: Callable[[str], None] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
 ) -> Diagnosis:
-    """Tell where recordings and the base model differ, and which physics was left out.
+    """Find where recordings and the base model differ, and which effect is missing.
 
     Parameters
     ----------
     campaign : Campaign
+        The recordings.
     printhead : Printhead, optional
-        Where the base model's fit begins; identified from the campaign unless given. It is refitted either way.
+        Where the base model's fit starts; identified from the campaign unless given. It is refitted either way.
     effects : sequence of Effect, optional
-        What may have been left out; the catalogue unless given. An effect of your own is one class.
+        Effects that may be missing; the catalogue unless given. An effect of your own is one class.
     rng : Generator or int
-        Draws the noise that scores are judged against.
+        Generator, or its seed, of the noise that scores are judged against.
     held_out : sequence of str, optional
-        Recordings that no fit sees; see `identification.measurements`. What does worse on them than the base model is
-        not named, unless it explains them too once they are fitted.
+        Names of recordings that no fit sees; chosen as by `identification.measurements` unless given. Effects that
+        close less than half of the base model's mismatch there are not named, unless they explain these recordings once
+        they are fitted too.
     workers : int
-        Processes.
+        Number of processes.
     progress : callable, optional
-        Told what is being done, in words.
+        Called with a short text that says what is being done.
     checkpoint : str or Path, optional
-        Folder for the fits made so far: a diagnosis that was interrupted goes on there, to the same end. It is removed
-        when the diagnosis is complete.
+        Folder for finished fits: an interrupted diagnosis resumes from it, with the same result. It is removed when the
+        diagnosis is complete.
+
+    Returns
+    -------
+    Diagnosis
+        Verdict, effects with intervals, location of the mismatch, fit before and after.
 
     Raises
     ------
     ValueError
-        Recordings that no base model can be identified from.
+        No base model can be identified from the recordings, the printhead belongs to another head, two effects share
+        an id, or ``workers`` is less than 1.
     """
     catalogued = catalogue() if effects is None else tuple(effects)
     twice = [name for name, count in Counter(effect.id for effect in catalogued).items() if count > 1]
@@ -107,7 +115,7 @@ def diagnose(
         FitCheckpoint(checkpoint, catalogued),
     )
     work = _Work(campaign, catalogued, context)
-    with threadpool_limits(1):  # linear algebra is small here, and the processes have the cores
+    with threadpool_limits(1):  # matrices are small here, and the processes use the cores
         found = work.diagnosis(printhead, held_out)
     context.checkpoint.clear()
     return found
@@ -115,14 +123,14 @@ def diagnose(
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """What one base model's residuals told."""
+    """What was found in one base model's residuals."""
 
     joint: OutputErrorFit
     random_effects: list[RandomEffect]
     selection: Selection
 
     def score(self, on: OutputErrorFit) -> float:
-        """Log-likelihood of the fitted recordings by another's noise, less what is free by Schwarz's criterion."""
+        """Log-likelihood of the fitted recordings under another fit's noise, less Schwarz's penalty."""
         chosen = self.selection.chosen
         modelled, told = self.joint.modelled(chosen.fit), chosen.fit.active.pairs
         residuals = on.stacked({o.name: o.measured - modelled[o.name] for o in on.observed})
@@ -145,13 +153,13 @@ class _Work:
         self.doubt: str | None = None
 
     def took(self, stage: str) -> None:
-        """Book the time since the last call."""
+        """Add the time since the last call to a stage."""
         now = time.perf_counter()
         self.stages[stage] = self.stages.get(stage, 0.0) + now - self.last
         self.last = now
 
     def diagnosis(self, printhead: Printhead | None, held_out: Sequence[str] | None) -> Diagnosis:
-        """All steps in order."""
+        """All steps of the diagnosis in order."""
         observed = observe(self.campaign, held_out)
         excitations = [o.excitation for o in observed if o.channel != "drive_monitor"]
         untestable = {e.id: reason for e in self.effects if (reason := e.untestable(excitations)) is not None}
@@ -174,11 +182,11 @@ class _Work:
         joint, random_effects, selection = told.joint, told.random_effects, told.selection
         joint, chosen = self.polished(joint, selection.chosen, random_effects)
         if chosen.ids and self.quieter(joint, selection.chosen.joint):
-            # With what was found the noise is seen to be less: is there more to be found?
+            # With the effects found, the noise turns out smaller: is there more to be found?
             _, selection = self.selected(joint, lawful)
             joint, chosen = self.polished(joint, selection.chosen, random_effects)
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
-            chosen = base_hypothesis(joint)  # finer nodes, or another noise, made it vanish
+            chosen = base_hypothesis(joint)  # with finer nodes or another noise it is no longer supported
         self.took("selection")
         self.context.progress("what is left over")
         discrepancy = discrepancy_regression(chosen)
@@ -186,7 +194,7 @@ class _Work:
         return self.verdict(joint, chosen, selection, random_effects, discrepancy, untestable)
 
     def candidate(self, joint: OutputErrorFit, by_accident: Sequence[Effect], lawful: Sequence[Effect]) -> _Candidate:
-        """What differs from recording to recording, and what by a law, told from one base model."""
+        """Random effects and effects with a law, found beside one base model."""
         random_effects: list[RandomEffect] = []
         if by_accident:
             self.context.progress("what differs from recording to recording")
@@ -197,7 +205,7 @@ class _Work:
         nothing = not selection.chosen.ids
         if by_accident and (nothing or not leftover(selection.chosen, found, self.context.rng)):
             exact, chosen = self.polished(joint, selection.chosen, random_effects)
-            trusted = [o for o in joint.observed if nothing or o.fitted]  # in the others, what was chosen may do badly
+            trusted = [o for o in joint.observed if nothing or o.fitted]  # elsewhere, effects may predict badly
             again, more = self.with_chance(exact, by_accident, trusted, random_effects, chosen)
             self.took("chance")
             if more is not random_effects:
@@ -206,10 +214,10 @@ class _Work:
         return _Candidate(joint, random_effects, selection)
 
     def with_another_law(self, joint: OutputErrorFit, told: _Candidate) -> OutputErrorFit | None:
-        """The base model with a law that goes straight from some swing on, where that could be what was told instead.
+        """The base model with a law that is straight above some swing, if that may be the true cause; else None.
 
-        Either what was told leaves a bend of the law, which then is a good part of what it leaves beyond noise, or the
-        bend alone explains about as much.
+        It may be if the effects found leave a bend of the law that is a good part of their misfit beyond noise, or if
+        the bend alone explains about as much as they do.
         """
         chosen = told.selection.chosen
         good_part = 0.5 * LEAST_IF_LARGE * chosen.excess if chosen.noise_known else 0.0
@@ -229,7 +237,7 @@ class _Work:
     def less_chance(
         observed: Sequence[ObservedRecording], residuals: dict[str, Real], random_effects: Sequence[RandomEffect]
     ) -> dict[str, Real]:
-        """Residuals with what the standing effects can explain taken out."""
+        """Residuals without what these random effects can explain, in the channel's unit."""
         for one in random_effects:
             residuals = without(one.effect, one.values, observed, residuals)
         return residuals
@@ -242,7 +250,7 @@ class _Work:
         random_effects: list[RandomEffect],
         beside: Hypothesis | None = None,
     ) -> tuple[OutputErrorFit, list[RandomEffect]]:
-        """The joint fit with whatever effects by chance these recordings show; the same where they show none more."""
+        """The joint fit with the random effects that these recordings show; the same if they show no further one."""
         for _ in range(2):
             fit = joint.base if beside is None else beside.fit
             modelled = joint.modelled(fit)
@@ -270,7 +278,7 @@ class _Work:
         return joint, random_effects
 
     def selected(self, joint: OutputErrorFit, effects: Sequence[Effect]) -> tuple[Signatures, Selection]:
-        """Signatures and selection on one noise."""
+        """Signatures and stepwise selection with one noise."""
         found = signatures(joint, effects, self.context)
         self.took("signatures")
         selection = select(joint, effects, found, self.context)
@@ -280,9 +288,9 @@ class _Work:
     def polished(
         self, joint: OutputErrorFit, chosen: Hypothesis, random_effects: Sequence[RandomEffect]
     ) -> tuple[OutputErrorFit, Hypothesis]:
-        """The chosen hypothesis fitted again: its own noise, its law scaled as by convention, on nodes fine enough.
+        """The chosen hypothesis refitted with its own noise, its law's swing set by convention, on fine enough nodes.
 
-        Where a fit cannot go on so, it is left where it was, as one that has not converged.
+        If it cannot be refitted, it is returned as it was, marked as not converged.
         """
         if not chosen.ids:
             return joint, chosen
@@ -316,7 +324,7 @@ class _Work:
 
     @staticmethod
     def quieter(new: OutputErrorFit, old: OutputErrorFit) -> bool:
-        """Whether the noise of any channel turned out much less."""
+        """Whether the noise of any channel turned out much smaller."""
         return any(
             new.noise.models[key].rms < 0.7 * old.noise.models[key].rms
             for key in {o.noise_key for o in new.observed if new.noise.known(o)}
@@ -331,9 +339,9 @@ class _Work:
         discrepancy: DiscrepancyRegression,
         untestable: dict[str, str],
     ) -> Diagnosis:
-        """Put everything together."""
+        """The diagnosis from everything that was found."""
         base = base_hypothesis(joint)
-        # the base model has no effects by chance either
+        # the base model has no random effects either
         bare = OutputErrorFit(joint.observed, joint.noise, joint.base.head) if random_effects else joint
         recordings = modelled_recordings(bare, joint, chosen, discrepancy)
         closure = closure_of(recordings)
@@ -351,7 +359,7 @@ class _Work:
             and not explains_held_out_after_refit(joint, chosen, self.context)
         )
         vague = max(map(len, groups), default=0) > MOST_ALIKE
-        # the base model was checked on what was fitted alone: does it stand where it predicted badly?
+        # the base model was checked on fitted recordings alone: does it hold where it predicted badly?
         unseen = () if anything or math.isnan(closure) else held_out_misfits(joint)
         if share > LEFT_OVER or refuted or vague or unseen or self.doubt:
             verdict = "unknown"
@@ -387,7 +395,7 @@ class _Work:
         self.context.progress("the next experiment")
         following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
-        stands = base if verdict == "unknown" else chosen  # of a model that is not named: no half
+        stands = base if verdict == "unknown" else chosen  # never half of a model that is not named
         head = stands.fit.head
         if not stands.fit.converged:
             of = " with ".join(name.replace("_", " ") for name in stands.ids) or "the base model"

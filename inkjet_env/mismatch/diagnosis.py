@@ -1,4 +1,4 @@
-"""What a diagnosis says: verdict, effects with intervals, where the mismatch is, the fit before and after."""
+"""The result of a diagnosis: verdict, effects with intervals, location of the mismatch, fit before and after."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 VERDICTS = ("none", "named", "set", "unknown")
+"""No effect is missing; the missing effects are named; several cannot be distinguished; the cause is unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +29,19 @@ class NamedEffect:
     Attributes
     ----------
     effect : Effect
+        The effect itself.
     sentence : str
-        With its values, in plain words.
+        The effect with its values, in plain words.
     delta_nll : float
-        By how much it lowers the negative log-likelihood of the fitted recordings beyond the rest of the model.
+        Amount by which it lowers the negative log-likelihood of the fitted recordings beyond the rest of the model.
     p_value : float
-        That chance alone would give any effect of the catalogue so much.
+        Probability that noise alone would give any effect of the catalogue as much evidence.
     parameters : dict of str to Estimate
-        Those that the recordings tell, with 90 % intervals.
+        Identifiable parameters with 90 % intervals, in the units of `unit_of`.
     values : dict of str to float
-        Of all parameters, those too that do nothing beside the others: what a simulation needs.
+        Values of all parameters, as a simulation needs them, including those without influence beside the others.
     unit : str
-        Of the sensor's signal, in which some parameters are.
+        Unit of the sensor's signal, in which some parameters are given.
     """
 
     effect: Effect
@@ -58,20 +60,20 @@ class NamedEffect:
 
 @dataclass(frozen=True, eq=False)
 class HypothesisScore:
-    """How well one hypothesis explains what the base model leaves.
+    """How well one hypothesis explains the base model's residuals.
 
     Attributes
     ----------
     ids : tuple of str
-        Of the effects that are on together.
+        Ids of the effects that are on together.
     gain : float
-        Of the log-likelihood of the fitted recordings over the base model's.
+        Gain in log-likelihood of the fitted recordings over the base model.
     predicted, predicted_error : float
-        The same for recordings left out, condition by condition, and its standard error.
+        Gain in log-likelihood of left-out conditions (cross-validation), and its standard error.
     share : float
-        Of the mismatch that the best hypothesis of all explains, how much this one does: 0 … 1.
+        Gain relative to that of the best hypothesis, 0 … 1.
     cosine : float
-        Of its signature with the winner's, base parameters projected out; NaN where there is no single winner.
+        Cosine of its signature with the winner's, base parameters projected out; NaN if there is no winner.
     description : str
         The effects with their values, in words.
     """
@@ -87,16 +89,16 @@ class HypothesisScore:
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """A flexible model of what no effect explains: it corrects, it does not explain.
+    """Discrepancy regression of what no effect explains: it corrects without explaining.
 
     Attributes
     ----------
     share : float
-        Of the mean square that the verdict's model leaves on held-out recordings beyond noise, how much it removes.
+        Share of the held-out sum of squared residuals that it removes.
     gain, gain_error : float
-        Of the log-likelihood of held-out recordings.
+        Gain in log-likelihood of the held-out recordings, and its standard error.
     modelled : dict of str to ndarray
-        What it adds to the augmented model's signal, by recording.
+        What it adds to the augmented model's signal, by recording, whitened, shape (n,).
     """
 
     share: float
@@ -112,37 +114,46 @@ class Diagnosis:
     Attributes
     ----------
     campaign : str
+        Name of the campaign.
     verdict : {"none", "named", "set", "unknown"}
+        Whether effects are missing and which; see `VERDICTS`.
     headline : str
         The verdict in plain words.
-    effects : tuple of Named
+    effects : tuple of NamedEffect
+        Missing effects that were found; empty if the verdict is "none" or "unknown".
     candidates : tuple of tuple of str
-        Groups of effects that these recordings cannot tell apart.
+        Groups of effects that these recordings cannot distinguish.
     location : Location
+        Where the recordings differ from the base model.
     recordings : tuple of ModelledRecording
-        With the signals of the "base" and of the "augmented" model.
+        All recordings with the signals of the "base" and of the "augmented" model.
     closure : float
-        Share of the base model's held-out mean square beyond noise that the augmented model removes; NaN where there
-        is none to remove.
+        Share of the base model's held-out mean square beyond noise that the augmented model removes; NaN if there is
+        nothing to remove.
     left_over : float
-        Share of the mismatch in the fitted recordings that is surely left beyond noise; 0 where none surely is.
-    attributions : tuple of Attribution
-        Best first.
+        Share of the mismatch in the fitted recordings that remains significantly beyond noise; 0 if none does.
+    attributions : tuple of HypothesisScore
+        Best hypotheses that were compared, best first.
     untestable : dict of str to str
-        Effects that these recordings cannot show: why not, and which would.
+        By id, the effects that these recordings cannot show: why not, and which recordings would.
     next_experiment : NextExperiment or None
+        Recording that would separate the candidates; None unless the verdict is "set".
     correction : Correction or None
+        Discrepancy regression; None unless the verdict is "unknown" and it predicts held-out recordings.
     printhead : Printhead
-        The base part of the augmented model; the base model where the verdict is unknown.
+        The base part of the augmented model; the base model if the verdict is unknown.
     gains, offsets : dict of str to float
+        By channel: signal for a `Plant.motion` of 1, and signal at rest, in the channel's unit.
     base_printhead : Printhead
-        Without any effect.
+        The base model, fitted without any effect.
     dynamics : dict of str to Estimate
-        ``a0, a1, b1`` of the model that the verdict stands by: the base model where it is unknown.
+        ``a0`` in 1/s², ``a1`` and ``b1`` in 1/s, of the same model as ``printhead``, with 90 % intervals.
     notes : tuple of str
+        Sentences about the noise, the fits and what was not checked.
     seconds : float
+        Duration of the diagnosis.
     stages : dict of str to float
-        Where the time went, in seconds.
+        Duration of each step, in seconds.
     """
 
     campaign: str
@@ -168,9 +179,14 @@ class Diagnosis:
     stages: Mapping[str, float]
 
     def heldout_rms(self, which: str) -> float:
-        """Pooled over the main channel's held-out samples, in volts (hysteretic ones of a displacement); NaN of none.
+        """RMS over the main channel's held-out samples, in volts; NaN if nothing is held out.
 
-        ``which``: "base", "augmented" or "noise".
+        A displacement is given in hysteretic volts.
+
+        Parameters
+        ----------
+        which : {"base", "augmented", "noise"}
+            Residuals of the base or of the augmented model, or the noise.
         """
         mine = [r for r in self.recordings if r.held_out and r.channel == self.main_channel]
         if not mine:
@@ -182,7 +198,7 @@ class Diagnosis:
 
     @property
     def main_channel(self) -> str:
-        """The fast channel that the figures are of."""
+        """The channel that the figures refer to: self-sensing, else displacement, else the strain gauge."""
         present = {r.channel for r in self.recordings}
         return next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in present)
 
@@ -246,7 +262,7 @@ class Diagnosis:
         }
 
     def augmented_json(self) -> dict[str, Any]:
-        """The augmented model as ``printhead/1``, effects with their intervals; the base model where none was found."""
+        """The augmented model as ``printhead/1``, effects with their intervals; the base model if none was found."""
         from inkjet_env.plant.augmented import AugmentedPrinthead
 
         units = {r.channel: r.unit for r in self.recordings}

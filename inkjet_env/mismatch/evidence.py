@@ -1,4 +1,4 @@
-"""The figures of a verdict: fit before and after, what is left, hypotheses compared, effects with their intervals."""
+"""The figures of a verdict: fit before and after, unexplained share, hypotheses, effects with their intervals."""
 
 from __future__ import annotations
 
@@ -22,22 +22,39 @@ from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 LEAST_ALIKE = 5
-"""Recordings of one noise, of which most tell how loud it is."""
+"""Least number of recordings with the same noise from which its usual level can be read."""
 LEAST_PREDICTED = 8.0
-"""Of the log-likelihood, for what a flexible model predicts to count."""
+"""Least gain in log-likelihood from which a prediction of the discrepancy regression counts."""
 MOST_COMPARED = 24
-"""Hypotheses that a diagnosis lists."""
+"""Largest number of hypotheses that a diagnosis lists."""
 NOT_CONVERGED = (
     "The fit of these values did not converge: they are where it stopped, and their intervals are not known."
 )
-"""Said after an effect whose values are no minimum."""
+"""Appended to the sentence of an effect whose fit did not converge."""
 
 
 def modelled_recordings(
     bare: OutputErrorFit, joint: OutputErrorFit, chosen: Hypothesis, discrepancy: DiscrepancyRegression
 ) -> tuple[ModelledRecording, ...]:
-    """Every recording with what the base model, without effects by chance, and the chosen hypothesis make of it."""
-    # Where nothing tells the noise, it is at most what the flexible model leaves of what is left.
+    """Every recording with the signals of the base model and of the chosen hypothesis.
+
+    Parameters
+    ----------
+    bare : OutputErrorFit
+        Fit whose base model is taken, without random effects.
+    joint : OutputErrorFit
+        Fit with the random effects that were found.
+    chosen : Hypothesis
+        The hypothesis of the augmented model.
+    discrepancy : DiscrepancyRegression
+        Regression of its residuals.
+
+    Returns
+    -------
+    tuple of ModelledRecording
+        Without the voltages measured at the head.
+    """
+    # Where the noise is not known, it is at most what the regression leaves of the residuals.
     most = math.sqrt(1 - min(max(discrepancy.share, 0.0), 1.0))
     base, augmented = bare.modelled(bare.base), joint.modelled(chosen.fit)
     return tuple(
@@ -59,7 +76,11 @@ def modelled_recordings(
 
 
 def closure_of(recordings: Sequence[ModelledRecording]) -> float:
-    """Over held-out recordings of all channels, each in units of its noise."""
+    """Closure over the held-out recordings of all channels, each in units of its noise.
+
+    It is the share of the base model's mean square beyond noise that the augmented model removes; NaN if there is
+    nothing significant to remove.
+    """
     before = after = samples = 0.0
     for r in recordings:
         rows = r.measured.size - r.fitted
@@ -73,7 +94,15 @@ def closure_of(recordings: Sequence[ModelledRecording]) -> float:
 
 
 def share_left(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> float:
-    """Share of the base model's mismatch that is left beyond noise; 0 where it is not surely there."""
+    """Share of the base model's mismatch that remains beyond noise; 0 if none remains significantly.
+
+    Parameters
+    ----------
+    base, chosen : Hypothesis
+        Base model without random effects, and the chosen hypothesis.
+    discrepancy : DiscrepancyRegression
+        Regression of the chosen hypothesis's residuals.
+    """
     known, unknown = _beyond_noise(base, chosen), _predicted_beyond(base, chosen, discrepancy)
     residuals, mismatch = known[0] + unknown[0], known[1] + unknown[1]
     share = residuals / max(mismatch, residuals) if residuals > 0 else 0.0
@@ -81,7 +110,7 @@ def share_left(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyReg
 
 
 def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
-    """Sums of squares of what is left, and of the mismatch, where the noise is known."""
+    """Sums of squares beyond noise, of the residuals and of the mismatch, where the noise is known."""
     joint = base.joint
     known = {o.name for o in joint.seen if joint.noise.known(o)}
     keep = np.concatenate([np.full(o.fitted, o.name in known) for o in joint.seen])
@@ -97,10 +126,10 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
 
 
 def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
-    """Share of the mismatch left in recordings that are surely louder than most others of the same noise.
+    """Share of the mismatch that remains in recordings with significantly larger residuals than most of the same noise.
 
-    How loud the noise is cancels: it may be known less well than what is left is large. A probe at the head does not
-    count: no effect touches it, and what its converter rounds differs with the drive.
+    The noise level cancels, whose uncertainty may exceed what remains. A voltage measured at the head does not count,
+    because its converter's rounding differs with the drive.
     """
     joint, residuals, mismatch = base.joint, 0.0, 0.0
     of_the_head = [o for o in joint.seen if joint.noise.known(o) and o.channel != "drive_monitor"]
@@ -121,7 +150,10 @@ def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
 
 
 def _predicted_beyond(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> tuple[float, float]:
-    """The same where it is not: what is left was taken for noise, so only what a flexible model predicts counts."""
+    """Sums of squares of residuals and mismatch where the noise is not known.
+
+    There the residuals were taken for noise, so only what the discrepancy regression predicts counts.
+    """
     gain = error = power = residuals = mismatch = 0.0
     for o in base.joint.observed:
         if base.joint.noise.known(o):
@@ -138,7 +170,7 @@ def _predicted_beyond(base: Hypothesis, chosen: Hypothesis, discrepancy: Discrep
 
 
 def compared(selection: Selection) -> tuple[HypothesisScore, ...]:
-    """How well each hypothesis does, best first."""
+    """How well each hypothesis explains the recordings, best first; at most `MOST_COMPARED`."""
     rows = []
     most = max((h.gain for h in selection.compared), default=0.0)
     best = selection.chosen
@@ -160,7 +192,7 @@ def compared(selection: Selection) -> tuple[HypothesisScore, ...]:
 
 
 def closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], float] | None:
-    """The hypothesis that explains most of the fitted recordings' mismatch, and how much of it."""
+    """Ids of the hypothesis that explains most of the fitted recordings' mismatch, and the share that it explains."""
     best = max(selection.compared, key=lambda h: h.gain, default=None)
     if best is None or best.gain <= 0:
         return None
@@ -171,7 +203,10 @@ def closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], fl
 
 
 def _errors(chosen: Hypothesis) -> Real:
-    """Standard errors of the point, shape (k,), widened where more than noise is left."""
+    """Standard errors of the effects' coordinates, shape (k,), widened where residuals exceed the noise.
+
+    Eq. (2) of docs/explanation/identification.md with ``S = s² I``, base parameters projected out.
+    """
     q, _ = chosen.joint.basis
     jacobian = chosen.fit.jacobian - q @ (q.T @ chosen.fit.jacobian)
     size = np.linalg.norm(jacobian, axis=0)
@@ -179,13 +214,13 @@ def _errors(chosen: Hypothesis) -> Real:
     errors: Real = np.full(size.size, np.inf)
     columns = jacobian[:, told] / size[told]
     inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-12)
-    loud = max(1.0, 2 * chosen.fit.nll / max(chosen.residuals.size - chosen.columns.shape[1], 1))
-    errors[told] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[told]
+    loud = max(1.0, 2 * chosen.fit.nll / max(chosen.residuals.size - chosen.columns.shape[1], 1))  # s² of Eq. (2)
+    errors[told] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[told]  # Eq. (2)
     return errors
 
 
 def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estimate]) -> dict[str, float]:
-    """The values, less the strengths that may as well be nothing; all of them where all may be."""
+    """The values, with strengths whose intervals include 0 set to 0; unchanged if that is so for every strength."""
     surely = {name for name, e in estimates.items() if not e.low <= 0 <= e.high}
     vain = set(effect.strengths) - surely
     if vain == set(effect.strengths):
@@ -194,14 +229,23 @@ def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estim
 
 
 def _signal_unit(joint: OutputErrorFit) -> str:
-    """Of a fast sensor's signal, where there is one."""
+    """Unit of a fast sensor's signal if there is one, else of the first recording's signal."""
     return next((o.unit for o in joint.observed if o.excitation.fast), joint.observed[0].unit)
 
 
 def chance_of(gain: float, parameters: int, tried: int) -> float:
-    """Probability that so many parameters gain so much log-likelihood of noise alone, the best of so many tries.
+    """Upper bound of the probability that the best of several tries gains as much from noise alone.
 
-    Wilks's chi-square and Bonferroni's bound: no more than this.
+    Wilks's chi-square with Bonferroni's bound.
+
+    Parameters
+    ----------
+    gain : float
+        Gain in log-likelihood.
+    parameters : int
+        Number of free parameters that gain it.
+    tried : int
+        Number of tries.
     """
     from scipy.special import gammaincc
 
@@ -209,11 +253,20 @@ def chance_of(gain: float, parameters: int, tried: int) -> float:
 
 
 def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selection) -> list[NamedEffect]:
-    """The chosen effects with intervals and evidence; without the parameters of whatever of their laws is off.
+    """The chosen effects with intervals and evidence, without the parameters of terms that are off.
 
-    Where the fit has not converged, its sensitivities tell nothing of how far the values may be off: intervals are
-    infinite then, and the sentence says why. Where the other effects cannot be simulated alone, what one lowers the
-    negative log-likelihood by is what all of them do.
+    If the fit has not converged, its sensitivities say nothing about how far the values may be off: the intervals are
+    infinite then, and the sentence says why. If the other effects cannot be simulated alone, the gain of an effect is
+    that of all of them together.
+
+    Parameters
+    ----------
+    joint : OutputErrorFit
+        Recordings, noise and base model.
+    chosen : Hypothesis
+        The selected hypothesis.
+    selection : Selection
+        How it was selected, with the p-values of its effects.
     """
     errors = _errors(chosen)
     idle = chosen.fit.idle

@@ -1,4 +1,4 @@
-"""The verdict in at most two sentences: what was left out, and how much of the mismatch that is."""
+"""The verdict in at most two sentences: which effect is missing, and how much of the mismatch it explains."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from inkjet_env.mismatch.settings import LEFT_OVER, MOST_ALIKE
 from inkjet_env.plant.wording import percent, span_told
 
 MOST_BANDS, MOST_NAMED = 2, 3
+"""Largest numbers of frequency bands and of recordings in a headline."""
 
 
 def headline(
@@ -29,19 +30,21 @@ def headline(
     Parameters
     ----------
     verdict : {"none", "named", "set", "unknown"}
-    named : sequence of Named
-        Told in the order of what they explain.
+        As `Diagnosis` has it.
+    named : sequence of NamedEffect
+        Effects found; they are listed in the order of how much they explain.
     groups : sequence of tuple of str
-        Effects that cannot be told apart.
+        Groups of effects that cannot be distinguished.
     closure, left_over : float
-        As `Diagnosis` has them.
+        Shares, as `Diagnosis` has them.
     closest : (tuple of str, float), optional
-        Of all hypotheses the one that explains most, and the share of the mismatch that it does explain.
+        Effects of the hypothesis that explains most, and the share of the mismatch that it explains.
     location : Location
+        Where the mismatch is; stated if the verdict is unknown.
     noise_known : bool
-        Whether anything but the fit's own residual tells the noise.
+        Whether the noise was estimated from anything but the fit's own residuals.
     unseen : sequence of str
-        Held-out recordings that alone show a mismatch.
+        Held-out recordings in which alone a mismatch shows.
     """
     if verdict == "none" and not noise_known:
         return (
@@ -76,7 +79,7 @@ def _by_weight(named: Sequence[NamedEffect]) -> list[NamedEffect]:
 
 
 def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
-    """How much of the mismatch is explained, and what else is there; nothing where there is nothing to say."""
+    """Sentence on the explained share of the mismatch and the other effects; empty if there is nothing to say."""
     if closure < 0:
         also = f"Besides, there is {_joined(others, 'and')}; r" if others else "R"
         return [f"{also}ecordings held out were predicted worse for it, yet agree once they are fitted too."]

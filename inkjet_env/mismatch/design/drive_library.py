@@ -1,4 +1,4 @@
-"""Drives that a next recording could have, in words and as a shot; scaled to the head and to what a campaign dared."""
+"""Candidate drives of a next recording, in words and as excitations, scaled to the head and to a campaign's drives."""
 
 from __future__ import annotations
 
@@ -15,29 +15,33 @@ from inkjet_env.plant.wording import with_prefix
 from inkjet_env.typing import Real
 
 WINDOW = 16
-"""Resonance periods of a pulse with its ring-down."""
+"""Length of a pulse with its ring-down, in resonance periods."""
 MULTISINE = 40
-"""Resonance periods of one repetition of a multisine."""
+"""Length of one repetition of a multisine, in resonance periods."""
 HIGHEST = 0.2
-"""Cycles a sample of a multisine's highest line, at most."""
+"""Highest line of a multisine, in cycles per sample, at most."""
 SLOW_SAMPLES = 1200
+"""Number of samples of a slow loop or of slow silence."""
 HOLD_SAMPLES = 2000
+"""Number of samples of a slow step and hold."""
 MOST_SAMPLES = 20_000
+"""Largest number of samples of a recording; a changed train ends within half of them."""
 REACHES = 0.01
-"""A campaign drives a sign if it reaches so much of its largest drive there."""
+"""Share of its largest drive that a campaign must exceed in a sign for drives of that sign to be proposed."""
 
 
 @dataclass(frozen=True)
 class Train:
-    """Trapezoids one after another, each from rest.
+    """A train of trapezoidal pulses, each from rest.
 
     Attributes
     ----------
     levels_V : tuple of float
+        Voltage of each pulse.
     edge_s, dwell_s : float
-        Of every pulse.
+        Duration of each edge and of each dwell, the same for every pulse.
     gap_s : float
-        From one pulse's end to the next one's start; 0: from level to level without rest.
+        Time from the end of one pulse to the start of the next; 0: from level to level without rest.
     """
 
     levels_V: tuple[float, ...]
@@ -47,7 +51,7 @@ class Train:
 
     @property
     def corners(self) -> tuple[list[float], list[float]]:
-        """Times from the first edge's start and voltages."""
+        """Times from the start of the first edge, in seconds, and voltages of all corners."""
         time_s, drive_V, now_s = [0.0], [0.0], 0.0
         for k, level in enumerate(self.levels_V):
             for length_s, value in ((self.edge_s, level), (self.dwell_s, level)):
@@ -63,7 +67,7 @@ class Train:
 
     @property
     def words(self) -> str:
-        """The pulses as they are set at a generator."""
+        """The pulses in words, as they are set at a generator."""
         shape = f"(edges {with_prefix(self.edge_s, 's')}, dwell {with_prefix(self.dwell_s, 's')})"
         first, *more = (with_prefix(level, "V") for level in self.levels_V)
         if not more:
@@ -76,13 +80,13 @@ class Train:
 
     @property
     def rounded(self) -> Train:
-        """To two digits, as it would be set; levels towards zero."""
+        """The train rounded to two digits, as it would be set; levels are rounded towards zero."""
         levels = tuple(_towards_zero(level) for level in self.levels_V)
         return Train(levels, *(float(f"{v:.2g}") for v in (self.edge_s, self.dwell_s, self.gap_s)))
 
 
 def _towards_zero(level_V: float) -> float:
-    """To two digits."""
+    """A level rounded to two digits."""
     unit = 10.0 ** (math.floor(math.log10(abs(level_V))) - 1)
     return float(f"{math.trunc(level_V / unit * (1 + 1e-12)) * unit:.2g}")
 
@@ -94,10 +98,11 @@ class Proposal:
     Attributes
     ----------
     words : str
-        "under a pulse of …".
+        The drive in words: "under a pulse of …".
     excitation : Excitation
+        The drive itself, its channel, sampling step and initial state.
     train : Train or None
-        The pulses that it is made of, which may still be changed.
+        The pulses that it consists of, which may still be changed; None if it does not consist of pulses.
     """
 
     words: str
@@ -107,17 +112,18 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Bench:
-    """What a campaign has dared and could do on one channel.
+    """The range of drives that a campaign has used, and what it can record on one channel.
 
     Attributes
     ----------
     channel, initial_state : str
+        Channel, and initial state of its recordings: "periodic" or "demagnetised".
     step_s, period_s : float
-        Sampling step; of the head's resonance.
+        Sampling step and period of the head's resonance.
     high_V, low_V : float
-        The largest drive of each sign.
+        Largest drive of each sign; 0 if the campaign does not use that sign.
     order : int
-        Of the next recording.
+        Order of the next recording within the session.
     neighbour : bool
         Whether the neighbouring channel can be driven.
     """
@@ -132,7 +138,17 @@ class Bench:
     neighbour: bool
 
     def excitation(self, drive_V: Real, initial_state: str = "", neighbour_V: Real | None = None) -> Excitation:
-        """A shot of this channel."""
+        """An excitation of this channel.
+
+        Parameters
+        ----------
+        drive_V : ndarray, shape (n,)
+            Drive.
+        initial_state : str
+            Initial state; that of the bench if empty.
+        neighbour_V : ndarray, shape (n,), optional
+            Drive of the neighbouring channel; 0 V unless given, if that channel can be driven.
+        """
         if neighbour_V is None and self.neighbour:
             neighbour_V = np.zeros(drive_V.size)
         return Excitation(
@@ -140,11 +156,11 @@ class Bench:
         )
 
     def samples(self, periods: float) -> int:
-        """In so many periods of the resonance."""
+        """Number of samples in a number of resonance periods: at least 16, at most `MOST_SAMPLES`."""
         return min(max(round(periods * self.period_s / self.step_s), 16), MOST_SAMPLES)
 
     def pulses(self, train: Train, periods: float = WINDOW) -> Proposal:
-        """A train in a window of so many resonance periods, longer where it needs to be."""
+        """A train, rounded, in a window of that many resonance periods, or a longer one if it does not fit."""
         train = train.rounded
         time_s, drive_V = train.corners
         samples = max(self.samples(periods), math.ceil((time_s[-1] + self.period_s) / self.step_s))
@@ -153,7 +169,19 @@ class Bench:
         return Proposal(f"under {train.words}{self._told(samples)}", self.excitation(drive), train)
 
     def changed(self, train: Train, periods: float, height: float, times: Sequence[float]) -> Proposal | None:
-        """With height and times (edges, dwell, gap if there is one) multiplied; None beyond what the campaign dared."""
+        """A train with its height and times multiplied; None beyond the drives that the campaign has used.
+
+        Parameters
+        ----------
+        train : Train
+            The original pulses.
+        periods : float
+            Length of the window, in resonance periods.
+        height : float
+            Factor of the levels.
+        times : sequence of float
+            Factors of edges and dwells, and of the gap if there is one.
+        """
         edge, dwell, gap = (*times, 1.0)[:3]
         levels = tuple(height * level for level in train.levels_V)
         train = Train(levels, edge * train.edge_s, dwell * train.dwell_s, gap * train.gap_s).rounded
@@ -170,7 +198,15 @@ class Bench:
 
 
 def benches(observed: Sequence[ObservedRecording], frequency_Hz: float) -> list[Bench]:
-    """One for each channel of a campaign, at its most frequent sampling step."""
+    """One bench for each channel of a campaign, at the channel's most frequent sampling step.
+
+    Parameters
+    ----------
+    observed : sequence of ObservedRecording
+        The campaign's recordings.
+    frequency_Hz : float
+        Resonance frequency of the head.
+    """
     high = max(float(o.excitation.drive_V.max()) for o in observed)
     low = min(float(o.excitation.drive_V.min()) for o in observed)
     most = max(largest_V(o) for o in observed)
@@ -197,12 +233,12 @@ def benches(observed: Sequence[ObservedRecording], frequency_Hz: float) -> list[
 
 
 def library(bench: Bench) -> list[Proposal]:
-    """Drives that show, one or the other, whatever a head may do."""
+    """Candidate drives of a channel, chosen so that every effect shows under one or another of them."""
     return fast_library(bench) if bench.channel != "strain_gauge" else slow_library(bench)
 
 
 def fast_library(bench: Bench) -> list[Proposal]:
-    """Pulses, pairs, rates, multisines, a step, silence."""
+    """Candidate drives of a fast channel: pulses, pairs, repetition rates, multisines, a step, silence."""
     period_s, most = bench.period_s, max(bench.high_V, -bench.low_V)
     steep = max(0.03 * period_s, bench.step_s)
     usual = max(0.15 * period_s, bench.step_s)
@@ -247,7 +283,7 @@ def fast_library(bench: Bench) -> list[Proposal]:
 
 
 def slow_library(bench: Bench) -> list[Proposal]:
-    """Loops at three rates, nested loops, step and hold, silence."""
+    """Candidate drives of the strain gauge: loops at three rates, step and hold, nested loops, silence."""
     most = max(bench.high_V, -bench.low_V)
     phase = 2 * np.pi * np.arange(SLOW_SAMPLES) / SLOW_SAMPLES
     middle, half = (bench.high_V + bench.low_V) / 2, (bench.high_V - bench.low_V) / 2
@@ -278,7 +314,10 @@ def slow_library(bench: Bench) -> list[Proposal]:
 
 
 def _multisine(bench: Bench, peak_V: float, last: float) -> Proposal:
-    """Odd lines of equal amplitude up to so many times the resonance; Schroeder's phases keep the peak low."""
+    """A multisine with odd lines of equal amplitude up to ``last`` times the resonance.
+
+    Schroeder's phases keep its peak low.
+    """
     n = bench.samples(MULTISINE)
     highest = max(min(int(last * n * bench.step_s / bench.period_s), int(HIGHEST * n)), 3)
     line = np.arange(3, highest + 1, 2)

@@ -1,9 +1,8 @@
-"""The recording that would tell apart what a campaign leaves alike.
+"""The recording that would separate the candidates that a campaign cannot distinguish.
 
-T-optimal: the largest distance between the rivals' predictions (Atkinson & Fedorov, Biometrika 62, 1975).
-
-Rivals may adapt: whatever base and effect parameters can still move within what the campaign tells of them is allowed
-for before two predictions are compared.
+The design is T-optimal: the largest distance between the rival models' predictions (Atkinson & Fedorov, Biometrika 62,
+1975). The rivals may adapt: before two predictions are compared, base and effect parameters move towards the rival as
+far as the campaign's information on them allows.
 """
 
 from __future__ import annotations
@@ -26,31 +25,37 @@ from inkjet_env.plant.wording import with_prefix
 from inkjet_env.typing import Real
 
 ENOUGH = 5.0
-"""Log-likelihood by which two candidates are told apart."""
+"""Difference of log-likelihoods from which two candidates are separated."""
 MOST_REPEATS = 50
+"""Largest number of repeats that is proposed."""
 REFINED = 40
-"""Evaluations spent on a pulse's height and times."""
+"""Number of evaluations spent on optimising a pulse's height and times."""
 SPREAD = 0.5
-"""First step of their logarithms."""
+"""First step of that optimisation, in the logarithms of height and times."""
 PLAUSIBLE = 10.0
-"""A signal so many times the largest of its channel is a law beyond what the campaign tells, not a prediction."""
+"""Multiple of a channel's largest recorded signal, above which a prediction is an extrapolation of the law."""
 MONITOR = 0.005
-"""Noise (RMS) of a voltage measured at the head, in parts of the largest drive: an 8-bit oscilloscope's probe."""
+"""Noise RMS of a voltage measured at the head, relative to the largest drive: an 8-bit oscilloscope's probe."""
 
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """The recording that would tell the remaining candidates apart.
+    """The recording that would separate the remaining candidates.
 
     Attributes
     ----------
     sentence : str
+        What to record, and what it would show, in words.
     channel : str
+        Channel to record; empty, as all below, if no drive can be computed.
     initial_state : str
+        Initial state: "periodic" or "demagnetised".
     step_s : float
+        Sampling step.
     drive_V : tuple of float
+        Drive at each sample.
     separation : float
-        Expected difference of log-likelihoods.
+        Expected difference of log-likelihoods between the two candidates that are separated worst.
     """
 
     sentence: str
@@ -63,7 +68,11 @@ class NextExperiment:
 
 @dataclass(frozen=True, eq=False)
 class _Judged:
-    """What the candidates would say of a proposal: by pair, half the squared distance; and the largest difference."""
+    """A proposal with the distance between the candidates' predictions, pair by pair.
+
+    ``separations`` are half the squared whitened distances, ``differences`` the largest differences of the signals, in
+    the channel's unit.
+    """
 
     proposal: Proposal
     separations: tuple[float, ...]
@@ -71,12 +80,12 @@ class _Judged:
 
     @property
     def worth(self) -> float:
-        """Grows with every pair that is told apart, less and less."""
+        """Sum of ln(1 + separation) over the pairs, so that no pair counts for everything."""
         return math.fsum(math.log1p(s) for s in self.separations)
 
     @property
     def least(self) -> int:
-        """The pair that is told apart worst."""
+        """Index of the pair that is separated worst."""
         return int(np.argmin(self.separations))
 
 
@@ -87,16 +96,18 @@ def next_experiment(
 
     Parameters
     ----------
-    fits : sequence of Fit
-        Two or more candidates. Of one, what shows its effects best is told in words; of none, which effects the
-        campaign could not show and what would.
+    fits : sequence of FitResult
+        Two or more candidates. For a single one, the answer says in words what shows its effects best; without any
+        effect, it says which effects the campaign cannot show and what would show them.
     noise : Noise
+        Noise of the channels, expected in the next recording too.
     observed : sequence of ObservedRecording
+        The campaign's recordings.
 
     Returns
     -------
     NextExperiment or None
-        None where there is nothing to add. Its ``separation`` is the expected difference of log-likelihoods between
+        None if there is nothing to propose. Its ``separation`` is the expected difference of log-likelihoods between
         the two candidates that it separates worst.
     """
     if len(fits) < 2:
@@ -123,7 +134,7 @@ def next_experiment(
 
 
 class _Judge:
-    """Predictions of the candidates, and how far what the campaign tells lets each adapt."""
+    """Predictions of the candidates, and how far the campaign's information lets each adapt."""
 
     def __init__(self, fits: Sequence[FitResult], noise: Noise, observed: Sequence[ObservedRecording]) -> None:
         self.fits, self.noise, self.observed = tuple(fits), noise, tuple(observed)
@@ -135,14 +146,14 @@ class _Judge:
             self.told.append(np.asarray(np.linalg.qr(np.column_stack([base, fit.jacobian]), mode="r")))
 
     def recording(self, excitation: Excitation) -> ObservedRecording:
-        """A shot as a recording still to be taken."""
+        """An excitation as a recording still to be taken."""
         unit = next(o.unit for o in self.observed if o.channel == excitation.channel)
         return ObservedRecording(
             "next", excitation.channel, unit, -1, excitation, np.zeros(excitation.samples), excitation.samples
         )
 
     def judged(self, proposal: Proposal) -> _Judged | None:
-        """How well a proposal separates each pair; None where a candidate cannot tell what it would show."""
+        """How well a proposal separates each pair; None if a candidate cannot predict it."""
         excitation = proposal.excitation
         o = self.recording(excitation)
         if o.noise_key not in self.noise.models:
@@ -174,7 +185,7 @@ class _Judge:
         return _Judged(proposal, tuple(separations), tuple(differences))
 
     def monitored(self, tried: Sequence[_Judged]) -> _Judged | None:
-        """The proposal under which the voltages at the head differ most; None where it is recorded anyway."""
+        """The proposal under which the voltages at the head differ most; None if they are recorded already."""
         if any(o.channel == "drive_monitor" for o in self.observed):
             return None
         noise_V = self.monitor_noise_V
@@ -198,14 +209,14 @@ class _Judge:
 
     @property
     def monitor_noise_V(self) -> float:
-        """Of a voltage measured at the head."""
+        """Noise RMS of a voltage measured at the head, in volts."""
         return MONITOR * max(largest_V(o) for o in self.observed)
 
 
 def _adapted(told: Real, columns: Real, difference: Real) -> tuple[Real, float]:
     """Step of a candidate's parameters towards its rival, shape (size,), and the squared distance that remains.
 
-    The campaign's information, a triangle, holds the step back; what the campaign does not tell moves freely.
+    The campaign's information, the triangle ``told``, restrains the step; parameters on which it has none move freely.
     """
     rows = np.concatenate([told, columns])
     size = np.linalg.norm(rows, axis=0)
@@ -231,7 +242,7 @@ def _jacobian(fit: FitResult, excitation: Excitation) -> Real:
 
 
 def _refined(best: _Judged, judge: _Judge) -> _Judged:
-    """The best pulses with height, edges, dwell and gap improved; as they are where they are no pulses."""
+    """The best proposal with height, edges, dwell and gap of its pulses optimised; unchanged if it has no pulses."""
     from scipy.optimize import minimize
 
     train, excitation = best.proposal.train, best.proposal.excitation
@@ -261,7 +272,7 @@ def _refined(best: _Judged, judge: _Judge) -> _Judged:
 
 
 def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
-    """A proposal in words, with what the candidates that it separates worst would say."""
+    """A proposal in words, with the difference between the two candidates that it separates worst."""
     excitation = judged.proposal.excitation
     separation, difference = judged.separations[judged.least], judged.differences[judged.least]
     i, j = judge.pairs[judged.least]
@@ -288,7 +299,7 @@ def _named(fit: FitResult) -> str:
 
 
 def _in_words(effects: Sequence[Effect], observed: Sequence[ObservedRecording]) -> NextExperiment | None:
-    """What shows some effects, or those that the campaign cannot show, where no drive can be computed."""
+    """In words, what shows the given effects, or if there are none, those that the campaign cannot show."""
     if effects:
         ways = list(dict.fromkeys(effect.shown_by for effect in effects))
         return NextExperiment(f"What would tell: {'; and '.join(ways)}.")

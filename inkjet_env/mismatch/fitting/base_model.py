@@ -1,4 +1,4 @@
-"""The base model on a campaign's recordings, with the noise of what it leaves: where every hypothesis begins."""
+"""The base model fitted to a campaign, with the noise of its residuals: the starting point of every hypothesis."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
 
 DEGREE = 9
-"""Of the branch law at least: what the base model could say, it shall say, before anything else is blamed."""
+"""Least degree of the branch law: the base model explains all that it can before an effect is blamed."""
 FAR_OFF = 0.7
-"""Of the fast recordings' power: a base model that leaves more was begun too far off to be refitted."""
+"""Share of the fast recordings' variance. If the base model refitted from a given printhead leaves more unexplained,
+that printhead was too far off to start from."""
 MOST_SUBSTEPS = 16
-"""Nodes a sample at most."""
+"""Largest number of nodes per sampling step."""
 NODES_A_PERIOD = 36
-"""At least, of the resonance."""
+"""Least number of nodes per period of the resonance."""
 MOST_ROUNDS = 10
-"""Times that the base model is fitted again from where it has come to."""
+"""Largest number of times that the base model is refitted from the end of its last fit."""
 
 
 def base_model(
@@ -36,27 +37,34 @@ def base_model(
     held_out: Sequence[str] | None,
     progress: Callable[[str], None],
 ) -> OutputErrorFit:
-    """The base model and the noise.
+    """The base model fitted to the recordings together with their noise.
 
     Parameters
     ----------
     campaign : Campaign
+        Recordings from which the printhead is identified if none is given.
     observed : sequence of ObservedRecording
-        Its recordings.
+        The same recordings with conditions, held-out samples and excitations.
     printhead : Printhead, optional
-        Where the fit begins; identified from the campaign unless given.
+        Where the fit starts; identified from the campaign unless given.
     held_out : sequence of str, optional
-        As in an identification.
+        Names of the held-out recordings, as in `identification.identify`.
     progress : callable
+        Called with a short text that says what is being done.
+
+    Returns
+    -------
+    OutputErrorFit
+        Its ``base`` is the fitted base model, its ``noise`` the noise of that model's residuals.
 
     Raises
     ------
     ValueError
-        Recordings that no base model can be identified from; a printhead of another head.
+        No base model can be identified from the recordings, or the printhead belongs to another head.
     """
     given = printhead is not None
     if printhead is None:
-        # The gauge alone: where something is left out, the fast recordings would have a law of any degree.
+        # The gauge alone decides: where an effect is missing, the fast recordings would ask for ever higher degrees.
         rule = "strain_gauge" if any(o.channel == "strain_gauge" for o in observed) else "flattening"
         found = identify(campaign, degree_rule=rule, held_out=held_out, progress=progress)
         gains = {channel: gain.value for channel, gain in found.gains.items()}
@@ -83,7 +91,7 @@ def base_model(
 def _settled(
     observed: Sequence[ObservedRecording], head: Head, otherwise: Mapping[tuple[str, float], NoiseModel]
 ) -> OutputErrorFit:
-    """A joint fit whose noise is that of its own base model's residuals, its law scaled as by convention."""
+    """A joint fit whose noise comes from its own base model's residuals, with the law's swing set by convention."""
     signals = {o.name: head.plant().signal(o.excitation) for o in observed}
     noise = noise_seen(observed, {o.name: o.measured - signals[o.name] for o in observed}, otherwise)
     joint = OutputErrorFit(observed, noise, head)
@@ -98,7 +106,7 @@ def _settled(
 
 
 def _unexplained(joint: OutputErrorFit) -> float:
-    """Share of the fast channels' mean square under a drive that the base model leaves."""
+    """Share of the driven fast recordings' variance that the base model leaves unexplained, their mean."""
     moved = [o for o in joint.seen if o.excitation.fast and not o.still]
     modelled = joint.modelled(joint.base)
     residuals = sum(

@@ -1,4 +1,4 @@
-"""The base model's parameters: as a vector that a fit moves, by convention, and begun from a printhead."""
+"""The base model's parameters: as a vector that a fit moves, scaled by convention, and started from a printhead."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 LARGEST = 1e13
-"""Coefficient of a direction in which the law is moved: `SMALL` of it is within what a law may have."""
+"""Largest coefficient of a direction in which the law is moved: `SMALL` times it is still a valid coefficient."""
 SMALL = 1e-5
-"""Finite-difference step of a base parameter, relative."""
+"""Relative finite-difference step of a base parameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,10 @@ class Head:
     Attributes
     ----------
     printhead : Printhead
+        Dynamics ``a0``, ``a1``, ``b1`` and the branch law.
     gains, offsets : dict of str to float
-        By channel, in its unit; of the drive monitor too, for a probe is as exact as its calibration.
+        By channel: signal for a `Plant.motion` of 1, and signal at rest, in the channel's unit. The drive monitor has
+        both too, because a probe is only as exact as its calibration.
     """
 
     printhead: Printhead
@@ -40,7 +42,7 @@ class Head:
 
     @property
     def reference(self) -> str:
-        """The channel whose gain is held: law and gains share a scale."""
+        """The channel whose gain is held fixed, because law and gains share a scale."""
         return next(c for c in ("strain_gauge", "self_sensing", "displacement") if c in self.gains)
 
     @property
@@ -50,7 +52,7 @@ class Head:
 
     @property
     def degree(self) -> int:
-        """Of the branch law."""
+        """Degree of the branch law."""
         return len(self.printhead.coefficients) - 1
 
     @property
@@ -59,12 +61,18 @@ class Head:
         return self.degree + 2 + len(self.free_gains) + len(self.offsets)
 
     def moved(self, step: NDArray[np.floating]) -> Head:
-        """The head after a step: absolute for the coefficients, relative for a0, a1 and the gains.
+        """The head after a step.
+
+        Parameters
+        ----------
+        step : ndarray, shape (size,)
+            Change of the law's coefficients, of ln a0 and ln a1, of the free gains (relative), and of the offsets
+            (absolute, in the channel's unit).
 
         Raises
         ------
         SimulationError
-            A step to what is no printhead.
+            The step leads to invalid printhead parameters.
         """
         d, free = self.degree, self.free_gains
         rest = step[d + 2 :]
@@ -86,11 +94,11 @@ class Head:
         return Head(printhead, gains, offsets)
 
     def plant(self, effects: Sequence[tuple[Effect, Values]] = ()) -> Plant:
-        """The plant of this head."""
+        """The plant of this head with these effects switched on."""
         return Plant(self.printhead, self.gains, self.offsets, tuple(effects))
 
     def sensitivities(self, observed: ObservedRecording, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
-        """Derivative of a recording's signal with respect to the step of `moved`, shape (n, size), these effects on."""
+        """Derivatives of a recording's signal with respect to the step of `moved`, these effects on: (n, size)."""
         if effects and observed.channel != "drive_monitor":
             return self._differences(observed, effects)
         excitation, d = observed.excitation, self.degree
@@ -136,11 +144,12 @@ class Head:
         return columns
 
     def _directions(self, observed: ObservedRecording) -> Real:
-        """Changes of the law that a recording shows each by itself, in coefficients of powers; columns, shape (d, d).
+        """Well-conditioned directions in which to move the law, as coefficients of powers; columns, shape (d, d).
 
-        Chebyshev polynomials over the stretch of the law that its drive reaches, twice its size from a demagnetised
-        start, less their value at 0, as large as the law itself. Powers are nearly alike, and a fit steps by small
-        differences of large multiples of them: an error of each one's difference would be many times the step's.
+        They are Chebyshev polynomials, less their value at 0 and as large as the law itself, over the part of the law
+        that the drive reaches: twice the drive's size from a demagnetised start. Powers are nearly collinear, so a
+        step of a fit is a small difference of large multiples of them, and the error of each power's finite difference
+        would be many times the step.
         """
         least = (2 ** (2 * self.degree - 1) / LARGEST) ** (1 / self.degree)
         reach = float(np.clip(2 * np.abs(observed.excitation.drive_V).max() / self.printhead.full_scale_V, least, 1.0))
@@ -150,7 +159,7 @@ class Head:
 
 @lru_cache(maxsize=1024)
 def _chebyshev(degree: int, reach: float) -> Real:
-    """Chebyshev polynomials over 0 … reach less their value at 0, in coefficients of powers; columns, shape (d, d)."""
+    """Chebyshev polynomials over 0 … reach less their value at 0, as coefficients of powers; columns, shape (d, d)."""
     table = np.zeros((degree, degree))
     for k in range(degree):
         powers = Chebyshev.basis(k + 1, domain=[0.0, reach]).convert(kind=Polynomial)
@@ -160,7 +169,7 @@ def _chebyshev(degree: int, reach: float) -> Real:
 
 
 def in_convention(head: Head) -> Head:
-    """The same head with its law's swing as by convention, gains and ``b1`` to match."""
+    """The same head with its law's swing set by convention and gains and ``b1`` scaled to match."""
     law = head.printhead
     factor = conventional_swing(law.full_scale_V) / float(law.branch_law.Q(1.0))
     if not (math.isfinite(factor) and factor > 0):
@@ -173,7 +182,20 @@ def in_convention(head: Head) -> Head:
 def gains_and_offsets(
     observed: Sequence[ObservedRecording], printhead: Printhead
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Of each channel, by least squares with a given head; that of self-sensing is its own."""
+    """Gain and offset of each channel, by least squares with a given head; the gain of self-sensing is its ``b1``.
+
+    Parameters
+    ----------
+    observed : sequence of ObservedRecording
+        Recordings of which the fitted samples are used; the drive monitor is left out.
+    printhead : Printhead
+        The given head.
+
+    Returns
+    -------
+    gains, offsets : dict of str to float
+        By channel, as `Head` has them.
+    """
     gains, offsets = {}, {}
     head = Head(printhead, {"self_sensing": printhead.b1}, {})
     for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):

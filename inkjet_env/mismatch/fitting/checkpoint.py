@@ -1,7 +1,7 @@
-"""Finished fits of a diagnosis, kept in a folder, so that one that was interrupted goes on where it was.
+"""Finished fits of a diagnosis, kept in a folder, so that an interrupted diagnosis resumes where it stopped.
 
-A fit is found again by what it was asked: recordings, noise, effects, starting point and the code itself. What is kept
-is where it ended, in numbers; simulating it there once more gives the fit again, digit for digit.
+The name of a fit's file is a digest of its inputs: recordings, noise, effects, starting point and the code itself. The
+file holds the parameters at which the fit ended; simulating once more at them restores the fit bit for bit.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ Task = TypeVar("Task")
 
 
 class FitCheckpoint:
-    """A folder of finished fits; none are kept without a folder.
+    """A folder of finished fits; without a folder none is kept.
 
     Parameters
     ----------
     folder : str or Path, optional
-        Made when the first fit is kept.
+        Created when the first fit is kept.
     effects : sequence of Effect
-        Whose code, beside this package's own, decides what a fit gives.
+        Effects whose code, like this package's own, determines the result of a fit.
     """
 
     def __init__(self, folder: str | os.PathLike[str] | None = None, effects: Sequence[Effect] = ()) -> None:
@@ -53,17 +53,21 @@ class FitCheckpoint:
         tasks: Sequence[Task],
         questions: Sequence[tuple[ActiveEffects, FitResult, int | str | None]],
     ) -> Iterator[FitResult | None]:  # fmt: skip
-        """`ProcessPool.map`, but for the fits that are there already; each is kept as soon as it comes.
+        """`ProcessPool.map`, except that fits already kept are read; each new fit is kept as soon as it is finished.
 
         Parameters
         ----------
         pool : ProcessPool
+            Processes that the missing fits run on.
         joint : OutputErrorFit
+            Recordings, noise and base model that all these fits share.
         function : callable
-            From a task to its fit, None where it cannot be simulated.
+            Maps a task to its fit, or to None if it cannot be simulated.
         tasks : sequence
+            Arguments of ``function``, one for each fit.
         questions : sequence of tuple
-            What each task asks: effects with the coordinates to begin at, fit to go on from, most steps or what else.
+            Inputs that identify each task: effects with their starting coordinates, the fit to continue from, and the
+            largest number of steps or another distinguishing mark.
         """
         if self.folder is None:
             yield from pool.map(function, tasks)
@@ -83,7 +87,7 @@ class FitCheckpoint:
             yield fit
 
     def clear(self) -> None:
-        """Delete the folder and the fits in it; other files stay."""
+        """Delete the fits, and the folder too if nothing else is in it."""
         if self.folder is not None and self.folder.is_dir():
             for file in self.folder.glob("*.fit.json"):
                 file.unlink()
@@ -116,7 +120,7 @@ def _digest(*parts: bytes) -> bytes:
 
 
 def _of_joint(joint: OutputErrorFit) -> bytes:
-    """Of everything that a fit depends on but its question."""
+    """Digest of everything that a fit depends on apart from its question."""
     parts = []
     for o in joint.observed:
         excitation = o.excitation

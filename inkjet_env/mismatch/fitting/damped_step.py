@@ -8,7 +8,7 @@ from inkjet_env.typing import Real
 
 
 def damped_step(gram: Real, moment: Real, damping: float, theta: Real, low: Real, high: Real) -> Real:
-    """Levenberg–Marquardt step of the normal equations; coordinates that would leave their bounds are held there.
+    """Levenberg–Marquardt step of the normal equations; a coordinate that would leave its bounds is held at them.
 
     Parameters
     ----------
@@ -17,13 +17,14 @@ def damped_step(gram: Real, moment: Real, damping: float, theta: Real, low: Real
     moment : ndarray, shape (k,)
         Jacobian transposed times residuals.
     damping : float
-        Levenberg's parameter, relative to the diagonal of ``gram``.
+        Levenberg's damping parameter, relative to the diagonal of ``gram``.
     theta, low, high : ndarray, shape (k,)
         Coordinates and their bounds.
 
     Returns
     -------
     ndarray, shape (k,)
+        Change of the coordinates; ``theta`` plus it lies within the bounds.
     """
     step = np.zeros(theta.size)
     free = np.ones(theta.size, dtype=bool)

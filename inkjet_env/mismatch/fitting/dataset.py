@@ -1,4 +1,4 @@
-"""A campaign as the diagnosis sees it: each recording with its shot, its noise, its condition, and its role."""
+"""A campaign as the diagnosis sees it: each recording with its excitation, condition, noise and held-out samples."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from inkjet_env.recordings import Campaign
 from inkjet_env.typing import Real
 
 REPEATS_DIFFER = 1.5
-"""Repeats whose deviations have so many times the variance of recordings at rest differ by more than noise."""
+"""Ratio of the variance of repeats' deviations to that at rest, above which repeats differ by more than noise."""
 SLIGHT = 0.1
-"""Power of 1/f noise at a recording's lowest line, over that of white noise, which is not worth a filter."""
+"""Ratio of 1/f to white noise power at the longest recording's lowest line, below which 1/f noise is neglected."""
 SHORTEST_REST = 100
-"""Samples before the drive from which its noise may be seen."""
+"""Least number of samples before the drive from which the noise can be estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +28,15 @@ class ObservedRecording:
     Attributes
     ----------
     name, channel, unit : str
-        Nanometres are turned into micrometres.
+        Name of the recording, its channel and the unit of its signal; nanometres are converted to micrometres.
     condition : int
-        Recordings of the same drive on the same channel share one.
+        Number of the condition: recordings of the same drive on the same channel share one.
     excitation : Excitation
+        Drive and initial state.
     measured : ndarray, shape (n,)
+        Recorded signal, in ``unit``.
     fitted : int
-        Samples from the start that a fit may see: n, 0 (held out) or between (its end is held out).
+        Number of samples from the start that a fit may see: n, 0 (held out) or between (its end is held out).
     """
 
     name: str
@@ -52,26 +54,35 @@ class ObservedRecording:
 
     @property
     def at_rest(self) -> bool:
-        """Whether nothing but noise is in it: its drive and the neighbour's never change."""
+        """Whether it holds nothing but noise: neither its drive nor the neighbour's ever changes."""
         neighbour_V = self.excitation.neighbour_V
         return self.still and (neighbour_V is None or bool(np.ptp(neighbour_V) == 0))
 
     @property
     def noise_key(self) -> tuple[str, float]:
-        """Recordings of one channel and one sampling step share a noise model."""
+        """Channel and sampling step in seconds; recordings with the same key share a noise model."""
         return self.channel, float(f"{self.excitation.step_s:.4g}")
 
     def rows(self, held_out: bool) -> slice:
-        """The samples that were held out, or that were fitted."""
+        """Slice of the held-out samples, or of the fitted ones."""
         return slice(self.fitted, None) if held_out else slice(0, self.fitted)
 
 
 def observe(
     campaign: Campaign, held_out: Sequence[str] | None = None, substeps: int = 2
 ) -> tuple[ObservedRecording, ...]:
-    """Each recording of a campaign, in its order, held out as `identification.measurements` has it.
+    """The recordings of a campaign in their order, held out as by `identification.measurements`.
 
     A voltage measured at the head counts as a recording of its own, on the channel ``drive_monitor``.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The recordings.
+    held_out : sequence of str, optional
+        Names of the held-out recordings; chosen by `identification.measurements` unless given.
+    substeps : int
+        Even number of nodes per sampling step.
     """
     by_name = {recording.name: recording for recording in campaign.recordings}
     found: dict[str, list[ObservedRecording]] = {}
@@ -104,7 +115,7 @@ def observe(
 
 
 def finer(observed: Sequence[ObservedRecording], substeps: int) -> tuple[ObservedRecording, ...]:
-    """The same recordings on more nodes a sampling step."""
+    """The same recordings with another number of nodes per sampling step."""
     return tuple(replace(o, excitation=replace(o.excitation, substeps=substeps, cache={})) for o in observed)
 
 
@@ -115,12 +126,13 @@ class Noise:
     Attributes
     ----------
     models : dict
-        By `ObservedRecording.noise_key`.
+        Noise model by `ObservedRecording.noise_key`.
     samples : dict
-        From how many samples each was told; 0: from the residual of a fit.
+        Number of samples from which each model was estimated, by the same key; 0 if it comes from a fit's residuals.
     notes : tuple of str
+        Sentences for the user about how the noise was estimated.
     least : dict of str to float
-        By channel, the RMS below which nothing can be told: that of its converter's step.
+        By channel, the least RMS that can be resolved, in the channel's unit: that of its converter's step.
     """
 
     models: Mapping[tuple[str, float], NoiseModel]
@@ -130,13 +142,13 @@ class Noise:
     _kept: dict[tuple[tuple[str, float], int], Real] = field(default_factory=dict, init=False, repr=False)
 
     def known(self, observed: ObservedRecording) -> bool:
-        """Whether anything but a fit's own residual tells the noise."""
+        """Whether the noise was estimated from anything but a fit's own residuals."""
         return self.samples[observed.noise_key] > 0
 
     def whitened(self, observed: ObservedRecording, columns: Real) -> Real:
-        """Columns of shape (n, k), or (n,), filtered so that noise in them is white with unit variance.
+        """Columns of shape (n, k) or (n,), filtered so that the noise in them is white with unit variance.
 
-        Zeros stand where the filter has not yet seen enough, so that the shape stays.
+        The shape is kept: the first samples, at which the filter is not yet full, are zero.
         """
         model = self.models[observed.noise_key]
         flat = columns.ndim == 1
@@ -154,13 +166,13 @@ class Noise:
         return result[:, 0] if flat else result
 
     def _roots(self, key: tuple[str, float], length: int) -> Real:
-        """Roots of the levels of whitened noise at the lines of a real transform, shape (length // 2 + 1, 1)."""
+        """Amplitude of whitened noise at each line of a real Fourier transform, shape (length // 2 + 1, 1)."""
         if (key, length) not in self._kept:
             self._kept[key, length] = np.sqrt(self.models[key].levels(length)[: length // 2 + 1])[:, None]
         return self._kept[key, length]
 
     def log_scale(self, observed: ObservedRecording) -> float:
-        """Mean logarithm of the noise's innovation: what a likelihood loses by larger noise, a sample."""
+        """Mean logarithm of the noise's innovation: the log-likelihood that larger noise costs per sample."""
         model = self.models[observed.noise_key]
         scale = float(np.log(model.innovation))
         if model.colour != (1.0, 0.0, 0.0):
@@ -174,21 +186,22 @@ def noise_seen(
     otherwise: Mapping[tuple[str, float], NoiseModel],
     least: Mapping[str, float] | None = None,
 ) -> Noise:
-    """Noise of each channel and sampling step, from what no model of the head can explain.
+    """Noise of each channel and sampling step, estimated from what no model of the head can explain.
 
-    Recordings at rest tell it, and the differences between repeats of what the model leaves; where repeats differ by
-    more than what is there at rest, rest alone (and that is said). Else the rest before the drive, else the channel's
-    noise at another sampling step, else what is left of the fitted recordings.
+    It is estimated from recordings at rest and from the differences between the residuals of repeats. Where repeats
+    differ by more than the noise at rest, recordings at rest alone count, and a note says so. If there are neither, the
+    rest before the drive is used, then the channel's noise at another sampling step, then the residuals themselves.
 
     Parameters
     ----------
     observed : sequence of ObservedRecording
+        Recordings whose noise is estimated.
     residuals : mapping of str to ndarray
-        Measured minus modelled of each recording, in the channel's unit.
+        Measured minus modelled of each recording, in the channel's unit, shape (n,).
     otherwise : mapping
-        Noise models for what nothing else tells.
+        Noise models by `ObservedRecording.noise_key`, used where nothing but residuals is available.
     least : mapping, optional
-        Of `Noise`; from these recordings unless given: where there are more, theirs count.
+        ``Noise.least``; computed from these recordings unless given. Pass the campaign's if these are only part of it.
     """
     models: dict[tuple[str, float], NoiseModel] = {}
     samples: dict[tuple[str, float], int] = {}
@@ -227,7 +240,7 @@ def noise_seen(
             sources.setdefault(key[0], {})[key[1]] = " and ".join(source)
             samples[key] = sum(stretch.size for stretch in stretches)
     for channel, by_step in seen.items():
-        # what wanders more than 1/f is for the diagnosis to find
+        # noise that wanders more than 1/f is left for the diagnosis to find
         found = channel_noise(by_step, sources[channel], least[channel], exponents=(1,))
         longest = max(o.excitation.samples for o in observed if o.channel == channel)
         for step_s, model in found.items():
@@ -248,7 +261,7 @@ def noise_seen(
 
 
 def _of_most(stretches: Sequence[Real], least: float) -> NoiseModel:
-    """White noise as large as what most samples show: the few where a model fails do not count."""
+    """White noise as large as most samples' residuals: the few samples where a model fails do not count."""
     size = np.abs(np.concatenate([stretch - np.median(stretch) for stretch in stretches]))
     rms = max(1.4826 * float(np.median(size)), least)
     return NoiseModel(np.ones(1), rms, rms, "what most samples show")
@@ -266,7 +279,7 @@ def _rest_before(observed: ObservedRecording) -> int:
 
 
 def _least(observed: Sequence[ObservedRecording]) -> dict[str, float]:
-    """By channel, the RMS below which nothing can be told."""
+    """By channel, the least RMS that can be resolved, in the channel's unit."""
     from inkjet_env.identification.measurements import RepeatedMeasurement
 
     return least_noise(

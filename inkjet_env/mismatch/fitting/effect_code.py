@@ -1,4 +1,4 @@
-"""The code that an effect runs: the files that hold it; where it was typed at a console or in a notebook, itself."""
+"""The code that an effect runs: the files that hold it, or the code itself if typed at a console or in a notebook."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ import numpy as np
 from inkjet_env.plant import Effect
 
 SHELL = {"__dict__", "__weakref__", "__module__", "__doc__", "__abstractmethods__", "_abc_impl"}
-"""Attributes of every class, which say nothing of what it does."""
+"""Attributes that every class has and that say nothing about what it does."""
 
 
 def source_files(effect: Effect) -> set[str]:
-    """The files of the modules that an effect's class and its parents were imported from."""
+    """Paths of the modules from which an effect's class and its parents were imported."""
     modules = [sys.modules[parent.__module__] for parent in type(effect).__mro__ if _imported(parent)]
     return {file for module in modules if (file := getattr(module, "__file__", None)) is not None}
 
 
 def code_digest(effect: Effect) -> bytes:
-    """Of what an effect holds, and of its class, and its parents, where they were imported from no module.
+    """Digest of an effect's attributes, and of its class and those parents that were not imported from a module.
 
-    Attributes, the instructions and constants of methods, and whatever global names they use: it changes with any of
-    them, and is the same in every process of one Python.
+    It covers attributes, the instructions and constants of methods, and the global names that these use. It changes
+    with any of them and is the same in every process of one Python version.
     """
     sha = hashlib.sha256()
     typed = [parent for parent in type(effect).__mro__ if not _imported(parent)]
@@ -39,13 +39,13 @@ def code_digest(effect: Effect) -> bytes:
 
 
 def _imported(thing: type | FunctionType) -> bool:
-    """Whether a class or a function is of an imported module, and not of a console, a notebook or a script."""
+    """Whether a class or a function comes from an imported module, not from a console, a notebook or a script."""
     module = sys.modules.get(thing.__module__ or "")
     return module is not None and thing.__module__ != "__main__" and module.__spec__ is not None
 
 
 def _described(value: Any, seen: set[int]) -> Iterator[str]:
-    """Texts that differ where values do. ``seen``: ids of the classes, functions and objects that were described."""
+    """Texts that differ where values do; ``seen`` holds the ids of what has been described already."""
     inner = inspect.unwrap(value) if callable(value) else value
     if isinstance(value, np.ndarray):
         yield f"{value.dtype} {value.shape} {value.tobytes().hex()}"
@@ -86,7 +86,7 @@ def _of_class(cls: type) -> list[Any]:
 
 
 def _of_function(function: FunctionType) -> list[Any]:
-    """Its code, defaults, what it closes over, and the global names that it or a function inside it uses."""
+    """A function's code, defaults, closure, and the global names that it or a function inside it uses."""
     names, codes = set[str](), [function.__code__]
     while codes:
         code = codes.pop()

@@ -1,4 +1,4 @@
-"""What every step of a diagnosis needs beside the recordings."""
+"""What every step of a diagnosis needs besides the recordings."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ Task = TypeVar("Task")
 
 @dataclass(frozen=True, eq=False)
 class FitContext:
-    """Where fits run, how they are kept, where random numbers come from and who is shown the progress.
+    """The processes, random numbers, progress messages and checkpoint that all fits of a diagnosis share.
 
     Parameters
     ----------
     pool : ProcessPool
-        Processes that the fits run on.
+        Processes that the fits run on; one unless given.
     rng : Generator
-        Random numbers of the diagnosis, drawn in the order of its steps.
+        Source of the diagnosis's random numbers, drawn in the order of its steps.
     progress : callable
-        Told in words what is being done.
+        Called with a short text that says what is being done.
     checkpoint : FitCheckpoint
-        Fits that were finished before; none unless given.
+        Fits that an earlier, interrupted diagnosis finished; none unless given.
     """
 
     pool: ProcessPool = field(default_factory=lambda: ProcessPool(1))
@@ -45,5 +45,5 @@ class FitContext:
         tasks: Sequence[Task],
         questions: Sequence[tuple[ActiveEffects, FitResult, int | str | None]],
     ) -> Iterator[FitResult | None]:
-        """Results of fits in the order of the tasks, as they come; see `FitCheckpoint.fits`."""
+        """Results of fits in the order of the tasks, each as soon as it is ready; see `FitCheckpoint.fits`."""
         return self.checkpoint.fits(self.pool, joint, function, tasks, questions)

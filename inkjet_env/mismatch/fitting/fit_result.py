@@ -1,4 +1,4 @@
-"""Where a fit of base model and effects stands, and what it ended with."""
+"""The state of a fit of base model and effects, and its result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from inkjet_env.typing import Real
 
 @dataclass(frozen=True, eq=False)
 class ModelState:
-    """Everything that decides a simulation of the recordings.
+    """Everything that determines a simulation of the recordings.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class ModelState:
     active : ActiveEffects
         Effects that are on, with the coordinates of their parameters.
     states : dict of str to tuple of float
-        By name of a recording with a free initial state: deflection and scaled speed at its first sample, in
+        For each recording with a free initial state, by name: deflection and scaled speed at its first sample, in
         hysteretic volts.
     """
 
@@ -40,21 +40,22 @@ class FitResult:
     Attributes
     ----------
     end : ModelState
-        Where the fit ended.
+        State at the end of the fit.
     residuals : dict of str to ndarray
-        By recording, measured minus modelled, whitened, random effects taken out, shape (n,); all samples.
+        By recording, measured minus modelled, whitened, random effects projected out, shape (n,), all samples.
     nll : float
-        Negative log-likelihood less its constant: half the sum of squares over the fitted samples.
+        Negative log-likelihood less its constant: half the sum of squared residuals over the fitted samples.
     jacobian : ndarray, shape (rows, k)
-        Whitened sensitivities of the fitted samples, in order, to the coordinates; random effects taken out.
+        Whitened sensitivities of the fitted samples, one recording after another, to the effects' coordinates; random
+        effects projected out.
     converged : bool
-        Whether the last step promised or gained less than the stopping rule asks for.
+        Whether the predicted or the actual gain of the last step was below the stopping rule's threshold.
     jacobian_at : ModelState
-        Where the sensitivities were taken: before the last step.
+        State at which the sensitivities were taken: before the last step.
     whole : bool
-        Whether every term of the effects' laws took part, or only those that were on when it began.
+        Whether every term of the effects' laws took part, or only those that were on at the start.
     started : Head
-        Base model whose free ringing stands for unknown initial states.
+        Base model whose free ringing represents unknown initial states.
     """
 
     end: ModelState
@@ -82,11 +83,11 @@ class FitResult:
         return self.active.ids
 
     def moved(self, head: Head | None = None, active: ActiveEffects | None = None) -> FitResult:
-        """The result with the base model or the effects of its end replaced: where another fit may begin."""
+        """The result with the base model or the effects at its end replaced, as a start for another fit."""
         end = replace(self.end, head=head or self.head, active=self.active if active is None else active)
         return replace(self, end=end)
 
     @property
     def idle(self) -> NDArray[np.bool_]:
-        """Coordinates that did nothing, shape (k,): fixed, of terms that are off, or shapes of such terms."""
+        """Coordinates with no influence, shape (k,): fixed, of terms that are off, or shapes of such terms."""
         return np.asarray(~self.jacobian.any(axis=0))

@@ -1,8 +1,13 @@
 """Base model and effects fitted together: free-run output error over every recording, noise whitened.
 
-The base parameters enter by their sensitivities, which an effect hardly changes; so they are computed once, projected
-out of what is left, and Gauss–Newton steps with Levenberg's damping run in the effects' coordinates alone. The model
-itself is simulated anew with every step: only the direction of a step is approximate, never what is compared.
+Minimised is half the sum of squares of Eq. (1) of docs/explanation/identification.md, over the fitted samples,
+
+    Σ_j ‖W_j (y_j − ŷ_j(θ))‖²                                                                                    (1)
+
+where ``W_j`` whitens the noise of recording ``j``. An effect hardly changes the sensitivities to the base parameters.
+These are therefore computed once and projected out of the residuals, and Gauss–Newton steps with Levenberg's damping
+run in the effects' coordinates alone. The model itself is simulated anew at every step: only the direction of a step is
+approximate, never the residuals that are compared.
 """
 
 from __future__ import annotations
@@ -28,13 +33,14 @@ from inkjet_env.typing import Real
 
 MOST_STEPS = 25
 CONVERGED = 0.01
-"""A step that promises less of the log-likelihood is the last."""
+"""Gain of log-likelihood: a step that is predicted to gain less is the last."""
 FAR_FROM_RIGHT = 1e-3
-"""So does one that promises less than this share of what is left beyond noise: what is wrong may be so roughly."""
+"""Share of the misfit beyond noise (in log-likelihood): a step that is predicted to gain less is the last too, because
+a wrong model need be fitted only roughly."""
 DIFFERENCE = 1e-4
-"""Finite-difference step of a coordinate, in parts of its scale."""
+"""Finite-difference step of a coordinate, relative to its scale."""
 LEAST_OWN = 1e-4
-"""Share of a sensitivity that the base parameters cannot stand in for, below which the parameter stays where it is."""
+"""Share of a sensitivity that the base parameters cannot reproduce, below which a coordinate is not moved."""
 WORST = 1e300
 
 
@@ -44,15 +50,17 @@ class OutputErrorFit:
     Parameters
     ----------
     observed : sequence of ObservedRecording
+        All recordings, those held out too.
     noise : Noise
+        Noise that whitens them.
     head : Head
-        The base model: where every fit begins.
+        Base parameters at which every fit starts and the base sensitivities are taken.
     random_effects : sequence of (Effect, values)
-        Effects by chance that are known to be there: what their columns can explain is taken out everywhere.
-    base : Fit, optional
+        Random effects that are known to be present; what their bases can explain is projected out everywhere.
+    base : FitResult, optional
         The base model on these recordings; fitted unless given.
-    around : Fit, optional
-        Whose effects are on where the base parameters' sensitivities are taken.
+    around : FitResult, optional
+        Fit with whose effects on the base sensitivities are taken; without effects unless given.
     """
 
     def __init__(
@@ -76,9 +84,9 @@ class OutputErrorFit:
 
     @cached_property
     def basis(self) -> tuple[Real, Real]:
-        """Orthonormal columns of the base sensitivities over the fitted rows, and their triangle.
+        """QR factors of the base sensitivities over the fitted rows: shapes (rows, rank) and (rank, size).
 
-        Where a recording cannot be simulated beside where the fit is, they are those without effects.
+        Where a recording cannot be simulated near the fit, its sensitivities are those without effects.
         """
         on = self.around.active.pairs if self.around else ()
         states = self.around.end.states if self.around else {}
@@ -100,22 +108,25 @@ class OutputErrorFit:
             return self.start.sensitivities(o)
 
     def stacked(self, signals: Mapping[str, Real], effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
-        """Signals (n,) or columns (n, k), whitened, chance taken out; fitted rows one recording after another."""
+        """Signals (n,) or columns (n, k), whitened, random effects projected out; fitted rows of all recordings."""
         return np.concatenate([self.whitened(o, signals[o.name], effects)[: o.fitted] for o in self.seen])
 
     def whitened(self, o: ObservedRecording, columns: Real, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
-        """Of one recording: whitened, less whatever its own chance amplitudes can explain; all samples."""
+        """Columns of one recording, whitened, less what its own random-effect amplitudes explain; all samples."""
         white = self.noise.whitened(o, columns)
         chance = self.chance(o, effects)
         if chance is None:
             return white
-        rows = o.fitted or o.excitation.samples  # the held-out end of a recording tells nothing
+        rows = o.fitted or o.excitation.samples  # the held-out end of a recording is not used
         q, r = np.linalg.qr(chance[:rows])
         amplitudes = np.linalg.lstsq(r, q.T @ white[:rows], rcond=1e-12)[0]
         return white - chance @ amplitudes
 
     def chance(self, o: ObservedRecording, effects: Sequence[tuple[Effect, Values]] = ()) -> Real | None:
-        """Whitened columns of what is free in each recording: an unknown initial state, an effect's columns."""
+        """Whitened columns, shape (n, j), with amplitudes of their own in each recording; None if there are none.
+
+        They are the free ringing from an unknown initial state and the random-effect bases.
+        """
         if o.channel == "drive_monitor":
             return None
         on = (*self.random_effects, *effects)
@@ -134,7 +145,7 @@ class OutputErrorFit:
         }
 
     def modelled(self, fit: FitResult) -> dict[str, Real]:
-        """What a fit makes of every recording, in the channel's unit: free-run, with the recording's own chance."""
+        """A fit's signal of every recording, in the channel's unit: free-run, plus its own random-effect amplitudes."""
         signals = self.signals(fit.end, self.observed)
         for o in self.observed:
             on = (*self.random_effects, *fit.active.pairs)
@@ -148,10 +159,10 @@ class OutputErrorFit:
         return signals
 
     def numerical_error(self, fit: FitResult) -> float:
-        """How far the plant on these nodes is from the plant on twice as many, in standard deviations of the noise.
+        """Distance between the simulations on these nodes and on twice as many, in standard deviations of the noise.
 
-        Root of the sum of squares over all fitted samples: 1 is as much as one parameter's standard error.
-        Infinite where the plant on twice as many has no answer.
+        It is the root of the sum of squares over all fitted samples: 1 corresponds to one parameter's standard error.
+        It is infinite if the plant cannot be simulated on twice as many nodes.
         """
         substeps = 2 * max(o.excitation.substeps for o in self.seen)
         fine = finer(self.seen, substeps)
@@ -163,7 +174,7 @@ class OutputErrorFit:
         return float(np.linalg.norm(self.stacked({o.name: here[o.name] - there[o.name] for o in self.seen})))
 
     def near(self, fit: FitResult) -> OutputErrorFit:
-        """The same, with the base parameters' sensitivities taken where a fit has come to, its effects on."""
+        """The same fits, with the base sensitivities taken at the end of another fit, its effects on."""
         return OutputErrorFit(self.observed, self.noise, fit.head, self.random_effects, self.base, fit)
 
     def fit(
@@ -174,20 +185,21 @@ class OutputErrorFit:
         whole: bool = False,
         known: Real | None = None,
     ) -> FitResult:
-        """Least squares from a starting point, by Levenberg's damped Gauss–Newton steps.
+        """Least squares, Eq. (1), from a starting point, by Levenberg's damped Gauss–Newton steps.
 
         Parameters
         ----------
         active : ActiveEffects
-            Effects that are on and the coordinates to begin at.
+            Effects that are on and their starting coordinates.
         head : Head, optional
-            Where the base parameters begin; at the base model unless given.
+            Starting base parameters; those of the base model unless given.
         most_steps : int
-            Steps after which the fit ends, converged or not.
+            Number of steps after which the fit ends, converged or not.
         whole : bool
-            Whether terms of the effects' laws that are off may come on.
+            Whether terms of the effects' laws that are off may be switched on.
         known : ndarray, shape (rows, j), optional
-            Sensitivities to the first coordinates, taken elsewhere: as good to step by as the base parameters' are.
+            Sensitivities to the first j coordinates, taken elsewhere; good enough to step by, as the base
+            sensitivities are.
         """
         head = head or self.start
         low, high = self._free(active, whole)
@@ -247,14 +259,24 @@ class OutputErrorFit:
         return FitResult(end, residuals, nll, jacobian, converged, jacobian_at, whole, self.start)
 
     def again(self, end: ModelState, jacobian_at: ModelState, started: Head, converged: bool, whole: bool) -> FitResult:
-        """A fit of which it is known where it ended."""
+        """The result of a fit whose end is known, restored by simulating there.
+
+        Parameters
+        ----------
+        end, jacobian_at : ModelState
+            As `FitResult` has them.
+        started : Head
+            As `FitResult` has it.
+        converged, whole : bool
+            As `FitResult` has them.
+        """
         here = OutputErrorFit(self.observed, self.noise, started, self.random_effects, self.base)
         _, nll = here._residuals(end)
         low, high = here._free(jacobian_at.active, whole)
         return here._ended(end, nll, here.jacobian(jacobian_at, low, high), converged, jacobian_at, whole)
 
     def _free(self, active: ActiveEffects, whole: bool) -> tuple[Real, Real]:
-        """Bounds of the coordinates in a fit, shape (k,) each; equal for terms that are off and stay so."""
+        """Bounds of the coordinates in a fit, shape (k,) each; equal for terms that are off and stay off."""
         low, high = self.limits(active.effects)
         off = active.off & (not whole)
         return np.where(off, active.theta, low), np.where(off, active.theta, high)
@@ -273,11 +295,11 @@ class OutputErrorFit:
         """Whitened residuals of the fitted rows, shape (rows,), and their negative log-likelihood."""
         signals = self.signals(at, self.seen)
         residuals = self.stacked({o.name: o.measured - signals[o.name] for o in self.seen}, at.active.pairs)
-        nll = 0.5 * float(residuals @ residuals)
+        nll = 0.5 * float(residuals @ residuals)  # Eq. (1), halved
         return residuals, nll if math.isfinite(nll) else WORST
 
     def _with_states(self, at: ModelState) -> ModelState:
-        """Unknown initial states moved one linear step nearer to what each recording shows."""
+        """Unknown initial states after one linear least-squares step towards each recording."""
         if not at.states:
             return at
         chosen = [o for o in self.observed if o.name in at.states]
@@ -297,16 +319,16 @@ class OutputErrorFit:
         Parameters
         ----------
         at : ModelState
-            Where they are taken.
+            State at which they are taken.
         low, high : ndarray, shape (k,)
-            Bounds of the coordinates; one that cannot move gets zeros.
+            Bounds of the coordinates; the column of one that cannot move is zero.
         known : ndarray, shape (rows, j), optional
-            Sensitivities to the first coordinates, taken elsewhere.
+            Sensitivities to the first j coordinates, taken elsewhere.
 
         Returns
         -------
         ndarray, shape (rows, k)
-            Zero for a coordinate for which the base parameters can stand in.
+            The column of a coordinate whose influence the base parameters can reproduce is zero.
         """
         active = at.active
         columns = np.zeros((int(self.ends[-1]), active.theta.size))
@@ -338,18 +360,21 @@ class OutputErrorFit:
         return columns
 
     def signature(self, effect: Effect, values: Values) -> Real:
-        """What switching an effect on changes in the fitted rows, base parameters fixed: whitened, shape (rows,)."""
+        """Change of the fitted rows when an effect is switched on, base parameters fixed: whitened, shape (rows,).
+
+        This is ``W (ŷ(θ) − ŷ(0))`` of the score test, Eq. (1) of docs/explanation/diagnosis.md.
+        """
         on = self.signals(replace(self.base.end, active=ActiveEffects.of([(effect, values)])), self.seen)
         return self.stacked({o.name: on[o.name] - self._off[o.name] for o in self.seen})
 
     @cached_property
     def _off(self) -> dict[str, Real]:
-        """Signals of the base model, which are those with any effect switched off."""
+        """Signals of the base model, by recording: those with every effect switched off."""
         return self.signals(self.base.end, self.seen)
 
 
 def state_columns(printhead: Printhead, gain: float, o: ObservedRecording) -> Real:
-    """What a unit of initial deflection and of scaled speed adds to a signal, shape (n, 2); without any effect."""
+    """What one hysteretic volt of initial deflection and of scaled speed adds to a signal, without effects: (n, 2)."""
     from inkjet_env.plant.resonance import amplitude
     from inkjet_env.printhead.resonator import pole
 

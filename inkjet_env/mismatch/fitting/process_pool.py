@@ -1,4 +1,4 @@
-"""Work on several processes that begin with everything the caller has: nothing is copied but what comes back."""
+"""Work on several processes that start with all of the caller's memory: only the results are copied back."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _job: tuple[Callable[[Any], Any], Sequence[Any]] | None = None
 
 
 class ProcessPool:
-    """So many processes, where the system can fork; else one after another.
+    """A fixed number of processes if the system can fork; otherwise tasks run one after another.
 
-    Threads would take turns: most of a simulation is many short calls.
+    Threads would only take turns, because a simulation is mostly many short calls.
 
     Parameters
     ----------
     workers : int
-        At least 1.
+        Number of processes, at least 1.
     """
 
     def __init__(self, workers: int) -> None:
@@ -30,7 +30,10 @@ class ProcessPool:
         self.workers = workers if "fork" in multiprocessing.get_all_start_methods() else 1
 
     def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[Result]:
-        """Results in the order of the tasks, as they come. What tasks and function refer to is as it is now."""
+        """Results in the order of the tasks, each as soon as it is ready.
+
+        Processes see everything that tasks and function refer to as it is at the time of the call.
+        """
         global _job
         if self.workers == 1 or len(tasks) < 2:
             yield from map(function, tasks)

@@ -1,1 +1,1 @@
-"""Where the mismatch is: in which recordings, when, at which frequency and drive."""
+"""Localisation of the mismatch: in which recordings, when, at which frequency and drive."""

@@ -1,4 +1,4 @@
-"""What a fitted model leaves against what noise alone would leave: sample by sample, line by line, cell by cell."""
+"""Residual power of a fitted model compared with that of noise alone: by sample, by spectral line, by cell."""
 
 from __future__ import annotations
 
@@ -16,31 +16,34 @@ from inkjet_env.typing import Real
 Whole = NDArray[np.intp]
 
 FEWEST = 10.0
-"""A cell has at least so many degrees of freedom."""
+"""Least number of degrees of freedom of a cell."""
 INDEPENDENT = 0.5
-"""Share of the samples that told the noise which are independent: of two repeats one goes to their mean."""
+"""Share of independent samples among those that the noise was estimated from: of two repeats, one determines the
+mean."""
 
 SMOOTH = 4.0
-"""One line's noise is told as well as by one of so many samples, for each coefficient of the noise model."""
+"""Number of noise samples, per coefficient of the noise model, that count as one for the noise at a single line."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A part of what is left.
+    """A part of the residuals.
 
     Attributes
     ----------
     view, label : str
+        The view that it belongs to, such as "time", and its name within the view, in words.
     power : float
-        Mean square over what noise alone leaves; 1 is noise.
+        Residual power relative to that of noise alone; 1 is noise.
     z : float
-        How surely it is more than noise, in standard deviations.
+        Standard deviations by which the power exceeds the noise.
     span : tuple of float
-        Its stretch of time, frequency or drive; empty where it has none.
+        Lower and upper end of its time in seconds, frequency in hertz, drive in volts or slope in volts per second;
+        empty if it has none.
     group : str
-        Channel, or channel and sampling step, of whose axis the span is.
+        Channel, or channel and sampling step, that the cell belongs to.
     names : tuple of str
-        The recordings it is about.
+        Names of the recordings that it covers.
     """
 
     view: str
@@ -54,21 +57,22 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Squares of what is left, and what noise alone leaves of them; arrays (rows,), one recording after another.
+    """Squared whitened residuals and their expectation under noise alone; one recording after another.
 
     Attributes
     ----------
-    power, expected : ndarray
-        Fitted rows have lost to the fit what it took from them, predicted ones have gained its error.
-    key, record : ndarray of int
-        Which noise, which recording.
+    power, expected : ndarray, shape (rows,)
+        Squared residuals, and what noise alone would leave. The fit removes part of it from fitted rows; in predicted
+        rows its error adds to it.
+    key, record : ndarray of int, shape (rows,)
+        Index of each row's noise model and of its recording.
     told : ndarray, shape (keys,)
-        Independent samples that told each noise.
+        Number of independent samples that each noise was estimated from.
     by_line : bool
-        Rows are lines of a spectrum: of the noise's samples only the cell's share tells its noise.
+        Whether rows are lines of a spectrum: then only a cell's share of the noise's samples determines its noise.
     smooth : ndarray, shape (keys,)
-        That share is never less: a smooth noise spectrum is told by its neighbours, too.
-    axis : ndarray
+        Least such share, because neighbouring lines help to determine a smooth noise spectrum.
+    axis : ndarray, shape (rows,)
         Time within the recording in seconds, or frequency in hertz.
     """
 
@@ -90,7 +94,28 @@ class Rows:
         groups: Sequence[str] = (),
         names: Sequence[tuple[str, ...]] = (),
     ) -> list[Cell]:
-        """Cells of a view: ``place``, shape (rows,), is each row's index into ``labels``, or −1."""
+        """Cells of a view.
+
+        Parameters
+        ----------
+        view : str
+            Name of the view.
+        place : ndarray of int, shape (rows,)
+            Index of each row's cell into ``labels``; −1 for a row that belongs to none.
+        labels : sequence of str
+            Name of each cell.
+        spans : sequence of tuple of float
+            Lower and upper end of each cell, if the view has an axis.
+        groups : sequence of str
+            Group of each cell, if the view has several.
+        names : sequence of tuple of str
+            Recordings of each cell, if it covers only some.
+
+        Returns
+        -------
+        list of Cell
+            Cells with at least `FEWEST` degrees of freedom.
+        """
         count, keys = len(labels), self.told.size
         seen = place >= 0
         flat = place[seen] * keys + self.key[seen]
@@ -120,9 +145,16 @@ class Rows:
 
 
 def surplus(ratio: float, samples: float, told: float) -> float:
-    """Standard deviations by which a ratio of variances of so many samples is above 1.
+    """Standard deviations by which a ratio of two variances is above 1.
 
     Paulson's normal approximation of Fisher's distribution (Ann. Math. Stat. 13, 1942).
+
+    Parameters
+    ----------
+    ratio : float
+        Ratio of the variances.
+    samples, told : float
+        Degrees of freedom of its numerator and of its denominator.
     """
     a, b = 2 / (9 * samples), 2 / (9 * told)
     root = ratio ** (1 / 3)
@@ -130,7 +162,7 @@ def surplus(ratio: float, samples: float, told: float) -> float:
 
 
 def sample_rows(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, taken: Sequence[Real]) -> Rows:
-    """What is left of each sample; ``taken`` as from `taken_by_fit`."""
+    """Residual power of each sample against noise; ``taken`` as from `taken_by_fit`."""
     keys = sorted({o.noise_key for o in observed})
     power, expected = [], []
     for o, columns in zip(observed, taken, strict=True):
@@ -145,7 +177,7 @@ def sample_rows(observed: Sequence[ObservedRecording], noise: Noise, fit: FitRes
 
 
 def line_rows(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, taken: Sequence[Real]) -> Rows:
-    """What is left at each line of each recording's spectrum, the mean apart."""
+    """Residual power at each line of each recording's spectrum, without the mean; ``taken`` as from `taken_by_fit`."""
     keys = sorted({o.noise_key for o in observed})
     power, expected, axis = [], [], []
     for o, columns in zip(observed, taken, strict=True):
@@ -185,7 +217,7 @@ def _rows(
     for i, k in enumerate(keys):
         if noise.samples[k]:
             continue
-        mine = key == i  # nothing but the residual tells this noise: each cell is set against all of it
+        mine = key == i  # noise known from residuals alone: each cell is compared with all
         level = squares[mine].sum() / max(alone[mine].sum(), 1e-300)
         squares[mine] /= level or 1.0
         told[i] = max(alone[mine].sum(), 1.0)
@@ -195,17 +227,27 @@ def _rows(
 def taken_by_fit(
     observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, columns: Sequence[Real], q: Real
 ) -> list[Real]:
-    """For each recording columns (n, k) whose squares, summed, are the share of a sample's noise that the fit takes.
+    """Columns (n, k) of each recording whose sum of squares is the share of a sample's noise that the fit removes.
 
-    Of predicted rows it is what the fit's error adds.
+    In predicted rows it is the share that the fit's error adds.
 
     Parameters
     ----------
-    observed, noise, fit
+    observed : sequence of ObservedRecording
+        All recordings of the fit, in its order.
+    noise : Noise
+        Noise that whitens them.
+    fit : FitResult
+        The fitted model.
     columns : sequence of ndarray, shape (n, size)
         Whitened sensitivities of each recording to the base parameters.
     q : ndarray, shape (rows, k)
         Orthonormal columns of the fitted rows, as `OutputErrorFit.basis` has them.
+
+    Raises
+    ------
+    ValueError
+        ``q`` belongs to other recordings.
     """
     rows = np.concatenate([c[: o.fitted] for o, c in zip(observed, columns, strict=True) if o.fitted])
     if rows.shape[0] != q.shape[0]:
@@ -232,7 +274,7 @@ def taken_by_fit(
 
 
 def _chance(o: ObservedRecording, noise: Noise, fit: FitResult) -> Real | None:
-    """Whitened columns of what is fitted to a recording by itself."""
+    """Whitened columns, shape (n, j), with amplitudes fitted to each recording by itself; None if there are none."""
     if o.channel == "drive_monitor":
         return None
     columns = [

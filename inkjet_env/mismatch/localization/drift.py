@@ -1,4 +1,4 @@
-"""Whether the resonance seems to move from recording to recording: each one's own frequency and damping."""
+"""Apparent drift of the resonance from recording to recording: frequency and damping of each recording by itself."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.typing import Real
 
 FEWEST = 4
-"""Recordings that make a trend."""
+"""Least number of recordings in a trend."""
 SURE = 0.05
-"""A recording whose shift is not told to this part takes no part in a trend."""
+"""Standard error of a relative shift, from which a recording takes no part in a trend."""
 
 
 @dataclass(frozen=True)
 class Trend:
-    """A straight line through the recordings' own values.
+    """A straight line through the shifts of the recordings.
 
     Attributes
     ----------
     what : str
-        "frequency" or "damping".
+        Parameter that shifts: "frequency" or "damping".
     against : str
-        "order" or "drive".
+        Abscissa: "order" of the recordings or their largest "drive".
     change : float
-        From the least to the largest of ``against``, relative.
+        Relative change of ``what`` from the least to the largest value of ``against``.
     z : float
-        Standard deviations from no trend; scatter beyond what noise makes counts as noise.
+        Standard deviations by which the slope differs from 0; scatter beyond the noise counts as noise.
     power : float
-        Mean square of the recordings' shifts over what noise makes.
+        Mean square of the recordings' shifts in units of their standard errors; 1 is noise.
     """
 
     what: str
@@ -45,17 +45,22 @@ class Trend:
 def shifts(
     observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, columns: Sequence[Real]
 ) -> dict[str, Real]:
-    """Relative shift of each fast recording's frequency and damping, and their standard errors: shape (2, 2).
+    """Relative shifts of each fast recording's frequency and damping, with their standard errors.
 
     Parameters
     ----------
-    observed, noise, fit
+    observed : sequence of ObservedRecording
+        All recordings of the fit, in its order.
+    noise : Noise
+        Noise that whitens them.
+    fit : FitResult
+        The fitted model.
     columns : sequence of ndarray, shape (n, size)
         Whitened sensitivities of each recording to the base parameters.
 
     Returns
     -------
-    dict of str to ndarray
+    dict of str to ndarray, shape (2, 2)
         By recording, rows (frequency, its error) and (damping, its error). Recordings that do not ring are absent.
     """
     ratios = np.array([[0.5, 0.0], [-0.5, 1.0]])  # f = √a0 / 2π, ζ = a1 / 2√a0
@@ -76,7 +81,7 @@ def shifts(
 
 
 def trends(observed: Sequence[ObservedRecording], moved: Mapping[str, Real]) -> list[Trend]:
-    """Lines through the shifts, against the order of the recordings and against their largest drive."""
+    """Lines through the shifts against the order of the recordings and against their largest drive."""
     mine = [o for o in observed if o.name in moved]
     axes: dict[str, Callable[[ObservedRecording], float]] = {
         "order": lambda o: float(o.excitation.order),

@@ -1,7 +1,7 @@
-"""Where repeatable residual power of a fitted model sits, without knowing of any effect.
+"""Localisation of a fitted model's repeatable residual power, without any knowledge of effects.
 
-Every view cuts what is left into cells and sets each against the noise; one rule for all cells of all views together
-keeps the chance that a right model is pointed at anywhere below `FALSE_ALARMS`.
+Every view divides the residuals into cells and compares each with the noise. One rule for all cells of all views
+together keeps the probability that a correct model is flagged anywhere below `FALSE_ALARMS`.
 """
 
 from __future__ import annotations
@@ -23,15 +23,17 @@ from inkjet_env.plant.wording import percent, span_told, with_prefix
 from inkjet_env.typing import Real
 
 FALSE_ALARMS = 0.05
+"""Probability that anything is significant if the model is correct (Bonferroni's bound over all cells and trends)."""
 MOST_RECORDINGS = 10
+"""Largest number of recordings that a location lists."""
 STRONG = 0.5
-"""Stretches with at least this part of the strongest one's surplus are where it sits."""
+"""Share of the strongest cell's surplus power from which a cell's interval is part of the location."""
 APART = 2.0
-"""A part of the waveform stands out that has so many times the surplus, sample by sample, of the next."""
+"""Ratio of surplus power per sample to that of the next part of the waveform, from which a part stands out."""
 FAR_APART = 4.0
-"""The same for groups of recordings, which differ in more than what they are grouped by."""
+"""The same ratio for groups of recordings, which differ in more than what they are grouped by."""
 WEAK_FOR_ITS_DRIVE = 0.1
-"""Drives are left out whose surplus is below this part of what a mismatch in proportion to the drive would leave."""
+"""Share of the surplus power that a mismatch proportional to the drive would leave, below which a drive is omitted."""
 STANDING_OUT = {
     "time in the waveform": "mostly ",
     "pulse": "most with ",
@@ -41,26 +43,28 @@ STANDING_OUT = {
 
 
 def locate(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, q: Real) -> Location:
-    """Where what a fitted model leaves is more than noise.
+    """Where the residuals of a fitted model exceed the noise.
 
     Parameters
     ----------
     observed : sequence of ObservedRecording
+        All recordings of the fit, in its order.
     noise : Noise
-        Where nothing told it (``samples`` 0), cells are set against everything that is left instead.
+        Noise that whitens them. If it was not measured (``samples`` 0), cells are compared with all residuals instead.
     fit : FitResult
+        The fitted model.
     q : ndarray, shape (rows, k)
-        Orthonormal columns of the fitted rows, as `OutputErrorFit.basis` has them: what the fit took from noise, too.
+        Orthonormal columns of the fitted rows, as `OutputErrorFit.basis` has them: the fit removed noise along them.
 
     Returns
     -------
     Location
-        Empty where nothing is significantly more than noise.
+        Empty if nothing exceeds the noise significantly.
 
     Raises
     ------
     ValueError
-        ``q`` of other recordings.
+        ``q`` belongs to other recordings.
     """
     columns = [noise.whitened(o, fit.head.sensitivities(o)) for o in observed]
     taken = taken_by_fit(observed, noise, fit, columns, q)
@@ -92,7 +96,7 @@ def locate(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, 
 
 
 def repeats(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, taken: Sequence[Real]) -> list[Cell]:
-    """What repeats of one drive leave in common: the mean product of two, for noise of one unit's variance."""
+    """Cells of the residual power that repeats of one drive share: the mean product of two repeats' residuals."""
     found = []
     for condition in sorted({o.condition for o in observed if not o.still}):
         same = [i for i, o in enumerate(observed) if o.condition == condition]
@@ -108,14 +112,14 @@ def repeats(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult,
         common = products + (shared if first.fitted else -shared)
         names = tuple(observed[i].name for i in same)
         own = max(float(np.mean(residuals**2)), 1e-300) * n
-        alone = max(own - max(common, 0.0), 1e-300) / n  # what the repeats do not share is their noise
+        alone = max(own - max(common, 0.0), 1e-300) / n  # what repeats do not share is noise
         z = common / (alone * math.sqrt(2 * n / (k * (k - 1))))
         found.append(Cell("repeats", " = ".join(names), 1 + common / (n * alone), z, names=names))
     return found
 
 
 def _recordings(told: Sequence[Cell]) -> tuple[str, ...]:
-    """Recordings that stand out, strongest first."""
+    """Names of the recordings that stand out, strongest first."""
     strength: dict[str, float] = {}
     for cell in told:
         if cell.view in ("recording", "repeats"):
@@ -126,7 +130,7 @@ def _recordings(told: Sequence[Cell]) -> tuple[str, ...]:
 
 
 def _stretches(told: Sequence[Cell]) -> tuple[tuple[float, float], ...]:
-    """The strongest cells' stretches, those that touch made one."""
+    """Intervals of the strongest cells, adjacent ones merged."""
     if not told:
         return ()
     least = STRONG * (max(c.power for c in told) - 1)
@@ -142,7 +146,7 @@ def _stretches(told: Sequence[Cell]) -> tuple[tuple[float, float], ...]:
 
 
 def _drives(told: Sequence[Cell]) -> tuple[tuple[float, float], ...]:
-    """Ranges of the largest drive, of the channel that shows most."""
+    """Range of the largest drive, in volts, on the channel that shows the mismatch most; empty if none does."""
     mine = [c for c in told if c.view == "amplitude"]
     if not mine:
         return ()
@@ -232,7 +236,7 @@ def _sentence(
 
 
 def _amount(o: ObservedRecording, noise: Noise, fit: FitResult) -> str:
-    """By how much one recording differs, in its unit."""
+    """The RMS by which one recording differs, beyond noise, in its unit and in words."""
     excitation = replace(o.excitation, start=fit.end.states[o.name]) if o.name in fit.end.states else o.excitation
     residuals = o.measured - fit.head.plant(fit.active.pairs).signal(excitation)
     beyond = float(np.mean(residuals**2)) - noise.models[o.noise_key].rms ** 2
@@ -242,7 +246,7 @@ def _amount(o: ObservedRecording, noise: Noise, fit: FitResult) -> str:
 
 
 def _standing_out(cells: Sequence[Cell], told: Sequence[Cell], view: str, channel: str) -> Cell | None:
-    """The cell of a view that has much more than the next."""
+    """The cell of a view whose surplus power is well above the next one's; None if there is no such cell."""
     mine = sorted((c for c in cells if c.view == view and c.group == channel), key=lambda c: -c.power)
     apart = APART if view in ("time in the waveform", "pulse") else FAR_APART
     if len(mine) < 2 or mine[0] not in told or mine[0].power - 1 < apart * max(mine[1].power - 1, 0.0):
@@ -251,7 +255,7 @@ def _standing_out(cells: Sequence[Cell], told: Sequence[Cell], view: str, channe
 
 
 def _growth(told: Sequence[Cell], channel: str) -> str:
-    """How the surplus goes with the largest drive."""
+    """How the mismatch grows with the largest drive, in words; empty if drives are too few or too similar."""
     mine = [c for c in told if c.view == "amplitude" and c.group == channel and c.span[1] > 0]
     if len(mine) < 3 or mine[-1].span[1] < 1.5 * mine[0].span[1]:
         return ""

@@ -1,4 +1,4 @@
-"""Where repeatable residual power of the base model sits."""
+"""Location of the base model's repeatable residual power."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, eq=False)
 class Location:
-    """Where repeatable residual power of the base model sits; empty where it sits nowhere.
+    """Location of the base model's repeatable residual power; empty if nothing exceeds the noise.
 
     Attributes
     ----------
     recordings : tuple of str
-        Those with significantly more than noise.
+        Names of the recordings whose residuals exceed the noise significantly, strongest first.
     time_s, frequency_Hz, drive_V : tuple of (low, high)
-        Stretches.
+        Intervals of time in a recording, of frequency, and of the recordings' largest drive.
     sentence : str
+        The location in words.
     tables : dict of str to tuple of rows
-        Each view (time, frequency, amplitude, slope, sign, pulse, order, distortion): rows of (label, power over noise,
-        z), for the report.
+        For each view (time, frequency, amplitude, slope, sign, pulse, order, distortion, …), for the report: rows of
+        (label, power relative to noise, standard deviations z).
     """
 
     recordings: tuple[str, ...] = ()

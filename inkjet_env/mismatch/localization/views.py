@@ -1,4 +1,4 @@
-"""How recordings are cut into cells: by what their drives do, by time, by frequency, by their order."""
+"""Views: recordings divided into cells by what their drives do, by time, by frequency, by their order."""
 
 from __future__ import annotations
 
@@ -21,31 +21,41 @@ CHANNELS = {
     "strain_gauge": "the strain gauge",
     "drive_monitor": "the voltage at the head",
 }
+"""Channels in words."""
 MONITOR = " (drive monitor)"
-"""Ends the name under which a voltage measured at the head is observed."""
+"""Ending of the name under which a voltage measured at the head is observed."""
 PHASES = ("on the edges", "in the dwells", "in the ring-down", "while the drive moves on", "with no drive")
 PULSES = ("the first pulse", "the second pulse", "the third pulse")
 SIGNS = ("positive drives", "negative drives", "drives of both signs")
 STRETCHES = 64
-"""Of a recording's time."""
+"""Largest number of equal intervals of a recording's time."""
 BANDS_AN_OCTAVE = 6
+"""Number of frequency bands per octave."""
 LEVELS = 10
-"""Of the largest drive."""
+"""Number of equal intervals of the largest drive."""
 QUARTERS = ("first quarter of the session", "second quarter", "third quarter", "last quarter of the session")
 STILL = 1e-6
-"""A step of the drive below this part of its swing is none."""
+"""Step of the drive, as a share of its swing, below which it counts as standing still."""
 SETTLED = 0.05
-"""A drive that stands still for less of its time moves on and on."""
+"""Share of its time for which a drive must stand still; one that does so for less counts as always moving."""
 REST = 3
-"""Samples at rest between two pulses, at least."""
+"""Least number of samples at rest between two pulses."""
 EMPTY = 1e-6
-"""Lines of a drive that hold less of its power are empty."""
+"""Share of a drive's power, below which a spectral line counts as empty."""
 DISTORTED = 3
-"""Distortion is looked for up to so many times the drive's last line."""
+"""Distortion is looked for up to this multiple of the drive's highest line."""
 
 
 def views(observed: Sequence[ObservedRecording], rows: Rows, lines: Rows) -> list[Cell]:
-    """Every cell of every view."""
+    """Every cell of every view.
+
+    Parameters
+    ----------
+    observed : sequence of ObservedRecording
+        All recordings of the fit, in its order.
+    rows, lines : Rows
+        Their residuals by sample, as from `sample_rows`, and by spectral line, as from `line_rows`.
+    """
     several = len({o.channel for o in observed}) > 1
     found = rows.cells("recording", rows.record, [o.name for o in observed], names=[(o.name,) for o in observed])
     found += _by_sample("time in the waveform", PHASES, phases, observed, rows, several)
@@ -62,7 +72,7 @@ def views(observed: Sequence[ObservedRecording], rows: Rows, lines: Rows) -> lis
 
 
 def phases(o: ObservedRecording) -> Whole:
-    """Of each sample the index into `PHASES`, shape (n,)."""
+    """Index of each sample into `PHASES`, shape (n,)."""
     drive, n = o.excitation.drive_V, o.excitation.samples
     if o.still:
         return np.full(n, 4)
@@ -84,14 +94,14 @@ def _moving(o: ObservedRecording) -> NDArray[np.bool_]:
 
 
 def rest_V(o: ObservedRecording) -> float:
-    """The level at which the drive stands still longest."""
+    """The level at which the drive stands still longest, in volts."""
     still = o.excitation.drive_V[~_moving(o)]
     levels, counts = np.unique(np.round(still / (STILL * np.ptp(o.excitation.drive_V))), return_counts=True)
     return float(levels[np.argmax(counts)]) * STILL * float(np.ptp(o.excitation.drive_V))
 
 
 def pulses(o: ObservedRecording) -> Whole:
-    """Of each sample the pulse that it belongs to, with what rings after it; −1 where there are not two or three."""
+    """Index of each sample's pulse, ring-down included, shape (n,); −1 if there are not two or three pulses."""
     n = o.excitation.samples
     none = np.full(n, -1)
     moving = _moving(o)
@@ -109,7 +119,7 @@ def pulses(o: ObservedRecording) -> Whole:
 
 
 def sign(o: ObservedRecording) -> int:
-    """Index into `SIGNS`; −1 of a drive that rests."""
+    """Index of the drive's sign into `SIGNS`; −1 for a drive that never changes."""
     high, low = float(o.excitation.drive_V.max()), float(o.excitation.drive_V.min())
     if o.still:
         return -1
@@ -118,12 +128,12 @@ def sign(o: ObservedRecording) -> int:
 
 
 def steepest_V_s(o: ObservedRecording) -> float:
-    """Largest rate of the drive."""
+    """Largest rate of change of the drive, in volts per second."""
     return float(np.abs(np.diff(o.excitation.drive_V)).max(initial=0.0)) / o.excitation.step_s
 
 
 def largest_V(o: ObservedRecording) -> float:
-    """Largest magnitude of the drive."""
+    """Largest magnitude of the drive, in volts."""
     return float(np.abs(o.excitation.drive_V).max())
 
 
@@ -163,7 +173,7 @@ def _labelled(label: str, channel: str, several: bool) -> str:
 
 
 def by_time(observed: Sequence[ObservedRecording], rows: Rows) -> list[Cell]:
-    """Equal stretches of the longest recording of a channel and a sampling step."""
+    """Cells by time: equal intervals of the longest recording with the same channel and sampling step."""
     place = np.full(rows.record.size, -1)
     labels: list[str] = []
     spans: list[tuple[float, ...]] = []
@@ -188,7 +198,7 @@ def by_time(observed: Sequence[ObservedRecording], rows: Rows) -> list[Cell]:
 
 
 def by_frequency(lines: Rows) -> list[Cell]:
-    """Bands of a sixth of an octave."""
+    """Cells by frequency: bands of a sixth of an octave."""
     band = np.floor(BANDS_AN_OCTAVE * np.log2(lines.axis)).astype(np.intp)
     kinds, place = np.unique(band, return_inverse=True)
     spans = [(float(2 ** (k / BANDS_AN_OCTAVE)), float(2 ** ((k + 1) / BANDS_AN_OCTAVE))) for k in kinds]
@@ -197,7 +207,7 @@ def by_frequency(lines: Rows) -> list[Cell]:
 
 
 def by_level(observed: Sequence[ObservedRecording], rows: Rows, several: bool) -> list[Cell]:
-    """Recordings by the largest magnitude of their drive, in tenths of the largest of all."""
+    """Cells by the largest magnitude of a recording's drive, in tenths of the largest of all."""
     values = {o.name: largest_V(o) for o in observed}
     most = max(values.values()) or 1.0
     bins = {name: math.ceil(round(LEVELS * value / most, 6)) for name, value in values.items()}
@@ -205,7 +215,7 @@ def by_level(observed: Sequence[ObservedRecording], rows: Rows, several: bool) -
 
 
 def by_slope(observed: Sequence[ObservedRecording], rows: Rows, several: bool) -> list[Cell]:
-    """Recordings by the largest rate of their drive, in octaves."""
+    """Cells by the largest rate of change of a recording's drive, in octaves."""
     values = {o.name: steepest_V_s(o) for o in observed if not o.still}
     bins = {name: math.floor(round(math.log2(value), 6)) for name, value in values.items()}
     return _by_value("slope", "V/s", values, bins, observed, rows, several)
@@ -232,7 +242,7 @@ def _by_value(
 
 
 def _quarters(observed: Sequence[ObservedRecording]) -> dict[str, int]:
-    """Of each recording the quarter of its channel's part of the session."""
+    """Quarter of the session for each recording, 0 … 3, counted over the recordings of its channel."""
     result = {}
     for channel in sorted({o.channel for o in observed}):
         mine = sorted((o for o in observed if o.channel == channel), key=lambda o: o.excitation.order)
@@ -241,7 +251,7 @@ def _quarters(observed: Sequence[ObservedRecording]) -> dict[str, int]:
 
 
 def by_parity(observed: Sequence[ObservedRecording], lines: Rows) -> list[Cell]:
-    """Even and odd multiples of the repetition rate, under periodic drives that hold odd ones alone."""
+    """Cells by even and odd multiples of the repetition rate, under periodic drives with odd lines only."""
     place = np.full(lines.record.size, -1)
     for i, o in enumerate(observed):
         last = last_odd_line(o)
@@ -254,7 +264,7 @@ def by_parity(observed: Sequence[ObservedRecording], lines: Rows) -> list[Cell]:
 
 
 def last_odd_line(o: ObservedRecording) -> int:
-    """The highest line of a periodic drive that holds odd lines alone; 0 of any other."""
+    """Number of the highest line of a periodic drive with odd lines only; 0 for any other drive."""
     if not o.excitation.periodic or o.still:
         return 0
     power = np.abs(np.fft.rfft(o.excitation.drive_V - o.excitation.drive_V.mean())) ** 2

@@ -1,1 +1,1 @@
-"""Hypotheses about what was left out: scored, cross-validated, chosen."""
+"""Hypotheses about missing effects: scored, cross-validated, selected."""

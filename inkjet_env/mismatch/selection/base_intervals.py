@@ -1,4 +1,11 @@
-"""How well a fit knows the head's own numbers: a0, a1 and b1 with 90 % intervals."""
+"""The dynamics a0, a1 and b1 of a fitted head with 90 % intervals.
+
+The covariance of all fitted parameters is Eq. (2) of docs/explanation/identification.md,
+
+    Cov(θ̂) = (JᵀJ)⁻¹ JᵀS J (JᵀJ)⁻¹,                                                                              (2)
+
+with ``J`` the whitened Jacobian and ``S = s² I``; ``s²`` is 1 if the residuals are noise alone, and larger if not.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +19,27 @@ from inkjet_env.mismatch.selection.hypotheses import Hypothesis
 from inkjet_env.typing import Real
 
 UNTOLD = 5.0
-"""A standard error of a logarithm beyond which a value is not told at all."""
+"""Standard error of a parameter's logarithm, above which the parameter counts as not identifiable."""
 SINGULAR = 1e-9
-"""Of a matrix's largest singular value, or column: what is smaller counts as nothing."""
+"""Share of a matrix's largest singular value, or of its largest column's norm, below which a value counts as zero."""
 
 
 def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
-    """``a0, a1, b1`` of a hypothesis's head, everything else fitted along.
+    """``a0, a1, b1`` of a hypothesis's head with their intervals, all other parameters free.
 
-    Intervals are those of the logarithm, widened where more than noise is left. What no recording tells has an infinite
-    interval: ``b1``, whose sign is then unknown too, without self-sensing, and all three without a fast channel. So
-    does all of a fit that has not converged.
+    Intervals are computed for the logarithm and widened where residuals exceed the noise. A parameter that no recording
+    identifies has an infinite interval: without self-sensing ``b1``, whose sign is then unknown too, and without a fast
+    channel all three. So have all three if the fit has not converged.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        The fit.
+
+    Returns
+    -------
+    dict of str to Estimate
+        ``a0`` in 1/s², ``a1`` and ``b1`` in 1/s.
     """
     fit, joint = hypothesis.fit, hypothesis.joint
     head = fit.head
@@ -30,7 +47,7 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     directions = np.zeros((3, head.size + fit.active.theta.size))
     directions[0, d] = directions[1, d + 1] = 1.0
     if "self_sensing" in head.gains:
-        # Law and gains share a scale, set by the law's swing: b1 is as sure as both together.
+        # Law and gains share a scale, set by the law's swing: b1 is as uncertain as both together.
         directions[2, :d] = 1 / float(law.branch_law.Q(1.0))
         if "self_sensing" in head.free_gains:
             directions[2, d + 2 + head.free_gains.index("self_sensing")] = 1.0
@@ -38,7 +55,7 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     across = q.T @ fit.jacobian
     _, beyond = np.linalg.qr(fit.jacobian - q @ across)
     columns = np.block([[r, across], [np.zeros((beyond.shape[0], head.size)), beyond]])
-    loud = max(1.0, 2 * fit.nll / max(hypothesis.residuals.size - hypothesis.columns.shape[1], 1))
+    loud = max(1.0, 2 * fit.nll / max(hypothesis.residuals.size - hypothesis.columns.shape[1], 1))  # s² of Eq. (2)
     errors = np.sqrt(loud) * _errors(columns, directions) if fit.converged else np.full(3, np.inf)
     return {
         "a0": _estimate(law.a0, errors[0], 0.0),
@@ -48,7 +65,7 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
 
 
 def _estimate(value: float, error: float, least: float) -> Estimate:
-    """A value and its interval, from its logarithm's standard error; all from ``least`` on where it is not told."""
+    """A value with its interval, from its logarithm's standard error; ``least`` … ∞ if it is not identifiable."""
     if error > UNTOLD:
         return Estimate(value, least, math.inf)
     ends = (value * math.exp(-QUANTILE_90 * error), value * math.exp(QUANTILE_90 * error))
@@ -56,14 +73,17 @@ def _estimate(value: float, error: float, least: float) -> Estimate:
 
 
 def _errors(columns: Real, directions: Real) -> Real:
-    """Standard error of each direction, shape (k,); infinite of one that nothing tells."""
+    """Standard error along each direction for ``S = I``, Eq. (2), shape (k,); infinite if it is not identifiable.
+
+    ``columns`` (rows, p) is the Jacobian or its triangle, ``directions`` (k, p) are combinations of the parameters.
+    """
     size = np.linalg.norm(columns, axis=0)
     told = size > SINGULAR * size.max()
     scaled, aims = columns[:, told] / size[told], directions[:, told] / size[told]
-    result: Real = np.linalg.norm(aims @ np.linalg.pinv(scaled, rcond=SINGULAR), axis=1)
+    result: Real = np.linalg.norm(aims @ np.linalg.pinv(scaled, rcond=SINGULAR), axis=1)  # Eq. (2)
     _, values, axes = np.linalg.svd(scaled)
     least = SINGULAR * values.max(initial=0.0)
-    across = axes[np.count_nonzero(values > least) :]  # what no combination of the columns tells, as good as nothing
+    across = axes[np.count_nonzero(values > least) :]  # directions that the columns do not determine, within rounding
     beyond = np.linalg.norm(aims @ across.T, axis=1) > UNTOLD * least
     result[beyond | directions[:, ~told].any(axis=1) | ~directions.any(axis=1)] = np.inf
     return result

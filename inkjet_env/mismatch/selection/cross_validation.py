@@ -1,8 +1,8 @@
-"""What a fit predicts of conditions it has not seen, from one fit of all: each left out in turn, linearised.
+"""Cross-validation from a single fit: each condition is left out in turn, to first order.
 
 Leaving the rows of condition g out of least squares changes the residual there from ``r_g`` to ``(I - H_gg)⁻¹ r_g``
-with ``H`` the hat matrix (Cook & Weisberg 1982). A parameter that one condition alone tells cannot be tested by leaving
-that out, and is left as fitted.
+with ``H`` the hat matrix (Cook & Weisberg 1982). A parameter that is determined by one condition alone cannot be tested
+by leaving that condition out, and keeps its fitted value.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from inkjet_env.typing import Real
 
 TOLD_BY_ONE = 0.9
-"""Share of what is known of a parameter's direction that one condition gives, from which on it is not tested there."""
+"""Share of the information on a parameter direction that comes from one condition, above which leaving that condition
+out does not test it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +27,7 @@ class LeaveOutResiduals:
     Attributes
     ----------
     residuals : ndarray, shape (rows,)
+        Whitened residual of each row, predicted without its condition.
     groups : tuple of ndarray of int
         Rows of each condition.
     """
@@ -34,7 +36,7 @@ class LeaveOutResiduals:
     groups: tuple[NDArray[np.intp], ...]
 
     def log_likelihood_gain(self, other: LeaveOutResiduals) -> tuple[Real, Real]:
-        """How much better the other predicts each condition in log-likelihood, and the standard error, (g,) each."""
+        """Log-likelihood that another model gains in predicting each condition, and its standard error, (g,) each."""
         gains, errors = [], []
         for rows in self.groups:
             mine, theirs = self.residuals[rows], other.residuals[rows]
@@ -49,7 +51,7 @@ def predicted(residuals: Real, columns: Real, groups: Sequence[NDArray[np.intp]]
     Parameters
     ----------
     residuals : ndarray, shape (rows,)
-        Whitened residual of the fit.
+        Whitened residuals of the fit.
     columns : ndarray, shape (rows, p)
         Whitened sensitivities to all fitted parameters.
     groups : sequence of ndarray of int

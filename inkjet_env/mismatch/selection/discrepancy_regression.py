@@ -1,8 +1,8 @@
-"""A flexible model of what a model leaves: it corrects without explaining, and tells whether there is anything left.
+"""A regression of the residuals: it corrects without explaining, and shows whether anything predictable remains.
 
-Ridge regression of the whitened residual on what the head does — drive, hysteretic drive, motion, their even and odd
-powers, copies delayed, copies sent through the resonator once more, copies that grow with the order of the recordings.
-Linear in what it learns, so that it cannot fail to be found; judged on held-out recordings alone.
+Ridge regression of the whitened residuals on what the head does: drive, hysteretic drive, motion, their even and odd
+powers, delayed copies, copies passed through the resonator once more, and copies that grow with the order of the
+recordings. It is linear in its weights, so that its optimum is always found. It is judged on held-out recordings alone.
 """
 
 from __future__ import annotations
@@ -19,24 +19,25 @@ from inkjet_env.plant import Resonance
 from inkjet_env.typing import Real
 
 RIDGES = tuple(np.geomspace(1e-3, 1e5, 17))
+"""Ridge penalties that are tried, for features of unit norm."""
 DELAYS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)
-"""In periods of the resonance."""
+"""Delays of the copies, in periods of the resonance."""
 
 
 @dataclass(frozen=True, eq=False)
 class DiscrepancyRegression:
-    """The regression's outcome.
+    """Result of the regression.
 
     Attributes
     ----------
     predicted : float
-        Gain of the log-likelihood of held-out rows.
+        Gain in log-likelihood of the held-out rows.
     error : float
-        Its standard error.
+        Standard error of that gain.
     share : float
-        Of the held-out sum of squares, how much it removes.
+        Share of the held-out sum of squares that the regression removes.
     modelled : dict of str to ndarray
-        What it adds to each recording, whitened.
+        What it adds to each recording, whitened, shape (n,).
     """
 
     predicted: float
@@ -46,7 +47,7 @@ class DiscrepancyRegression:
 
 
 def discrepancy_regression(hypothesis: Hypothesis) -> DiscrepancyRegression:
-    """Learn what a hypothesis leaves of the fitted recordings, and judge it on the held-out ones."""
+    """Regress a hypothesis's residuals in the fitted recordings and judge the result on the held-out ones."""
     joint = hypothesis.joint
     scale = max(float(np.abs(o.excitation.drive_V).max()) for o in joint.observed) or 1.0
     speeds = [float(np.abs(_motion(hypothesis, o)).max()) for o in joint.observed if o.excitation.fast]
@@ -69,7 +70,7 @@ def discrepancy_regression(hypothesis: Hypothesis) -> DiscrepancyRegression:
 
 
 def _ridge(columns: Real, target: Real, groups: Sequence[NDArray[np.intp]]) -> Real:
-    """Weights with the ridge that predicts left-out conditions best."""
+    """Weights, shape (k,), with the ridge that predicts left-out conditions best; zero if none predicts anything."""
     folds = [np.concatenate(groups[k::4]) for k in range(min(4, len(groups)))]
     gram, moment = columns.T @ columns, columns.T @ target
     errors = np.zeros(len(RIDGES))
@@ -87,16 +88,17 @@ def _ridge(columns: Real, target: Real, groups: Sequence[NDArray[np.intp]]) -> R
 
 
 def _motion(hypothesis: Hypothesis, o: ObservedRecording) -> Real:
-    """What the channel shows of the motion of a head without resonator effects, for a gain of 1."""
+    """Signal of the channel for a gain of 1, shape (n,), from the head without resonator effects."""
     head, plant = hypothesis.fit.head, hypothesis.fit.head.plant(hypothesis.fit.active.pairs)
     resonance = Resonance(head.printhead.a0, head.printhead.a1, head.printhead.a0)
     return resonance.motion(plant.hysteretic_V(plant.at_ceramic_V(o.excitation), o.excitation), o.excitation)
 
 
 def _features(hypothesis: Hypothesis, o: ObservedRecording, scale: float, size: float) -> Real:
-    """Columns, shape (n, k), the same k for every recording.
+    """Features, shape (n, k), the same k for every recording.
 
-    ``scale`` and ``size`` are the largest drive and motion of all recordings: powers are of the same unit everywhere.
+    ``scale`` and ``size`` are the largest drive in volts and the largest motion of all recordings. Powers are divided
+    by them, so that they have the same unit everywhere.
     """
     head = hypothesis.fit.head
     plant, excitation = head.plant(hypothesis.fit.active.pairs), o.excitation

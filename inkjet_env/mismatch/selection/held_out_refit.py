@@ -1,4 +1,4 @@
-"""What held-out recordings that were predicted badly say once they are fitted."""
+"""Whether held-out recordings that were predicted badly are explained once they are fitted."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from inkjet_env.mismatch.settings import LEAST_EXCESS, LEFT_OVER, SURE
 def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
     """Held-out recordings that the base model does not explain to their noise, even when it is fitted to them too.
 
-    What no fitted recording shows is looked for in none. A base model that predicted them badly, because little of what
-    was fitted tells its parameters there, explains them once they tell as well.
+    An effect that no fitted recording shows is never looked for. If the base model predicted a held-out recording badly
+    only because the fitted recordings barely determine its parameters there, it explains it once it is fitted.
 
     Parameters
     ----------
     joint : OutputErrorFit
-        Whose base model explains what was fitted.
+        Fit whose base model explains the fitted recordings.
 
     Returns
     -------
     tuple of str
-        Names, that of the largest excess first.
+        Names of the recordings, largest excess first.
     """
     whole, found = _of_everything(joint), {}
     of_the_head = [o for o in joint.observed if o.channel != "drive_monitor"]
@@ -47,23 +47,25 @@ def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
 
 
 def _of_everything(joint: OutputErrorFit) -> OutputErrorFit:
-    """The same with what was held out fitted too."""
+    """The same recordings and noise, with the held-out samples fitted too."""
     everything = [replace(o, fitted=o.excitation.samples) for o in joint.observed]
     return OutputErrorFit(everything, joint.noise, joint.base.head, joint.random_effects)
 
 
 def explains_held_out_after_refit(joint: OutputErrorFit, chosen: Hypothesis, context: FitContext) -> bool:
-    """Whether effects that predicted held-out recordings badly explain them once these may tell the values too.
+    """Whether effects that predicted held-out recordings badly explain them once these are fitted too.
 
-    When a bubble came between two recordings that were fitted, nothing tells of those in between whether it was
-    there. An effect that is not there does no better for being told.
+    If a bubble appeared between two fitted recordings, nothing says whether it was there in the recordings between
+    them. Effects that are not there explain the held-out recordings no better once these are fitted.
 
     Parameters
     ----------
     joint : OutputErrorFit
+        Recordings with their held-out samples, noise and base model.
     chosen : Hypothesis
-        On the same recordings.
+        The effects in question, fitted on the same recordings.
     context : FitContext
+        Processes, random numbers, progress messages and checkpoint.
     """
     whole = _of_everything(joint)
     found, told = signatures(whole, chosen.fit.active.effects, context), base_hypothesis(whole)

@@ -1,4 +1,4 @@
-"""Hypotheses — effects that are on together — fitted from several starts and compared."""
+"""Hypotheses, i.e. combinations of effects, fitted from several starts and compared."""
 
 from __future__ import annotations
 
@@ -22,61 +22,71 @@ from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 STARTS = 3
-"""Of each effect whose score is fair, fitted with a few steps each; the best goes on. Of the others one."""
+"""Number of starts of each effect with a fair score, fitted with a few steps each; the best is continued. Other effects
+get one start."""
 WORTH_STARTS = 0.2
-"""Share of the best effect's score that is fair."""
+"""Share of the best effect's score from which a score is fair."""
 FIRST_STEPS = 6
+"""Number of steps from each start."""
 AT_BOUND = 1e-3
-"""Share of a coordinate's range."""
+"""Distance within which a coordinate counts as at its bound: a share of its range, or of the bound for a strength."""
 MOST_ROUNDS = 4
-"""Times that the base parameters' sensitivities are taken anew."""
+"""Largest number of times that the base parameters' sensitivities are taken anew."""
 SETTLED = 0.5
-"""Of the log-likelihood: a round that gains less is the last."""
+"""Gain in log-likelihood below which a round is the last."""
 LEAST_SHARE = 1e-3
-"""Share of the whole mismatch that a further effect must explain; so little an equation may be wrong by."""
+"""Share of the whole mismatch that a further effect must explain: less may be the error of the equations."""
 WORTH_WHOLE = 0.5
-"""The other terms of an effect's law are let in if it has gained this share of what the best one has."""
+"""Share of the best effect's gain from which the other terms of an effect's law are fitted too."""
 MOST_WHOLE = 2
-"""Of the effects beside another one, so many."""
+"""Largest number of effects, beside another one, whose other terms are fitted too."""
 HOPELESS = 0.3
-"""After the first steps, an effect goes on if it has gained this share of what the best one has."""
+"""Share of the best effect's gain that an effect must reach in the first steps to be fitted to the end."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A fit, and what it says beside the base model's on the same recordings and noise."""
+    """A fit compared with the base model on the same recordings and noise.
+
+    Parameters
+    ----------
+    fit : FitResult
+        Base model and effects at the minimum.
+    joint : OutputErrorFit
+        Recordings, noise and base model, with the base sensitivities that belong to the fit.
+    """
 
     fit: FitResult
     joint: OutputErrorFit
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Of the effects that are on."""
+        """Ids of the effects that are on."""
         return self.fit.ids
 
     @property
     def gain(self) -> float:
-        """Of the log-likelihood of the fitted recordings over the base model's."""
+        """Gain in log-likelihood of the fitted recordings over the base model."""
         return self.joint.base.nll - self.fit.nll
 
     @property
     def score(self) -> float:
-        """Gain less what so many parameters gain by chance (Schwarz's criterion)."""
+        """Gain less the penalty of Schwarz's criterion for the free parameters."""
         return self.gain - 0.5 * self.free * math.log(self.residuals.size)
 
     @property
     def free(self) -> int:
-        """How many of the effects' parameters took part in the fit."""
+        """Number of the effects' parameters that took part in the fit."""
         return int(np.count_nonzero(~self.fit.idle))
 
     @cached_property
     def residuals(self) -> Real:
-        """Whitened residual of the fitted rows, shape (rows,)."""
+        """Whitened residuals of the fitted rows, shape (rows,)."""
         return np.concatenate([self.fit.residuals[o.name][: o.fitted] for o in self.joint.seen])
 
     @cached_property
     def columns(self) -> Real:
-        """Orthonormal sensitivities to everything that was fitted, shape (rows, q)."""
+        """Orthonormal basis of the sensitivities to all fitted parameters, shape (rows, q)."""
         return orthonormal(np.column_stack([self.joint.basis[0], self.fit.jacobian]))
 
     @cached_property
@@ -86,9 +96,10 @@ class Hypothesis:
 
     @property
     def degenerate(self) -> bool:
-        """Whether an effect has been bent into something else: a shape of it that does anything has run into its bound.
+        """Whether an effect has degenerated into something else.
 
-        Or a strength into one beyond which these recordings would show something else.
+        That is so if one of its shapes with any influence has run into its bound, or a strength into a bound beyond
+        which these recordings would show something else.
         """
         low, high = self.joint.limits(self.fit.active.effects)
         named = [(e, p) for e in self.fit.active.effects for p in e.parameters]
@@ -107,17 +118,17 @@ class Hypothesis:
 
     @property
     def excess(self) -> float:
-        """Sum of squares of what is left beyond noise."""
+        """Sum of squared residuals beyond the noise's expectation."""
         return 2 * self.fit.nll - (self.residuals.size - self.columns.shape[1])
 
     @property
     def leaves_much(self) -> bool:
-        """Whether so much is left beyond noise that something more could be worth adding."""
+        """Whether the residuals exceed the noise by enough for another effect to be worth adding."""
         return not self.noise_known or self.excess > LEAST_SHARE * 2 * self.gain
 
     @property
     def lacks_terms(self) -> bool:
-        """Whether so much is left that parts of the last effect's law which are off may be what is missing."""
+        """Whether the residuals are so large that terms of the last effect's law which are off may be missing."""
         effect = self.fit.active.last
         plain, terms = effect.plain_leaves, self.fit.active.terms(effect)
         short = not self.noise_known or self.excess > plain * (2 * self.gain + self.excess)
@@ -125,11 +136,14 @@ class Hypothesis:
 
     @property
     def noise_known(self) -> bool:
-        """Whether anything but a residual tells the noise of every recording; else what is left may be mismatch."""
+        """Whether every recording's noise is known from more than residuals; otherwise these may be mismatch."""
         return all(self.joint.noise.known(o) for o in self.joint.seen)
 
     def idle_term(self) -> tuple[str, ...] | None:
-        """The part of the last effect's law that is missed least, where it is not worth its parameters; Wald's test."""
+        """The term of the last effect's law that Wald's test finds least needed; None if each is worth its parameters.
+
+        A term is worth its parameters if half its Wald statistic exceeds the penalty of Schwarz's criterion.
+        """
         active, effect = self.fit.active, self.fit.active.last
         first = active.slices[effect.id].start
         at = {p.name: first + k for k, p in enumerate(effect.parameters)}
@@ -153,13 +167,13 @@ class Hypothesis:
 
 
 def conditions(joint: OutputErrorFit) -> list[NDArray[np.intp]]:
-    """Fitted rows of each condition."""
+    """Indices of the fitted rows of each condition."""
     numbers = np.concatenate([np.full(o.fitted, o.condition) for o in joint.seen])
     return [np.flatnonzero(numbers == number) for number in np.unique(numbers)]
 
 
 def base_hypothesis(joint: OutputErrorFit) -> Hypothesis:
-    """Nothing on."""
+    """The base model as a hypothesis: no effect on."""
     return Hypothesis(joint.base, joint)
 
 
@@ -173,21 +187,24 @@ def attribute(
 ) -> list[Hypothesis]:
     """The hypotheses that have one more effect on than ``beside``, best first.
 
-    Each is fitted with a few steps from its best starts; those that gain a fair share of what the best one does go on
-    until they settle. Of an effect whose law has several terms only those that the start has on take part in this;
-    where so much is left that something is missing, the others are let in as well.
+    Each is fitted with a few steps from its best starts; those that gain a fair share of the best one's gain are
+    continued until they settle. If an effect's law has several terms, only those that are on at the start take part at
+    first. If residuals remain that are too large, the other terms are fitted too.
 
     Parameters
     ----------
     joint : OutputErrorFit
+        Recordings, noise and base model.
     beside : Hypothesis
+        The hypothesis to which one effect is added.
     effects : sequence of Effect
-        Those that may be switched on.
+        Effects that may be switched on.
     found : Signatures
-        Beside ``beside``: they rank the starts.
+        Their signatures with the columns of ``beside`` projected out; they rank the starts.
     context : FitContext
+        Processes, random numbers, progress messages and checkpoint.
     hopeless : float
-        Share of the best gain below which an effect is not fitted to the end.
+        Share of the best gain, after the first steps, below which an effect is not fitted to the end.
     """
     given = beside.fit
 
@@ -231,7 +248,7 @@ def attribute(
 
 
 def shaped(joint: OutputErrorFit, fit: FitResult, beside: Hypothesis) -> Hypothesis:
-    """A fit that has settled, gone on with so many parts of its last effect's law as are worth their parameters."""
+    """A settled fit, continued with those terms of its last effect's law that are worth their parameters."""
     near = joint.near(fit)
     plain = Hypothesis(fit, near)
     effect = fit.active.last
@@ -249,12 +266,12 @@ def shaped(joint: OutputErrorFit, fit: FitResult, beside: Hypothesis) -> Hypothe
 
 
 def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypothesis:
-    """A fit gone on with until it settles, less the parts of its last effect's law that are not worth it."""
+    """A fit continued until it settles, without the terms of its last effect's law that are not worth it."""
     best, tried = settled(joint, fit, whole), set()
     while True:
         effect = best.fit.active.last
         on, _ = best.fit.active.terms(effect)
-        shapes = [term for term in on if term[0] not in effect.strengths]  # where it is plain may be another minimum
+        shapes = [term for term in on if term[0] not in effect.strengths]  # a plain shape may be another minimum
         idle = best.idle_term()
         terms = [term for term in ([idle] if idle else []) + shapes if term not in tried]
         if not terms:
@@ -267,7 +284,7 @@ def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypo
 
 
 def settled(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypothesis:
-    """A fit gone on with until it settles, sensitivities taken anew on the way."""
+    """A fit continued until it settles, with the base sensitivities taken anew in each round."""
     for _ in range(MOST_ROUNDS):
         near = joint.near(fit)
         following = _tried(near, fit.active, fit, whole=whole) or fit
@@ -286,7 +303,7 @@ def _tried(
     whole: bool = False,
     known: Real | None = None,
 ) -> FitResult | None:
-    """A fit that goes on from another's base parameters; None where the start cannot be simulated."""
+    """A fit that starts from another's base parameters; None if the start cannot be simulated."""
     try:
         return joint.fit(active, begin.head, most_steps=steps, whole=whole, known=known)
     except NUMERICAL:

@@ -1,8 +1,9 @@
-"""Effects that differ from recording to recording by chance — a hum, a drift — told from noise by likelihood.
+"""Random effects, such as a hum or a drift, distinguished from noise by likelihood.
 
-Their amplitudes are drawn anew in every recording, so no simulation predicts them and repeats differ by them: without
-them they pass for noise. Both sides are compared whole, noise model and all: noise alone as coloured as the recordings
-show it, against less noise with amplitudes drawn from one normal distribution (its variance by maximum likelihood).
+Their amplitudes are drawn anew in every recording, so no simulation predicts them and repeats differ by them: in a
+model without them they pass for noise. Two complete models are compared, each with its own noise: noise alone, as
+coloured as the recordings show it, and less noise with amplitudes from one normal distribution, whose variance is
+estimated by maximum likelihood.
 """
 
 from __future__ import annotations
@@ -22,34 +23,39 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 LINES = 4
-"""Strongest lines of the pooled periodogram that are offered as starts."""
+"""Number of strongest lines of the pooled periodogram that serve as starts."""
 LEAST_GAIN = 15.0
-"""Of the log-likelihood, for such an effect to count as there; more by the logarithm of as many frequencies as there
-were to choose from."""
+"""Gain in log-likelihood from which a random effect counts as present; for each fitted shape, the logarithm of the
+number of frequencies to choose from is added."""
 
 PROFILE_90 = 1.353
-"""Loss of log-likelihood at the ends of a 90 % interval: half the chi-square of one degree of freedom."""
+"""Loss of log-likelihood at the ends of a 90 % interval: half the 90 % quantile of chi-square with one degree of
+freedom."""
 BISECTIONS = 12
+"""Number of bisections at each end of an interval."""
 WORTH_REFINING = 5.0
-"""Of the log-likelihood, gained at a start: one that lies within a quarter of a line has most of what there is."""
+"""Gain in log-likelihood from which a start is refined: within a quarter of a line it has most of the gain."""
 DITHERED = 0.5
-"""Steps of the converter: noise of such an RMS makes the error of rounding as good as independent of the signal."""
+"""Noise RMS in steps of the converter from which rounding errors are practically independent of the signal."""
 LEAST_AT_REST = 3.0
-"""Of the recordings at rest alone."""
+"""Gain in log-likelihood that the recordings at rest alone must show."""
 
 
 @dataclass(frozen=True, eq=False)
 class RandomEffect:
-    """An effect by chance on one channel.
+    """A random effect on one channel.
 
     Attributes
     ----------
     effect : Effect
+        The effect; its amplitudes are drawn anew in every recording.
     channel : str
+        Channel from which its shape was estimated.
     values : dict of str to float
-        The amplitude is the root mean square over the recordings of what it adds at its strongest.
+        Values of its parameters, in their units. The amplitude is the root mean square over the recordings of the peak
+        of what it adds.
     gain : float
-        Of the log-likelihood over noise alone.
+        Gain in log-likelihood over noise alone.
     estimates : dict of str to Estimate
         The values with their 90 % intervals.
     """
@@ -68,20 +74,25 @@ def detect_random_effects(
     effects: Sequence[Effect],
     printhead: Printhead,
 ) -> list[RandomEffect]:
-    """How well each such effect does, as one channel tells its shape, best first; only those that gain enough there.
+    """Random effects that gain enough on the channel from which their shape is estimated, best first.
 
     Parameters
     ----------
     observed : sequence of ObservedRecording
-        The recordings to look at: those at rest, or all where the model explains them.
+        Recordings to search: those at rest, or all where the model explains them.
     residuals : dict of str to ndarray
-        Measured minus modelled, in the channel's unit.
+        Measured minus modelled by recording, in the channel's unit, shape (n,).
     noise : Noise
-        With nothing of the kind.
+        Noise without random effects.
     effects : sequence of Effect
-        Those that have a random-effect basis.
+        Effects that have a random-effect basis.
     printhead : Printhead
-        Which they may take their starts from.
+        Base model from which they may derive their starts.
+
+    Returns
+    -------
+    list of RandomEffect
+        One for each effect and channel; ``gain`` includes the gain on all other channels.
     """
     channels: dict[str, _Channel] = {}
     found: list[RandomEffect] = []
@@ -89,7 +100,7 @@ def detect_random_effects(
         mine = [o for o in observed if o.channel == name]
         level = float(np.mean(np.concatenate([residuals[o.name] for o in mine])))  # an offset is no drift
         residuals = residuals | {o.name: residuals[o.name] - level for o in mine}
-        # from these recordings, as it will be with the effect
+        # estimated from these recordings, as the noise with the effect will be
         alone = noise_seen(mine, residuals, dict(noise.models), noise.least)
         channel = channels[name] = _Channel(
             mine, residuals, alone, _noise_alone(mine, residuals, alone), _lines_Hz(mine, residuals)
@@ -100,7 +111,7 @@ def detect_random_effects(
                 continue
             if _at_rest(best, channel) and not _rounded(best, channel):
                 found.append(_with_intervals(best, channel))
-    # One hum is heard on every channel: its frequency is the one that explains most on all of them together.
+    # One hum reaches every channel: its frequency is the one that explains most on all of them together.
     together = [
         replace(
             one, gain=one.gain + sum(_gained(one.effect, one.values, channels[c]) for c in channels if c != one.channel)
@@ -112,7 +123,7 @@ def detect_random_effects(
 
 @dataclass(frozen=True, eq=False)
 class _Channel:
-    """Recordings of one channel, residuals, noise with its negative log-likelihood, and the residuals' lines."""
+    """Recordings of one channel, their residuals, their noise with its negative log-likelihood ``before``, and lines."""
 
     observed: Sequence[ObservedRecording]
     residuals: dict[str, Real]
@@ -122,7 +133,7 @@ class _Channel:
 
 
 def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> float:
-    """What an effect with these shapes gains on another channel; 0 where that does not show it."""
+    """Gain in log-likelihood of an effect with these shapes on another channel; 0 if it does not show there."""
     if all(effect.random_effect_basis(values, o.excitation) is None for o in channel.observed):
         return 0.0
     less = _less(effect, values, channel)
@@ -131,7 +142,7 @@ def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> floa
 
 
 def _less(effect: Effect, values: dict[str, float], channel: _Channel) -> Noise:
-    """The noise with what the effect can explain taken out."""
+    """The noise of the residuals without what the effect can explain."""
     rest = without(effect, values, channel.observed, channel.residuals)
     return noise_seen(channel.observed, rest, dict(channel.noise.models), channel.noise.least)
 
@@ -142,7 +153,7 @@ def _least_gain(effect: Effect, observed: Sequence[ObservedRecording]) -> float:
 
 
 def _at_rest(one: RandomEffect, channel: _Channel) -> bool:
-    """Whether recordings at rest, where there are any, show it too: what needs a drive is no hum and no drift."""
+    """Whether the recordings at rest, if any, show it too: what needs a drive is neither a hum nor a drift."""
     resting = [
         o
         for o in channel.observed
@@ -156,7 +167,7 @@ def _at_rest(one: RandomEffect, channel: _Channel) -> bool:
 
 
 def _rounded(one: RandomEffect, channel: _Channel) -> bool:
-    """Whether it may be the converter: less than its step, where the noise is too little to make rounding random."""
+    """Whether it may be rounding: smaller than the converter's step, with too little noise to randomise rounding."""
     step = math.sqrt(12) * channel.noise.least[one.channel]
     noise_rms = max(channel.noise.models[o.noise_key].rms for o in channel.observed)
     size = max(one.values[name] for name in one.effect.strengths)
@@ -166,7 +177,7 @@ def _rounded(one: RandomEffect, channel: _Channel) -> bool:
 def without(
     effect: Effect, values: dict[str, float], observed: Sequence[ObservedRecording], residuals: dict[str, Real]
 ) -> dict[str, Real]:
-    """What is left of each recording when the effect's amplitudes have been fitted to it."""
+    """Residuals of each recording after the effect's amplitudes have been fitted to it, in the channel's unit."""
     result = dict(residuals)
     for o in observed:
         columns = None if o.channel == "drive_monitor" else effect.random_effect_basis(values, o.excitation)
@@ -187,7 +198,7 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffe
         )
         if any(effect.random_effect_basis(start, o.excitation) is not None for o in observed)
     ]
-    # A loud tone shapes the noise model that is to judge it; so starts are ranked by bare power as well.
+    # A loud tone shapes the noise model that is to judge it, so starts are ranked with white noise as well.
     tried: list[tuple[int, Noise]] = []
     for judge in (noise, _white(noise)):
         before = _noise_alone(observed, residuals, judge)
@@ -226,7 +237,7 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffe
 
 
 def _with_intervals(best: RandomEffect, channel: _Channel) -> RandomEffect:
-    """With the estimates of its shapes."""
+    """The effect with the intervals of its shapes."""
     effect, values = best.effect, best.values
     less = _less(effect, values, channel)
     estimates = {
@@ -241,7 +252,7 @@ def _with_intervals(best: RandomEffect, channel: _Channel) -> RandomEffect:
 
 
 def _root_mean_square(peaks: Real) -> Estimate:
-    """Of all recordings there could be, from those there are: as if each peak were one normal amplitude."""
+    """Population root mean square of the peaks with its 90 % interval, as if each peak were one normal amplitude."""
     from scipy.special import chdtri
 
     value, count = float(np.sqrt(np.mean(peaks**2))), peaks.size
@@ -257,7 +268,7 @@ def _shapes_interval(
     residuals: dict[str, Real],
     noise: Noise,
 ) -> Estimate:
-    """Where the log-likelihood, amplitudes at their likeliest, is so little less: by bisection from outside in."""
+    """Profile-likelihood interval of a shape, 90 %, amplitudes at their optimum; its ends by bisection."""
     place = [p.name for p in effect.parameters].index(parameter.name)
     theta = coordinates(effect, values)
     least = _with_amplitudes(effect, values, observed, residuals, noise)[0]
@@ -285,7 +296,7 @@ def _white(noise: Noise) -> Noise:
 
 
 def _noise_alone(observed: Sequence[ObservedRecording], residuals: dict[str, Real], noise: Noise) -> float:
-    """Negative log-likelihood of what is left as noise."""
+    """Negative log-likelihood of the residuals as noise alone."""
     total = 0.0
     for o in observed:
         white = noise.whitened(o, residuals[o.name])
@@ -300,7 +311,7 @@ def _with_amplitudes(
     residuals: dict[str, Real],
     noise: Noise,
 ) -> tuple[float, Real]:
-    """Negative log-likelihood with random amplitudes of the likeliest variance; and the peak in each recording."""
+    """Negative log-likelihood with random amplitudes of the likeliest variance, and the peak in each recording."""
     squares, sizes = [], []
     explained = []
     for o in observed:
@@ -324,7 +335,7 @@ def _with_amplitudes(
 
 
 def _lines_Hz(observed: Sequence[ObservedRecording], residuals: dict[str, Real]) -> tuple[float, ...]:
-    """Frequencies of the strongest lines in the pooled periodogram of what is left."""
+    """Frequencies of the strongest lines in the pooled periodogram of the residuals, in hertz."""
     by_step: dict[float, list[ObservedRecording]] = {}
     for o in observed:
         by_step.setdefault(o.noise_key[1], []).append(o)

@@ -1,4 +1,11 @@
-"""What each effect would add to the recordings, base parameters free to adapt: the cheap look before any fit."""
+"""Score test: what each effect would add to the recordings with the base parameters free to adapt, before any fit.
+
+Signature and score of effect i at a start θ_i are Eq. (1) of docs/explanation/diagnosis.md,
+
+    z_i = s_iᵀ r / ‖s_i‖,    s_i = (I − P_base) W (ŷ(θ_i) − ŷ(0)),                                               (1)
+
+with ``r`` the whitened residuals, ``W`` the whitening and ``P_base`` the projector on the base parameters' Jacobian.
+"""
 
 from __future__ import annotations
 
@@ -15,27 +22,29 @@ from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 DRAWS = 2000
+"""Number of draws of noise that a score is judged against."""
 UNLIKE = 0.95
-"""Cosine of the signatures of two starting points that are both worth trying."""
+"""Cosine of two starting points' signatures, below which both are worth trying."""
 MOST_STARTS = 4
-"""Of an effect's whole law."""
+"""Largest number of starts of an effect's whole law."""
 LEAST_SHARE = 1e-9
-"""A signature of which less is left beside the base parameters than this share cannot be told from them."""
+"""Share of a signature's power that the base parameters must leave for it to be distinguishable from them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Signatures:
-    """Unit columns over the fitted rows, one for each start of each effect; what the base can say is projected out.
+    """Signatures ``s_i`` over the fitted rows as unit columns, one for each start of each effect.
 
     Attributes
     ----------
     effects : tuple of Effect
-        Of each column.
+        Effect of each column, k of them.
     starts : tuple of dict
-        Values of each column's start.
+        Parameter values of each column's start, in their units.
     columns : ndarray, shape (rows, k)
+        ``s_i / ‖s_i‖``, the base parameters projected out.
     sizes : ndarray, shape (k,)
-        Of the projected signature before it was scaled: how many standard deviations the start's own strength shows.
+        ``‖s_i‖``: the number of standard deviations by which an effect of the start's strength shows.
     """
 
     effects: tuple[Effect, ...]
@@ -44,12 +53,12 @@ class Signatures:
     sizes: Real
 
     def scores(self, residuals: Real) -> Real:
-        """Standard normal where the model that left ``residuals`` (rows,) is right, one a column."""
-        scores: Real = self.columns.T @ residuals
+        """Score of each column, shape (k,): standard normal if the model with these residuals (rows,) is right."""
+        scores: Real = self.columns.T @ residuals  # Eq. (1)
         return scores
 
     def beside(self, basis: Real) -> Signatures:
-        """What is left beside more orthonormal columns, shape (rows, q)."""
+        """The signatures with further orthonormal columns, shape (rows, q), projected out."""
         columns = self.columns - basis @ (basis.T @ self.columns)
         size = np.linalg.norm(columns, axis=0)
         told = size > math.sqrt(LEAST_SHARE)
@@ -76,14 +85,14 @@ class Signatures:
         return float(min(bound, (above + 1) / DRAWS))
 
     def ranked(self, effect: Effect, residuals: Real) -> list[tuple[float, dict[str, float]]]:
-        """Scores and starts of one effect, best first; strengths scaled to what the recordings show."""
+        """Scores and starts of one effect, best first; strengths are scaled to what the recordings show."""
         scores = self.scores(residuals)
         mine = [i for i, e in enumerate(self.effects) if e.id == effect.id]
         mine.sort(key=lambda i: -abs(float(scores[i])))
         return [(float(scores[i]), _scaled(effect, self.starts[i], float(scores[i] / self.sizes[i]))) for i in mine]
 
     def best(self, residuals: Real) -> dict[str, float]:
-        """By effect's id, the largest score's size."""
+        """Largest magnitude of a score, by the effect's id."""
         found: dict[str, float] = {}
         for effect, score in zip(self.effects, self.scores(residuals), strict=True):
             found[effect.id] = max(found.get(effect.id, 0.0), abs(float(score)))
@@ -95,7 +104,22 @@ def signatures(
     effects: Iterable[Effect],
     context: FitContext,
 ) -> Signatures:
-    """Signatures of all effects at all their starts."""
+    """Signatures of all effects at all their starts.
+
+    Parameters
+    ----------
+    joint : OutputErrorFit
+        Recordings, noise and base model.
+    effects : iterable of Effect
+        Effects with their starts.
+    context : FitContext
+        Processes and progress messages.
+
+    Returns
+    -------
+    Signatures
+        Without the starts that cannot be simulated or cannot be distinguished from the base parameters.
+    """
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
     tasks = [(effect, start) for effect in effects for start in effect.starts(joint.base.head.printhead, excitations)]
 
@@ -111,7 +135,7 @@ def signatures(
         context.progress(f"what {task[0].id} would add ({k + 1} of {len(tasks)})")
         if found is None or not np.isfinite(found).all():
             continue
-        projected = found - q @ (q.T @ found)
+        projected = found - q @ (q.T @ found)  # s_i of Eq. (1)
         size = float(np.linalg.norm(projected))
         if size > math.sqrt(LEAST_SHARE) * float(np.linalg.norm(found)) and size > 1e-9:
             shown.append(task)
@@ -127,16 +151,23 @@ def signatures(
 
 
 def superposed(joint: OutputErrorFit, effect: Effect, residuals: Real, basis: Real) -> list[dict[str, float]]:
-    """Where a fit of an effect's whole law may begin, what looks most like the residual first, all unlike each other.
+    """Starting points for a fit of an effect's whole law, those most like the residuals first, none alike.
 
     Parameters
     ----------
     joint : OutputErrorFit
+        Recordings, noise and base model.
     effect : Effect
+        Effect whose law has further terms; see `Effect.superposed`.
     residuals : ndarray, shape (rows,)
-        Whitened residual without the effect.
+        Whitened residuals without the effect.
     basis : ndarray, shape (rows, q)
-        Orthonormal columns of what may adapt.
+        Orthonormal columns of the parameters that may adapt.
+
+    Returns
+    -------
+    list of dict of str to float
+        Values of the effect's parameters, in their units; empty where the fit may start at the plain law.
     """
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
     law = effect.superposed(joint.base.head.printhead, excitations)
@@ -162,7 +193,7 @@ def superposed(joint: OutputErrorFit, effect: Effect, residuals: Real, basis: Re
 
 
 def _scaled(effect: Effect, start: dict[str, float], factor: float) -> dict[str, float]:
-    """A start with its strengths multiplied: within bounds, and by no more than a fit may trust the linear picture."""
+    """A start with its strengths multiplied, within bounds and by no more than linearisation can be trusted."""
     factor = math.copysign(min(max(abs(factor), 0.05), 3.0), factor)
     values = dict(start)
     for p in effect.parameters:

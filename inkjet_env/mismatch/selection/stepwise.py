@@ -1,4 +1,4 @@
-"""None, one, or several: which hypothesis the recordings support, and what they cannot tell apart."""
+"""Stepwise selection: which effects the recordings support, and which of them they cannot distinguish."""
 
 from __future__ import annotations
 
@@ -18,47 +18,49 @@ from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.errors import NUMERICAL
 
 MOST_EFFECTS = 3
+"""Largest number of effects in a hypothesis."""
 BEAM = 3
-"""Single effects that are carried on; of pairs only the best one."""
+"""Number of single effects that are carried on; of pairs only the best one is."""
 WORTH_CARRYING = 0.5
-"""Share of the best one's gain that each must have."""
+"""Share of the best hypothesis's gain that one must have to be carried on."""
 CHANCE = 1e-3
-"""Probability of a score by noise alone from which on an effect is looked for."""
+"""Probability of a score under noise alone, up to which an effect is looked for."""
 STANDARD_ERRORS = 2.0
-"""By so many, conditions left out must be predicted better."""
+"""Standard errors by which left-out conditions must be predicted better, all together."""
 CONDITIONS_GAIN = 0.5
-"""Share of the conditions an effect touches that must be predicted better."""
+"""Share of the conditions affected by an effect that must be predicted better."""
 TOUCHED = 2.0
-"""Standard deviations by which an effect changes a condition that it touches."""
+"""Standard deviations by which an effect must change a condition to count as affecting it."""
 LEAST_OF_LEFTOVER, LEAST_IF_LARGE = 0.5, 0.25
-"""Share of what is left beyond noise that a further effect must explain; less where that is much of the mismatch."""
+"""Share of the misfit beyond noise that a further effect must explain, and the smaller share that suffices if it
+explains a large share of the mismatch."""
 LARGE_SHARE = 0.02
-"""Share of the whole mismatch that is much."""
+"""Share of the whole mismatch that counts as large."""
 LEAST_LOOK = 0.5
-"""Share of the best score that makes a further effect worth a fit."""
+"""Share of the best score from which a further effect is worth a fit."""
 NEARLY_AS_GOOD = 0.8
-"""Share of the best one's gain, after the first steps, that makes an effect a rival worth fitting to the end."""
+"""Share of the best gain, after the first steps, from which an alternative is fitted to the end."""
 LOST = 2 * LEFT_OVER
-"""Share of the mismatch that is left, from which on it does not matter what would do as well."""
+"""Unexplained share of the mismatch, above which alternatives are no longer of interest."""
 SAME_COSINE = 0.95
-"""An effect nearly the winner's equal in signature is not told apart from it by less than the winner itself leaves
-unexplained: so far, equations may be wrong."""
+"""Cosine above which a signature is nearly the winner's. Such an effect is distinguished from the winner only by a
+difference larger than what the winner itself leaves unexplained, because the equations may be wrong by as much."""
 
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What was selected.
+    """Result of a stepwise selection.
 
     Attributes
     ----------
     chosen : Hypothesis
-        The base model where no effect is supported.
+        The selected hypothesis; the base model if no effect is supported.
     alternatives : dict of str to tuple of str
-        By effect of the chosen hypothesis, others that would do as well.
+        For each effect of the chosen hypothesis, by id: effects that could replace it without loss.
     compared : tuple of Hypothesis
-        All that were fitted, best first.
+        All hypotheses with effects that were fitted, best first.
     p_values : dict of str to float
-        Of each chosen effect, of the test that led to its being added.
+        For each chosen effect, by id: p-value of the score test that led to its being added.
     """
 
     chosen: Hypothesis
@@ -73,7 +75,21 @@ def select(
     found: Signatures,
     context: FitContext,
 ) -> Selection:
-    """Forward from the base model in a beam, then deletions and swaps; each addition must predict the unseen."""
+    """Select effects forward from the base model in a beam, then by deletions and swaps.
+
+    Every addition must predict left-out conditions better.
+
+    Parameters
+    ----------
+    joint : OutputErrorFit
+        Recordings, noise and base model.
+    effects : sequence of Effect
+        Effects to choose from.
+    found : Signatures
+        Their signatures, the base parameters projected out.
+    context : FitContext
+        Processes, random numbers, progress messages and checkpoint.
+    """
     base = base_hypothesis(joint)
     beam, chosen = [base], base
     compared: dict[frozenset[str], Hypothesis] = {frozenset(): base}
@@ -88,7 +104,7 @@ def select(
                 continue
             promising = sorted(scores, key=lambda name: -scores[name])
             tried = [e for e in effects if e.id in promising and frozenset((*parent.ids, e.id)) not in compared]
-            if parent is not base:  # the wide look has been done; deeper down only what shows at all
+            if parent is not base:  # all have been tried on the base model; later only those with a high score are
                 worth = LEAST_LOOK * scores[promising[0]]
                 tried = [e for e in tried if scores[e.id] > worth]
             found_good = 0
@@ -100,7 +116,7 @@ def select(
                     found_good += 1
                     added.append(hypothesis)
             if any(worth_adding(chosen, h) and not h.leaves_much for h in added):
-                break  # all is explained; the other parents cannot do better
+                break  # everything is explained; the other parents cannot do better
         added.sort(key=lambda h: -h.score)
         if not added or not worth_adding(chosen, added[0]):
             break
@@ -108,7 +124,7 @@ def select(
         if not (chosen.leaves_much and leftover(chosen, found, context.rng)):
             break
         if before.ids and explained(before, chosen) < LEAST_OF_LEFTOVER * unexplained(before):
-            break  # what such a pair leaves, a third does not mend
+            break  # a third effect does not mend what such a pair leaves
         beam = [h for h in added[: 1 if before.ids else BEAM] if h.gain >= WORTH_CARRYING * added[0].gain]
     grown, chosen = chosen, _without_idle(joint, chosen, compared)
     tests = p_values.get(frozenset(chosen.ids), p_values[frozenset(grown.ids)])
@@ -121,7 +137,7 @@ def select(
 
 
 def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
-    """Whether conditions left out are predicted better with the further effect, by more than chance and mostly."""
+    """Whether left-out conditions are predicted significantly better in sum, and most of those affected better."""
     if with_it.degenerate:
         return False
     gains, errors = without.predicted.log_likelihood_gain(with_it.predicted)
@@ -132,7 +148,7 @@ def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
 
 
 def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
-    """Whether a further effect explains a good part of what is left beyond noise; the first one always may."""
+    """Whether a further effect explains a good part of the misfit beyond noise; a first effect always may be added."""
     if not without.ids:
         return True
     more, residuals, mismatch = explained(without, with_it), unexplained(without), 2 * with_it.gain
@@ -142,23 +158,23 @@ def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
 
 
 def explained(without: Hypothesis, with_it: Hypothesis) -> float:
-    """By a further effect, as a sum of squares."""
+    """Sum of squares that a further effect explains."""
     return 2 * (without.fit.nll - with_it.fit.nll)
 
 
 def unexplained(hypothesis: Hypothesis) -> float:
-    """What is left beyond noise, where that is known, as a sum of squares."""
+    """Sum of squared residuals, beyond noise if the noise is known."""
     return hypothesis.excess if hypothesis.noise_known else 2 * hypothesis.fit.nll
 
 
 def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:
-    """Whether any effect's signature still shows in what a hypothesis leaves."""
+    """Whether any effect's signature is still significant in a hypothesis's residuals."""
     beside = found.beside(hypothesis.columns)
     return beside.chance(max(beside.best(hypothesis.residuals).values(), default=0.0), rng) <= CHANCE
 
 
 def _without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:
-    """The hypothesis less whatever effect it does not need."""
+    """The hypothesis without the effects that it does not need: backward deletion."""
     while len(chosen.ids) > 1:
         for effect in chosen.fit.active.effects:
             rest = chosen.fit.active.minus(effect)
@@ -176,7 +192,7 @@ def _without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[froz
 
 
 def _only(joint: OutputErrorFit, chosen: Hypothesis, rest: ActiveEffects) -> Hypothesis | None:
-    """The chosen hypothesis with some of its effects alone; None where they cannot be simulated there."""
+    """The chosen hypothesis with only some of its effects; None if it cannot be simulated from there."""
     try:
         return settled(joint, joint.fit(rest, chosen.fit.head))
     except NUMERICAL:
@@ -192,7 +208,7 @@ def _as_good(
     compared: dict[frozenset[str], Hypothesis],
     context: FitContext,
 ) -> tuple[str, ...]:
-    """Effects that could stand in for one of the chosen: swaps, judged by likelihood and by signature."""
+    """Ids of effects that could replace one of the chosen: swaps, judged by likelihood and by signature."""
     rest = chosen.fit.active.minus(next(e for e in chosen.fit.active.effects if e.id == name))
     ids = frozenset(rest.ids)
     without = compared.get(ids) or _only(joint, chosen, rest)
@@ -212,7 +228,7 @@ def _as_good(
         other = compared.get(ids | {effect.id})
         if other is None or other.degenerate or effect.id == name or effect.id in chosen.ids:
             continue
-        behind = chosen.score - other.score  # one that must bend more parameters to be the other is no equal
+        behind = chosen.score - other.score  # one that needs more parameters for it is no equal
         apart = float(np.linalg.norm(other.residuals - chosen.residuals))
         alike = abs(cosine(without, chosen, other)) > SAME_COSINE and 2 * behind < chosen.excess
         if behind <= STANDARD_ERRORS * apart or alike:
@@ -221,7 +237,7 @@ def _as_good(
 
 
 def cosine(without: Hypothesis, one: Hypothesis, other: Hypothesis) -> float:
-    """Between what two hypotheses add to a third, whitened, base parameters adapted."""
+    """Cosine between what two hypotheses add to a third, whitened, base parameters adapted."""
     a, b = without.residuals - one.residuals, without.residuals - other.residuals
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size else 0.0

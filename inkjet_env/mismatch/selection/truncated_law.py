@@ -1,7 +1,7 @@
-"""A branch law that goes straight from some swing on, which no polynomial follows: asked before an effect is blamed.
+"""A branch law that is straight above some swing, which no polynomial follows; it is tried before an effect is blamed.
 
-A ceramic whose play operators all yield below some threshold has such a law: its density p(r) ends there. It is the
-base model still, with a smaller full scale than the recordings' largest swing.
+A ceramic whose play operators all yield below some threshold has such a law: its density p(r) ends there. It is still
+the base model, with a full scale smaller than the recordings' largest swing.
 """
 
 from __future__ import annotations
@@ -20,38 +20,39 @@ from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 LOOKED_AT = (0.9, 0.75, 0.5)
-"""Full scales, in parts of the base model's, whose laws beside its own show a bend wherever it is."""
+"""Full scales, relative to the base model's, whose laws together with its own reveal a bend wherever it is."""
 FULL_SCALES = np.linspace(0.975, 0.5, 20)
-"""Those that are fitted, from the largest on; none is smaller."""
+"""Full scales that are fitted, relative to the base model's, in this order; none is smaller."""
 REFUTED = 1.0
-"""A fit that leaves so much more of each sample is of a full scale too small, and so are all below it."""
+"""Loss of log-likelihood per sample from which a full scale is too small, and so are all below it."""
 FITTED = 3
-"""Steps of a fit with another full scale."""
+"""Largest number of steps of a fit with another full scale."""
 TOLERANCE = 2e-3
-"""Of the full scale, in parts of the base model's."""
+"""Tolerance of the full scale, relative to the base model's."""
 NODES = 400
-"""Of the old law, from which the new one starts."""
+"""Number of points of the old law that the new one is fitted to."""
 LEAST_SINE = 1e-5
-"""Of the angle between what two laws can say, below which they say the same."""
+"""Sine of the angle between what two laws can represent, below which they represent the same."""
 
 
 def fit_truncated_law(joint: OutputErrorFit, chosen: Hypothesis, least: float = 0.0) -> OutputErrorFit | None:
-    """The base model with a law that goes straight beyond a smaller full scale, if it explains surely more.
+    """The base model with a law that is straight above a smaller full scale, if it explains significantly more.
 
     Parameters
     ----------
     joint : OutputErrorFit
+        Recordings, noise and base model.
     chosen : Hypothesis
-        On the same recordings and noise; its effects are on where full scales are compared.
+        Hypothesis on the same recordings and noise; its effects are on when full scales are compared.
     least : float
-        Of the log-likelihood, that it must gain.
+        Least gain in log-likelihood.
 
     Returns
     -------
     OutputErrorFit or None
-        With the best full scale; None where what is left does not look like a law's bend, or no full scale gains so
-        much, more than a parameter would by chance (Schwarz's criterion), and more than the share of the mismatch that
-        equations may be wrong by.
+        With the best full scale. None if the residuals do not look like a bend of the law, or if no full scale gains
+        more than each of ``least``, the penalty of one parameter (Schwarz's criterion), and the share of the mismatch
+        by which the equations may be wrong.
     """
     worth = max(0.5 * math.log(chosen.residuals.size), LEAST_SHARE * chosen.gain, least)
     if max(_bend(joint, chosen, part) for part in LOOKED_AT) <= worth:
@@ -84,15 +85,15 @@ def fit_truncated_law(joint: OutputErrorFit, chosen: Hypothesis, least: float = 
 
 
 def _bend(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> float:
-    """What laws of another full scale would explain of what a hypothesis leaves, less what so many would by chance.
+    """Log-likelihood that laws of another full scale would gain over a hypothesis, less Schwarz's penalty.
 
-    To first order, by projection: a law enters linearly.
+    It is computed to first order, by projection, because a law enters linearly.
     """
     other = OutputErrorFit(
         joint.observed, joint.noise, narrower(chosen.fit.head, part), joint.random_effects, joint.base
     )
     own, (columns, _) = chosen.columns, other.basis
-    for _ in range(2):  # once more, for they are nearly alike
+    for _ in range(2):  # twice, because they are nearly parallel
         columns = columns - own @ (own.T @ columns)
     u, sines, _ = np.linalg.svd(columns, full_matrices=False)
     new = u[:, sines > LEAST_SINE]
@@ -100,7 +101,7 @@ def _bend(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> float:
 
 
 def _fitted(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> FitResult | None:
-    """A hypothesis gone on with from a law of another full scale; None where it cannot be simulated with that."""
+    """A hypothesis fitted on from a law of another full scale; None if it cannot be simulated with that law."""
     begun = chosen.fit.moved(head=narrower(chosen.fit.head, part))
     try:
         return joint.near(begun).fit(begun.active, most_steps=FITTED)
@@ -109,7 +110,7 @@ def _fitted(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> FitResult
 
 
 def narrower(head: Head, part: float) -> Head:
-    """The head with its law cut off at a part of its full scale: there the polynomial that is nearest to it."""
+    """The head with its full scale reduced to a share; its law is the polynomial nearest to the old one there."""
     old = head.printhead
     full_scale_V = part * old.full_scale_V
     x: Real = np.linspace(0.0, 1.0, NODES)
