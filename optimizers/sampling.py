@@ -17,7 +17,7 @@ class Random(Optimizer):
         return self.rng.uniform(-1.0, 1.0, (BATCH, self.dimension))
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
-        """Nothing."""
+        """Do nothing: the search does not learn."""
 
 
 class Sobol(Optimizer):
@@ -36,4 +36,4 @@ class Sobol(Optimizer):
         return 2.0 * self._sequence.random(BATCH) - 1.0
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
-        """Nothing."""
+        """Do nothing: the search does not learn."""
