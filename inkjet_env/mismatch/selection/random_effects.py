@@ -123,7 +123,7 @@ def detect_random_effects(
 
 @dataclass(frozen=True, eq=False)
 class _Channel:
-    """Recordings of one channel, their residuals, their noise with its negative log-likelihood ``before``, and lines."""
+    """Recordings of one channel, their residuals, noise with its negative log-likelihood ``before``, and lines."""
 
     observed: Sequence[ObservedRecording]
     residuals: dict[str, Real]
