@@ -40,6 +40,7 @@ from experiments.learning.repeated_training import (
 from inkjet_env.storage import json_text, write_atomically
 from inkjet_env.typing import Real
 
+MODULE = "experiments.learning.amortised"
 FORMAT = "amortised/3"
 TITLE = "Learning over heads"
 BUDGETS = (50, 150, 2000)
@@ -285,7 +286,7 @@ def print_study(found: Mapping[str, Any]) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Train, test and print the results."""
-    run_command("amortised", __doc__, 200_000, 100, study, print_study, arguments)
+    run_command(MODULE, Path("results/amortised"), __doc__, 200_000, 100, study, print_study, arguments)
 
 
 if __name__ == "__main__":

@@ -42,6 +42,7 @@ from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
 from inkjet_env.storage import json_text, write_atomically
 from inkjet_env.typing import Real
 
+MODULE = "experiments.learning.few_shot"
 FORMAT = "few-tries/3"
 TITLE = "A few tries on an unknown head"
 AGENT, FOR_ALL, LISTS = "sb3-ppo", "one for all", "lists"
@@ -193,7 +194,7 @@ def print_study(found: Mapping[str, Any]) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Learn, tune and print the results."""
-    run_command("few_tries", __doc__, 500_000, 200, study, print_study, arguments)
+    run_command(MODULE, Path("results/few-tries"), __doc__, 500_000, 200, study, print_study, arguments)
 
 
 if __name__ == "__main__":

@@ -219,6 +219,7 @@ def over(heads: int, trainings: int) -> str:
 
 def run_command(
     module: str,
+    folder: Path,
     description: str | None,
     evaluations: int,
     heads: int,
@@ -227,8 +228,8 @@ def run_command(
     arguments: list[str] | None,
 ) -> None:
     """Run a study from the command line: ``run`` gets the options by name, ``show`` its result."""
-    parser = argparse.ArgumentParser(prog=f"python -m experiments.{module}", description=description)
-    parser.add_argument("--folder", type=Path, default=Path("results") / module.replace("_", "-"))
+    parser = argparse.ArgumentParser(prog=f"python -m {module}", description=description)
+    parser.add_argument("--folder", type=Path, default=folder)
     parser.add_argument("--evaluations", type=int, default=evaluations, help="number of evaluations in one training")
     parser.add_argument("--heads", type=int, default=heads, help="number of test heads")
     parser.add_argument("--labelling", type=int, default=60, help="descents for the best known cost of a test head")
