@@ -1,7 +1,7 @@
 """Rate-independent hysteresis of the ceramic: Prandtl–Ishlinskii as a branch law, and as play operators.
 
 Between turning points ``u_k`` of the drive, the hysteretic drive ``v`` follows one law (Zhu et al. 2024, section 2.2.1;
-equations are numbered as in docs/explanation/model.md), with ``F`` the full scale in volts and ``Q`` a polynomial:
+equations are numbered as in docs/explanation/model.md), with ``F`` the full scale in volts and ``Q`` a polynomial::
 
     F_r[u](t) = max(u - r, min(u + r, F_r[u](t_k)))        play operator                            (1)
     v = ∫ p(r) F_r[u] dr                                   classic PI operator                      (2)

@@ -24,7 +24,7 @@ from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.damped_step import damped_step
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer
 from inkjet_env.mismatch.fitting.fit_result import FitResult, ModelState
-from inkjet_env.plant import Effect, Values
+from inkjet_env.plant import Effect, Plant, Values
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import limits
 from inkjet_env.plant.errors import NUMERICAL
@@ -138,11 +138,7 @@ class OutputErrorFit:
 
     def signals(self, at: ModelState, chosen: Sequence[ObservedRecording]) -> dict[str, Real]:
         """Free-run signals by recording, in each channel's unit, shape (n,)."""
-        plant, states = at.head.plant(at.active.pairs), at.states
-        return {
-            o.name: plant.signal(replace(o.excitation, start=states[o.name]) if o.name in states else o.excitation)
-            for o in chosen
-        }
+        return _signals(at.head.plant(at.active.pairs), at.states, chosen)
 
     def modelled(self, fit: FitResult) -> dict[str, Real]:
         """A fit's signal of every recording, in the channel's unit: free-run, plus its own random-effect amplitudes."""
@@ -364,13 +360,23 @@ class OutputErrorFit:
 
         This is ``W (ŷ(θ) − ŷ(0))`` of the score test, Eq. (1) of docs/explanation/diagnosis.md.
         """
-        on = self.signals(replace(self.base.end, active=ActiveEffects.of([(effect, values)])), self.seen)
+        base = self.base.end  # the values as they are given, not as their coordinates round them
+        on = _signals(base.head.plant([(effect, values)]), base.states, self.seen)
         return self.stacked({o.name: on[o.name] - self._off[o.name] for o in self.seen})
 
     @cached_property
     def _off(self) -> dict[str, Real]:
         """Signals of the base model, by recording: those with every effect switched off."""
         return self.signals(self.base.end, self.seen)
+
+
+def _signals(
+    plant: Plant, states: Mapping[str, tuple[float, float]], chosen: Sequence[ObservedRecording]
+) -> dict[str, Real]:
+    return {
+        o.name: plant.signal(replace(o.excitation, start=states[o.name]) if o.name in states else o.excitation)
+        for o in chosen
+    }
 
 
 def state_columns(printhead: Printhead, gain: float, o: ObservedRecording) -> Real:
