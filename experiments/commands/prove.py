@@ -9,10 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from inkjet_env.cli.arguments import check_outputs
+from inkjet_env.cli.exit_status import CHECK_FAILED, INTERRUPTED
 from inkjet_env.cli.options import JsonFile
 
-INTERRUPTED = 130
-FALLS_SHORT = 1
 REPORT = "report.html"
 
 
@@ -124,4 +123,4 @@ def _proved(
     if str(json) != "-":
         print_score(found)
         print(f"Report: {report}")
-    return FALLS_SHORT if found["short"] else 0
+    return CHECK_FAILED if found["short"] else 0

@@ -11,6 +11,7 @@ import typer
 
 from inkjet_env.cli.arguments import check_outputs, chosen_seed
 from inkjet_env.cli.campaigns import Folder, ScopeChannel, ScopeColumns, ScopeState, files_of, reading_options
+from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import JsonFile, OwnEffects
 from inkjet_env.cli.printing import print_diagnosis
 from inkjet_env.progress import announce_compiling, shown_steps
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from inkjet_env.mismatch import Diagnosis
 
 NEXT = "next.csv"
-INTERRUPTED = 130
 
 
 def diagnose(
