@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from inkjet_env.cli.arguments import check_outputs, chosen_printhead, chosen_seed, named_values
+from inkjet_env.cli.arguments import check_outputs, chosen_printhead, chosen_seed
+from inkjet_env.cli.campaign_reading import (
+    Folder,
+    ScopeChannel,
+    ScopeColumns,
+    ScopeState,
+    files_of,
+    reading_options,
+)
 from inkjet_env.cli.options import JsonFile, OwnEffects, PrintheadFile
 from inkjet_env.progress import announce_compiling
 
@@ -16,22 +24,6 @@ if TYPE_CHECKING:
     from inkjet_env.identification import Identification
     from inkjet_env.recordings import Campaign
 
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the campaign", show_default=False)]
-ScopeChannel = Annotated[
-    str | None,
-    typer.Option("--channel", help="channel of oscilloscope files: self_sensing, strain_gauge or displacement"),
-]
-ScopeColumns = Annotated[
-    str | None,
-    typer.Option(
-        "--columns",
-        help="columns of oscilloscope files: time=NAME,drive=NAME,sensor=NAME (or numbers); guessed unless given",
-    ),
-]
-ScopeState = Annotated[
-    str | None,
-    typer.Option("--initial-state", help="initial state of oscilloscope files: demagnetised, periodic or free (free)"),
-]
 Folders = Annotated[
     list[Path], typer.Argument(metavar="DIR…", help="folder of a campaign; several are identified in parallel")
 ]
@@ -193,11 +185,6 @@ def evaluate(
         print_evaluation(found)
 
 
-def files_of(folder: Path) -> tuple[Path, ...]:
-    """All files in a campaign's folder; no result may overwrite them."""
-    return tuple(path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else ()
-
-
 def _check_target(folder: Path, plan: bool) -> None:
     """Protect measured data: the rig overwrites only its own campaigns, and drives need a folder without a campaign."""
     from inkjet_env.recordings import CampaignError
@@ -213,15 +200,6 @@ def _check_target(folder: Path, plan: bool) -> None:
             f"{folder}: holds a campaign that the virtual rig did not record and that would be overwritten; nothing "
             "was written. Give another folder."
         )
-
-
-def reading_options(channel: str | None, columns: str | None, initial_state: str | None) -> dict[str, Any]:
-    """Keyword arguments of `read_campaign` from the command line's options for oscilloscope files."""
-    return {
-        "channel": channel,
-        "columns": None if columns is None else named_values("--columns", columns),
-        "initial_state": initial_state,
-    }
 
 
 def _tell(campaign: Campaign, found: Identification) -> None:

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from inkjet_env.cli.arguments import check_outputs, chosen_seed
-from inkjet_env.cli.campaigns import Folder, ScopeChannel, ScopeColumns, ScopeState, files_of, reading_options
+from inkjet_env.cli.campaign_reading import (
+    Folder,
+    ScopeChannel,
+    ScopeColumns,
+    ScopeState,
+    checked,
+    files_of,
+    reading_options,
+    warn,
+)
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import JsonFile, OwnEffects
 from inkjet_env.cli.printing import print_diagnosis
@@ -122,7 +131,6 @@ def _diagnosed(
     """Read, check and diagnose the campaign of a folder; warnings go to standard error."""
     import numpy as np
 
-    from inkjet_env.cli.identify_folders import checked, warn
     from inkjet_env.mismatch import diagnose
     from inkjet_env.printhead import Printhead
     from inkjet_env.recordings import read_campaign

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.cli.identify_folders import checked, warn
+from inkjet_env.cli.campaign_reading import checked, warn
 from inkjet_env.identification import evaluate
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import chosen_head

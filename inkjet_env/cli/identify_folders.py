@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+from inkjet_env.cli.campaign_reading import checked, warn
 from inkjet_env.identification import Identification, identify
 from inkjet_env.progress import shown_progress, shown_steps
-from inkjet_env.recordings import Campaign, CampaignError, check_campaign, read_campaign
+from inkjet_env.recordings import Campaign, read_campaign
 from inkjet_env.storage import write_json
 
-MOST_WARNINGS = 10
 ALONE = Path("printhead.json")
 TOGETHER = Path("printheads")
 
@@ -51,23 +50,6 @@ def identify_one(
             raise
     warn([*warned, *(w for w in checked(campaign, found.printhead.frequency_Hz) if w not in warned)])
     return campaign, found
-
-
-def checked(campaign: Campaign, frequency_Hz: float | None) -> list[str]:
-    """The warnings about a campaign; the first error is raised as a `CampaignError`."""
-    findings = check_campaign(campaign, frequency_Hz)
-    for finding in findings:
-        if finding.level == "error":
-            raise CampaignError(str(finding))
-    return [str(finding) for finding in findings]
-
-
-def warn(warnings: Sequence[str]) -> None:
-    """Print at most `MOST_WARNINGS` warnings on standard error."""
-    for warning in warnings[:MOST_WARNINGS]:
-        print(f"warning: {warning}", file=sys.stderr)
-    if len(warnings) > MOST_WARNINGS:
-        print(f"warning: … and {len(warnings) - MOST_WARNINGS} more of this kind", file=sys.stderr)
 
 
 def identify_folders(
