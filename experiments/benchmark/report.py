@@ -20,6 +20,7 @@ from experiments.benchmark.conclusions import ranking_sentences, standings_sente
 from experiments.benchmark.run_files import RunResult
 from experiments.benchmark.suite import VERSION, problem
 from inkjet_env.reporting import plotting
+from inkjet_env.reporting.waveform_figures import draw_before_after
 from inkjet_env.storage import json_text, write_atomically
 
 RANKING_FORMAT = "ranking/1"
@@ -130,4 +131,4 @@ def before_after_figure(run: RunResult) -> Any:
     first, final = solved.respond(run.best_point(GENERATION)), solved.respond(run.best_point())
     last = run.budget
     titles = (f"best of the first {min(GENERATION, last)} evaluations", f"best of all {last:,} evaluations")
-    return plotting.draw_before_after(first, final, solved.cost, titles)
+    return draw_before_after(first, final, solved.cost, titles)

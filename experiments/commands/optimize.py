@@ -126,7 +126,8 @@ def _finish_optimize(
         write_record(record, plan, run)
     write_columns(out, {"time_s": time_s, "drive_V": drive_V})
     if plot is not None:
-        from inkjet_env.reporting.plotting import draw_response, write_picture
+        from inkjet_env.reporting.plotting import write_picture
+        from inkjet_env.reporting.waveform_figures import draw_response
 
         write_picture(plot, draw_response(plan.problem.respond(run.best_point), plan.problem.cost))
     if json is not None:

@@ -14,6 +14,7 @@ from experiments.benchmark.report import RANKING_FORMAT
 from experiments.benchmark.studies.figure7 import GENERATIONS, reproduce
 from experiments.validation.identification_study import published_loop
 from inkjet_env.reporting import plotting
+from inkjet_env.reporting.waveform_figures import draw_before_after
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,7 +34,7 @@ def before_after() -> Figure:
     """Drive and response in generation 1 and in generation 50, side by side."""
     run = reproduce(SHOWN_SEED)
     titles = ("generation 1", f"generation {GENERATIONS}")
-    return plotting.draw_before_after(run.response(1), run.response(GENERATIONS), run.problem.cost, titles)
+    return draw_before_after(run.response(1), run.response(GENERATIONS), run.problem.cost, titles)
 
 
 def comparison() -> Figure:

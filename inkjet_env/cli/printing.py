@@ -17,8 +17,9 @@ def print_diagnosis(found: Diagnosis) -> None:
     from inkjet_env.reporting.diagnosis_tables import channel_rows, parameter_rows
     from inkjet_env.reporting.formatting import share_text, short, unit_text
 
-    print(found.headline)
     parameters = [(e.effect.id, *row[:4]) for e in found.effects for row in parameter_rows(e)]
+    channels = channel_rows(found)
+    print(found.headline)
     if parameters:
         print_table(("effect", "parameter", "value", "90 % interval", "unit"), parameters)
     fits = [
@@ -27,7 +28,7 @@ def print_diagnosis(found: Diagnosis) -> None:
             *(f"{short(rms)} {unit_text(row.unit)}" for rms in (row.noise, row.base, row.augmented)),
             share_text(row.closure),
         )
-        for row in channel_rows(found)
+        for row in channels
     ]
     print_table(("residual (RMS)", "noise", "base", "augmented", "closure"), fits)
     for group in found.candidates:

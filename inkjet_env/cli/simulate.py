@@ -92,7 +92,8 @@ def simulate(
         "cost": response.cost(cost),
     }
     if plot is not None:
-        from inkjet_env.reporting.plotting import draw_response, write_picture
+        from inkjet_env.reporting.plotting import write_picture
+        from inkjet_env.reporting.waveform_figures import draw_response
 
         write_picture(plot, draw_response(response, cost))
     if out is not None:

@@ -11,7 +11,8 @@ import numpy as np
 from inkjet_env.reporting import plotting
 from inkjet_env.reporting.diagnosis_tables import Row
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
-from inkjet_env.reporting.identification_figures import BAND, amplitude_densities, draw_line, time_scale
+from inkjet_env.reporting.identification_figures import BAND, amplitude_densities
+from inkjet_env.reporting.plotting import draw_line, time_scale
 from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from inkjet_env.identification import ModelledRecording
     from inkjet_env.mismatch.design.next_experiment import NextExperiment
+    from inkjet_env.mismatch.diagnosis import Diagnosis
 
 
 WIDTH = 5.4
@@ -26,15 +28,114 @@ WIDTH = 5.4
 AUGMENTED, BASE, CORRECTED = plotting.COLOURS[0], plotting.COLOURS[1], plotting.COLOURS[2]
 MEASURED, NOISE = "#9a9a9a", "#444444"
 SHADE = "#f3e6bf"
+PERIODS_SHOWN = 6
+"""Periods of the resonance shown in the enlarged view of the difference."""
+FEWEST_SHOWN = 60
+"""Smallest number of samples in the enlarged view."""
+MOST_CONDITIONS = 60
+"""Largest number of conditions in a figure; the table has all."""
 BINS = 160
 """Number of frequency bins of a spectrum, equally wide on a logarithmic axis."""
 LABELS = {"base": "base model", "augmented": "augmented model", "corrected": "with flexible correction"}
 COLOURS = {"base": BASE, "augmented": AUGMENTED, "corrected": CORRECTED}
 
 
+def figures_of(diagnosis: Diagnosis, conditions: Sequence[tuple[Row, list[Row]]]) -> dict[str, Any]:
+    """Every figure of the report, and what its captions name, by the template's names.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The diagnosis to report.
+    conditions : sequence of (Row, list of Row)
+        The fit of each condition, as `condition_rows` has it.
+    """
+    proof = proof_recording(diagnosis)
+    models = models_of(proof, diagnosis)
+    zoom = zoom_of(proof, models, diagnosis.printhead.frequency_Hz)
+    experiment = diagnosis.next_experiment
+    return {
+        "proof": proof,
+        "models": models,
+        "most_conditions": MOST_CONDITIONS,
+        "whole": view_figure(proof, models, slice(0, proof.measured.size), zoom),
+        "zoom": view_figure(proof, models, zoom),
+        "fits": [fits_figure(rows) for rows in shown_conditions(conditions)],
+        "spectra": [spectrum_figure(recordings) for recordings in spectrum_recordings(diagnosis)],
+        "next_picture": next_figure(experiment) if experiment and len(experiment.drive_V) > 1 else None,
+    }
+
+
 def augmented(recordings: Sequence[ModelledRecording]) -> bool:
     """Whether the augmented model differs from the base model on any of these recordings."""
     return any(not np.array_equal(r.modelled["base"], r.modelled["augmented"]) for r in recordings)
+
+
+def proof_recording(diagnosis: Diagnosis) -> ModelledRecording:
+    """The recording that best shows the evidence for the verdict: one with a varying drive, held out if there is one.
+
+    If the augmented model differs from the base model, it is the recording whose likelihood increases most; otherwise
+    the one with the largest ratio of residual to noise.
+    """
+    changed = augmented(diagnosis.recordings)
+
+    def evidence(recording: ModelledRecording) -> float:
+        rows = slice(recording.fitted, None) if recording.held_out else slice(None)
+        noise = recording.noise_rms if recording.noise_rms > 0 else 1.0
+        squares = (recording.residual("base")[rows] / noise) ** 2
+        if changed:
+            squares = squares - (recording.residual("augmented")[rows] / noise) ** 2
+        return float(np.sum(squares))
+
+    moving = [r for r in diagnosis.recordings if np.ptp(r.drive_V) > 0] or list(diagnosis.recordings)
+    return max(moving, key=lambda r: (r.held_out, evidence(r)))
+
+
+def models_of(recording: ModelledRecording, diagnosis: Diagnosis) -> dict[str, Real]:
+    """The signals to draw: the base model's, and those of the models that differ from it."""
+    models = {"base": recording.modelled["base"]}
+    if augmented([recording]):
+        models["augmented"] = recording.modelled["augmented"]
+    if diagnosis.correction is not None and recording.name in diagnosis.correction.modelled:
+        models["corrected"] = recording.modelled["augmented"] + diagnosis.correction.modelled[recording.name]
+    return models
+
+
+def zoom_of(recording: ModelledRecording, models: Mapping[str, Real], frequency_Hz: float) -> slice:
+    """The segment where the best model differs most from the base model, or the base model from the measurement."""
+    n = recording.measured.size
+    periods = (
+        round(PERIODS_SHOWN / (frequency_Hz * recording.step_s)) if recording.channel != "strain_gauge" else n // 6
+    )
+    width = min(max(periods, FEWEST_SHOWN), n)
+    other = recording.measured if len(models) == 1 else list(models.values())[-1]
+    power = np.concatenate([[0.0], np.cumsum((other - recording.modelled["base"]) ** 2)])
+    first = recording.fitted if recording.held_out and n - recording.fitted >= width else 0
+    start = first + int(np.argmax(power[first + width :] - power[first : n - width + 1]))
+    half = (power[start] + power[start + width]) / 2
+    start = min(max(int(np.searchsorted(power, half)) - 1 - width // 4, 0), n - width)  # shows what precedes it too
+    return slice(start, start + width)
+
+
+def spectrum_recordings(diagnosis: Diagnosis) -> list[list[ModelledRecording]]:
+    """Recordings whose spectra are pooled: each channel's driven held-out recordings, or all driven ones if none is."""
+    chosen = []
+    for channel in CHANNEL_WORDS:
+        mine = [r for r in diagnosis.recordings if r.channel == channel and np.ptp(r.drive_V) > 0]
+        if mine:
+            chosen.append([r for r in mine if r.held_out] or mine)
+    return chosen
+
+
+def shown_conditions(conditions: Sequence[tuple[Row, list[Row]]]) -> list[list[Row]]:
+    """Rows of each figure: a channel's conditions, at most `MOST_CONDITIONS` with the largest residual over noise."""
+    pictures = []
+    for channel in CHANNEL_WORDS:
+        mine = [row for row, _ in conditions if row.channel == channel]
+        kept = sorted(range(len(mine)), key=lambda k: -mine[k].base / max(mine[k].noise, 1e-300))[:MOST_CONDITIONS]
+        if kept:
+            pictures.append([mine[k] for k in sorted(kept)])
+    return pictures
 
 
 def view_figure(

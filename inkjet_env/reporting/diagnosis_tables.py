@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from inkjet_env.identification import ModelledRecording
     from inkjet_env.mismatch.diagnosis import Diagnosis, NamedEffect
 
-MOST_CONDITIONS = 60
-"""Largest number of conditions in a figure; the table has all."""
 MOST_CELLS = 8
 """Largest number of rows in one view of the mismatch's location."""
 VIEW_WORDS = {
@@ -71,6 +69,21 @@ class Row:
         """Fraction of the mean square above the noise that the augmented model removes; NaN if there is hardly any."""
         beyond = self.base**2 - self.noise**2
         return (self.base**2 - self.augmented**2) / beyond if beyond > 0.1 * self.noise**2 else math.nan
+
+
+def tables_of(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Rows of every table of the report, by the template's names."""
+    channels = channel_rows(diagnosis)
+    main = [row for row in channels if row.held_out and row.channel == diagnosis.main_channel]
+    return {
+        "effects": [(named, parameter_rows(named)) for named in diagnosis.effects],
+        "main": main[0] if main else None,
+        "channels": channels,
+        "conditions": condition_rows(diagnosis),
+        "views": view_tables(diagnosis),
+        "noises": noise_rows(diagnosis),
+        "heads": head_rows(diagnosis),
+    }
 
 
 def parameter_rows(named: NamedEffect) -> list[tuple[str, str, str, str, str]]:
@@ -138,17 +151,6 @@ def condition_rows(diagnosis: Diagnosis) -> list[tuple[Row, list[Row]]]:
                     each = [pooled_row(r.name, [r], held_out) for r in some] if len(some) > 1 else []
                     found.append((pooled_row(label, some, held_out), each))
     return found
-
-
-def shown_conditions(conditions: Sequence[tuple[Row, list[Row]]]) -> list[list[Row]]:
-    """Rows of each figure: a channel's conditions, at most `MOST_CONDITIONS` with the largest residual over noise."""
-    pictures = []
-    for channel in CHANNEL_WORDS:
-        mine = [row for row, _ in conditions if row.channel == channel]
-        kept = sorted(range(len(mine)), key=lambda k: -mine[k].base / max(mine[k].noise, 1e-300))[:MOST_CONDITIONS]
-        if kept:
-            pictures.append([mine[k] for k in sorted(kept)])
-    return pictures
 
 
 def view_tables(diagnosis: Diagnosis) -> list[tuple[str, int, list[tuple[str, float, float, float]]]]:

@@ -13,6 +13,7 @@ from inkjet_env.identification import Identification, ModelledRecording, NoiseMo
 from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.reporting import plotting
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
+from inkjet_env.reporting.plotting import MOST_POINTS, draw_line, time_scale
 from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-MOST_POINTS = 3000
-"""Largest number of points drawn for one line."""
 MOST_LABELS = 90
 """Largest number of recording names that fit on an axis."""
 LARGEST_GAP = 0.05
@@ -283,28 +282,9 @@ def residuals_figure(parts: Sequence[Part]) -> Figure:
     return figure
 
 
-def time_scale(span_s: float) -> tuple[float, str]:
-    """The unit that suits a span of time: its length in seconds, and its symbol."""
-    for seconds, unit in ((1.0, "s"), (1e-3, "ms")):
-        if span_s >= 2 * seconds:
-            return seconds, unit
-    return 1e-6, "µs"
-
-
 def _noise_band(axes: Axes, recording: ModelledRecording) -> None:
     if math.isfinite(recording.noise_rms):
         axes.axhspan(-2 * recording.noise_rms, 2 * recording.noise_rms, color=BAND, lw=0, label="± 2 × noise")
-
-
-def draw_line(axes: Axes, x: Real, y: Real, **style: Any) -> None:
-    """Draw a line of many points through the smallest and the largest value of each run of neighbours."""
-    run = -(-2 * x.size // MOST_POINTS)
-    if run > 2:
-        rows = y[: y.size // run * run].reshape(-1, run)
-        first = np.arange(len(rows)) * run
-        kept = np.unique(np.concatenate([first + rows.argmin(axis=1), first + rows.argmax(axis=1), [y.size - 1]]))
-        x, y = x[kept], y[kept]
-    axes.plot(x, y, **style)
 
 
 def _log_ticks(axes: Axes) -> None:

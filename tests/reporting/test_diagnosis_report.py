@@ -13,14 +13,8 @@ from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, HypothesisScore
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.printhead import Printhead
-from inkjet_env.reporting.diagnosis_figures import augmented, left_densities
-from inkjet_env.reporting.diagnosis_report import (
-    diagnosis_html,
-    models_of,
-    proof_recording,
-    write_diagnosis_report,
-    zoom_of,
-)
+from inkjet_env.reporting.diagnosis_figures import augmented, left_densities, models_of, proof_recording, zoom_of
+from inkjet_env.reporting.diagnosis_report import diagnosis_html, write_diagnosis_report
 from inkjet_env.reporting.diagnosis_tables import channel_rows, condition_rows, parameter_rows, view_tables
 from inkjet_env.reporting.formatting import engineering, short
 from inkjet_env.rig import default_battery, record_campaign
