@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from experiments.benchmark.problem import Problem
+from experiments.benchmark.cost_check import first_other, first_other_cost
 from experiments.benchmark.suite import problem
 from experiments.execution.provenance import first_difference
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
@@ -268,26 +268,9 @@ def _what_is_wrong(run: RunResult, seed: int) -> str:
     if not (np.isfinite(run.told_V).all() and (np.diff(run.told_V) < 0).all()):
         return "the reported costs do not decrease"
     of = problem(run.key.problem)
-    again_V = of.evaluate(run.points)
-    if difference := _first_other(again_V, run.costs_V, counts):
+    if difference := first_other(of.evaluate(run.points), run.costs_V, run.points, counts, lambda x, _: of.evaluate(x)):
         return difference
-    if of.measurement_noise_V:
-        each = zip(run.points, counts, strict=True)
-        again_V = np.array([of.read(point, seed, int(k) - 1)[0] for point, k in each])
-    return _first_other(again_V, run.told_V, counts)
-
-
-def first_other_cost(problem: Problem, points: Real, told_V: Real, seed: int) -> str:
-    """The first recorded cost that a run with that seed would not report for its point, in words; empty if none."""
-    return _first_other(problem.read(points, seed), told_V, np.arange(1, len(told_V) + 1))
-
-
-def _first_other(again: Real, costs: Real, evaluations: NDArray[np.int64]) -> str:
-    wrong = ~np.isclose(again, costs, rtol=1e-9, atol=1e-9)
-    if not wrong.any():
-        return ""
-    i = int(np.argmax(wrong))
-    return f"evaluation {evaluations[i]} costs {again[i]:.9g} V here, not the {costs[i]:.9g} V it records"
+    return first_other_cost(of, run.points, run.told_V, seed, counts)
 
 
 def _damaged(path: Path, reason: str) -> DamagedResultError:

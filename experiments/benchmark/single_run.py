@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.benchmark.cost_check import first_other_cost
 from experiments.benchmark.problem import MAX_BUDGET, Problem
-from experiments.benchmark.run_files import first_other_cost
 from inkjet_env.plant.registry import UnregisteredEffectError
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import archive_bytes, write_atomically
