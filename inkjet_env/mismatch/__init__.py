@@ -2,5 +2,22 @@
 
 from inkjet_env.mismatch.diagnose import diagnose
 from inkjet_env.mismatch.diagnosis import Diagnosis
+from inkjet_env.mismatch.settings import (
+    DesignSettings,
+    DiagnosisSettings,
+    FittingSettings,
+    LocalizationSettings,
+    SelectionSettings,
+    VerdictSettings,
+)
 
-__all__ = ["Diagnosis", "diagnose"]
+__all__ = [
+    "DesignSettings",
+    "Diagnosis",
+    "DiagnosisSettings",
+    "FittingSettings",
+    "LocalizationSettings",
+    "SelectionSettings",
+    "VerdictSettings",
+    "diagnose",
+]

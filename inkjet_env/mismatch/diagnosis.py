@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from inkjet_env.estimate import Estimate
 from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
 from inkjet_env.mismatch.localization.location import Location
+from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Effect
 from inkjet_env.plant.wording import SENSOR_UNIT
 from inkjet_env.printhead import Printhead
@@ -154,6 +155,8 @@ class Diagnosis:
         Duration of the diagnosis.
     stages : dict of str to float
         Duration of each step, in seconds.
+    settings : DiagnosisSettings
+        Settings that it was made with.
     """
 
     campaign: str
@@ -177,6 +180,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     seconds: float
     stages: Mapping[str, float]
+    settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
 
     def heldout_rms(self, which: str) -> float:
         """RMS over the main channel's held-out samples, in volts; NaN if nothing is held out.

@@ -16,17 +16,11 @@ from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.stepwise import Selection, cosine
-from inkjet_env.mismatch.settings import LEAST_EXCESS, SURE
+from inkjet_env.mismatch.settings import VerdictSettings
 from inkjet_env.plant import Effect
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
-LEAST_ALIKE = 5
-"""Least number of recordings with the same noise from which its usual level can be read."""
-LEAST_PREDICTED = 8.0
-"""Least gain in log-likelihood from which a prediction of the discrepancy regression counts."""
-MOST_COMPARED = 24
-"""Largest number of hypotheses that a diagnosis lists."""
 NOT_CONVERGED = (
     "The fit of these values did not converge: they are where it stopped, and their intervals are not known."
 )
@@ -75,7 +69,7 @@ def modelled_recordings(
     )
 
 
-def closure_of(recordings: Sequence[ModelledRecording]) -> float:
+def closure_of(recordings: Sequence[ModelledRecording], settings: VerdictSettings) -> float:
     """Closure over the held-out recordings of all channels, each in units of its noise.
 
     It is the share of the base model's mean square beyond noise that the augmented model removes; NaN if there is
@@ -88,7 +82,8 @@ def closure_of(recordings: Sequence[ModelledRecording]) -> float:
             before += rows * (r.rms("base", held_out=True) / r.noise_rms) ** 2
             after += rows * (r.rms("augmented", held_out=True) / r.noise_rms) ** 2
             samples += rows
-    if not samples or before - samples < LEAST_EXCESS * samples + SURE * math.sqrt(2 * samples):
+    least = settings.least_excess * samples + settings.excess_standard_deviations * math.sqrt(2 * samples)
+    if not samples or before - samples < least:
         return math.nan
     return (before - after) / (before - samples)
 
@@ -111,7 +106,7 @@ def share_left(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyReg
 
 def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
     """Sums of squares beyond noise, of the residuals and of the mismatch, where the noise is known."""
-    joint = base.joint
+    joint, settings = base.joint, base.joint.settings.verdict
     known = {o.name for o in joint.seen if joint.noise.known(o)}
     keep = np.concatenate([np.full(o.fitted, o.name in known) for o in joint.seen])
     rows = int(keep.sum())
@@ -121,7 +116,7 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
     doubt = math.sqrt(2 * rows + 2 * rows**2 / max(told, 1))
     residuals = float(np.sum(chosen.residuals[keep] ** 2)) - rows + chosen.columns.shape[1]
     mismatch = float(np.sum(base.residuals[keep] ** 2)) - rows + base.columns.shape[1]
-    sure = residuals > SURE * doubt and residuals > LEAST_EXCESS * rows
+    sure = residuals > settings.excess_standard_deviations * doubt and residuals > settings.least_excess * rows
     return (residuals if sure else 0.0), mismatch
 
 
@@ -131,11 +126,12 @@ def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
     The noise level cancels, whose uncertainty may exceed what remains. A voltage measured at the head does not count,
     because its converter's rounding differs with the drive.
     """
-    joint, residuals, mismatch = base.joint, 0.0, 0.0
+    joint, settings = base.joint, base.joint.settings.verdict
+    residuals = mismatch = 0.0
     of_the_head = [o for o in joint.seen if joint.noise.known(o) and o.channel != "drive_monitor"]
     for key in sorted({o.noise_key for o in of_the_head}):
         mine = [o for o in of_the_head if o.noise_key == key]
-        if len(mine) < LEAST_ALIKE:
+        if len(mine) < settings.usual_level_recordings:
             continue
         rows = np.array([o.fitted for o in mine])
         before, after = (
@@ -143,7 +139,7 @@ def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
         )
         usual = float(np.median(after))
         more = after - usual
-        sure = more > SURE * usual * np.sqrt(2 / rows + np.pi / rows.sum())
+        sure = more > settings.excess_standard_deviations * usual * np.sqrt(2 / rows + np.pi / rows.sum())
         residuals += float(np.sum((more * rows)[sure]))
         mismatch += float(np.sum((before - usual) * rows))
     return residuals / max(mismatch, residuals) if residuals > 0 else 0.0
@@ -165,16 +161,16 @@ def _predicted_beyond(base: Hypothesis, chosen: Hypothesis, discrepancy: Discrep
         power += float(after @ after)
         residuals += float(np.sum(chosen.fit.residuals[o.name][seen] ** 2))
         mismatch += float(np.sum(base.fit.residuals[o.name][seen] ** 2))
-    sure = gain > LEAST_PREDICTED + 2 * math.sqrt(error)
+    sure = gain > base.joint.settings.verdict.regression_gain + 2 * math.sqrt(error)
     return (2 * gain / power * residuals if sure else 0.0), mismatch
 
 
 def compared(selection: Selection) -> tuple[HypothesisScore, ...]:
-    """How well each hypothesis explains the recordings, best first; at most `MOST_COMPARED`."""
-    rows = []
+    """How well each hypothesis explains the recordings, best first; as many as the settings list."""
+    rows, listed = [], selection.chosen.joint.settings.verdict.most_listed
     most = max((h.gain for h in selection.compared), default=0.0)
     best = selection.chosen
-    for h in selection.compared[:MOST_COMPARED]:
+    for h in selection.compared[:listed]:
         start = base_hypothesis(h.joint)
         gains, errors = start.predicted.log_likelihood_gain(h.predicted)
         rows.append(

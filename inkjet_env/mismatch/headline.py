@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from inkjet_env.mismatch.diagnosis import NamedEffect
 from inkjet_env.mismatch.localization.location import Location
-from inkjet_env.mismatch.settings import LEFT_OVER, MOST_ALIKE
+from inkjet_env.mismatch.settings import VerdictSettings
 from inkjet_env.plant.wording import percent, span_told
 
 MOST_BANDS, MOST_NAMED = 2, 3
@@ -22,6 +22,7 @@ def headline(
     left_over: float,
     closest: tuple[tuple[str, ...], float] | None,
     location: Location,
+    settings: VerdictSettings,
     noise_known: bool = True,
     unseen: Sequence[str] = (),
 ) -> str:
@@ -41,6 +42,8 @@ def headline(
         Effects of the hypothesis that explains most, and the share of the mismatch that it explains.
     location : Location
         Where the mismatch is; stated if the verdict is unknown.
+    settings : VerdictSettings
+        Thresholds of the verdict.
     noise_known : bool
         Whether the noise was estimated from anything but the fit's own residuals.
     unseen : sequence of str
@@ -56,7 +59,7 @@ def headline(
         return (
             f"The base model explains these recordings to their noise{late}: nothing was left out that they could show."
         )
-    if verdict == "unknown" and unseen and left_over <= LEFT_OVER:
+    if verdict == "unknown" and unseen and left_over <= settings.left_over:
         names = ", ".join(unseen[:MOST_NAMED]) + (" and others" if len(unseen) > MOST_NAMED else "")
         return (
             f"{names} {'does' if len(unseen) == 1 else 'do'} what the base model cannot, and what was fitted shows "
@@ -64,7 +67,7 @@ def headline(
         )
     if verdict == "unknown":
         refuted = [n.effect.id for n in named] or list(closest[0] if closest else ())
-        return _unknown(left_over, refuted, closest, location, max(map(len, groups), default=0))
+        return _unknown(left_over, refuted, closest, location, max(map(len, groups), default=0), settings)
     if verdict == "set":
         alike = "; ".join(_joined(group, "or") for group in groups)
         first = f"{alike[0].upper()}{alike[1:]}: these recordings cannot tell which."
@@ -96,13 +99,14 @@ def _unknown(
     closest: tuple[tuple[str, ...], float] | None,
     location: Location,
     alike: int,
+    settings: VerdictSettings,
 ) -> str:
     said = f"{percent(left_over)} of the mismatch is explained by nothing in the catalogue"
-    if left_over <= LEFT_OVER and alike > MOST_ALIKE:
+    if left_over <= settings.left_over and alike > settings.most_alike:
         said = f"Something small is there, and each of {alike} effects explains it as well as another"
-    elif left_over <= LEFT_OVER and refuted:
+    elif left_over <= settings.left_over and refuted:
         said = f"{_joined(refuted, 'with').capitalize()} explains what was fitted, and recordings held out the less"
-    elif closest is not None and closest[1] <= 1 - left_over + LEFT_OVER:
+    elif closest is not None and closest[1] <= 1 - left_over + settings.left_over:
         ids, part = closest
         said += f"; {_joined(ids, 'with')} comes closest with {percent(part)}"
     where = []

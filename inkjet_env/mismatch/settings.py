@@ -1,14 +1,351 @@
-"""Thresholds of a diagnosis."""
+"""Settings of a diagnosis: every threshold, number and grid on which its answer rests.
+
+Each field names its unit and its source. Sources that recur:
+
+decision 6
+    docs/explanation/decisions/0006-what-a-diagnosis-may-claim.md gives the reason.
+tables
+    Judgement. The tables of docs/results/diagnosis.md were made with this value; no study has varied it.
+speed
+    Judgement. It limits how much is computed, not what may be claimed; no study has varied it.
+reader
+    It limits what is listed or put into words, not what is found.
+"""
 
 from __future__ import annotations
 
-LEFT_OVER = 0.05
-"""Unexplained share of the mismatch, above which the verdict is unknown."""
-PREDICTED_POORLY = 0.5
-"""Closure below which an effect keeps its name only if it explains the held-out recordings once they are fitted."""
-MOST_ALIKE = 6
-"""Largest number of effects in a set: if more explain the recordings equally well, the verdict is unknown."""
-SURE = 5.0
-"""Standard deviations by which residual power must exceed the noise to count."""
-LEAST_EXCESS = 0.03
-"""Share of the noise's power by which residual power must exceed it: less may be the noise's own uncertainty."""
+import math
+from dataclasses import dataclass, field, fields
+from numbers import Integral, Real
+
+import numpy as np
+
+
+class _Settings:
+    """Settings that are all numbers, or tuples of numbers, finite and positive."""
+
+    def __post_init__(self) -> None:
+        """Raise ValueError at the first field that is not."""
+        for one in fields(self):  # type: ignore[arg-type]
+            value, whole = getattr(self, one.name), isinstance(one.default, int)
+            for number in value if isinstance(value, tuple) else (value,):
+                kind = isinstance(number, Integral if whole else Real) and not isinstance(number, bool)
+                if not kind or not math.isfinite(number) or number <= 0:
+                    wanted = "a whole number of at least 1" if whole else "a finite number above 0"
+                    raise ValueError(
+                        f"{type(self).__name__}.{one.name} must be {wanted}; got {number!r}. Its default is "
+                        f"{one.default!r}."
+                    )
+
+
+@dataclass(frozen=True)
+class FittingSettings(_Settings):
+    """How noise is estimated and models are fitted."""
+
+    repeats_to_rest_variance: float = 1.5
+    """Ratio of the variance of repeats' deviations to that at rest, above which repeats differ by more than noise and
+    recordings at rest alone determine it. Unit: 1. Source: decision 6."""
+    slight_1_f: float = 0.1
+    """Ratio of 1/f to white noise power at the longest recording's lowest line, below which 1/f noise is neglected.
+    Unit: 1. Source: speed."""
+    shortest_rest: int = 100
+    """Least number of samples before the drive from which the noise can be estimated. Unit: samples. Source: tables."""
+    law_degree: int = 9
+    """Least degree of the branch law: the base model explains all that it can before an effect is named. Unit: 1.
+    Source: decision 6."""
+    poor_start_share: float = 0.7
+    """Share of the fast recordings' variance. If the base model refitted from a given printhead leaves more
+    unexplained, that printhead belongs to another head. Unit: 1. Source: tables."""
+    nodes_per_period: int = 36
+    """Least number of simulation nodes per period of the resonance. Unit: nodes. Source: decision 6."""
+    most_substeps: int = 16
+    """Largest number of simulation nodes per sampling step. Unit: nodes. Source: speed."""
+    simulation_error: float = 0.5
+    """Largest error of the simulation; above it, nodes are doubled. Unit: standard errors of a parameter. Source:
+    decision 6."""
+    quieter_noise: float = 0.7
+    """Ratio of noise RMS with the effects found to that without, below which further effects are looked for once more.
+    Unit: 1. Source: tables."""
+    most_base_fits: int = 10
+    """Largest number of times that the base model is refitted from the end of its last fit. Unit: 1. Source: speed."""
+    most_steps: int = 25
+    """Number of steps after which a fit ends, converged or not. Unit: 1. Source: speed."""
+    step_gain: float = 0.01
+    """A step that is predicted to gain less is the last one. Unit: log-likelihood. Source: speed."""
+    step_gain_share: float = 1e-3
+    """Share of the misfit beyond noise: a step that is predicted to gain less is the last one too, because a wrong
+    model need be fitted only roughly. Unit: 1. Source: decision 6."""
+    own_sensitivity: float = 1e-4
+    """Share of a sensitivity that the base parameters cannot reproduce, below which a coordinate is not moved. Unit: 1.
+    Source: decision 6."""
+    settled_gain: float = 0.5
+    """A repetition of a fit with new base sensitivities that gains less is the last one. Unit: log-likelihood. Source:
+    the mean gain of one parameter from noise alone."""
+
+
+@dataclass(frozen=True)
+class SelectionSettings(_Settings):
+    """How effects are looked for, fitted and compared."""
+
+    significance_level: float = 1e-3
+    """Largest p-value of the score test for an effect to be looked for. Unit: 1. Source: decision 6."""
+    score_draws: int = 2000
+    """Number of draws of noise that the largest score is judged against. Unit: 1. Source: twice the reciprocal of the
+    significance level; Bonferroni's bound takes over in the tail."""
+    alike_starts: float = 0.95
+    """Cosine of two starts' signatures, above which only one of them is tried. Unit: 1. Source: speed."""
+    most_law_starts: int = 4
+    """Largest number of starts of an effect's whole law. Unit: 1. Source: speed."""
+    starts: int = 3
+    """Number of starts of each effect with a fair score, fitted with a few steps each; the best one is continued. Other
+    effects get one start. Unit: 1. Source: speed."""
+    fair_score: float = 0.2
+    """Share of the best effect's score from which a score is fair. Unit: 1. Source: speed."""
+    first_steps: int = 6
+    """Number of steps from each start. Unit: 1. Source: speed."""
+    hopeless_gain: float = 0.3
+    """Share of the best effect's gain, after the first steps, below which an effect is not fitted to the end. Unit: 1.
+    Source: speed."""
+    most_rounds: int = 4
+    """Largest number of times that the base parameters' sensitivities are computed anew for a fit. Unit: 1. Source:
+    speed."""
+    at_bound: float = 1e-3
+    """Distance within which a coordinate counts as at its bound: a share of its range, or of the bound for a strength.
+    Unit: 1. Source: tables."""
+    equation_error: float = 1e-3
+    """Share of the whole mismatch that a further effect must explain: less may be the error of the equations. Unit: 1.
+    Source: decision 6."""
+    whole_law_gain: float = 0.5
+    """Share of the best effect's gain from which the other terms of an effect's law are fitted too. Unit: 1. Source:
+    speed."""
+    most_whole_laws: int = 2
+    """Largest number of effects, beside another one, whose other terms are fitted too. Unit: 1. Source: speed."""
+    most_effects: int = 3
+    """Largest number of effects in a hypothesis. Unit: 1. Source: decision 6."""
+    beam_width: int = 3
+    """Number of single effects to which a second one is added; of pairs only the best one is continued. Unit: 1.
+    Source: speed."""
+    beam_gain: float = 0.5
+    """Share of the best hypothesis's gain from which a hypothesis stays in the beam. Unit: 1. Source: speed."""
+    predicted_standard_errors: float = 2.0
+    """Amount by which left-out conditions must be predicted better, all together. Unit: standard errors. Source:
+    decision 6."""
+    affected_condition: float = 2.0
+    """Amount by which an effect must change a condition to count as affecting it. Unit: standard deviations. Source:
+    tables."""
+    better_conditions: float = 0.5
+    """Share of the conditions affected by an effect that must be predicted better. Unit: 1. Source: decision 6."""
+    single_condition: float = 0.9
+    """Share of the information on a parameter direction that comes from one condition, above which leaving that
+    condition out does not test it. Unit: 1. Source: tables."""
+    further_effect: float = 0.5
+    """Share of the misfit beyond noise that a further effect must explain. Unit: 1. Source: decision 6."""
+    further_effect_if_large: float = 0.25
+    """Smaller share that suffices if the further effect explains a large share of the whole mismatch. Unit: 1. Source:
+    decision 6."""
+    large_share: float = 0.02
+    """Share of the whole mismatch that counts as large. Unit: 1. Source: decision 6."""
+    further_score: float = 0.5
+    """Share of the best score from which a further effect is fitted. Unit: 1. Source: speed."""
+    alternative_gain: float = 0.8
+    """Share of the best gain, after the first steps, from which an alternative is fitted to the end. Unit: 1. Source:
+    speed."""
+    lost: float = 0.1
+    """Unexplained share of the mismatch, above which alternatives are no longer compared: the verdict is unknown
+    already. Unit: 1. Source: speed."""
+    same_signature: float = 0.95
+    """Cosine above which a signature is nearly the winner's. Such an effect is distinguished from the winner only by a
+    difference larger than what the winner itself leaves unexplained, because the equations may be wrong by as much.
+    Unit: 1. Source: decision 6."""
+    unidentifiable: float = 5.0
+    """Standard error of a parameter's logarithm, above which the parameter is reported as not identifiable. Unit: 1.
+    Source: a factor of 3,700 (90 %): no interval of use to anybody."""
+    law_gain: float = 0.5
+    """Share of the effects' gain that a bend of the branch law alone must reach to be tried in their place. Unit: 1.
+    Source: decision 6."""
+    law_scales_screened: tuple[float, ...] = (0.9, 0.75, 0.5)
+    """Full scales, relative to the base model's, whose laws together with its own reveal a bend wherever it is. Unit:
+    1. Source: speed."""
+    law_scales: tuple[float, ...] = tuple(float(scale) for scale in np.linspace(0.975, 0.5, 20))
+    """Full scales that are fitted, relative to the base model's, in this order; none is smaller. Unit: 1. Source:
+    tables."""
+    law_scale_refuted: float = 1.0
+    """Loss from which a full scale is too small, and so are all below it. Unit: log-likelihood per sample. Source:
+    speed."""
+    law_steps: int = 3
+    """Largest number of steps of a fit with another full scale. Unit: 1. Source: speed."""
+    law_scale_tolerance: float = 2e-3
+    """Tolerance of the full scale, relative to the base model's. Unit: 1. Source: speed."""
+    random_effect_gain: float = 15.0
+    """Gain from which a random effect counts as present; for each fitted shape, the logarithm of the number of
+    frequencies to choose from is added. Unit: log-likelihood. Source: tables."""
+    random_effect_gain_at_rest: float = 3.0
+    """Gain that the recordings at rest alone must show. Unit: log-likelihood. Source: decision 6."""
+    random_effect_refined: float = 5.0
+    """Gain from which a start is refined: within a quarter of a line it has most of its gain. Unit: log-likelihood.
+    Source: speed."""
+    spectral_lines: int = 4
+    """Number of strongest lines of the pooled periodogram that serve as starts. Unit: 1. Source: speed."""
+    same_random_gain: float = 0.02
+    """Relative difference in gain, below which two random effects are not distinguished. Unit: 1. Source: tables."""
+    dithered: float = 0.5
+    """Noise RMS from which rounding errors are practically independent of the signal. Unit: steps of the converter.
+    Source: Widrow, Kollár & Liu, IEEE Trans. Instrum. Meas. 45, 1996."""
+    ridge_penalties: tuple[float, ...] = tuple(float(penalty) for penalty in np.geomspace(1e-3, 1e5, 17))
+    """Ridge penalties that the discrepancy regression tries, for features of unit norm. Unit: 1. Source: tables."""
+    delays: tuple[float, ...] = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)
+    """Delays of the copies of the motion among the regression's features. Unit: periods of the resonance. Source:
+    tables."""
+
+
+@dataclass(frozen=True)
+class LocalizationSettings(_Settings):
+    """How the mismatch is located without knowledge of effects."""
+
+    false_alarms: float = 0.05
+    """Probability that anything is significant if the model is right, over all cells and trends. Unit: 1. Source:
+    Bonferroni's bound; docs/results/diagnosis.md counts the alarms on 100 heads without a mismatch."""
+    least_degrees_of_freedom: float = 10.0
+    """Least number of degrees of freedom of a cell. Unit: 1. Source: Paulson's approximation, Ann. Math. Stat. 13,
+    1942, holds from there on."""
+    independent_share: float = 0.5
+    """Share of independent samples among those that the noise was estimated from. Unit: 1. Source: of two repeats, one
+    determines the mean."""
+    smooth_spectrum: float = 4.0
+    """Number of noise samples, per coefficient of the noise model, that count as one for the noise at a single spectral
+    line. Unit: samples. Source: tables."""
+    trend_recordings: int = 4
+    """Least number of recordings in a trend. Unit: recordings. Source: tables."""
+    trend_error: float = 0.05
+    """Standard error of a relative shift, from which a recording takes no part in a trend. Unit: 1. Source: tables."""
+    most_recordings: int = 10
+    """Largest number of recordings that a location lists. Unit: recordings. Source: reader."""
+    strong: float = 0.5
+    """Share of the strongest cell's surplus power from which a cell's interval is part of the location. Unit: 1.
+    Source: reader."""
+    part_stands_out: float = 2.0
+    """Ratio of surplus power per sample to that of the next part of the waveform, from which a part is named. Unit: 1.
+    Source: reader."""
+    group_stands_out: float = 4.0
+    """The same ratio for groups of recordings, which differ in more than what they are grouped by. Unit: 1. Source:
+    reader."""
+    weak_for_its_drive: float = 0.1
+    """Share of the surplus power that a mismatch proportional to the drive would leave, below which a drive is omitted.
+    Unit: 1. Source: reader."""
+    time_intervals: int = 64
+    """Largest number of equal intervals of a recording's time. Unit: 1. Source: reader."""
+    bands_per_octave: int = 6
+    """Number of frequency bands per octave. Unit: 1. Source: reader."""
+    drive_levels: int = 10
+    """Number of equal intervals of the largest drive. Unit: 1. Source: reader."""
+    settled_drive: float = 0.05
+    """Share of its time for which a drive must stand still; one that does so for less is always moving. Unit: 1.
+    Source: tables."""
+    pulse_gap: int = 3
+    """Least number of samples at rest between two pulses. Unit: samples. Source: tables."""
+    distortion_lines: int = 3
+    """Distortion is looked for up to this multiple of the drive's highest line. Unit: 1. Source: tables."""
+
+
+@dataclass(frozen=True)
+class VerdictSettings(_Settings):
+    """When a name is given, a set, or none."""
+
+    left_over: float = 0.05
+    """Unexplained share of the mismatch, above which the verdict is unknown. Unit: 1. Source: decision 6."""
+    least_closure: float = 0.5
+    """Closure below which an effect keeps its name only if it explains the held-out recordings once they are fitted.
+    Unit: 1. Source: decision 6."""
+    most_alike: int = 6
+    """Largest number of effects in a set: if more explain the recordings equally well, the verdict is unknown. Unit:
+    effects. Source: decision 6."""
+    excess_standard_deviations: float = 5.0
+    """Amount by which residual power must exceed the noise to count. Unit: standard deviations. Source: decision 6."""
+    least_excess: float = 0.03
+    """Share of the noise's power by which residual power must exceed it: less may be the noise's own uncertainty. Unit:
+    1. Source: tables."""
+    usual_level_recordings: int = 5
+    """Least number of recordings with the same noise from which its usual level can be read. Unit: recordings. Source:
+    tables."""
+    regression_gain: float = 8.0
+    """Least gain from which a prediction of the discrepancy regression counts as mismatch. Unit: log-likelihood.
+    Source: tables."""
+    correction_standard_errors: float = 2.0
+    """Amount by which the discrepancy regression must gain on held-out recordings to be offered as correction. Unit:
+    standard errors. Source: decision 6."""
+    most_listed: int = 24
+    """Largest number of hypotheses that a diagnosis lists. Unit: hypotheses. Source: reader."""
+
+
+@dataclass(frozen=True)
+class DesignSettings(_Settings):
+    """How the next experiment is designed."""
+
+    separation: float = 5.0
+    """Difference from which two candidates are separated. Unit: log-likelihood. Source: odds of 150 to 1."""
+    most_repeats: int = 50
+    """Largest number of repeats that is proposed. Unit: recordings. Source: reader."""
+    refining_evaluations: int = 40
+    """Number of evaluations spent on optimising a pulse's height and times. Unit: 1. Source: speed."""
+    refining_step: float = 0.5
+    """First step of that optimisation, in the logarithms of height and times. Unit: 1. Source: speed."""
+    plausible_signal: float = 10.0
+    """Multiple of a channel's largest recorded signal, above which a prediction is an extrapolation of the law. Unit:
+    1. Source: tables."""
+    monitor_noise: float = 0.005
+    """Noise RMS of a voltage measured at the head, relative to the largest drive. Unit: 1. Source: the probe of an
+    8-bit oscilloscope."""
+    sign_used: float = 0.01
+    """Share of its largest drive that a campaign must exceed in a sign for drives of that sign to be proposed. Unit: 1.
+    Source: tables."""
+    pulse_window: int = 16
+    """Length of a pulse with its ring-down. Unit: periods of the resonance. Source: tables."""
+    multisine_window: int = 40
+    """Length of one repetition of a multisine. Unit: periods of the resonance. Source: tables."""
+    highest_line: float = 0.2
+    """Highest line of a multisine, at most. Unit: cycles per sample. Source: two fifths of Nyquist's frequency."""
+    slow_samples: int = 1200
+    """Length of a slow loop or of slow silence. Unit: samples. Source: tables."""
+    hold_samples: int = 2000
+    """Length of a slow step and hold. Unit: samples. Source: tables."""
+    most_samples: int = 20_000
+    """Largest length of a recording; a changed train of pulses ends within half of it. Unit: samples. Source: speed."""
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """Every number on which a diagnosis's answer rests; the defaults are those of all published results.
+
+    Constants that only guard arithmetic (steps of finite differences, ranks of matrices) are not among them: they stand
+    beside the code that uses them.
+
+    Parameters
+    ----------
+    fitting : FittingSettings
+        How noise is estimated and models are fitted.
+    selection : SelectionSettings
+        How effects are looked for, fitted and compared.
+    localization : LocalizationSettings
+        How the mismatch is located without knowledge of effects.
+    verdict : VerdictSettings
+        When a name is given, a set, or none.
+    design : DesignSettings
+        How the next experiment is designed.
+
+    Raises
+    ------
+    ValueError
+        A setting is not a finite positive number, or not a whole number where it counts something.
+
+    Examples
+    --------
+    >>> strict = DiagnosisSettings(selection=SelectionSettings(significance_level=1e-4))
+    >>> strict.selection.significance_level, strict.selection.beam_width
+    (0.0001, 3)
+    """
+
+    fitting: FittingSettings = field(default_factory=FittingSettings)
+    selection: SelectionSettings = field(default_factory=SelectionSettings)
+    localization: LocalizationSettings = field(default_factory=LocalizationSettings)
+    verdict: VerdictSettings = field(default_factory=VerdictSettings)
+    design: DesignSettings = field(default_factory=DesignSettings)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from inkjet_env.mismatch.settings import LEFT_OVER, PREDICTED_POORLY
 from inkjet_env.reporting.diagnosis_figures import augmented, figures_of
 from inkjet_env.reporting.diagnosis_tables import tables_of
 from inkjet_env.reporting.formatting import (
@@ -64,14 +63,14 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         "number": number,
         "probability": probability,
     }
-    tables = tables_of(diagnosis)
+    tables, settings = tables_of(diagnosis), diagnosis.settings.verdict
     return environment.get_template("diagnosis.html").render(
         diagnosis=diagnosis,
         verdict=VERDICT_WORDS[diagnosis.verdict],
         headline=diagnosis.headline.rstrip("."),
         augmented=augmented(diagnosis.recordings),
-        explained=diagnosis.left_over <= LEFT_OVER,
-        predicted=not diagnosis.closure < PREDICTED_POORLY,
+        explained=diagnosis.left_over <= settings.left_over,
+        predicted=not diagnosis.closure < settings.least_closure,
         heldout=[r.name for r in diagnosis.recordings if r.held_out and r.channel == diagnosis.main_channel],
         catalogue={effect.id: effect for effect in known_effects()},
         uncertain={effect_id for group in diagnosis.candidates for effect_id in group},

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from inkjet_env.mismatch import Diagnosis
-from inkjet_env.mismatch.fitting.base_model import NODES_A_PERIOD
+from inkjet_env.mismatch.fitting.base_model import substeps_for
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer, noise_seen, observe
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Plant
 from inkjet_env.recordings import Campaign
 from inkjet_env.typing import Real
@@ -33,13 +33,17 @@ def base_fit(campaign: Campaign, head: Head) -> OutputErrorFit:
     head = replace(head, printhead=printhead)
     observed = tuple(o for o in observe(campaign) if o.channel != "drive_monitor")  # which is not a sensor of the head
     coarsest_s = max(o.excitation.step_s for o in observed if o.excitation.fast)
-    observed = finer(observed, 2 * math.ceil(NODES_A_PERIOD * head.printhead.frequency_Hz * coarsest_s / 2))
+    settings = DiagnosisSettings()
+    observed = finer(observed, substeps_for(head.printhead.frequency_Hz, coarsest_s, settings.fitting))
 
     def noise(signals: Mapping[str, Real]) -> Noise:
-        return noise_seen(observed, {o.name: o.measured - signals[o.name] for o in observed}, {})
+        residuals = {o.name: o.measured - signals[o.name] for o in observed}
+        return noise_seen(observed, residuals, {}, settings.fitting)
 
-    first = OutputErrorFit(observed, noise({o.name: head.plant().signal(o.excitation) for o in observed}), head)
-    return OutputErrorFit(observed, noise(first.modelled(first.base)), first.base.head)
+    first = OutputErrorFit(
+        observed, noise({o.name: head.plant().signal(o.excitation) for o in observed}), head, settings
+    )
+    return first.anew(noise=noise(first.modelled(first.base)), head=first.base.head)
 
 
 def base_of(found: Diagnosis, campaign: Campaign) -> Head:

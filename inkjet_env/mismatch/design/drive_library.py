@@ -10,24 +10,10 @@ import numpy as np
 
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.localization.views import largest_V
+from inkjet_env.mismatch.settings import DesignSettings
 from inkjet_env.plant import Excitation
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.typing import Real
-
-WINDOW = 16
-"""Length of a pulse with its ring-down, in resonance periods."""
-MULTISINE = 40
-"""Length of one repetition of a multisine, in resonance periods."""
-HIGHEST = 0.2
-"""Highest line of a multisine, in cycles per sample, at most."""
-SLOW_SAMPLES = 1200
-"""Number of samples of a slow loop or of slow silence."""
-HOLD_SAMPLES = 2000
-"""Number of samples of a slow step and hold."""
-MOST_SAMPLES = 20_000
-"""Largest number of samples of a recording; a changed train ends within half of them."""
-REACHES = 0.01
-"""Share of its largest drive that a campaign must exceed in a sign for drives of that sign to be proposed."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +112,8 @@ class Bench:
         Order of the next recording within the session.
     neighbour : bool
         Whether the neighbouring channel can be driven.
+    settings : DesignSettings
+        Lengths of the drives.
     """
 
     channel: str
@@ -136,6 +124,7 @@ class Bench:
     low_V: float
     order: int
     neighbour: bool
+    settings: DesignSettings
 
     def excitation(self, drive_V: Real, initial_state: str = "", neighbour_V: Real | None = None) -> Excitation:
         """An excitation of this channel.
@@ -156,14 +145,18 @@ class Bench:
         )
 
     def samples(self, periods: float) -> int:
-        """Number of samples in a number of resonance periods: at least 16, at most `MOST_SAMPLES`."""
-        return min(max(round(periods * self.period_s / self.step_s), 16), MOST_SAMPLES)
+        """Number of samples in a number of resonance periods: at least 16, at most `DesignSettings.most_samples`."""
+        return min(max(round(periods * self.period_s / self.step_s), 16), self.settings.most_samples)
 
-    def pulses(self, train: Train, periods: float = WINDOW) -> Proposal:
-        """A train, rounded, in a window of that many resonance periods, or a longer one if it does not fit."""
+    def pulses(self, train: Train, periods: float | None = None) -> Proposal:
+        """A train, rounded, in a window of that many resonance periods, or a longer one if it does not fit.
+
+        The window is `DesignSettings.pulse_window` unless given.
+        """
         train = train.rounded
         time_s, drive_V = train.corners
-        samples = max(self.samples(periods), math.ceil((time_s[-1] + self.period_s) / self.step_s))
+        window = self.samples(self.settings.pulse_window if periods is None else periods)
+        samples = max(window, math.ceil((time_s[-1] + self.period_s) / self.step_s))
         before_s = min(0.2 * self.period_s, 0.02 * samples * self.step_s)
         drive = np.interp(self.step_s * np.arange(samples), before_s + np.array(time_s), drive_V)
         return Proposal(f"under {train.words}{self._told(samples)}", self.excitation(drive), train)
@@ -187,7 +180,11 @@ class Bench:
         train = Train(levels, edge * train.edge_s, dwell * train.dwell_s, gap * train.gap_s).rounded
         within = self.low_V <= min(train.levels_V) and max(train.levels_V) <= self.high_V
         long_s = train.corners[0][-1]
-        if not within or min(train.edge_s, train.dwell_s) < self.step_s or long_s > MOST_SAMPLES * self.step_s / 2:
+        if (
+            not within
+            or min(train.edge_s, train.dwell_s) < self.step_s
+            or long_s > self.settings.most_samples * self.step_s / 2
+        ):
             return None
         return self.pulses(train, periods)
 
@@ -197,7 +194,7 @@ class Bench:
         return f", once, recorded for {with_prefix(samples * self.step_s, 's')}"
 
 
-def benches(observed: Sequence[ObservedRecording], frequency_Hz: float) -> list[Bench]:
+def benches(observed: Sequence[ObservedRecording], frequency_Hz: float, settings: DesignSettings) -> list[Bench]:
     """One bench for each channel of a campaign, at the channel's most frequent sampling step.
 
     Parameters
@@ -206,6 +203,8 @@ def benches(observed: Sequence[ObservedRecording], frequency_Hz: float) -> list[
         The campaign's recordings.
     frequency_Hz : float
         Resonance frequency of the head.
+    settings : DesignSettings
+        Lengths of the drives.
     """
     high = max(float(o.excitation.drive_V.max()) for o in observed)
     low = min(float(o.excitation.drive_V.min()) for o in observed)
@@ -223,10 +222,11 @@ def benches(observed: Sequence[ObservedRecording], frequency_Hz: float) -> list[
                 "periodic" if "periodic" in states else "demagnetised",
                 excitation.step_s,
                 1 / frequency_Hz,
-                high if high > REACHES * most else 0.0,
-                low if low < -REACHES * most else 0.0,
+                high if high > settings.sign_used * most else 0.0,
+                low if low < -settings.sign_used * most else 0.0,
                 1 + max(o.excitation.order for o in observed),
                 any(o.excitation.neighbour_V is not None for o in mine),
+                settings,
             )
         )
     return found
@@ -262,14 +262,14 @@ def fast_library(bench: Bench) -> list[Proposal]:
         for level in (0.95 * min(map(abs, levels)), 0.4 * min(map(abs, levels))):
             for last in (2.5, 8.0):
                 found.append(_multisine(bench, float(f"{level:.2g}"), last))
-    n = bench.samples(WINDOW)
+    n = bench.samples(bench.settings.pulse_window)
     for level in levels:
         drive = np.interp(np.arange(n) * bench.step_s, [0.2 * period_s, 0.2 * period_s + usual], [0, level])
         told = (
             f"under a step to {with_prefix(level, 'V')} in {with_prefix(usual, 's')}, held, from the demagnetised state"
         )
         found.append(Proposal(told, bench.excitation(drive, "demagnetised")))
-    silence = np.zeros(bench.samples(MULTISINE))
+    silence = np.zeros(bench.samples(bench.settings.multisine_window))
     told = f"with zero drive for {with_prefix(silence.size * bench.step_s, 's')}"
     found.append(Proposal(told, bench.excitation(silence, "demagnetised")))
     if bench.neighbour:
@@ -285,7 +285,8 @@ def fast_library(bench: Bench) -> list[Proposal]:
 def slow_library(bench: Bench) -> list[Proposal]:
     """Candidate drives of the strain gauge: loops at three rates, step and hold, nested loops, silence."""
     most = max(bench.high_V, -bench.low_V)
-    phase = 2 * np.pi * np.arange(SLOW_SAMPLES) / SLOW_SAMPLES
+    slow, hold = bench.settings.slow_samples, bench.settings.hold_samples
+    phase = 2 * np.pi * np.arange(slow) / slow
     middle, half = (bench.high_V + bench.low_V) / 2, (bench.high_V - bench.low_V) / 2
     found = []
     for turns in (1, 4, 16):
@@ -294,22 +295,20 @@ def slow_library(bench: Bench) -> list[Proposal]:
         told = (
             f"under a sine from {with_prefix(bench.low_V, 'V')} to {with_prefix(bench.high_V, 'V')} with a period of "
         )
-        found.append(
-            Proposal(told + with_prefix(step_s * SLOW_SAMPLES / turns, "s"), bench.excitation(drive, "periodic"))
-        )
+        found.append(Proposal(told + with_prefix(step_s * slow / turns, "s"), bench.excitation(drive, "periodic")))
     for level in (v for v in (bench.high_V, bench.low_V) if v):
         for height in (1.0, 0.5):
-            drive = np.full(HOLD_SAMPLES, height * level)
+            drive = np.full(hold, height * level)
             drive[:10] = 0.0
-            held_s = (HOLD_SAMPLES - 10) * bench.step_s
+            held_s = (hold - 10) * bench.step_s
             told = f"under a step to {with_prefix(height * level, 'V')}, held for {with_prefix(held_s, 's')}"
             found.append(Proposal(told, bench.excitation(drive, "demagnetised")))
     corners = np.array([0, bench.high_V, bench.low_V, bench.high_V, middle, bench.high_V, 0])
-    nested = np.interp(np.linspace(0, corners.size - 1, SLOW_SAMPLES), np.arange(corners.size), corners)
-    told = f"under nested loops up to {with_prefix(most, 'V')} in {with_prefix(SLOW_SAMPLES * bench.step_s, 's')}"
+    nested = np.interp(np.linspace(0, corners.size - 1, slow), np.arange(corners.size), corners)
+    told = f"under nested loops up to {with_prefix(most, 'V')} in {with_prefix(slow * bench.step_s, 's')}"
     found.append(Proposal(told, bench.excitation(nested, "demagnetised")))
-    silence_s = with_prefix(SLOW_SAMPLES * bench.step_s, "s")
-    found.append(Proposal(f"with zero drive for {silence_s}", bench.excitation(np.zeros(SLOW_SAMPLES), "demagnetised")))
+    silence_s = with_prefix(slow * bench.step_s, "s")
+    found.append(Proposal(f"with zero drive for {silence_s}", bench.excitation(np.zeros(slow), "demagnetised")))
     return found
 
 
@@ -318,8 +317,8 @@ def _multisine(bench: Bench, peak_V: float, last: float) -> Proposal:
 
     Schroeder's phases keep its peak low.
     """
-    n = bench.samples(MULTISINE)
-    highest = max(min(int(last * n * bench.step_s / bench.period_s), int(HIGHEST * n)), 3)
+    n = bench.samples(bench.settings.multisine_window)
+    highest = max(min(int(last * n * bench.step_s / bench.period_s), int(bench.settings.highest_line * n)), 3)
     line = np.arange(3, highest + 1, 2)
     spectrum = np.zeros(n // 2 + 1, dtype=np.complex128)
     spectrum[line] = np.exp(-1j * np.pi * np.arange(line.size) * np.arange(1, line.size + 1) / line.size)

@@ -19,23 +19,11 @@ from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import DIFFERENCE
 from inkjet_env.mismatch.localization.views import CHANNELS, largest_V
-from inkjet_env.plant import Effect, Excitation, catalogue
+from inkjet_env.mismatch.settings import DesignSettings
+from inkjet_env.plant import Effect, Excitation
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.typing import Real
-
-ENOUGH = 5.0
-"""Difference of log-likelihoods from which two candidates are separated."""
-MOST_REPEATS = 50
-"""Largest number of repeats that is proposed."""
-REFINED = 40
-"""Number of evaluations spent on optimising a pulse's height and times."""
-SPREAD = 0.5
-"""First step of that optimisation, in the logarithms of height and times."""
-PLAUSIBLE = 10.0
-"""Multiple of a channel's largest recorded signal, above which a prediction is an extrapolation of the law."""
-MONITOR = 0.005
-"""Noise RMS of a voltage measured at the head, relative to the largest drive: an 8-bit oscilloscope's probe."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +78,11 @@ class _Judged:
 
 
 def next_experiment(
-    fits: Sequence[FitResult], noise: Noise, observed: Sequence[ObservedRecording]
+    fits: Sequence[FitResult],
+    noise: Noise,
+    observed: Sequence[ObservedRecording],
+    effects: Sequence[Effect],
+    settings: DesignSettings,
 ) -> NextExperiment | None:
     """The recording that best separates the candidates that explain a campaign equally well.
 
@@ -103,6 +95,10 @@ def next_experiment(
         Noise of the channels, expected in the next recording too.
     observed : sequence of ObservedRecording
         The campaign's recordings.
+    effects : sequence of Effect
+        Effects that the diagnosis looked for.
+    settings : DesignSettings
+        Settings of the design.
 
     Returns
     -------
@@ -110,34 +106,41 @@ def next_experiment(
         None if there is nothing to propose. Its ``separation`` is the expected difference of log-likelihoods between
         the two candidates that it separates worst.
     """
+    candidates = [effect for fit in fits for effect in fit.active.effects]
     if len(fits) < 2:
-        return _in_words([effect for fit in fits for effect in fit.active.effects], observed)
-    judge = _Judge(fits, noise, observed)
+        return _in_words(candidates, effects, observed)
+    judge = _Judge(fits, noise, observed, settings)
     tried = [
         judged
-        for bench in benches(observed, fits[0].head.printhead.frequency_Hz)
+        for bench in benches(observed, fits[0].head.printhead.frequency_Hz, settings)
         for proposal in library(bench)
         if (judged := judge.judged(proposal)) is not None
     ]
     best = max(tried, key=lambda judged: judged.worth, default=None)
     if best is None:
-        return _in_words([effect for fit in fits for effect in fit.active.effects], observed)
+        return _in_words(candidates, effects, observed)
     best = _refined(best, judge)
     separation = best.separations[best.least]
-    if separation < ENOUGH:
+    if separation < settings.separation:
         monitored = judge.monitored(tried)
         if monitored is not None and monitored.separations[monitored.least] > separation:
             return _proposed(monitored, judge, at_head=True)
-    if MOST_REPEATS * separation < ENOUGH:
-        return _in_words([effect for fit in fits for effect in fit.active.effects], observed)
+    if settings.most_repeats * separation < settings.separation:
+        return _in_words(candidates, effects, observed)
     return _proposed(best, judge, at_head=False)
 
 
 class _Judge:
     """Predictions of the candidates, and how far the campaign's information lets each adapt."""
 
-    def __init__(self, fits: Sequence[FitResult], noise: Noise, observed: Sequence[ObservedRecording]) -> None:
-        self.fits, self.noise, self.observed = tuple(fits), noise, tuple(observed)
+    def __init__(
+        self,
+        fits: Sequence[FitResult],
+        noise: Noise,
+        observed: Sequence[ObservedRecording],
+        settings: DesignSettings,
+    ) -> None:
+        self.fits, self.noise, self.observed, self.settings = tuple(fits), noise, tuple(observed), settings
         self.pairs = tuple(itertools.combinations(range(len(fits)), 2))
         seen = [o for o in observed if o.fitted]
         base = np.concatenate([noise.whitened(o, fits[0].head.sensitivities(o))[: o.fitted] for o in seen])
@@ -166,7 +169,7 @@ class _Judge:
         largest = max(
             float(np.abs(other.measured).max()) for other in self.observed if other.channel == excitation.channel
         )
-        if not all(float(np.abs(signal).max()) <= PLAUSIBLE * largest for signal in signals):
+        if not all(float(np.abs(signal).max()) <= self.settings.plausible_signal * largest for signal in signals):
             return None
         white = [self.noise.whitened(o, c) for c in columns]
         separations, differences = [], []
@@ -210,7 +213,7 @@ class _Judge:
     @property
     def monitor_noise_V(self) -> float:
         """Noise RMS of a voltage measured at the head, in volts."""
-        return MONITOR * max(largest_V(o) for o in self.observed)
+        return self.settings.monitor_noise * max(largest_V(o) for o in self.observed)
 
 
 def _adapted(told: Real, columns: Real, difference: Real) -> tuple[Real, float]:
@@ -248,9 +251,9 @@ def _refined(best: _Judged, judge: _Judge) -> _Judged:
     train, excitation = best.proposal.train, best.proposal.excitation
     if train is None:
         return best
-    bench = next(
-        b for b in benches(judge.observed, judge.fits[0].head.printhead.frequency_Hz) if b.channel == excitation.channel
-    )
+    settings = judge.settings
+    available = benches(judge.observed, judge.fits[0].head.printhead.frequency_Hz, settings)
+    bench = next(b for b in available if b.channel == excitation.channel)
     periods = excitation.samples * excitation.step_s / bench.period_s
     found = best
 
@@ -266,8 +269,9 @@ def _refined(best: _Judged, judge: _Judge) -> _Judged:
         return -judged.worth
 
     size = 4 if train.gap_s else 3
-    simplex = np.vstack([np.zeros(size), SPREAD * np.diag([-1.0, *np.ones(size - 1)])])
-    minimize(loss, np.zeros(size), method="Nelder-Mead", options={"maxfev": REFINED, "initial_simplex": simplex})
+    simplex = np.vstack([np.zeros(size), settings.refining_step * np.diag([-1.0, *np.ones(size - 1)])])
+    options = {"maxfev": settings.refining_evaluations, "initial_simplex": simplex}
+    minimize(loss, np.zeros(size), method="Nelder-Mead", options=options)
     return found
 
 
@@ -286,8 +290,9 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
     names = f"{_named(judge.fits[i])} and {_named(judge.fits[j])}"
     size = f"{with_prefix(difference, unit)}, {float(f'{difference / noise:.2g}'):g} times the noise"
     said = f"{start} {judged.proposal.words}: {names} would differ {place}by up to {size}"
-    if separation < ENOUGH:
-        said += f"; take it {math.ceil(ENOUGH / max(separation, 1e-300))} times"
+    least = judge.settings.separation
+    if separation < least:
+        said += f"; take it {math.ceil(least / max(separation, 1e-300))} times"
     drive = tuple(float(v) for v in excitation.drive_V)
     return NextExperiment(
         said + ".", excitation.channel, excitation.initial_state, excitation.step_s, drive, separation
@@ -298,14 +303,16 @@ def _named(fit: FitResult) -> str:
     return " with ".join(name.replace("_", " ") for name in fit.ids) or "no effect at all"
 
 
-def _in_words(effects: Sequence[Effect], observed: Sequence[ObservedRecording]) -> NextExperiment | None:
-    """In words, what shows the given effects, or if there are none, those that the campaign cannot show."""
-    if effects:
-        ways = list(dict.fromkeys(effect.shown_by for effect in effects))
+def _in_words(
+    candidates: Sequence[Effect], effects: Sequence[Effect], observed: Sequence[ObservedRecording]
+) -> NextExperiment | None:
+    """In words, what shows the candidates, or if there are none, those of all effects that the campaign cannot show."""
+    if candidates:
+        ways = list(dict.fromkeys(effect.shown_by for effect in candidates))
         return NextExperiment(f"What would tell: {'; and '.join(ways)}.")
     excitations = [o.excitation for o in observed]
     unseen: dict[str, list[str]] = {}
-    for effect in catalogue():
+    for effect in effects:
         if effect.untestable(excitations):
             unseen.setdefault(effect.shown_by, []).append(effect.id.replace("_", " "))
     if not unseen:

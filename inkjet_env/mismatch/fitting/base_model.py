@@ -13,21 +13,10 @@ from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch.fitting.base_parameters import Head, gains_and_offsets, in_convention
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, noise_seen
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.settings import DiagnosisSettings, FittingSettings
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
-
-DEGREE = 9
-"""Least degree of the branch law: the base model explains all that it can before an effect is blamed."""
-FAR_OFF = 0.7
-"""Share of the fast recordings' variance. If the base model refitted from a given printhead leaves more unexplained,
-that printhead was too far off to start from."""
-MOST_SUBSTEPS = 16
-"""Largest number of nodes per sampling step."""
-NODES_A_PERIOD = 36
-"""Least number of nodes per period of the resonance."""
-MOST_ROUNDS = 10
-"""Largest number of times that the base model is refitted from the end of its last fit."""
 
 
 def base_model(
@@ -36,6 +25,7 @@ def base_model(
     printhead: Printhead | None,
     held_out: Sequence[str] | None,
     progress: Callable[[str], None],
+    settings: DiagnosisSettings,
 ) -> OutputErrorFit:
     """The base model fitted to the recordings together with their noise.
 
@@ -51,6 +41,8 @@ def base_model(
         Names of the held-out recordings, as in `identification.identify`.
     progress : callable
         Called with a short text that says what is being done.
+    settings : DiagnosisSettings
+        Settings of the diagnosis.
 
     Returns
     -------
@@ -75,12 +67,14 @@ def base_model(
     channels = {o.channel for o in observed}
     for channel in sorted(channels - set(offsets)):
         offsets[channel], gains[channel] = 0.0, 1.0
-    coefficients = (0.0,) * max(0, DEGREE + 1 - len(printhead.coefficients)) + printhead.coefficients
+    coefficients = (0.0,) * max(
+        0, settings.fitting.law_degree + 1 - len(printhead.coefficients)
+    ) + printhead.coefficients
     head = Head(replace(printhead, coefficients=coefficients), gains, offsets)
     coarsest_s = max((o.excitation.step_s for o in observed if o.excitation.fast), default=0.0)
-    substeps = 2 * max(1, min(MOST_SUBSTEPS // 2, math.ceil(NODES_A_PERIOD * printhead.frequency_Hz * coarsest_s / 2)))
-    joint = _settled(finer(observed, substeps), head, otherwise)
-    if given and _unexplained(joint) > FAR_OFF:
+    substeps = substeps_for(printhead.frequency_Hz, coarsest_s, settings.fitting)
+    joint = _settled(finer(observed, substeps), head, otherwise, settings)
+    if given and _unexplained(joint) > settings.fitting.poor_start_share:
         raise ValueError(
             f"the printhead that was given, of {with_prefix(printhead.frequency_Hz, 'Hz', 3)}, explains next to "
             "nothing of these recordings, even refitted. Give one of this head, or none: it is then identified."
@@ -88,21 +82,30 @@ def base_model(
     return joint
 
 
+def substeps_for(frequency_Hz: float, step_s: float, settings: FittingSettings) -> int:
+    """Number of simulation nodes per sampling step of a recording of a head with this resonance."""
+    wanted = math.ceil(settings.nodes_per_period * frequency_Hz * step_s / 2)
+    return 2 * max(1, min(settings.most_substeps // 2, wanted))
+
+
 def _settled(
-    observed: Sequence[ObservedRecording], head: Head, otherwise: Mapping[tuple[str, float], NoiseModel]
+    observed: Sequence[ObservedRecording],
+    head: Head,
+    otherwise: Mapping[tuple[str, float], NoiseModel],
+    settings: DiagnosisSettings,
 ) -> OutputErrorFit:
     """A joint fit whose noise comes from its own base model's residuals, with the law's swing set by convention."""
     signals = {o.name: head.plant().signal(o.excitation) for o in observed}
-    noise = noise_seen(observed, {o.name: o.measured - signals[o.name] for o in observed}, otherwise)
-    joint = OutputErrorFit(observed, noise, head)
-    for _ in range(MOST_ROUNDS):
+    residuals = {o.name: o.measured - signals[o.name] for o in observed}
+    joint = OutputErrorFit(observed, noise_seen(observed, residuals, otherwise, settings.fitting), head, settings)
+    for _ in range(settings.fitting.most_base_fits):
         before = joint.base.nll
-        joint = OutputErrorFit(observed, noise, in_convention(joint.base.head))
-        if before - joint.base.nll < 0.5:
+        joint = joint.anew(head=in_convention(joint.base.head))
+        if before - joint.base.nll < settings.fitting.settled_gain:
             break
     modelled = joint.modelled(joint.base)
-    noise = noise_seen(observed, {o.name: o.measured - modelled[o.name] for o in observed}, otherwise)
-    return OutputErrorFit(observed, noise, joint.base.head)
+    residuals = {o.name: o.measured - modelled[o.name] for o in observed}
+    return joint.anew(noise=noise_seen(observed, residuals, otherwise, settings.fitting), head=joint.base.head)
 
 
 def _unexplained(joint: OutputErrorFit) -> float:

@@ -142,7 +142,8 @@ def _of_joint(joint: OutputErrorFit) -> bytes:
         parts.append(repr((key, list(model.coefficients), model.innovation, model.colour)).encode())
     random_effects = [(effect.id, dict(values)) for effect, values in joint.random_effects]
     around = None if joint.around is None else (joint.around.ids, _as_json(joint.around))
-    parts.append(repr((_head_json(joint.start), _as_json(joint.base), random_effects, around)).encode())
+    begun = (_head_json(joint.start), _as_json(joint.base), random_effects, around, joint.settings)
+    parts.append(repr(begun).encode())
     return _digest(*parts)
 
 

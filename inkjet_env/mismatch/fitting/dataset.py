@@ -9,16 +9,10 @@ import numpy as np
 
 from inkjet_env.identification.measurements import least_noise, measurements
 from inkjet_env.identification.noise import NoiseModel, channel_noise, repeat_deviations
+from inkjet_env.mismatch.settings import FittingSettings
 from inkjet_env.plant import Excitation
 from inkjet_env.recordings import Campaign
 from inkjet_env.typing import Real
-
-REPEATS_DIFFER = 1.5
-"""Ratio of the variance of repeats' deviations to that at rest, above which repeats differ by more than noise."""
-SLIGHT = 0.1
-"""Ratio of 1/f to white noise power at the longest recording's lowest line, below which 1/f noise is neglected."""
-SHORTEST_REST = 100
-"""Least number of samples before the drive from which the noise can be estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +178,7 @@ def noise_seen(
     observed: Sequence[ObservedRecording],
     residuals: Mapping[str, Real],
     otherwise: Mapping[tuple[str, float], NoiseModel],
+    settings: FittingSettings,
     least: Mapping[str, float] | None = None,
 ) -> Noise:
     """Noise of each channel and sampling step, estimated from what no model of the head can explain.
@@ -200,6 +195,8 @@ def noise_seen(
         Measured minus modelled of each recording, in the channel's unit, shape (n,).
     otherwise : mapping
         Noise models by `ObservedRecording.noise_key`, used where nothing but residuals is available.
+    settings : FittingSettings
+        Thresholds of the estimate.
     least : mapping, optional
         ``Noise.least``; computed from these recordings unless given. Pass the campaign's if these are only part of it.
     """
@@ -222,7 +219,7 @@ def noise_seen(
             repeated.extend(repeat_deviations(same))
         if resting and repeated:
             ratio = _power(repeated) / max(_power(resting), least[key[0]] ** 2, 1e-300)
-            if ratio > REPEATS_DIFFER:
+            if ratio > settings.repeats_to_rest_variance:
                 notes.append(
                     f"{key[0]}: repeats of one drive differ by {np.sqrt(ratio):.2g} times the noise at rest; something "
                     "changes from recording to recording."
@@ -232,7 +229,7 @@ def noise_seen(
             source.append("repeats")
         if not (resting or repeated):
             before = [residuals[o.name][: _rest_before(o)] for o in mine]
-            resting = [stretch - stretch.mean() for stretch in before if stretch.size >= SHORTEST_REST]
+            resting = [stretch - stretch.mean() for stretch in before if stretch.size >= settings.shortest_rest]
             source = ["what comes before the drive"]
         stretches = resting + repeated
         if stretches:
@@ -244,7 +241,7 @@ def noise_seen(
         found = channel_noise(by_step, sources[channel], least[channel], exponents=(1,))
         longest = max(o.excitation.samples for o in observed if o.channel == channel)
         for step_s, model in found.items():
-            slight = model.colour[1] * longest < SLIGHT * model.colour[0]
+            slight = model.colour[1] * longest < settings.slight_1_f * model.colour[0]
             models[channel, step_s] = replace(model, colour=(1.0, 0.0, 0.0)) if slight else model
     for key in sorted({o.noise_key for o in observed} - set(models)):
         known = [other for channel, other in models if channel == key[0] and samples[channel, other]]

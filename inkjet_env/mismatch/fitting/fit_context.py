@@ -12,6 +12,7 @@ from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
+from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant.active_effects import ActiveEffects
 
 Task = TypeVar("Task")
@@ -19,7 +20,7 @@ Task = TypeVar("Task")
 
 @dataclass(frozen=True, eq=False)
 class FitContext:
-    """The processes, random numbers, progress messages and checkpoint that all fits of a diagnosis share.
+    """The processes, random numbers, progress messages, checkpoint and settings that a diagnosis's fits share.
 
     Parameters
     ----------
@@ -31,12 +32,15 @@ class FitContext:
         Called with a short text that says what is being done.
     checkpoint : FitCheckpoint
         Fits that an earlier, interrupted diagnosis finished; none unless given.
+    settings : DiagnosisSettings
+        Thresholds and limits of all steps.
     """
 
     pool: ProcessPool = field(default_factory=lambda: ProcessPool(1))
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     progress: Callable[[str], None] = lambda _: None
     checkpoint: FitCheckpoint = field(default_factory=FitCheckpoint)
+    settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
 
     def fits(
         self,

@@ -24,6 +24,7 @@ from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.damped_step import damped_step
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer
 from inkjet_env.mismatch.fitting.fit_result import FitResult, ModelState
+from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Effect, Plant, Values
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import limits
@@ -31,16 +32,8 @@ from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
-MOST_STEPS = 25
-CONVERGED = 0.01
-"""Gain of log-likelihood: a step that is predicted to gain less is the last."""
-FAR_FROM_RIGHT = 1e-3
-"""Share of the misfit beyond noise (in log-likelihood): a step that is predicted to gain less is the last too, because
-a wrong model need be fitted only roughly."""
 DIFFERENCE = 1e-4
 """Finite-difference step of a coordinate, relative to its scale."""
-LEAST_OWN = 1e-4
-"""Share of a sensitivity that the base parameters cannot reproduce, below which a coordinate is not moved."""
 WORST = 1e300
 
 
@@ -55,6 +48,8 @@ class OutputErrorFit:
         Noise that whitens them.
     head : Head
         Base parameters at which every fit starts and the base sensitivities are taken.
+    settings : DiagnosisSettings
+        Settings of the diagnosis that these fits belong to.
     random_effects : sequence of (Effect, values)
         Random effects that are known to be present; what their bases can explain is projected out everywhere.
     base : FitResult, optional
@@ -68,10 +63,12 @@ class OutputErrorFit:
         observed: Sequence[ObservedRecording],
         noise: Noise,
         head: Head,
+        settings: DiagnosisSettings,
         random_effects: Sequence[tuple[Effect, Values]] = (),
         base: FitResult | None = None,
         around: FitResult | None = None,
     ) -> None:
+        self.settings = settings
         self.random_effects = tuple(random_effects)
         self.around = around
         self.observed = tuple(observed)
@@ -171,13 +168,37 @@ class OutputErrorFit:
 
     def near(self, fit: FitResult) -> OutputErrorFit:
         """The same fits, with the base sensitivities taken at the end of another fit, its effects on."""
-        return OutputErrorFit(self.observed, self.noise, fit.head, self.random_effects, self.base, fit)
+        return self.anew(head=fit.head, base=self.base, around=fit)
+
+    def anew(
+        self,
+        observed: Sequence[ObservedRecording] | None = None,
+        noise: Noise | None = None,
+        head: Head | None = None,
+        random_effects: Sequence[tuple[Effect, Values]] | None = None,
+        base: FitResult | None = None,
+        around: FitResult | None = None,
+    ) -> OutputErrorFit:
+        """Fits of the same diagnosis with other recordings, noise, start or random effects; the others stay.
+
+        Parameters are those of the class. The base model is fitted anew, and its sensitivities are taken without
+        effects, unless ``base`` and ``around`` are given.
+        """
+        return OutputErrorFit(
+            self.observed if observed is None else observed,
+            noise or self.noise,
+            head or self.start,
+            self.settings,
+            self.random_effects if random_effects is None else random_effects,
+            base,
+            around,
+        )
 
     def fit(
         self,
         active: ActiveEffects,
         head: Head | None = None,
-        most_steps: int = MOST_STEPS,
+        most_steps: int | None = None,
         whole: bool = False,
         known: Real | None = None,
     ) -> FitResult:
@@ -189,15 +210,15 @@ class OutputErrorFit:
             Effects that are on and their starting coordinates.
         head : Head, optional
             Starting base parameters; those of the base model unless given.
-        most_steps : int
-            Number of steps after which the fit ends, converged or not.
+        most_steps : int, optional
+            Number of steps after which the fit ends, converged or not; ``settings.fitting.most_steps`` unless given.
         whole : bool
             Whether terms of the effects' laws that are off may be switched on.
         known : ndarray, shape (rows, j), optional
             Sensitivities to the first j coordinates, taken elsewhere; good enough to step by, as the base
             sensitivities are.
         """
-        head = head or self.start
+        head, settings = head or self.start, self.settings.fitting
         low, high = self._free(active, whole)
         active = active.at(np.clip(active.theta, low, high))
         states = {
@@ -208,10 +229,10 @@ class OutputErrorFit:
         q, r = self.basis
         damping, converged = 1e-3, False
         jacobian, jacobian_at = np.zeros((residuals.size, 0)), here
-        for _ in range(most_steps):
+        for _ in range(settings.most_steps if most_steps is None else most_steps):
             jacobian_at = here
             jacobian = self.jacobian(here, low, high, known)
-            enough = max(CONVERGED, FAR_FROM_RIGHT * (nll - 0.5 * residuals.size))
+            enough = max(settings.step_gain, settings.step_gain_share * (nll - 0.5 * residuals.size))
             own = residuals - q @ (q.T @ residuals)
             in_base = q.T @ jacobian
             mine = jacobian - q @ in_base
@@ -266,7 +287,7 @@ class OutputErrorFit:
         converged, whole : bool
             As `FitResult` has them.
         """
-        here = OutputErrorFit(self.observed, self.noise, started, self.random_effects, self.base)
+        here = self.anew(head=started, base=self.base)
         _, nll = here._residuals(end)
         low, high = here._free(jacobian_at.active, whole)
         return here._ended(end, nll, here.jacobian(jacobian_at, low, high), converged, jacobian_at, whole)
@@ -352,7 +373,7 @@ class OutputErrorFit:
                 columns[end - o.fitted : end, list(changed[o.name])] = white[: o.fitted]
         q, _ = self.basis
         own = np.linalg.norm(columns - q @ (q.T @ columns), axis=0)
-        columns[:, own < LEAST_OWN * np.linalg.norm(columns, axis=0)] = 0.0
+        columns[:, own < self.settings.fitting.own_sensitivity * np.linalg.norm(columns, axis=0)] = 0.0
         return columns
 
     def signature(self, effect: Effect, values: Values) -> Real:

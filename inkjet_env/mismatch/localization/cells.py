@@ -11,18 +11,10 @@ from numpy.typing import NDArray
 from inkjet_env.identification.basis import free_ringing
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
+from inkjet_env.mismatch.settings import LocalizationSettings
 from inkjet_env.typing import Real
 
 Whole = NDArray[np.intp]
-
-FEWEST = 10.0
-"""Least number of degrees of freedom of a cell."""
-INDEPENDENT = 0.5
-"""Share of independent samples among those that the noise was estimated from: of two repeats, one determines the
-mean."""
-
-SMOOTH = 4.0
-"""Number of noise samples, per coefficient of the noise model, that count as one for the noise at a single line."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +66,8 @@ class Rows:
         Least such share, because neighbouring lines help to determine a smooth noise spectrum.
     axis : ndarray, shape (rows,)
         Time within the recording in seconds, or frequency in hertz.
+    settings : LocalizationSettings
+        Thresholds of the localisation.
     """
 
     power: Real
@@ -84,6 +78,7 @@ class Rows:
     by_line: bool
     smooth: Real
     axis: Real
+    settings: LocalizationSettings
 
     def cells(
         self,
@@ -114,7 +109,7 @@ class Rows:
         Returns
         -------
         list of Cell
-            Cells with at least `FEWEST` degrees of freedom.
+            Cells with enough degrees of freedom; see `LocalizationSettings`.
         """
         count, keys = len(labels), self.told.size
         seen = place >= 0
@@ -127,7 +122,7 @@ class Rows:
             told = np.maximum(told * np.maximum(expected / np.maximum(every, 1e-300), self.smooth), 1.0)
         total = expected.sum(axis=1)
         found = []
-        for i in np.flatnonzero(total >= FEWEST):
+        for i in np.flatnonzero(total >= self.settings.least_degrees_of_freedom):
             doubt = float(np.sum(expected[i] ** 2 / told[i])) / total[i] ** 2
             ratio = float(power[i].sum() / total[i])
             found.append(
@@ -161,7 +156,13 @@ def surplus(ratio: float, samples: float, told: float) -> float:
     return float(((1 - b) * root - (1 - a)) / np.sqrt(b * root**2 + a))
 
 
-def sample_rows(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, taken: Sequence[Real]) -> Rows:
+def sample_rows(
+    observed: Sequence[ObservedRecording],
+    noise: Noise,
+    fit: FitResult,
+    taken: Sequence[Real],
+    settings: LocalizationSettings,
+) -> Rows:
     """Residual power of each sample against noise; ``taken`` as from `taken_by_fit`."""
     keys = sorted({o.noise_key for o in observed})
     power, expected = [], []
@@ -173,10 +174,16 @@ def sample_rows(observed: Sequence[ObservedRecording], noise: Noise, fit: FitRes
         expected.append(expected_share)
     sizes = [o.excitation.samples for o in observed]
     axis = np.concatenate([o.excitation.step_s * np.arange(o.excitation.samples) for o in observed])
-    return _rows(observed, noise, keys, power, expected, sizes, axis, by_line=False)
+    return _rows(observed, noise, keys, power, expected, sizes, axis, by_line=False, settings=settings)
 
 
-def line_rows(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, taken: Sequence[Real]) -> Rows:
+def line_rows(
+    observed: Sequence[ObservedRecording],
+    noise: Noise,
+    fit: FitResult,
+    taken: Sequence[Real],
+    settings: LocalizationSettings,
+) -> Rows:
     """Residual power at each line of each recording's spectrum, without the mean; ``taken`` as from `taken_by_fit`."""
     keys = sorted({o.noise_key for o in observed})
     power, expected, axis = [], [], []
@@ -192,7 +199,7 @@ def line_rows(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResul
         expected.append(np.maximum(weight[1:] * (n - lost) / n + change, 0.0))
         axis.append(np.fft.rfftfreq(n, o.excitation.step_s)[1:])
     sizes = [p.size for p in power]
-    return _rows(observed, noise, keys, power, expected, sizes, np.concatenate(axis), by_line=True)
+    return _rows(observed, noise, keys, power, expected, sizes, np.concatenate(axis), by_line=True, settings=settings)
 
 
 def _spectrum(rows: Real, weight: Real) -> Real:
@@ -208,12 +215,13 @@ def _rows(
     sizes: Sequence[int],
     axis: Real,
     by_line: bool,
+    settings: LocalizationSettings,
 ) -> Rows:
     key = np.repeat([keys.index(o.noise_key) for o in observed], sizes)
     record = np.repeat(np.arange(len(observed)), sizes)
     squares, alone = np.concatenate(power), np.concatenate(expected)
-    told = np.array([max(INDEPENDENT * noise.samples[k], 1.0) for k in keys])
-    smooth = np.array([1 / (SMOOTH * (1 + noise.models[k].lost)) for k in keys])
+    told = np.array([max(settings.independent_share * noise.samples[k], 1.0) for k in keys])
+    smooth = np.array([1 / (settings.smooth_spectrum * (1 + noise.models[k].lost)) for k in keys])
     for i, k in enumerate(keys):
         if noise.samples[k]:
             continue
@@ -221,7 +229,7 @@ def _rows(
         level = squares[mine].sum() / max(alone[mine].sum(), 1e-300)
         squares[mine] /= level or 1.0
         told[i] = max(alone[mine].sum(), 1.0)
-    return Rows(squares, alone, key, record, told, by_line, smooth, axis)
+    return Rows(squares, alone, key, record, told, by_line, smooth, axis, settings)
 
 
 def taken_by_fit(

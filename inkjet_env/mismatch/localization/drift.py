@@ -9,12 +9,8 @@ import numpy as np
 
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
+from inkjet_env.mismatch.settings import LocalizationSettings
 from inkjet_env.typing import Real
-
-FEWEST = 4
-"""Least number of recordings in a trend."""
-SURE = 0.05
-"""Standard error of a relative shift, from which a recording takes no part in a trend."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,9 @@ def shifts(
     return found
 
 
-def trends(observed: Sequence[ObservedRecording], moved: Mapping[str, Real]) -> list[Trend]:
+def trends(
+    observed: Sequence[ObservedRecording], moved: Mapping[str, Real], settings: LocalizationSettings
+) -> list[Trend]:
     """Lines through the shifts against the order of the recordings and against their largest drive."""
     mine = [o for o in observed if o.name in moved]
     axes: dict[str, Callable[[ObservedRecording], float]] = {
@@ -89,8 +87,8 @@ def trends(observed: Sequence[ObservedRecording], moved: Mapping[str, Real]) -> 
     }
     found = []
     for row, what in enumerate(("frequency", "damping")):
-        told = [o for o in mine if moved[o.name][row, 1] < SURE]
-        if len(told) < FEWEST:
+        told = [o for o in mine if moved[o.name][row, 1] < settings.trend_error]
+        if len(told) < settings.trend_recordings:
             continue
         value = np.array([moved[o.name][row, 0] for o in told])
         error = np.array([moved[o.name][row, 1] for o in told])

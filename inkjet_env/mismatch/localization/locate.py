@@ -1,7 +1,7 @@
 """Localisation of a fitted model's repeatable residual power, without any knowledge of effects.
 
 Every view divides the residuals into cells and compares each with the noise. One rule for all cells of all views
-together keeps the probability that a correct model is flagged anywhere below `FALSE_ALARMS`.
+together keeps the probability that a correct model is flagged anywhere below `LocalizationSettings.false_alarms`.
 """
 
 from __future__ import annotations
@@ -15,25 +15,14 @@ import numpy as np
 
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
-from inkjet_env.mismatch.localization.cells import FEWEST, Cell, line_rows, sample_rows, taken_by_fit
+from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, taken_by_fit
 from inkjet_env.mismatch.localization.drift import Trend, shifts, trends
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.localization.views import CHANNELS, MONITOR, largest_V, views
+from inkjet_env.mismatch.settings import LocalizationSettings
 from inkjet_env.plant.wording import percent, span_told, with_prefix
 from inkjet_env.typing import Real
 
-FALSE_ALARMS = 0.05
-"""Probability that anything is significant if the model is correct (Bonferroni's bound over all cells and trends)."""
-MOST_RECORDINGS = 10
-"""Largest number of recordings that a location lists."""
-STRONG = 0.5
-"""Share of the strongest cell's surplus power from which a cell's interval is part of the location."""
-APART = 2.0
-"""Ratio of surplus power per sample to that of the next part of the waveform, from which a part stands out."""
-FAR_APART = 4.0
-"""The same ratio for groups of recordings, which differ in more than what they are grouped by."""
-WEAK_FOR_ITS_DRIVE = 0.1
-"""Share of the surplus power that a mismatch proportional to the drive would leave, below which a drive is omitted."""
 STANDING_OUT = {
     "time in the waveform": "mostly ",
     "pulse": "most with ",
@@ -42,7 +31,9 @@ STANDING_OUT = {
 }
 
 
-def locate(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, q: Real) -> Location:
+def locate(
+    observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, q: Real, settings: LocalizationSettings
+) -> Location:
     """Where the residuals of a fitted model exceed the noise.
 
     Parameters
@@ -55,6 +46,8 @@ def locate(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, 
         The fitted model.
     q : ndarray, shape (rows, k)
         Orthonormal columns of the fitted rows, as `OutputErrorFit.basis` has them: the fit removed noise along them.
+    settings : LocalizationSettings
+        Thresholds of the localisation.
 
     Returns
     -------
@@ -68,34 +61,41 @@ def locate(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, 
     """
     columns = [noise.whitened(o, fit.head.sensitivities(o)) for o in observed]
     taken = taken_by_fit(observed, noise, fit, columns, q)
-    rows, lines = sample_rows(observed, noise, fit, taken), line_rows(observed, noise, fit, taken)
-    cells = views(observed, rows, lines) + repeats(observed, noise, fit, taken)
+    rows = sample_rows(observed, noise, fit, taken, settings)
+    lines = line_rows(observed, noise, fit, taken, settings)
+    cells = views(observed, rows, lines) + repeats(observed, noise, fit, taken, settings)
     moved = shifts(observed, noise, fit, columns)
-    lines_of_drift = trends(observed, moved)
+    lines_of_drift = trends(observed, moved, settings)
     tests = len(cells) + 2 * len(lines_of_drift)
-    sure = NormalDist().inv_cdf(1 - FALSE_ALARMS / max(tests, 1))
+    sure = NormalDist().inv_cdf(1 - settings.false_alarms / max(tests, 1))
     told = [cell for cell in cells if cell.z > sure]
     drift = [trend for trend in lines_of_drift if abs(trend.z) > sure]
     tables = _tables(cells, lines_of_drift, moved)
     if not told and not drift:
         return Location(tables=tables)
-    recordings = _recordings(told)
+    recordings = _recordings(told, settings.most_recordings)
     if not recordings and drift:
         strongest = sorted(moved, key=lambda name: -float(np.max(np.abs(moved[name][:, 0] / moved[name][:, 1]))))
-        recordings = tuple(strongest[:MOST_RECORDINGS])
-    drive_V = _drives(told)
-    sentence = _sentence(observed, noise, fit, told, cells, drift, recordings, drive_V)
+        recordings = tuple(strongest[: settings.most_recordings])
+    drive_V = _drives(told, settings.weak_for_its_drive)
+    sentence = _sentence(observed, noise, fit, told, cells, drift, recordings, drive_V, settings)
     return Location(
         recordings,
-        _stretches([c for c in told if c.view == "time"]),
-        _stretches([c for c in told if c.view == "frequency"]),
+        _stretches([c for c in told if c.view == "time"], settings.strong),
+        _stretches([c for c in told if c.view == "frequency"], settings.strong),
         drive_V,
         sentence,
         tables,
     )
 
 
-def repeats(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, taken: Sequence[Real]) -> list[Cell]:
+def repeats(
+    observed: Sequence[ObservedRecording],
+    noise: Noise,
+    fit: FitResult,
+    taken: Sequence[Real],
+    settings: LocalizationSettings,
+) -> list[Cell]:
     """Cells of the residual power that repeats of one drive share: the mean product of two repeats' residuals."""
     found = []
     for condition in sorted({o.condition for o in observed if not o.still}):
@@ -105,7 +105,7 @@ def repeats(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult,
         residuals = np.array([fit.residuals[observed[i].name] for i in same])
         first = observed[same[0]]
         k, n = len(same), first.excitation.samples - noise.models[first.noise_key].lost
-        if n < FEWEST:
+        if n < settings.least_degrees_of_freedom:
             continue
         products = (float(np.sum(residuals.sum(axis=0) ** 2)) - float(np.sum(residuals**2))) / (k * (k - 1))
         shared = float(np.mean([np.sum(taken[i] ** 2) for i in same]))
@@ -118,7 +118,7 @@ def repeats(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult,
     return found
 
 
-def _recordings(told: Sequence[Cell]) -> tuple[str, ...]:
+def _recordings(told: Sequence[Cell], most: int) -> tuple[str, ...]:
     """Names of the recordings that stand out, strongest first."""
     strength: dict[str, float] = {}
     for cell in told:
@@ -126,14 +126,14 @@ def _recordings(told: Sequence[Cell]) -> tuple[str, ...]:
             for name in cell.names:
                 name = name.removesuffix(MONITOR)
                 strength[name] = max(strength.get(name, 0.0), cell.power)
-    return tuple(sorted(strength, key=lambda name: (-strength[name], name))[:MOST_RECORDINGS])
+    return tuple(sorted(strength, key=lambda name: (-strength[name], name))[:most])
 
 
-def _stretches(told: Sequence[Cell]) -> tuple[tuple[float, float], ...]:
+def _stretches(told: Sequence[Cell], strong_share: float) -> tuple[tuple[float, float], ...]:
     """Intervals of the strongest cells, adjacent ones merged."""
     if not told:
         return ()
-    least = STRONG * (max(c.power for c in told) - 1)
+    least = strong_share * (max(c.power for c in told) - 1)
     strong = sorted((c for c in told if c.power - 1 >= least), key=lambda c: (c.group, c.span))
     merged: list[tuple[str, float, float]] = []
     for c in strong:
@@ -145,7 +145,7 @@ def _stretches(told: Sequence[Cell]) -> tuple[tuple[float, float], ...]:
     return tuple((low, high) for _, low, high in merged)
 
 
-def _drives(told: Sequence[Cell]) -> tuple[tuple[float, float], ...]:
+def _drives(told: Sequence[Cell], weak: float) -> tuple[tuple[float, float], ...]:
     """Range of the largest drive, in volts, on the channel that shows the mismatch most; empty if none does."""
     mine = [c for c in told if c.view == "amplitude"]
     if not mine:
@@ -155,8 +155,7 @@ def _drives(told: Sequence[Cell]) -> tuple[tuple[float, float], ...]:
     ranges = [
         c.span
         for c in mine
-        if c.group == strongest.group
-        and c.power - 1 >= WEAK_FOR_ITS_DRIVE * (strongest.power - 1) * min(c.span[1] / most, 1.0) ** 2
+        if c.group == strongest.group and c.power - 1 >= weak * (strongest.power - 1) * min(c.span[1] / most, 1.0) ** 2
     ]
     return ((min(low for low, _ in ranges), max(high for _, high in ranges)),)
 
@@ -186,6 +185,7 @@ def _sentence(
     drift: Sequence[Trend],
     recordings: Sequence[str],
     drive_V: Sequence[tuple[float, float]],
+    settings: LocalizationSettings,
 ) -> str:
     parts = []
     fast = [o for o in observed if o.excitation.fast]
@@ -207,10 +207,10 @@ def _sentence(
     several = len({other.channel for other in observed}) > 1
     prefix = f"{o.channel}: " if several else ""
     for view, words in STANDING_OUT.items():
-        stands = _standing_out(cells, told, view, o.channel)
+        stands = _standing_out(cells, told, view, o.channel, settings)
         if stands and (len(recordings) != 1 or view == "time in the waveform"):
             parts.append(words + stands.label.removeprefix(prefix))
-    bands = _stretches([c for c in told if c.view == "frequency"])
+    bands = _stretches([c for c in told if c.view == "frequency"], settings.strong)
     if bands:
         parts.append("at " + " and ".join(span_told(low, high, "Hz") for low, high in bands[:2]))
     parity = [c for c in told if c.view == "distortion"]
@@ -228,7 +228,7 @@ def _sentence(
     unknown = sorted({other.channel for other in observed if not noise.known(other)})
     if o.channel in unknown:
         parts.append("compared with the rest of what is left, for nothing tells its noise")
-    times = _stretches([c for c in told if c.view == "time"])
+    times = _stretches([c for c in told if c.view == "time"], settings.strong)
     if times and not recordings:
         parts.append(f"{span_told(*times[0], 's')} after their start")
     sentence = ", ".join(parts)
@@ -245,10 +245,13 @@ def _amount(o: ObservedRecording, noise: Noise, fit: FitResult) -> str:
     return f" by {with_prefix(math.sqrt(beyond), o.unit)} (RMS, noise apart) in {o.name.removesuffix(MONITOR)}"
 
 
-def _standing_out(cells: Sequence[Cell], told: Sequence[Cell], view: str, channel: str) -> Cell | None:
+def _standing_out(
+    cells: Sequence[Cell], told: Sequence[Cell], view: str, channel: str, settings: LocalizationSettings
+) -> Cell | None:
     """The cell of a view whose surplus power is well above the next one's; None if there is no such cell."""
     mine = sorted((c for c in cells if c.view == view and c.group == channel), key=lambda c: -c.power)
-    apart = APART if view in ("time in the waveform", "pulse") else FAR_APART
+    of_parts = view in ("time in the waveform", "pulse")
+    apart = settings.part_stands_out if of_parts else settings.group_stands_out
     if len(mine) < 2 or mine[0] not in told or mine[0].power - 1 < apart * max(mine[1].power - 1, 0.0):
         return None
     return mine[0]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.localization.cells import Cell, Rows
+from inkjet_env.mismatch.settings import LocalizationSettings
 from inkjet_env.plant.wording import span_told, with_prefix
 
 Whole = NDArray[np.intp]
@@ -27,23 +28,11 @@ MONITOR = " (drive monitor)"
 PHASES = ("on the edges", "in the dwells", "in the ring-down", "while the drive moves on", "with no drive")
 PULSES = ("the first pulse", "the second pulse", "the third pulse")
 SIGNS = ("positive drives", "negative drives", "drives of both signs")
-STRETCHES = 64
-"""Largest number of equal intervals of a recording's time."""
-BANDS_AN_OCTAVE = 6
-"""Number of frequency bands per octave."""
-LEVELS = 10
-"""Number of equal intervals of the largest drive."""
 QUARTERS = ("first quarter of the session", "second quarter", "third quarter", "last quarter of the session")
 STILL = 1e-6
 """Step of the drive, as a share of its swing, below which it counts as standing still."""
-SETTLED = 0.05
-"""Share of its time for which a drive must stand still; one that does so for less counts as always moving."""
-REST = 3
-"""Least number of samples at rest between two pulses."""
 EMPTY = 1e-6
 """Share of a drive's power, below which a spectral line counts as empty."""
-DISTORTED = 3
-"""Distortion is looked for up to this multiple of the drive's highest line."""
 
 
 def views(observed: Sequence[ObservedRecording], rows: Rows, lines: Rows) -> list[Cell]:
@@ -56,10 +45,10 @@ def views(observed: Sequence[ObservedRecording], rows: Rows, lines: Rows) -> lis
     rows, lines : Rows
         Their residuals by sample, as from `sample_rows`, and by spectral line, as from `line_rows`.
     """
-    several = len({o.channel for o in observed}) > 1
+    several, settings = len({o.channel for o in observed}) > 1, rows.settings
     found = rows.cells("recording", rows.record, [o.name for o in observed], names=[(o.name,) for o in observed])
-    found += _by_sample("time in the waveform", PHASES, phases, observed, rows, several)
-    found += _by_sample("pulse", PULSES, pulses, observed, rows, several)
+    found += _by_sample("time in the waveform", PHASES, lambda o: phases(o, settings), observed, rows, several)
+    found += _by_sample("pulse", PULSES, lambda o: pulses(o, settings), observed, rows, several)
     found += by_time(observed, rows)
     found += by_frequency(lines)
     found += by_level(observed, rows, several)
@@ -71,13 +60,13 @@ def views(observed: Sequence[ObservedRecording], rows: Rows, lines: Rows) -> lis
     return found
 
 
-def phases(o: ObservedRecording) -> Whole:
+def phases(o: ObservedRecording, settings: LocalizationSettings) -> Whole:
     """Index of each sample into `PHASES`, shape (n,)."""
     drive, n = o.excitation.drive_V, o.excitation.samples
     if o.still:
         return np.full(n, 4)
     moving = _moving(o)
-    if moving.mean() > 1 - SETTLED:
+    if moving.mean() > 1 - settings.settled_drive:
         return np.full(n, 3)
     at_rest = ~moving & (np.abs(drive - rest_V(o)) <= STILL * np.ptp(drive))
     result = np.where(moving, 0, np.where(at_rest, 2, 1))
@@ -100,16 +89,16 @@ def rest_V(o: ObservedRecording) -> float:
     return float(levels[np.argmax(counts)]) * STILL * float(np.ptp(o.excitation.drive_V))
 
 
-def pulses(o: ObservedRecording) -> Whole:
+def pulses(o: ObservedRecording, settings: LocalizationSettings) -> Whole:
     """Index of each sample's pulse, ring-down included, shape (n,); −1 if there are not two or three pulses."""
     n = o.excitation.samples
     none = np.full(n, -1)
     moving = _moving(o)
-    if o.still or moving.mean() > 1 - SETTLED:
+    if o.still or moving.mean() > 1 - settings.settled_drive:
         return none
     away = np.abs(o.excitation.drive_V - rest_V(o)) > 10 * STILL * np.ptp(o.excitation.drive_V)
     starts = np.flatnonzero(np.diff(away.astype(np.int8), prepend=0) == 1)
-    begun = [int(start) for start in starts if not away[max(start - REST, 0) : start].any()]
+    begun = [int(start) for start in starts if not away[max(start - settings.pulse_gap, 0) : start].any()]
     if not 2 <= len(begun) <= len(PULSES):
         return none
     result = none.copy()
@@ -185,7 +174,7 @@ def by_time(observed: Sequence[ObservedRecording], rows: Rows) -> list[Cell]:
         if not mine:
             continue
         longest = int(sizes[mine].max())
-        count = min(STRETCHES, max(longest // 16, 1))
+        count = min(rows.settings.time_intervals, max(longest // 16, 1))
         own = np.isin(rows.record, mine)
         place[own] = len(labels) + index[own] * count // longest
         step_s = observed[mine[0]].excitation.step_s
@@ -198,19 +187,20 @@ def by_time(observed: Sequence[ObservedRecording], rows: Rows) -> list[Cell]:
 
 
 def by_frequency(lines: Rows) -> list[Cell]:
-    """Cells by frequency: bands of a sixth of an octave."""
-    band = np.floor(BANDS_AN_OCTAVE * np.log2(lines.axis)).astype(np.intp)
+    """Cells by frequency: equal bands of each octave."""
+    per_octave = lines.settings.bands_per_octave
+    band = np.floor(per_octave * np.log2(lines.axis)).astype(np.intp)
     kinds, place = np.unique(band, return_inverse=True)
-    spans = [(float(2 ** (k / BANDS_AN_OCTAVE)), float(2 ** ((k + 1) / BANDS_AN_OCTAVE))) for k in kinds]
+    spans = [(float(2 ** (k / per_octave)), float(2 ** ((k + 1) / per_octave))) for k in kinds]
     labels = [f"{with_prefix(low, 'Hz')} to {with_prefix(high, 'Hz')}" for low, high in spans]
     return lines.cells("frequency", place, labels, spans)
 
 
 def by_level(observed: Sequence[ObservedRecording], rows: Rows, several: bool) -> list[Cell]:
-    """Cells by the largest magnitude of a recording's drive, in tenths of the largest of all."""
+    """Cells by the largest magnitude of a recording's drive, in equal parts of the largest of all."""
     values = {o.name: largest_V(o) for o in observed}
     most = max(values.values()) or 1.0
-    bins = {name: math.ceil(round(LEVELS * value / most, 6)) for name, value in values.items()}
+    bins = {name: math.ceil(round(rows.settings.drive_levels * value / most, 6)) for name, value in values.items()}
     return _by_value("amplitude", "V", values, bins, observed, rows, several)
 
 
@@ -258,7 +248,7 @@ def by_parity(observed: Sequence[ObservedRecording], lines: Rows) -> list[Cell]:
         if last:
             mine = np.flatnonzero(lines.record == i)
             line = np.round(lines.axis[mine] * o.excitation.samples * o.excitation.step_s).astype(np.intp)
-            place[mine] = np.where(line <= DISTORTED * last, line % 2, -1)
+            place[mine] = np.where(line <= lines.settings.distortion_lines * last, line % 2, -1)
     labels = ["even multiples of the repetition rate", "odd multiples of the repetition rate"]
     return lines.cells("distortion", place, labels)
 

@@ -18,8 +18,6 @@ from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis
 from inkjet_env.typing import Real
 
-UNTOLD = 5.0
-"""Standard error of a parameter's logarithm, above which the parameter counts as not identifiable."""
 SINGULAR = 1e-9
 """Share of a matrix's largest singular value, or of its largest column's norm, below which a value counts as zero."""
 
@@ -56,23 +54,24 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     _, beyond = np.linalg.qr(fit.jacobian - q @ across)
     columns = np.block([[r, across], [np.zeros((beyond.shape[0], head.size)), beyond]])
     loud = max(1.0, 2 * fit.nll / max(hypothesis.residuals.size - hypothesis.columns.shape[1], 1))  # s² of Eq. (2)
-    errors = np.sqrt(loud) * _errors(columns, directions) if fit.converged else np.full(3, np.inf)
+    unidentifiable = joint.settings.selection.unidentifiable
+    errors = np.sqrt(loud) * _errors(columns, directions, unidentifiable) if fit.converged else np.full(3, np.inf)
     return {
-        "a0": _estimate(law.a0, errors[0], 0.0),
-        "a1": _estimate(law.a1, errors[1], 0.0),
-        "b1": _estimate(law.b1, errors[2], -math.inf),
+        "a0": _estimate(law.a0, errors[0], 0.0, unidentifiable),
+        "a1": _estimate(law.a1, errors[1], 0.0, unidentifiable),
+        "b1": _estimate(law.b1, errors[2], -math.inf, unidentifiable),
     }
 
 
-def _estimate(value: float, error: float, least: float) -> Estimate:
+def _estimate(value: float, error: float, least: float, unidentifiable: float) -> Estimate:
     """A value with its interval, from its logarithm's standard error; ``least`` … ∞ if it is not identifiable."""
-    if error > UNTOLD:
+    if error > unidentifiable:
         return Estimate(value, least, math.inf)
     ends = (value * math.exp(-QUANTILE_90 * error), value * math.exp(QUANTILE_90 * error))
     return Estimate(value, min(ends), max(ends))
 
 
-def _errors(columns: Real, directions: Real) -> Real:
+def _errors(columns: Real, directions: Real, unidentifiable: float) -> Real:
     """Standard error along each direction for ``S = I``, Eq. (2), shape (k,); infinite if it is not identifiable.
 
     ``columns`` (rows, p) is the Jacobian or its triangle, ``directions`` (k, p) are combinations of the parameters.
@@ -84,6 +83,6 @@ def _errors(columns: Real, directions: Real) -> Real:
     _, values, axes = np.linalg.svd(scaled)
     least = SINGULAR * values.max(initial=0.0)
     across = axes[np.count_nonzero(values > least) :]  # directions that the columns do not determine, within rounding
-    beyond = np.linalg.norm(aims @ across.T, axis=1) > UNTOLD * least
+    beyond = np.linalg.norm(aims @ across.T, axis=1) > unidentifiable * least
     result[beyond | directions[:, ~told].any(axis=1) | ~directions.any(axis=1)] = np.inf
     return result

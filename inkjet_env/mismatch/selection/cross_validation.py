@@ -15,10 +15,6 @@ from numpy.typing import NDArray
 
 from inkjet_env.typing import Real
 
-TOLD_BY_ONE = 0.9
-"""Share of the information on a parameter direction that comes from one condition, above which leaving that condition
-out does not test it."""
-
 
 @dataclass(frozen=True, eq=False)
 class LeaveOutResiduals:
@@ -45,7 +41,9 @@ class LeaveOutResiduals:
         return np.array(gains), np.array(errors)
 
 
-def predicted(residuals: Real, columns: Real, groups: Sequence[NDArray[np.intp]]) -> LeaveOutResiduals:
+def predicted(
+    residuals: Real, columns: Real, groups: Sequence[NDArray[np.intp]], single_condition: float
+) -> LeaveOutResiduals:
     """Residuals with each condition left out.
 
     Parameters
@@ -56,13 +54,16 @@ def predicted(residuals: Real, columns: Real, groups: Sequence[NDArray[np.intp]]
         Whitened sensitivities to all fitted parameters.
     groups : sequence of ndarray of int
         Rows of each condition.
+    single_condition : float
+        Share of the information on a parameter direction that comes from one condition, above which leaving that
+        condition out does not test it.
     """
     q = orthonormal(columns)
     result = residuals.copy()
     for rows in groups:
         mine = q[rows]
         share, directions = np.linalg.eigh(mine.T @ mine)
-        factor = np.where(share < TOLD_BY_ONE, 1 / (1 - np.minimum(share, TOLD_BY_ONE)), 0.0)
+        factor = np.where(share < single_condition, 1 / (1 - np.minimum(share, single_condition)), 0.0)
         result[rows] = residuals[rows] + mine @ (directions @ (factor * (directions.T @ (mine.T @ residuals[rows]))))
     return LeaveOutResiduals(result, tuple(groups))
 

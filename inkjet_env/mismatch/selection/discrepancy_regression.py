@@ -18,11 +18,6 @@ from inkjet_env.mismatch.selection.hypotheses import Hypothesis, conditions
 from inkjet_env.plant import Resonance
 from inkjet_env.typing import Real
 
-RIDGES = tuple(np.geomspace(1e-3, 1e5, 17))
-"""Ridge penalties that are tried, for features of unit norm."""
-DELAYS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)
-"""Delays of the copies, in periods of the resonance."""
-
 
 @dataclass(frozen=True, eq=False)
 class DiscrepancyRegression:
@@ -57,7 +52,7 @@ def discrepancy_regression(hypothesis: Hypothesis) -> DiscrepancyRegression:
     norms = np.linalg.norm(seen, axis=0)
     norms[norms == 0] = np.inf
     seen = seen / norms
-    weights = _ridge(seen, hypothesis.residuals, conditions(joint))
+    weights = _ridge(seen, hypothesis.residuals, conditions(joint), joint.settings.selection.ridge_penalties)
     modelled = {name: (table / norms) @ weights for name, table in columns.items()}
     gain = square = power = 0.0
     for o in joint.observed:
@@ -69,19 +64,19 @@ def discrepancy_regression(hypothesis: Hypothesis) -> DiscrepancyRegression:
     return DiscrepancyRegression(gain, float(np.sqrt(square)), 2 * gain / power if power else 0.0, modelled)
 
 
-def _ridge(columns: Real, target: Real, groups: Sequence[NDArray[np.intp]]) -> Real:
+def _ridge(columns: Real, target: Real, groups: Sequence[NDArray[np.intp]], penalties: Sequence[float]) -> Real:
     """Weights, shape (k,), with the ridge that predicts left-out conditions best; zero if none predicts anything."""
     folds = [np.concatenate(groups[k::4]) for k in range(min(4, len(groups)))]
     gram, moment = columns.T @ columns, columns.T @ target
-    errors = np.zeros(len(RIDGES))
+    errors = np.zeros(len(penalties))
     for rows in folds:
         out = columns[rows]
         values, vectors = np.linalg.eigh(gram - out.T @ out)
         rotated, image = vectors.T @ (moment - out.T @ target[rows]), out @ vectors
-        for k, ridge in enumerate(RIDGES):
+        for k, ridge in enumerate(penalties):
             residuals = target[rows] - image @ (rotated / (np.maximum(values, 0) + ridge))
             errors[k] += float(residuals @ residuals)
-    ridge = RIDGES[int(np.argmin(errors))] if errors.min() < float(target @ target) else np.inf
+    ridge = penalties[int(np.argmin(errors))] if errors.min() < float(target @ target) else np.inf
     if not np.isfinite(ridge):
         return np.zeros(columns.shape[1])
     return np.asarray(np.linalg.solve(gram + ridge * np.eye(len(gram)), moment), dtype=np.float64)
@@ -100,10 +95,10 @@ def _features(hypothesis: Hypothesis, o: ObservedRecording, scale: float, size: 
     ``scale`` and ``size`` are the largest drive in volts and the largest motion of all recordings. Powers are divided
     by them, so that they have the same unit everywhere.
     """
-    head = hypothesis.fit.head
+    head, delays = hypothesis.fit.head, hypothesis.joint.settings.selection.delays
     plant, excitation = head.plant(hypothesis.fit.active.pairs), o.excitation
     if o.channel == "drive_monitor":
-        return np.zeros((excitation.samples, _count()))
+        return np.zeros((excitation.samples, _count(delays)))
     drive = plant.at_ceramic_V(excitation)
     hysteretic = plant.hysteretic_V(drive, excitation)
     resonance = Resonance(head.printhead.a0, head.printhead.a1, head.printhead.a0)
@@ -115,7 +110,7 @@ def _features(hypothesis: Hypothesis, o: ObservedRecording, scale: float, size: 
         shapes = [v, u, slope, v * np.abs(v) / scale, v**2 / scale, v**3 / scale**2, np.abs(u), u**2 / scale]
         slow = [_decayed(slope, k, excitation.periodic) for k in (3, 10, 30, 100, 300)]
         table = np.column_stack([*shapes, *slow, np.full(v.size, place), v * place])
-        return np.hstack([table, np.zeros((v.size, _count() - table.shape[1]))])
+        return np.hstack([table, np.zeros((v.size, _count(delays) - table.shape[1]))])
     y = _motion(hypothesis, o)
     step = 2 * np.pi * head.printhead.frequency_Hz * excitation.step_s
     speed: Real = np.gradient(y) / np.float64(step)
@@ -131,7 +126,7 @@ def _features(hypothesis: Hypothesis, o: ObservedRecording, scale: float, size: 
         lambda: slope, lambda: np.abs(slope), lambda: slope * np.abs(slope) / scale,
     ]  # fmt: skip
     once_more = [rung(shape * scale / size) for shape in (y, speed, *even_odd)]
-    delayed = [_shifted(signal, round(d * period), excitation.periodic) for d in DELAYS for signal in (y, speed)]
+    delayed = [_shifted(signal, round(d * period), excitation.periodic) for d in delays for signal in (y, speed)]
     table = np.column_stack(
         [
             gain * np.column_stack([y, speed, *even_odd, *once_more, *(rung(push()) for push in pushes), *delayed]),
@@ -144,8 +139,8 @@ def _features(hypothesis: Hypothesis, o: ObservedRecording, scale: float, size: 
     return np.hstack([gauge, table])
 
 
-def _count() -> int:
-    return 15 + 2 + 6 + 8 + 8 + 2 * len(DELAYS) + 8 + 5
+def _count(delays: Sequence[float]) -> int:
+    return 15 + 2 + 6 + 8 + 8 + 2 * len(delays) + 8 + 5
 
 
 def _decayed(signal: Real, samples: float, periodic: bool) -> Real:

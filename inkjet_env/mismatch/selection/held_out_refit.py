@@ -10,7 +10,6 @@ from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis
 from inkjet_env.mismatch.selection.score_test import signatures
-from inkjet_env.mismatch.settings import LEAST_EXCESS, LEFT_OVER, SURE
 
 
 def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
@@ -29,7 +28,7 @@ def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
     tuple of str
         Names of the recordings, largest excess first.
     """
-    whole, found = _of_everything(joint), {}
+    whole, found, settings = _of_everything(joint), {}, joint.settings.verdict
     of_the_head = [o for o in joint.observed if o.channel != "drive_monitor"]
     for key in sorted({o.noise_key for o in of_the_head}):
         mine = [o for o in of_the_head if o.noise_key == key]
@@ -41,7 +40,7 @@ def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
                 continue
             excess = float(residuals @ residuals) / residuals.size / usual - 1
             doubt = np.sqrt(2 / residuals.size + 2 / max(seen.size, 1))
-            if excess > LEAST_EXCESS + SURE * doubt:
+            if excess > settings.least_excess + settings.excess_standard_deviations * doubt:
                 found[o.name] = excess * residuals.size
     return tuple(sorted(found, key=lambda name: -found[name]))
 
@@ -49,7 +48,7 @@ def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
 def _of_everything(joint: OutputErrorFit) -> OutputErrorFit:
     """The same recordings and noise, with the held-out samples fitted too."""
     everything = [replace(o, fitted=o.excitation.samples) for o in joint.observed]
-    return OutputErrorFit(everything, joint.noise, joint.base.head, joint.random_effects)
+    return joint.anew(observed=everything, head=joint.base.head)
 
 
 def explains_held_out_after_refit(joint: OutputErrorFit, chosen: Hypothesis, context: FitContext) -> bool:
@@ -80,4 +79,4 @@ def explains_held_out_after_refit(joint: OutputErrorFit, chosen: Hypothesis, con
         before += sum(float(np.sum(whole.base.residuals[o.name][o.rows(held_out=True)] ** 2)) for o in mine)
         after += float(unseen @ unseen)
         noise += unseen.size * (float(seen @ seen) / seen.size if seen.size else 1.0)
-    return before - after >= (1 - LEFT_OVER) * (before - noise)
+    return before - after >= (1 - joint.settings.verdict.left_over) * (before - noise)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.fit_result import FitResult
-from inkjet_env.mismatch.fitting.joint_fit import FAR_FROM_RIGHT, MOST_STEPS, OutputErrorFit
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.cross_validation import LeaveOutResiduals, orthonormal, predicted
 from inkjet_env.mismatch.selection.score_test import Signatures, superposed
 from inkjet_env.plant import Effect
@@ -20,28 +20,6 @@ from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import rest
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
-
-STARTS = 3
-"""Number of starts of each effect with a fair score, fitted with a few steps each; the best is continued. Other effects
-get one start."""
-WORTH_STARTS = 0.2
-"""Share of the best effect's score from which a score is fair."""
-FIRST_STEPS = 6
-"""Number of steps from each start."""
-AT_BOUND = 1e-3
-"""Distance within which a coordinate counts as at its bound: a share of its range, or of the bound for a strength."""
-MOST_ROUNDS = 4
-"""Largest number of times that the base parameters' sensitivities are taken anew."""
-SETTLED = 0.5
-"""Gain in log-likelihood below which a round is the last."""
-LEAST_SHARE = 1e-3
-"""Share of the whole mismatch that a further effect must explain: less may be the error of the equations."""
-WORTH_WHOLE = 0.5
-"""Share of the best effect's gain from which the other terms of an effect's law are fitted too."""
-MOST_WHOLE = 2
-"""Largest number of effects, beside another one, whose other terms are fitted too."""
-HOPELESS = 0.3
-"""Share of the best effect's gain that an effect must reach in the first steps to be fitted to the end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +70,8 @@ class Hypothesis:
     @cached_property
     def predicted(self) -> LeaveOutResiduals:
         """Residuals with each condition left out."""
-        return predicted(self.residuals, self.columns, conditions(self.joint))
+        most = self.joint.settings.selection.single_condition
+        return predicted(self.residuals, self.columns, conditions(self.joint), most)
 
     @property
     def degenerate(self) -> bool:
@@ -104,12 +83,13 @@ class Hypothesis:
         low, high = self.joint.limits(self.fit.active.effects)
         named = [(e, p) for e in self.fit.active.effects for p in e.parameters]
         widest = np.array([p.bounds for _, p in named]).reshape(-1, 2)
-        room = AT_BOUND * (high - low)
+        at_bound = self.joint.settings.selection.at_bound
+        room = at_bound * (high - low)
         shape_at = (self.fit.active.theta <= low + room) | (self.fit.active.theta >= high - room)
         ends = ((low, low > widest[:, 0]), (high, high < widest[:, 1]))
         strength_at = np.zeros(low.size, dtype=bool)
         for end, narrower in ends:
-            near = np.abs(self.fit.active.theta - end) <= AT_BOUND * np.where(end == 0, high - low, np.abs(end))
+            near = np.abs(self.fit.active.theta - end) <= at_bound * np.where(end == 0, high - low, np.abs(end))
             strength_at |= near & narrower & (low < high)
         return any(
             bool(strength) if p.name in e.strengths else bool(shape) and not p.open_ended
@@ -124,7 +104,7 @@ class Hypothesis:
     @property
     def leaves_much(self) -> bool:
         """Whether the residuals exceed the noise by enough for another effect to be worth adding."""
-        return not self.noise_known or self.excess > LEAST_SHARE * 2 * self.gain
+        return not self.noise_known or self.excess > self.joint.settings.selection.equation_error * 2 * self.gain
 
     @property
     def lacks_terms(self) -> bool:
@@ -183,7 +163,7 @@ def attribute(
     effects: Sequence[Effect],
     found: Signatures,
     context: FitContext,
-    hopeless: float = HOPELESS,
+    hopeless: float | None = None,
 ) -> list[Hypothesis]:
     """The hypotheses that have one more effect on than ``beside``, best first.
 
@@ -203,21 +183,25 @@ def attribute(
         Their signatures with the columns of ``beside`` projected out; they rank the starts.
     context : FitContext
         Processes, random numbers, progress messages and checkpoint.
-    hopeless : float
-        Share of the best gain, after the first steps, below which an effect is not fitted to the end.
+    hopeless : float, optional
+        Share of the best gain, after the first steps, below which an effect is not fitted to the end; that of the
+        settings unless given.
     """
-    given = beside.fit
+    given, settings = beside.fit, joint.settings.selection
+    hopeless = settings.hopeless_gain if hopeless is None else hopeless
 
     def few_steps(question: tuple[ActiveEffects, FitResult, int]) -> FitResult | None:
         return _tried(joint, *question, known=given.jacobian if given.active.effects else None)
 
     best_score = found.best(beside.residuals)
-    worth = WORTH_STARTS * max(best_score.values(), default=0.0)
+    fair = settings.fair_score * max(best_score.values(), default=0.0)
     tasks = [
-        (given.active.plus(effect, start), given, FIRST_STEPS)
+        (given.active.plus(effect, start), given, settings.first_steps)
         for effect in effects
         if effect.id in best_score and effect.id not in given.ids
-        for _, start in found.ranked(effect, beside.residuals)[: STARTS if best_score[effect.id] >= worth else 1]
+        for _, start in found.ranked(effect, beside.residuals)[
+            : settings.starts if best_score[effect.id] >= fair else 1
+        ]
     ]
     best: dict[str, FitResult] = {}
     for k, fit in enumerate(context.fits(joint, few_steps, tasks, tasks)):
@@ -236,9 +220,9 @@ def attribute(
             ended.append(Hypothesis(fit, joint.near(fit)))
     ended.sort(key=lambda h: -h.score)
     if ended and (ended[0].leaves_much or ended[0].degenerate):
-        fair = WORTH_WHOLE * max(given.nll - h.fit.nll for h in ended)
-        partial = [h.fit for h in ended if h.lacks_terms and given.nll - h.fit.nll >= fair]
-        partial = partial[: MOST_WHOLE if given.active.effects else None]
+        fair_gain = settings.whole_law_gain * max(given.nll - h.fit.nll for h in ended)
+        partial = [h.fit for h in ended if h.lacks_terms and given.nll - h.fit.nll >= fair_gain]
+        partial = partial[: settings.most_whole_laws if given.active.effects else None]
         wholes = [(fit.active, fit, "whole") for fit in partial]
         for k, fit in enumerate(context.fits(joint, lambda fit: shaped(joint, fit, beside).fit, partial, wholes)):
             if fit is not None:
@@ -249,15 +233,15 @@ def attribute(
 
 def shaped(joint: OutputErrorFit, fit: FitResult, beside: Hypothesis) -> Hypothesis:
     """A settled fit, continued with those terms of its last effect's law that are worth their parameters."""
-    near = joint.near(fit)
+    near, steps = joint.near(fit), joint.settings.selection.first_steps
     plain = Hypothesis(fit, near)
     effect = fit.active.last
     others = superposed(joint, effect, beside.residuals, beside.columns)
     known = beside.fit.jacobian if beside.ids else None
-    tried = [_tried(near, fit.active, fit, FIRST_STEPS, True, known)]
+    tried = [_tried(near, fit.active, fit, steps, True, known)]
     for values in others:
         begin = fit.active.with_values(effect, values)
-        tried.append(_tried(joint, begin, beside.fit, FIRST_STEPS, True, known))
+        tried.append(_tried(joint, begin, beside.fit, steps, True, known))
     begun = min((one for one in tried if one is not None), key=lambda one: one.nll, default=None)
     if begun is None or Hypothesis(begun, near).score <= plain.score:
         return plain
@@ -285,12 +269,14 @@ def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypo
 
 def settled(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypothesis:
     """A fit continued until it settles, with the base sensitivities taken anew in each round."""
-    for _ in range(MOST_ROUNDS):
+    settings = joint.settings
+    for _ in range(settings.selection.most_rounds):
         near = joint.near(fit)
         following = _tried(near, fit.active, fit, whole=whole) or fit
         gained = fit.nll - following.nll
         fit, joint = following, near
-        if gained < max(SETTLED, FAR_FROM_RIGHT * (fit.nll - 0.5 * sum(o.fitted for o in joint.seen))):
+        misfit = fit.nll - 0.5 * sum(o.fitted for o in joint.seen)
+        if gained < max(settings.fitting.settled_gain, settings.fitting.step_gain_share * misfit):
             break
     return Hypothesis(fit, joint)
 
@@ -299,7 +285,7 @@ def _tried(
     joint: OutputErrorFit,
     active: ActiveEffects,
     begin: FitResult,
-    steps: int = MOST_STEPS,
+    steps: int | None = None,
     whole: bool = False,
     known: Real | None = None,
 ) -> FitResult | None:

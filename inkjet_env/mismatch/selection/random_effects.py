@@ -17,28 +17,17 @@ import numpy as np
 from inkjet_env.identification.identification import Estimate
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, noise_seen
+from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import Parameter, coordinates, values_at
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
-
-LINES = 4
-"""Number of strongest lines of the pooled periodogram that serve as starts."""
-LEAST_GAIN = 15.0
-"""Gain in log-likelihood from which a random effect counts as present; for each fitted shape, the logarithm of the
-number of frequencies to choose from is added."""
 
 PROFILE_90 = 1.353
 """Loss of log-likelihood at the ends of a 90 % interval: half the 90 % quantile of chi-square with one degree of
 freedom."""
 BISECTIONS = 12
 """Number of bisections at each end of an interval."""
-WORTH_REFINING = 5.0
-"""Gain in log-likelihood from which a start is refined: within a quarter of a line it has most of the gain."""
-DITHERED = 0.5
-"""Noise RMS in steps of the converter from which rounding errors are practically independent of the signal."""
-LEAST_AT_REST = 3.0
-"""Gain in log-likelihood that the recordings at rest alone must show."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +62,7 @@ def detect_random_effects(
     noise: Noise,
     effects: Sequence[Effect],
     printhead: Printhead,
+    settings: DiagnosisSettings,
 ) -> list[RandomEffect]:
     """Random effects that gain enough on the channel from which their shape is estimated, best first.
 
@@ -88,6 +78,8 @@ def detect_random_effects(
         Effects that have a random-effect basis.
     printhead : Printhead
         Base model from which they may derive their starts.
+    settings : DiagnosisSettings
+        Settings of the diagnosis.
 
     Returns
     -------
@@ -101,13 +93,18 @@ def detect_random_effects(
         level = float(np.mean(np.concatenate([residuals[o.name] for o in mine])))  # an offset is no drift
         residuals = residuals | {o.name: residuals[o.name] - level for o in mine}
         # estimated from these recordings, as the noise with the effect will be
-        alone = noise_seen(mine, residuals, dict(noise.models), noise.least)
+        alone = noise_seen(mine, residuals, dict(noise.models), settings.fitting, noise.least)
         channel = channels[name] = _Channel(
-            mine, residuals, alone, _noise_alone(mine, residuals, alone), _lines_Hz(mine, residuals)
+            mine,
+            residuals,
+            alone,
+            _noise_alone(mine, residuals, alone),
+            _lines_Hz(mine, residuals, settings.selection.spectral_lines),
+            settings,
         )
         for effect in effects:
             best = _best(effect, channel, printhead)
-            if best is None or best.gain <= _least_gain(effect, mine):
+            if best is None or best.gain <= _least_gain(effect, channel):
                 continue
             if _at_rest(best, channel) and not _rounded(best, channel):
                 found.append(_with_intervals(best, channel))
@@ -130,6 +127,7 @@ class _Channel:
     noise: Noise
     before: float
     lines_Hz: tuple[float, ...]
+    settings: DiagnosisSettings
 
 
 def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> float:
@@ -138,18 +136,20 @@ def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> floa
         return 0.0
     less = _less(effect, values, channel)
     gain = channel.before - _with_amplitudes(effect, values, channel.observed, channel.residuals, less)[0]
-    return gain if gain > LEAST_GAIN else 0.0
+    return gain if gain > channel.settings.selection.random_effect_gain else 0.0
 
 
 def _less(effect: Effect, values: dict[str, float], channel: _Channel) -> Noise:
     """The noise of the residuals without what the effect can explain."""
     rest = without(effect, values, channel.observed, channel.residuals)
-    return noise_seen(channel.observed, rest, dict(channel.noise.models), channel.noise.least)
+    models = dict(channel.noise.models)
+    return noise_seen(channel.observed, rest, models, channel.settings.fitting, channel.noise.least)
 
 
-def _least_gain(effect: Effect, observed: Sequence[ObservedRecording]) -> float:
+def _least_gain(effect: Effect, channel: _Channel) -> float:
     shapes = len(effect.parameters) - len(effect.strengths)
-    return LEAST_GAIN + shapes * math.log(max(o.excitation.samples for o in observed))
+    longest = max(o.excitation.samples for o in channel.observed)
+    return channel.settings.selection.random_effect_gain + shapes * math.log(longest)
 
 
 def _at_rest(one: RandomEffect, channel: _Channel) -> bool:
@@ -163,7 +163,8 @@ def _at_rest(one: RandomEffect, channel: _Channel) -> bool:
         return True
     less = _less(one.effect, one.values, channel)
     before = _noise_alone(resting, channel.residuals, channel.noise)
-    return before - _with_amplitudes(one.effect, one.values, resting, channel.residuals, less)[0] > LEAST_AT_REST
+    gain = before - _with_amplitudes(one.effect, one.values, resting, channel.residuals, less)[0]
+    return gain > channel.settings.selection.random_effect_gain_at_rest
 
 
 def _rounded(one: RandomEffect, channel: _Channel) -> bool:
@@ -171,7 +172,7 @@ def _rounded(one: RandomEffect, channel: _Channel) -> bool:
     step = math.sqrt(12) * channel.noise.least[one.channel]
     noise_rms = max(channel.noise.models[o.noise_key].rms for o in channel.observed)
     size = max(one.values[name] for name in one.effect.strengths)
-    return size < step and noise_rms < DITHERED * step
+    return size < step and noise_rms < channel.settings.selection.dithered * step
 
 
 def without(
@@ -204,7 +205,7 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffe
         before = _noise_alone(observed, residuals, judge)
         losses = [_with_amplitudes(effect, start, observed, residuals, judge)[0] for start in starts]
         ranked = sorted(range(len(starts)), key=losses.__getitem__)[:2]
-        fair = [k for k in ranked if before - losses[k] > WORTH_REFINING]
+        fair = [k for k in ranked if before - losses[k] > channel.settings.selection.random_effect_refined]
         tried += [(k, judge) for k in fair if free or k not in [other for other, _ in tried]]
     best: RandomEffect | None = None
     for k, judge in tried:
@@ -334,8 +335,8 @@ def _with_amplitudes(
     return total - max(float(gains.max()), 0.0), np.array([np.max(np.abs(e)) for e in explained])
 
 
-def _lines_Hz(observed: Sequence[ObservedRecording], residuals: dict[str, Real]) -> tuple[float, ...]:
-    """Frequencies of the strongest lines in the pooled periodogram of the residuals, in hertz."""
+def _lines_Hz(observed: Sequence[ObservedRecording], residuals: dict[str, Real], most: int) -> tuple[float, ...]:
+    """Frequencies of the strongest lines, at most ``most``, in the pooled periodogram of the residuals, in hertz."""
     by_step: dict[float, list[ObservedRecording]] = {}
     for o in observed:
         by_step.setdefault(o.noise_key[1], []).append(o)
@@ -354,6 +355,6 @@ def _lines_Hz(observed: Sequence[ObservedRecording], residuals: dict[str, Real])
             continue
         if all(abs(frequency[at] - other) * longest * step_s > 3 for other in found):
             found.append(float(frequency[at]))
-        if len(found) == LINES:
+        if len(found) == most:
             break
     return tuple(found)

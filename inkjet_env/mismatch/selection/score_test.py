@@ -21,12 +21,6 @@ from inkjet_env.plant import Effect
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
-DRAWS = 2000
-"""Number of draws of noise that a score is judged against."""
-UNLIKE = 0.95
-"""Cosine of two starting points' signatures, below which both are worth trying."""
-MOST_STARTS = 4
-"""Largest number of starts of an effect's whole law."""
 LEAST_SHARE = 1e-9
 """Share of a signature's power that the base parameters must leave for it to be distinguishable from them."""
 
@@ -70,19 +64,19 @@ class Signatures:
             self.sizes[told] * size[told],
         )
 
-    def chance(self, score: float, rng: np.random.Generator) -> float:
-        """Probability that noise alone gives any column a score this large."""
+    def p_value(self, score: float, rng: np.random.Generator, draws: int) -> float:
+        """Probability that noise alone gives any column a score this large, from this many draws of noise."""
         if not self.sizes.size:
             return 1.0
         gram = self.columns.T @ self.columns
         values, vectors = np.linalg.eigh(gram)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        largest = np.abs(rng.standard_normal((DRAWS, values.size)) @ root.T).max(axis=1)
+        largest = np.abs(rng.standard_normal((draws, values.size)) @ root.T).max(axis=1)
         above = int(np.sum(largest >= abs(score)))
         if above >= 20:
-            return above / DRAWS
+            return above / draws
         bound = self.sizes.size * math.erfc(abs(score) / math.sqrt(2))  # Bonferroni's, good in the tail
-        return float(min(bound, (above + 1) / DRAWS))
+        return float(min(bound, (above + 1) / draws))
 
     def ranked(self, effect: Effect, residuals: Real) -> list[tuple[float, dict[str, float]]]:
         """Scores and starts of one effect, best first; strengths are scaled to what the recordings show."""
@@ -182,12 +176,13 @@ def superposed(joint: OutputErrorFit, effect: Effect, residuals: Real, basis: Re
     gram = columns.T @ columns
     size = np.sqrt(np.maximum(weights.multiply(weights @ gram).sum(axis=1), 1e-300))
     scores = np.asarray(weights @ (columns.T @ residuals)) / size
+    settings = joint.settings.selection
     found: list[int] = []
     for k in np.argsort(-np.abs(scores)):
         alike = weights[found] @ gram @ weights[[k]].toarray()[0] / (size[found] * size[k])
-        if not found or np.abs(alike).max() < UNLIKE:
+        if not found or np.abs(alike).max() < settings.alike_starts:
             found.append(int(k))
-        if len(found) == MOST_STARTS:
+        if len(found) == settings.most_law_starts:
             break
     return [_scaled(effect, starts[k], float(scores[k] / size[k])) for k in found]
 

@@ -10,41 +10,11 @@ import numpy as np
 
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.selection.hypotheses import LEAST_SHARE, Hypothesis, attribute, base_hypothesis, settled
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis, settled
 from inkjet_env.mismatch.selection.score_test import Signatures
-from inkjet_env.mismatch.settings import LEFT_OVER
 from inkjet_env.plant import Effect
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.errors import NUMERICAL
-
-MOST_EFFECTS = 3
-"""Largest number of effects in a hypothesis."""
-BEAM = 3
-"""Number of single effects that are carried on; of pairs only the best one is."""
-WORTH_CARRYING = 0.5
-"""Share of the best hypothesis's gain that one must have to be carried on."""
-CHANCE = 1e-3
-"""Probability of a score under noise alone, up to which an effect is looked for."""
-STANDARD_ERRORS = 2.0
-"""Standard errors by which left-out conditions must be predicted better, all together."""
-CONDITIONS_GAIN = 0.5
-"""Share of the conditions affected by an effect that must be predicted better."""
-TOUCHED = 2.0
-"""Standard deviations by which an effect must change a condition to count as affecting it."""
-LEAST_OF_LEFTOVER, LEAST_IF_LARGE = 0.5, 0.25
-"""Share of the misfit beyond noise that a further effect must explain, and the smaller share that suffices if it
-explains a large share of the mismatch."""
-LARGE_SHARE = 0.02
-"""Share of the whole mismatch that counts as large."""
-LEAST_LOOK = 0.5
-"""Share of the best score from which a further effect is worth a fit."""
-NEARLY_AS_GOOD = 0.8
-"""Share of the best gain, after the first steps, from which an alternative is fitted to the end."""
-LOST = 2 * LEFT_OVER
-"""Unexplained share of the mismatch, above which alternatives are no longer of interest."""
-SAME_COSINE = 0.95
-"""Cosine above which a signature is nearly the winner's. Such an effect is distinguished from the winner only by a
-difference larger than what the winner itself leaves unexplained, because the equations may be wrong by as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,29 +60,29 @@ def select(
     context : FitContext
         Processes, random numbers, progress messages and checkpoint.
     """
-    base = base_hypothesis(joint)
+    base, settings = base_hypothesis(joint), joint.settings.selection
     beam, chosen = [base], base
     compared: dict[frozenset[str], Hypothesis] = {frozenset(): base}
     p_values: dict[frozenset[str], dict[str, float]] = {frozenset(): {}}
-    for _ in range(MOST_EFFECTS):
+    for _ in range(settings.most_effects):
         added: list[Hypothesis] = []
         for parent in beam:
             beside = found.beside(parent.columns)
             scores = beside.best(parent.residuals)
-            p_value = beside.chance(max(scores.values(), default=0.0), context.rng)
-            if p_value > CHANCE:
+            p_value = beside.p_value(max(scores.values(), default=0.0), context.rng, settings.score_draws)
+            if p_value > settings.significance_level:
                 continue
             promising = sorted(scores, key=lambda name: -scores[name])
             tried = [e for e in effects if e.id in promising and frozenset((*parent.ids, e.id)) not in compared]
             if parent is not base:  # all have been tried on the base model; later only those with a high score are
-                worth = LEAST_LOOK * scores[promising[0]]
-                tried = [e for e in tried if scores[e.id] > worth]
+                least = settings.further_score * scores[promising[0]]
+                tried = [e for e in tried if scores[e.id] > least]
             found_good = 0
             for hypothesis in attribute(joint, parent, tried, beside, context):
                 ids = frozenset(hypothesis.ids)
                 compared[ids] = hypothesis
                 p_values[ids] = p_values[frozenset(parent.ids)] | {hypothesis.ids[-1]: p_value}
-                if found_good < BEAM and supported(parent, hypothesis):
+                if found_good < settings.beam_width and supported(parent, hypothesis):
                     found_good += 1
                     added.append(hypothesis)
             if any(worth_adding(chosen, h) and not h.leaves_much for h in added):
@@ -123,12 +93,13 @@ def select(
         before, chosen = chosen, added[0]
         if not (chosen.leaves_much and leftover(chosen, found, context.rng)):
             break
-        if before.ids and explained(before, chosen) < LEAST_OF_LEFTOVER * unexplained(before):
+        if before.ids and explained(before, chosen) < settings.further_effect * unexplained(before):
             break  # a third effect does not mend what such a pair leaves
-        beam = [h for h in added[: 1 if before.ids else BEAM] if h.gain >= WORTH_CARRYING * added[0].gain]
+        width = 1 if before.ids else settings.beam_width
+        beam = [h for h in added[:width] if h.gain >= settings.beam_gain * added[0].gain]
     grown, chosen = chosen, _without_idle(joint, chosen, compared)
     tests = p_values.get(frozenset(chosen.ids), p_values[frozenset(grown.ids)])
-    lost = chosen.noise_known and chosen.excess > LOST * (chosen.excess + 2 * chosen.gain)
+    lost = chosen.noise_known and chosen.excess > settings.lost * (chosen.excess + 2 * chosen.gain)
     alternatives = {
         name: _as_good(joint, chosen, name, effects, found, compared, context) for name in (() if lost else chosen.ids)
     }
@@ -141,20 +112,23 @@ def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
     if with_it.degenerate:
         return False
     gains, errors = without.predicted.log_likelihood_gain(with_it.predicted)
-    if gains.sum() <= STANDARD_ERRORS * math.sqrt(float(np.sum(errors**2))) or with_it.score <= without.score:
+    settings = with_it.joint.settings.selection
+    least = settings.predicted_standard_errors * math.sqrt(float(np.sum(errors**2)))
+    if gains.sum() <= least or with_it.score <= without.score:
         return False
-    touched = errors > TOUCHED
-    return not touched.any() or float(np.mean(gains[touched] > 0)) >= CONDITIONS_GAIN
+    affected = errors > settings.affected_condition
+    return not affected.any() or float(np.mean(gains[affected] > 0)) >= settings.better_conditions
 
 
 def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
     """Whether a further effect explains a good part of the misfit beyond noise; a first effect always may be added."""
     if not without.ids:
         return True
+    settings = with_it.joint.settings.selection
     more, residuals, mismatch = explained(without, with_it), unexplained(without), 2 * with_it.gain
-    if more >= LARGE_SHARE * mismatch and more >= LEAST_IF_LARGE * residuals:
+    if more >= settings.large_share * mismatch and more >= settings.further_effect_if_large * residuals:
         return True
-    return more >= max(LEAST_OF_LEFTOVER * residuals, LEAST_SHARE * mismatch)
+    return more >= max(settings.further_effect * residuals, settings.equation_error * mismatch)
 
 
 def explained(without: Hypothesis, with_it: Hypothesis) -> float:
@@ -169,8 +143,10 @@ def unexplained(hypothesis: Hypothesis) -> float:
 
 def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:
     """Whether any effect's signature is still significant in a hypothesis's residuals."""
+    settings = hypothesis.joint.settings.selection
     beside = found.beside(hypothesis.columns)
-    return beside.chance(max(beside.best(hypothesis.residuals).values(), default=0.0), rng) <= CHANCE
+    largest = max(beside.best(hypothesis.residuals).values(), default=0.0)
+    return beside.p_value(largest, rng, settings.score_draws) <= settings.significance_level
 
 
 def _without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:
@@ -209,6 +185,7 @@ def _as_good(
     context: FitContext,
 ) -> tuple[str, ...]:
     """Ids of effects that could replace one of the chosen: swaps, judged by likelihood and by signature."""
+    settings = joint.settings.selection
     rest = chosen.fit.active.minus(next(e for e in chosen.fit.active.effects if e.id == name))
     ids = frozenset(rest.ids)
     without = compared.get(ids) or _only(joint, chosen, rest)
@@ -219,9 +196,9 @@ def _as_good(
     if missing and rest.ids:
         beside = found.beside(without.columns)
         scores = beside.best(without.residuals)
-        worth = LEAST_LOOK * max(scores.values(), default=0.0)
-        missing = [e for e in missing if scores.get(e.id, 0.0) > worth]
-        for hypothesis in attribute(joint, without, missing, beside, context, NEARLY_AS_GOOD):
+        least = settings.further_score * max(scores.values(), default=0.0)
+        missing = [e for e in missing if scores.get(e.id, 0.0) > least]
+        for hypothesis in attribute(joint, without, missing, beside, context, settings.alternative_gain):
             compared[frozenset(hypothesis.ids)] = hypothesis
     same = []
     for effect in effects:
@@ -230,8 +207,8 @@ def _as_good(
             continue
         behind = chosen.score - other.score  # one that needs more parameters for it is no equal
         apart = float(np.linalg.norm(other.residuals - chosen.residuals))
-        alike = abs(cosine(without, chosen, other)) > SAME_COSINE and 2 * behind < chosen.excess
-        if behind <= STANDARD_ERRORS * apart or alike:
+        alike = abs(cosine(without, chosen, other)) > settings.same_signature and 2 * behind < chosen.excess
+        if behind <= settings.predicted_standard_errors * apart or alike:
             same.append((behind, effect.id))
     return tuple(name for _, name in sorted(same))
 

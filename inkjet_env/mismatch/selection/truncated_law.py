@@ -15,20 +15,10 @@ from scipy.optimize import minimize_scalar
 from inkjet_env.mismatch.fitting.base_parameters import Head, in_convention
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.selection.hypotheses import LEAST_SHARE, Hypothesis
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
-LOOKED_AT = (0.9, 0.75, 0.5)
-"""Full scales, relative to the base model's, whose laws together with its own reveal a bend wherever it is."""
-FULL_SCALES = np.linspace(0.975, 0.5, 20)
-"""Full scales that are fitted, relative to the base model's, in this order; none is smaller."""
-REFUTED = 1.0
-"""Loss of log-likelihood per sample from which a full scale is too small, and so are all below it."""
-FITTED = 3
-"""Largest number of steps of a fit with another full scale."""
-TOLERANCE = 2e-3
-"""Tolerance of the full scale, relative to the base model's."""
 NODES = 400
 """Number of points of the old law that the new one is fitted to."""
 LEAST_SINE = 1e-5
@@ -54,8 +44,9 @@ def fit_truncated_law(joint: OutputErrorFit, chosen: Hypothesis, least: float = 
         more than each of ``least``, the penalty of one parameter (Schwarz's criterion), and the share of the mismatch
         by which the equations may be wrong.
     """
-    worth = max(0.5 * math.log(chosen.residuals.size), LEAST_SHARE * chosen.gain, least)
-    if max(_bend(joint, chosen, part) for part in LOOKED_AT) <= worth:
+    settings = joint.settings.selection
+    least = max(0.5 * math.log(chosen.residuals.size), settings.equation_error * chosen.gain, least)
+    if max(_bend(joint, chosen, part) for part in settings.law_scales_screened) <= least:
         return None
     fits: dict[float, FitResult] = {}
 
@@ -67,21 +58,21 @@ def fit_truncated_law(joint: OutputErrorFit, chosen: Hypothesis, least: float = 
         return found.nll
 
     lowest = chosen.fit.nll
-    for part in FULL_SCALES:
-        found = nll(float(part))
-        if found > lowest + REFUTED * chosen.residuals.size:
+    for part in settings.law_scales:
+        found = nll(part)
+        if found > lowest + settings.law_scale_refuted * chosen.residuals.size:
             break
         lowest = min(lowest, found)
     if not fits:
         return None
-    best, step = min(fits, key=lambda part: fits[part].nll), float(FULL_SCALES[0] - FULL_SCALES[1])
+    best, step = min(fits, key=lambda part: fits[part].nll), settings.law_scales[0] - settings.law_scales[1]
     limits = (best - step, min(best + step, 1.0))
-    minimize_scalar(nll, bounds=limits, method="bounded", options={"xatol": TOLERANCE})
+    minimize_scalar(nll, bounds=limits, method="bounded", options={"xatol": settings.law_scale_tolerance})
     best = min(fits, key=lambda part: fits[part].nll)
-    if chosen.fit.nll - fits[best].nll <= worth:
+    if chosen.fit.nll - fits[best].nll <= least:
         return None
-    begun = OutputErrorFit(joint.observed, joint.noise, fits[best].head, joint.random_effects)
-    return OutputErrorFit(joint.observed, joint.noise, in_convention(begun.base.head), joint.random_effects)
+    begun = joint.anew(head=fits[best].head)
+    return joint.anew(head=in_convention(begun.base.head))
 
 
 def _bend(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> float:
@@ -89,9 +80,7 @@ def _bend(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> float:
 
     It is computed to first order, by projection, because a law enters linearly.
     """
-    other = OutputErrorFit(
-        joint.observed, joint.noise, narrower(chosen.fit.head, part), joint.random_effects, joint.base
-    )
+    other = joint.anew(head=narrower(chosen.fit.head, part), base=joint.base)
     own, (columns, _) = chosen.columns, other.basis
     for _ in range(2):  # twice, because they are nearly parallel
         columns = columns - own @ (own.T @ columns)
@@ -104,7 +93,7 @@ def _fitted(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> FitResult
     """A hypothesis fitted on from a law of another full scale; None if it cannot be simulated with that law."""
     begun = chosen.fit.moved(head=narrower(chosen.fit.head, part))
     try:
-        return joint.near(begun).fit(begun.active, most_steps=FITTED)
+        return joint.near(begun).fit(begun.active, most_steps=joint.settings.selection.law_steps)
     except NUMERICAL:
         return None
 

@@ -1,0 +1,171 @@
+"""The verdict on what the fits found, with its figures, location and next experiment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from inkjet_env.mismatch.design.next_experiment import next_experiment
+from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, NamedEffect
+from inkjet_env.mismatch.evidence import (
+    chance_of,
+    closest,
+    closure_of,
+    compared,
+    modelled_recordings,
+    named_effects,
+    share_left,
+)
+from inkjet_env.mismatch.fitting.fit_context import FitContext
+from inkjet_env.mismatch.fitting.fit_result import FitResult
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.headline import headline
+from inkjet_env.mismatch.localization.locate import locate
+from inkjet_env.mismatch.selection.base_intervals import dynamics
+from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
+from inkjet_env.mismatch.selection.held_out_refit import explains_held_out_after_refit, held_out_misfits
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
+from inkjet_env.mismatch.selection.random_effects import RandomEffect
+from inkjet_env.mismatch.selection.stepwise import Selection
+from inkjet_env.mismatch.stopwatch import Stopwatch
+from inkjet_env.plant import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What the fits of a diagnosis found.
+
+    Attributes
+    ----------
+    joint : OutputErrorFit
+        Recordings, noise and base model, with the random effects that were found.
+    chosen : Hypothesis
+        The hypothesis that explains the recordings; the base model if no effect is supported.
+    selection : Selection
+        How it was selected.
+    random_effects : sequence of RandomEffect
+        Random effects that were found.
+    indistinguishable : dict of str to tuple of str
+        For each of them, by id: others that explain the recordings as well.
+    discrepancy : DiscrepancyRegression
+        Regression of what the chosen hypothesis leaves.
+    effects : sequence of Effect
+        Effects that were looked for.
+    untestable : dict of str to str
+        By id, the effects that the recordings cannot show, and why not.
+    doubt : str or None
+        Why the recordings may not be what they are said to be; then nothing is named.
+    """
+
+    joint: OutputErrorFit
+    chosen: Hypothesis
+    selection: Selection
+    random_effects: Sequence[RandomEffect]
+    indistinguishable: Mapping[str, tuple[str, ...]]
+    discrepancy: DiscrepancyRegression
+    effects: Sequence[Effect]
+    untestable: Mapping[str, str]
+    doubt: str | None
+
+    @property
+    def groups(self) -> list[tuple[str, ...]]:
+        """Groups of ids that the recordings cannot distinguish, the one that was chosen first."""
+        replaced = self.selection.alternatives.items()
+        groups = [(name, *others) for name, others in replaced if others and name in self.chosen.ids]
+        drawn = [(s.effect.id, *self.indistinguishable.get(s.effect.id, ())) for s in self.random_effects]
+        return groups + [group for group in drawn if len(group) > 1]
+
+
+def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwatch, notes: Sequence[str]) -> Diagnosis:
+    """The diagnosis from everything that was found.
+
+    Parameters
+    ----------
+    found : Findings
+        What the fits found.
+    campaign : str
+        Name of the campaign.
+    context : FitContext
+        Processes, random numbers, progress messages and checkpoint.
+    stopwatch : Stopwatch
+        Durations of the steps so far; its last steps are added.
+    notes : sequence of str
+        Sentences about the noise, the fits and what was not checked.
+    """
+    joint, chosen, settings = found.joint, found.chosen, found.joint.settings
+    # the base model has no random effects either
+    bare = joint.anew(head=joint.base.head, random_effects=()) if found.random_effects else joint
+    recordings = modelled_recordings(bare, joint, chosen, found.discrepancy)
+    closure = closure_of(recordings, settings.verdict)
+    share = share_left(base_hypothesis(bare), chosen, found.discrepancy)
+    groups, anything = found.groups, bool(chosen.ids or found.random_effects)
+    refuted = (
+        bool(chosen.ids)
+        and closure < settings.verdict.least_closure
+        and not explains_held_out_after_refit(joint, chosen, context)
+    )
+    vague = max(map(len, groups), default=0) > settings.verdict.most_alike
+    # the base model was checked on fitted recordings alone: does it hold where it predicted badly?
+    unseen = () if anything or math.isnan(closure) else held_out_misfits(joint)
+    if share > settings.verdict.left_over or refuted or vague or unseen or found.doubt:
+        verdict = "unknown"
+    elif not anything:
+        verdict = "none"
+    else:
+        verdict = "set" if groups else "named"
+    context.progress("where it is")
+    location = locate(bare.observed, bare.noise, bare.base, bare.basis[0], settings.localization)
+    stopwatch.took("location")
+    named = _named(found)
+    said = found.doubt or headline(
+        verdict, named, groups, closure, share, closest(base_hypothesis(joint), found.selection), location,
+        settings.verdict, all(joint.noise.known(o) for o in joint.seen), unseen,
+    )  # fmt: skip
+    context.progress("the next experiment")
+    following = None
+    if verdict == "set":
+        fits = _candidate_fits(found)
+        following = next_experiment(fits, joint.noise, joint.observed, found.effects, settings.design)
+    stopwatch.took("next experiment")
+    correction, regression = None, found.discrepancy
+    if verdict == "unknown" and regression.predicted > settings.verdict.correction_standard_errors * regression.error:
+        correction = Correction(regression.share, regression.predicted, regression.error, regression.modelled)
+    stands = base_hypothesis(joint) if verdict == "unknown" else chosen  # never half of a model that is not named
+    if not stands.fit.converged:
+        of = " with ".join(name.replace("_", " ") for name in stands.ids) or "the base model"
+        last = f"The fit of {of} did not converge: its values are where it stopped, and their intervals are not known."
+        notes = [*notes, last]
+    head, channels = stands.fit.head, {o.channel for o in joint.observed} - {"drive_monitor"}
+    gains, offsets = ({c: v for c, v in of.items() if c in channels} for of in (head.gains, head.offsets))
+    return Diagnosis(
+        campaign, verdict, said, tuple(named) if verdict != "unknown" else (),
+        tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, compared(found.selection),
+        found.untestable, following, correction, head.printhead, gains, offsets, joint.base.head.printhead,
+        dynamics(stands), tuple(notes), stopwatch.seconds, stopwatch.stages, settings,
+    )  # fmt: skip
+
+
+def _named(found: Findings) -> list[NamedEffect]:
+    """Random effects, then effects with a law, with their values and evidence."""
+    joint = found.joint
+    units = {o.channel: o.unit for o in joint.observed}
+    longest = max(o.excitation.samples for o in joint.observed)
+    drawn = [
+        NamedEffect(
+            s.effect, s.effect.description(s.values, units[s.channel]), s.gain,
+            chance_of(s.gain, len(s.values), longest), s.estimates, s.values, units[s.channel],
+        )
+        for s in found.random_effects
+    ]  # fmt: skip
+    return [*drawn, *named_effects(joint, found.chosen, found.selection)]
+
+
+def _candidate_fits(found: Findings) -> list[FitResult]:
+    """The chosen fit, and those in which an effect that cannot be distinguished takes the place of a chosen one."""
+    ids, fits = set(found.chosen.ids), [found.chosen.fit]
+    for first, *others in found.groups:
+        for other in others:
+            wanted = (ids - {first}) | {other}
+            fits.extend(h.fit for h in found.selection.compared if set(h.ids) == wanted)
+    return fits
