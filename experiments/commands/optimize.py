@@ -164,7 +164,7 @@ def chosen_problem(
 
     from experiments.benchmark.suite import problem
     from inkjet_env.printhead.hysteresis import periods_before_recording
-    from inkjet_env.printhead.printhead import check_window
+    from inkjet_env.printhead.window import check_window
 
     base = problem("nominal" if name is None else name)
     changes: dict[str, Any] = {}
