@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.validation.synthetic_campaigns import record_synthetic, synthetic_values
+from experiments.validation.synthetic_campaigns import largest_signal_V, record_synthetic, synthetic_values
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import diagnose
 from inkjet_env.mismatch.fitting.base_parameters import Head
@@ -40,7 +40,7 @@ def _lines(fast=FAST, slow=("loop-1",), twice=TWICE):
 
 def _values(name, strength=1.0):
     """What is planted of an effect."""
-    return synthetic_values(EFFECTS[name], strength, HEAD)
+    return synthetic_values(EFFECTS[name], strength, HEAD, largest_signal_V(HEAD, _lines()))
 
 
 @functools.cache

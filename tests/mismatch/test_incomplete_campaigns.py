@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.identification import UnidentifiableError
 from inkjet_env.mismatch import Diagnosis, diagnose
 from inkjet_env.recordings import Campaign
 from inkjet_env.storage import json_text
@@ -47,7 +48,7 @@ def test_one_recording_is_enough_and_nothing_held_out_is_no_figure(recorded, hea
 
 def test_recordings_at_rest_alone_are_refused_in_one_sentence(recorded):
     campaign = only(recorded(), lambda r: r.excitation == "zero")
-    with pytest.raises(ValueError, match="has no recording to identify a0, a1 and b1 from"):
+    with pytest.raises(UnidentifiableError, match="has no recording to identify a0, a1 and b1 from"):
         diagnose(campaign, workers=1)
 
 
