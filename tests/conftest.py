@@ -1,9 +1,7 @@
-import json
-
 import pytest
 
 from experiments import cli
-from tests.processes import started, wait_until
+from tests.processes import started, wait_until, written_json
 
 
 @pytest.fixture
@@ -28,8 +26,7 @@ def scheduler(start, tmp_path):
     file = tmp_path / "scheduler.json"
     local = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     start("-m", "distributed.cli.dask_scheduler", *local, "--scheduler-file", file)
-    wait_until(file.exists)
-    return json.loads(file.read_text())["address"]
+    return wait_until(lambda: written_json(file))["address"]
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """Processes beside the tests: started, waited for, and those of a small Dask cluster."""
 
+import json
 import os
 import subprocess
 import sys
@@ -19,11 +20,20 @@ def started(*command, **environment):
 
 
 def wait_until(true, seconds=60):
-    """Wait until something holds."""
+    """Wait until something holds; what it is then."""
     end_s = time.monotonic() + seconds
-    while not true():
+    while not (found := true()):
         assert time.monotonic() < end_s, "it never came to that"
         time.sleep(0.02)
+    return found
+
+
+def written_json(file):
+    """Content of a JSON file; None as long as it is not there or not whole, since another process is writing it."""
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return None
 
 
 def worker(start, scheduler, **environment):

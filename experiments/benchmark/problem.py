@@ -17,6 +17,7 @@ from inkjet_env.naming import check_name
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
 BEST_KNOWN_FILE = "best_known.json"
@@ -119,7 +120,7 @@ class Problem:
     cost: PeakCost = field(default_factory=PeakCost)
     bounds: Bounds = field(default_factory=Bounds)
     initial_state: str = "periodic"
-    window_s: float = 350e-6
+    window_s: float = DEFAULT_WINDOW_S
     jetting_Hz: float = 0.0
     spread: Spread | None = None
     measurement_noise_V: float = 0.0

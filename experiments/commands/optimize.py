@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from inkjet_env.cli.arguments import CostGiven, check_outputs, check_rate, chosen_cost, chosen_printhead, chosen_seed
+from inkjet_env.cli.arguments import CostGiven, check_outputs, check_rate, chosen_cost, chosen_seed
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import (
     CostA,
@@ -98,7 +98,7 @@ def optimize(
     else:
         name = "pso" if optimizer is None else optimizer
         options, evaluations = swarm_options(name, particles, generations, budget)
-        chosen = chosen_problem(problem, None, (cost_a, cost_b, effective), window, initial_state)
+        chosen = chosen_problem(problem, (cost_a, cost_b, effective), window, initial_state)
         if printhead is not None:
             chosen = replace(chosen, name="custom", printhead=chosen_head(printhead))
         plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
@@ -157,20 +157,16 @@ def _record_file(out: Path) -> Path:
     return out.with_name(f"{out.name}.evaluations.npz")
 
 
-def chosen_problem(
-    name: str | None, head_file: Path | None, cost: CostGiven, window_s: float | None, initial_state: str | None
-) -> Problem:
+def chosen_problem(name: str | None, cost: CostGiven, window_s: float | None, initial_state: str | None) -> Problem:
     """The problem of that name with the requested changes; if there are any, it is called "custom"."""
     from dataclasses import replace
 
     from experiments.benchmark.suite import problem
     from inkjet_env.printhead.hysteresis import periods_before_recording
-    from inkjet_env.printhead.printhead import check_window
+    from inkjet_env.printhead.window import check_window
 
     base = problem("nominal" if name is None else name)
     changes: dict[str, Any] = {}
-    if head_file is not None:
-        changes["printhead"] = chosen_printhead(head_file)
     if any(part is not None for part in cost):
         changes["cost"] = chosen_cost(cost, base.cost)
     if window_s is not None:

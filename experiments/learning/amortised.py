@@ -36,6 +36,7 @@ from experiments.learning.repeated_training import (
     run_command,
     seeds,
     spread_of,
+    with_interval,
 )
 from inkjet_env.storage import json_text, write_atomically
 from inkjet_env.typing import Real
@@ -233,7 +234,7 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
     """Header and rows of a study's table."""
 
     def volts(entry: Mapping[str, float] | None) -> str:
-        return "–" if entry is None else f"{entry['value']:.3g} ({entry['low']:.3g} … {entry['high']:.3g})"
+        return with_interval(entry, ".3g", "–")
 
     rows = []
     for row in found["rows"]:
@@ -276,17 +277,9 @@ def legend(found: Mapping[str, Any]) -> str:
     return f"Median regret in volts {over(found['heads'], found['trainings'])}."
 
 
-def print_study(found: Mapping[str, Any]) -> None:
-    """Print the table of a study and its legend."""
-    from inkjet_env.reporting.tables import print_table
-
-    print_table(*table(found))
-    print(legend(found))
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Train, test and print the results."""
-    run_command(MODULE, Path("results/amortised"), __doc__, 200_000, 100, study, print_study, arguments)
+    run_command(MODULE, Path("results/amortised"), __doc__, 200_000, 100, study, table, legend, arguments)
 
 
 if __name__ == "__main__":

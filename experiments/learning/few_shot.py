@@ -37,6 +37,7 @@ from experiments.learning.repeated_training import (
     run_command,
     seeds,
     spread_of,
+    with_interval,
 )
 from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
 from inkjet_env.storage import json_text, write_atomically
@@ -165,9 +166,9 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
     rows = [
         (
             row["name"], f"{row['learning']:,}",
-            *(f"{e['value']:.2f} ({e['low']:.2f} … {e['high']:.2f})" for e in row["after"].values()),
+            *map(with_interval, row["after"].values()),
             spread_of(row["after"][counts[-1]]["each"]),
-            f"{b['value']:.2f} ({b['low']:.2f} … {b['high']:.2f})" if (b := row.get("behind")) else "",
+            with_interval(row.get("behind")),
         )
         for row in sorted(found["rows"], key=lambda row: float(row["after"][counts[-1]]["value"]))
     ]  # fmt: skip
@@ -184,17 +185,9 @@ def legend(found: Mapping[str, Any]) -> str:
     )
 
 
-def print_study(found: Mapping[str, Any]) -> None:
-    """Print the table of a study and its legend."""
-    from inkjet_env.reporting.tables import print_table
-
-    print_table(*table(found))
-    print(legend(found))
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Learn, tune and print the results."""
-    run_command(MODULE, Path("results/few-tries"), __doc__, 500_000, 200, study, print_study, arguments)
+    run_command(MODULE, Path("results/few-tries"), __doc__, 500_000, 200, study, table, legend, arguments)
 
 
 if __name__ == "__main__":

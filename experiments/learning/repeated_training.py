@@ -201,6 +201,13 @@ def _median(values: Real, trainings: Places, heads: Places) -> float:
     return float(np.median(values[trainings[:, None], heads]))
 
 
+def with_interval(entry: Mapping[str, float] | None, digits: str = ".2f", nothing: str = "") -> str:
+    """A value with its interval, as text; ``nothing`` where there is none."""
+    if entry is None:
+        return nothing
+    return f"{entry['value']:{digits}} ({entry['low']:{digits}} … {entry['high']:{digits}})"
+
+
 def spread_of(each_V: Sequence[float], digits: str = ".2f") -> str:
     """The smallest and the largest of several trainings, as text; empty for one training."""
     return f"{min(each_V):{digits}} … {max(each_V):{digits}}" if len(each_V) > 1 else ""
@@ -224,10 +231,29 @@ def run_command(
     evaluations: int,
     heads: int,
     run: Callable[..., Mapping[str, Any]],
-    show: Callable[[Mapping[str, Any]], None],
+    table: Callable[[Mapping[str, Any]], tuple[Sequence[str], Sequence[Sequence[str]]]],
+    legend: Callable[[Mapping[str, Any]], str],
     arguments: list[str] | None,
 ) -> None:
-    """Run a study from the command line: ``run`` gets the options by name, ``show`` its result."""
+    """Run a study from the command line: ``run`` gets the options by name; ``table`` and ``legend`` of it are printed.
+
+    Parameters
+    ----------
+    module, description : str
+        Name of the study's module, and what its help says.
+    folder : Path
+        Folder of the results unless given.
+    evaluations, heads : int
+        Evaluations of one training and number of test heads unless given.
+    run : callable
+        Carries out the study with the options as keyword arguments, and returns its results.
+    table, legend : callable
+        Header and rows of the results' table, and the explanation of its numbers.
+    arguments : list of str, optional
+        Arguments of the command line; those of the process unless given.
+    """
+    from inkjet_env.reporting.tables import print_table
+
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=description)
     parser.add_argument("--folder", type=Path, default=folder)
     parser.add_argument("--evaluations", type=int, default=evaluations, help="number of evaluations in one training")
@@ -250,7 +276,9 @@ def run_command(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         remove_unfinished(folder)
-        show(run(**chosen))
+        found = run(**chosen)
+        print_table(*table(found))
+        print(legend(found))
     except (PolicyFileError, KeptFileError, ClusterError, OSError) as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
     except KeyboardInterrupt:

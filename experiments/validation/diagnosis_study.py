@@ -20,8 +20,16 @@ from typing import Any
 import numpy as np
 
 from experiments.execution.provenance import code_digest, first_difference, versions
-from experiments.validation.synthetic_campaigns import MEDIUM, STRONG, effect_named, record_synthetic, synthetic_values
+from experiments.validation.synthetic_campaigns import (
+    MEDIUM,
+    STRONG,
+    effect_named,
+    largest_signal_V,
+    record_synthetic,
+    synthetic_values,
+)
 from experiments.validation.verdict_scores import OUTCOMES, VerdictRecord, confusion, f1, share
+from inkjet_env.identification import UnidentifiableError
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import diagnose
 from inkjet_env.plant import Effect, catalogue
@@ -102,9 +110,8 @@ def cases(part: str, seeds: int) -> Iterator[Case]:
 def recorded(case: Case) -> tuple[Campaign, list[tuple[Effect, dict[str, float]]]]:
     """The campaign of a case, and the effects in it with their values."""
     head = head_of(case.seed)
-    on = [
-        (effect, synthetic_values(effect, STRENGTHS[case.strength], head)) for effect in map(effect_named, case.effects)
-    ]
+    hidden, largest_V = map(effect_named, case.effects), largest_signal_V(head)
+    on = [(effect, synthetic_values(effect, STRENGTHS[case.strength], head, largest_V)) for effect in hidden]
     return record_synthetic(head, on, 1000 + case.seed, monitored=case.monitored), on
 
 
@@ -182,10 +189,10 @@ def run(parts: list[str], seeds: int, workers: int) -> None:
 
 
 def _guarded(case: Case) -> dict[str, Any]:
-    """The outcome of a case; a campaign that cannot be diagnosed counts as refused and does not stop the study."""
+    """The outcome of a case; a campaign without an identifiable head counts as refused. Any other error is a fault."""
     try:
         return outcome(case)
-    except ValueError as error:
+    except UnidentifiableError as error:
         return asdict(case) | {"name": case.name, "verdict": "refused", "found": [], "headline": str(error)}
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.printhead import Bounds, PlayOperators, Printhead
-from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
 SAMPLES = 4000

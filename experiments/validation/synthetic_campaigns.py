@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.optimize import brentq
 
 from inkjet_env.plant import Effect, Excitation, Plant, Values, catalogue
 from inkjet_env.plant.effect import complete
+from inkjet_env.plant.wording import SENSOR_UNIT
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig.battery import DriveLine, default_battery
@@ -32,21 +34,64 @@ SUBSTEPS = 16
 """Simulation nodes per sample: more than the diagnosis uses, so that its discretisation error is part of the test."""
 GAUGE_GAIN = 0.02
 """Volts of the strain gauge's bridge per hysteretic volt."""
+OFFSETS_V = {"strain_gauge": 0.05, "self_sensing": -0.1}
+"""Offset of each channel's signal, in volts."""
+HIGHEST_LEVEL = 1000.0
+"""Largest ratio of a level at which a sensor saturates to that at full strength."""
 STRONG, MEDIUM = 1.0, 0.35
 """Strength of an effect as a factor on its `Effect.example_values`."""
 
 
-def synthetic_values(effect: Effect, strength: float, printhead: Printhead) -> dict[str, float]:
-    """Values of an effect's parameters at a strength; 1 is full strength.
+def synthetic_values(effect: Effect, strength: float, printhead: Printhead, largest_V: float) -> dict[str, float]:
+    """Values of an effect's parameters at a strength.
 
-    Amplitudes are in standard deviations of the noise. A level that depends on the largest signal is 0 here and is set
-    by `record_synthetic`.
+    Parameters
+    ----------
+    effect : Effect
+        An effect.
+    strength : float
+        Factor on the strengths of its `Effect.example_values`, above 0, at most 1: full strength. A parameter with a
+        reciprocal coordinate, such as a bandwidth, is divided by it. A level at which a sensor saturates is such that
+        the largest signal is reduced by that factor times its reduction at full strength: a level divided by a third
+        would be out of reach of every signal.
+    printhead : Printhead
+        The head that has the effect.
+    largest_V : float
+        Largest magnitude of its self-sensing signal, in volts, as `largest_signal_V` returns it.
+
+    Returns
+    -------
+    dict of str to float
+        Value of each parameter, in its unit; amplitudes of random effects in standard deviations of the noise.
     """
-    values = complete(effect, **effect.example_values(printhead, largest=0.0))
+    values = complete(effect, **effect.example_values(printhead, largest=largest_V))
     for p in effect.parameters:
         if p.name in effect.strengths:
-            values[p.name] = values[p.name] / strength if p.scale == "reciprocal" else values[p.name] * strength
+            if p.scale != "reciprocal":
+                values[p.name] *= strength
+            elif p.unit == SENSOR_UNIT:
+                values[p.name] = _saturation_level(effect, values, p.name, strength, printhead, largest_V)
+            else:
+                values[p.name] /= strength
     return values
+
+
+def largest_signal_V(printhead: Printhead, lines: Sequence[DriveLine] | None = None) -> float:
+    """Largest magnitude of the self-sensing signal, in volts, in a campaign without effects, noise and offset.
+
+    Parameters
+    ----------
+    printhead : Printhead
+        The head that is recorded.
+    lines : sequence of DriveLine, optional
+        Drives of the campaign; `LINES` of the default battery unless given.
+    """
+    fast = [line for line in _recorded_lines(printhead, lines) if line.channel == "self_sensing"]
+    excitations = [
+        Excitation(line.channel, line.initial_state, line.step_s, line.drive_V, substeps=SUBSTEPS) for line in fast
+    ]
+    plant, offset_V = Plant(printhead, offsets=OFFSETS_V), OFFSETS_V["self_sensing"]
+    return max(float(np.abs(plant.signal(excitation) - offset_V).max()) for excitation in excitations)
 
 
 def record_synthetic(
@@ -64,8 +109,8 @@ def record_synthetic(
     printhead : Printhead
         The head that is recorded.
     effects : sequence of (Effect, values)
-        Active effects. The amplitude of a random effect is in standard deviations of the noise. A level of the sensor
-        that is 0 is replaced by that of the effect's `Effect.example_values` for the largest self-sensing signal.
+        Active effects, with values as from `synthetic_values`: the amplitude of a random effect is in standard
+        deviations of the noise.
     seed : int
         Seed of the order and the noise.
     snr_dB : float
@@ -76,12 +121,9 @@ def record_synthetic(
         Drives to record; `LINES` of the default battery unless given.
     """
     rng = np.random.default_rng(seed)
-    if lines is None:
-        lines = [line for line in default_battery(printhead.frequency_Hz) if line.label in LINES]
-        lines = lines + [line for line in lines if line.label in TWICE]
+    lines = _recorded_lines(printhead, lines)
     needs_neighbour = any(effect.needs_neighbour for effect, _ in effects)
     chosen = [lines[i] for i in rng.permutation(len(lines))]
-    offsets = {"strain_gauge": 0.05, "self_sensing": -0.1}
     gains = {"strain_gauge": GAUGE_GAIN}
     excitations = [
         Excitation(
@@ -90,15 +132,12 @@ def record_synthetic(
         )
         for order, line in enumerate(chosen, start=1)
     ]  # fmt: skip
-    plain = [Plant(printhead, gains, offsets).signal(excitation) for excitation in excitations]
-    largest: dict[str, float] = {}
+    plain = [Plant(printhead, gains, OFFSETS_V).signal(excitation) for excitation in excitations]
     sigma: dict[str, float] = {}
-    for channel in offsets:
+    for channel in OFFSETS_V:
         mine = [signal for signal, excitation in zip(plain, excitations, strict=True) if excitation.channel == channel]
-        largest[channel] = max(float(np.abs(signal - offsets[channel]).max()) for signal in mine)
         sigma[channel] = max(float(np.std(signal)) for signal in mine) * 10 ** (-snr_dB / 20)
-    effects = [(effect, _levelled(effect, values, printhead, largest)) for effect, values in effects]
-    plant = Plant(printhead, gains, offsets, tuple(effects))
+    plant = Plant(printhead, gains, OFFSETS_V, tuple(effects))
     recordings = []
     first: dict[tuple[str, str], str] = {}
     for line, excitation in zip(chosen, excitations, strict=True):
@@ -124,13 +163,29 @@ def record_synthetic(
     return Campaign("planted", tuple(recordings))
 
 
-def _levelled(effect: Effect, values: Values, printhead: Printhead, largest: Mapping[str, float]) -> Values:
-    """Values in which every level of 0, which is not allowed, is set for the largest self-sensing signal."""
-    open_levels = [p.name for p in effect.parameters if p.scale == "reciprocal" and values[p.name] == 0]
-    if not open_levels:
-        return values
-    example = effect.example_values(printhead, largest["self_sensing"])
-    return {**values, **{name: example[name] for name in open_levels}}
+def _saturation_level(
+    effect: Effect, values: Values, name: str, strength: float, printhead: Printhead, largest_V: float
+) -> float:
+    """Level that reduces the largest signal by ``strength`` times what the level in ``values`` reduces it by."""
+    moment = Excitation("self_sensing", "periodic", 1.0, np.zeros(1))
+
+    def reduction_V(level: float) -> float:
+        signal = np.array([largest_V])
+        return largest_V - float(effect.sensing({**values, name: level}, signal, np.zeros(1), printhead, moment)[0])
+
+    full_V = reduction_V(values[name])
+    found: float = brentq(
+        lambda level: reduction_V(level) - strength * full_V, values[name], HIGHEST_LEVEL * values[name]
+    )
+    return found
+
+
+def _recorded_lines(printhead: Printhead, lines: Sequence[DriveLine] | None) -> Sequence[DriveLine]:
+    """The lines given; unless given, `LINES` of the default battery, with those in `TWICE` again at the end."""
+    if lines is not None:
+        return lines
+    once = [line for line in default_battery(printhead.frequency_Hz) if line.label in LINES]
+    return [*once, *(line for line in once if line.label in TWICE)]
 
 
 def _neighbour(line: DriveLine, rng: np.random.Generator) -> Real:

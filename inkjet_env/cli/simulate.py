@@ -58,6 +58,7 @@ def simulate(
     from inkjet_env.plant.augmented import AugmentedPrinthead
     from inkjet_env.plant.printhead_file import chosen_head
     from inkjet_env.printhead import Waveform, respond_sampled
+    from inkjet_env.printhead.window import DEFAULT_WINDOW_S
     from inkjet_env.storage import write_json
 
     check_outputs((drive, printhead), out=out, plot=plot, json=json)
@@ -65,17 +66,16 @@ def simulate(
         raise ValueError("give --waveform or --drive, not both.")
     register_own(effect)
     head, cost = chosen_head(printhead), chosen_cost((cost_a, cost_b, effective))
-    state = initial_state or "periodic"
+    state, window_s = initial_state or "periodic", DEFAULT_WINDOW_S if window is None else window
     response: Any  # of a head with or without effects, to a waveform or to samples
     if waveform is not None:
         if out is not None:
             raise ValueError("--out needs --drive. To sample a waveform's response, give the waveform as a CSV file.")
-        response = head.respond(Waveform.from_array(waveform), state, 350e-6 if window is None else window, hysteresis)
+        response = head.respond(Waveform.from_array(waveform), state, window_s, hysteresis)
     elif drive is not None:
         samples = read_drive(drive)
         announce_compiling()
         try:
-            window_s = 350e-6 if window is None else window
             if isinstance(head, AugmentedPrinthead):
                 response = head.respond_sampled(*samples, state, hysteresis, window_s)
             else:

@@ -20,7 +20,7 @@ from inkjet_env.envs.parallel import simulated_costs
 from inkjet_env.plant.augmented import AugmentedPrinthead, AugmentedResponse
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Response, Waveform, check_name
-from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
 CONTEXTS = ("fixed", "random")

@@ -3,6 +3,7 @@
 from inkjet_env.estimate import Estimate
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.identification.degree import DegreeChoice
+from inkjet_env.identification.errors import UnidentifiableError
 from inkjet_env.identification.evaluate import Evaluation, evaluate
 from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.identify import identify
@@ -16,6 +17,7 @@ __all__ = [
     "Identification",
     "ModelledRecording",
     "NoiseModel",
+    "UnidentifiableError",
     "evaluate",
     "identify",
     "in_convention",

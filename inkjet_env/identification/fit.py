@@ -12,6 +12,7 @@ from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.constrained import density_constraints
 from inkjet_env.identification.covariance import Solution
 from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE, DegreeChoice, choose_degree
+from inkjet_env.identification.errors import UnidentifiableError
 from inkjet_env.identification.linearised import linearised_blocks
 from inkjet_env.identification.measurements import RepeatedMeasurement, least_noise, measurements, noise_of
 from inkjet_env.identification.model import Fitted, Model
@@ -60,7 +61,7 @@ class CampaignFit:
 
     Raises
     ------
-    ValueError
+    UnidentifiableError
         There is no fast recording, or a channel is constant throughout.
     """
 
@@ -90,14 +91,14 @@ class CampaignFit:
         self.gauge = [m for m in moving if m.channel == "strain_gauge"]
         self.fast = [m for m in moving if m.channel != "strain_gauge"]
         if not self.fast:
-            raise ValueError(
+            raise UnidentifiableError(
                 f"campaign {campaign.name!r} has no recording to identify a0, a1 and b1 from: they need a self_sensing "
                 "or displacement recording whose drive moves and that is not held out. Take pulses and a multisine; "
                 "`inkjet record --plan FOLDER` writes such drives for a generator."
             )
         for channel in sorted({m.channel for m in moving}):
             if all(np.ptp(m.mean) == 0 for m in moving if m.channel == channel):
-                raise ValueError(
+                raise UnidentifiableError(
                     f"channel {channel} shows one value throughout while the drive moves; is its sensor connected?"
                 )
         self.full_scale_V = full_scale_V or _largest_change_V(self.gauge or self.fast)

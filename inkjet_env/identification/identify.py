@@ -68,8 +68,10 @@ def identify(
 
     Raises
     ------
+    UnidentifiableError
+        The recordings do not determine a parameter; the message says which recording is needed. It is a ``ValueError``.
     ValueError
-        The recordings do not determine a parameter; the message says which recording is needed.
+        An argument is out of bounds, a held-out recording does not exist, or nothing of a channel is left to be fitted.
     """
     check_name("degree_rule", degree_rule, DEGREE_RULES)
     if degree is not None and not 1 <= degree <= HIGHEST_DEGREE:

@@ -13,6 +13,7 @@ from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.covariance import Solution
 from inkjet_env.identification.degree import CHANCE_F
+from inkjet_env.identification.errors import UnidentifiableError
 from inkjet_env.identification.fit import CampaignFit
 from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.model import Model
@@ -38,7 +39,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
 
     Raises
     ------
-    ValueError
+    UnidentifiableError
         The first channel does not follow the drive, nothing rings, or ``a0`` or ``a1`` is practically unknown.
     """
     law, d = fit.solution.model.weights, fit.solution.model.weights.size
@@ -52,7 +53,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
         model, gain = fit.solution.model, swing
     gains = _gains(fit, model, richer, gain)
     if ringing_gain(fit.fitted(fit.fast, d), model.a0, model.a1) < LEAST_RINGING_GAIN:
-        raise ValueError(f"a head without any resonance fits these recordings as well: {NOTHING_RINGS}")
+        raise UnidentifiableError(f"a head without any resonance fits these recordings as well: {NOTHING_RINGS}")
     dynamics = _resonator(model, richer)
     a0 = dynamics["a0"]
     by_convention = Estimate(math.sqrt(a0.value), math.sqrt(a0.low), math.sqrt(a0.high))
@@ -84,7 +85,7 @@ def _gain_of_reference(fit: CampaignFit, model: Model) -> float:
     """Ratio of the law's swing to that of the convention."""
     swing = float(model.weights.sum())
     if not math.isfinite(swing) or abs(swing) < 1e-12 * float(np.abs(model.weights).sum()):
-        raise ValueError(f"channel {fit.reference} does not follow the drive at all; is its sensor connected?")
+        raise UnidentifiableError(f"channel {fit.reference} does not follow the drive at all; is its sensor connected?")
     return swing / conventional_swing(fit.full_scale_V)
 
 
@@ -117,7 +118,7 @@ def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:
     for name, value in (("a0", model.a0), ("a1", model.a1)):
         error = QUANTILE_90 * richer.error_of(np.eye(len(richer.names))[richer.names.index(f"ln {name}")])
         if not error < LARGEST_UNCERTAINTY:
-            raise ValueError(
+            raise UnidentifiableError(
                 f"these recordings do not tell {name} to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: "
                 + NOTHING_RINGS
             )

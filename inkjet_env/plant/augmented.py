@@ -19,8 +19,8 @@ from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.stages import Plant
 from inkjet_env.printhead import PeakCost, Printhead, SampledResponse, Waveform, as_waveform_array, check_name
 from inkjet_env.printhead.hysteresis import periods_before_recording
-from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, check_window
 from inkjet_env.printhead.sampled import check_samples
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_window
 from inkjet_env.storage import write_json
 from inkjet_env.typing import Real
 

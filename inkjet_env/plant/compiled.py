@@ -71,7 +71,7 @@ def linear_motion(forcing_V, pole, gain, step_s, pairs, start, deflection, speed
     forcing_V : ndarray, shape ((m - 1) · 2 · pairs + 1,)
         Forcing at the nodes, in hysteretic volts.
     pole, gain : complex, float
-        λ and ``a0 / ω_d`` of Eq. (11a) of `inkjet_env.plant.resonance`, in 1/s.
+        λ and ``a0 / ω_d`` of Eq. (11a) of `inkjet_env.plant.oscillator`, in 1/s.
     step_s : float
         Step of the motion, from a node to the second next, in seconds.
     pairs : int

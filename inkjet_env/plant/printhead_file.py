@@ -15,7 +15,7 @@ from inkjet_env.plant.effect import Effect, Values
 from inkjet_env.plant.effects import catalogue
 from inkjet_env.plant.registry import UnregisteredEffectError, known_effects, own_class, registered_effect
 from inkjet_env.printhead import Printhead
-from inkjet_env.printhead.printhead import printhead_data
+from inkjet_env.printhead.printhead_json import printhead_data
 
 CLASS = r"\w+(\.\w+)*:\w[\w.<>]*"
 """Pattern of ``module:Class`` of a user's own effect."""

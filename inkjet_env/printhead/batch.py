@@ -19,8 +19,9 @@ from inkjet_env.naming import check_name
 from inkjet_env.printhead import compiled, compiled_edges
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import periods_before_recording
-from inkjet_env.printhead.printhead import DEFAULT_WINDOW_S, Printhead, check_period, check_window
+from inkjet_env.printhead.printhead import Printhead
 from inkjet_env.printhead.waveform import Waveform, as_waveform_array
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_period, check_window
 from inkjet_env.typing import Real
 
 

@@ -1,64 +1,24 @@
-"""The printhead: hysteresis, then a second-order resonator; its response to one waveform.
+"""The printhead: hysteresis, then a second-order resonator; its parameters, and how they are written.
 
 Equations are numbered as in docs/explanation/model.md.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.polynomial import polynomial as poly
-from numpy.typing import ArrayLike
-
-from inkjet_env.naming import check_name
-from inkjet_env.printhead.cost import PeakCost
-from inkjet_env.printhead.hysteresis import HYSTERESIS_MODELS, BranchLaw, PlayOperators, periods_before_recording
-from inkjet_env.printhead.resonator import PiecewiseResponse, check_resonator
+from inkjet_env.printhead.hysteresis import BranchLaw
+from inkjet_env.printhead.printhead_json import effect_ids, parameters_of, printhead_data
+from inkjet_env.printhead.resonator import check_resonator
+from inkjet_env.printhead.response import Response
 from inkjet_env.printhead.waveform import Waveform
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_period, check_window
 from inkjet_env.storage import write_json
-from inkjet_env.typing import Real
-
-DEFAULT_WINDOW_S = 350e-6
-"""Time after the waveform's start within which peaks count, in seconds."""
-
-LONGEST_WINDOW_S = 0.01
-"""Longest finite window accepted, in seconds."""
-
-PLAY_OPERATORS = 200
-"""Number of plays in the classic PI model, ``hysteresis="play_operators"``."""
-
-
-def check_window(window_s: float) -> float:
-    """Return the window in seconds; ``ValueError`` unless it is above 0 s and at most 0.01 s, or infinite."""
-    if isinstance(window_s, (int, float, np.number)) and (0 < window_s <= LONGEST_WINDOW_S or window_s == math.inf):
-        return float(window_s)
-    raise ValueError(
-        f"window_s must be a time above 0 s and at most {LONGEST_WINDOW_S:g} s, or infinite; got {window_s!r}. "
-        "It is in seconds: 350 µs is 350e-6."
-    )
-
-
-def check_period(period_s: float, duration_s: float, initial_state: str) -> float:
-    """Return the period in seconds; ``ValueError`` unless it holds the waveform and repetition has a steady state."""
-    if period_s == math.inf:
-        return math.inf
-    if not (isinstance(period_s, (int, float, np.number)) and period_s > 0):
-        raise ValueError(f"period_s must be a time above 0 s, or infinite; got {period_s!r}. 20 kHz are 50e-6 s.")
-    if duration_s > period_s * (1 + 1e-12):
-        raise ValueError(
-            f"a waveform of {duration_s:g} s does not fit into a period of {period_s:g} s. Shorten it, or fire slower."
-        )
-    if periods_before_recording(initial_state) == 0:
-        raise ValueError('period_s needs initial_state="periodic": only a repeated waveform has a steady state.')
-    return float(period_s)
 
 
 @dataclass(frozen=True)
@@ -132,13 +92,7 @@ class Printhead:
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Printhead:
         """Head described by the content of a ``printhead/1`` file, without effects; ``ValueError`` names the rule."""
-        values = {name: _number(data, "dynamics", name, "value") for name in ("a0", "a1", "b1")}
-        values["full_scale_V"] = _number(data, "hysteresis", "full_scale_V")
-        coefficients = _entry(data, "hysteresis", "coefficients")
-        if not isinstance(coefficients, list):
-            raise ValueError(f"hysteresis.coefficients must be a list of numbers; got {coefficients!r}.")
-        numbers = (_number({"coefficients": c}, "coefficients") for c in coefficients)
-        return cls(coefficients=tuple(numbers), **values)
+        return cls(**parameters_of(data))
 
     def to_json(
         self,
@@ -250,167 +204,3 @@ class Printhead:
         period_s = check_period(period_s, waveform.duration_s, initial_state)
         window_s = min(check_window(window_s), period_s)
         return Response(self, time_s, drive_V, initial_state, window_s, hysteresis, period_s)
-
-
-def printhead_data(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Content of a ``printhead/1`` file; ``ValueError`` names the file if it is not one."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise ValueError(f"{path}: cannot be read: {reason}. Check the file's name.") from None
-    try:
-        data: Any = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: is not JSON ({error}). Is this a printhead file?") from None
-    if not isinstance(data, dict) or data.get("format") != "printhead/1":
-        got = data.get("format") if isinstance(data, dict) else type(data).__name__
-        raise ValueError(f'{path}: "format" must be "printhead/1"; got {got!r}. Is this a printhead file?')
-    return data
-
-
-def effect_ids(data: Mapping[str, Any]) -> list[str]:
-    """Ids of the effects in the content of a ``printhead/1`` file; empty for the base model."""
-    effects = data.get("effects") or []
-    if not isinstance(effects, list):
-        return ["effects"]
-    return [str(entry.get("id")) if isinstance(entry, dict) else "?" for entry in effects]
-
-
-def _entry(data: Any, *keys: str) -> Any:
-    """Entry of a ``printhead/1`` file under nested keys."""
-    for depth, key in enumerate(keys):
-        if not isinstance(data, dict) or key not in data:
-            raise ValueError(f"has no {'.'.join(keys[: depth + 1])}, which a printhead/1 file needs.")
-        data = data[key]
-    return data
-
-
-def _number(data: Any, *keys: str) -> float:
-    value = _entry(data, *keys)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > 1e300:
-        raise ValueError(f"{'.'.join(keys)} must be a number; got {str(value)[:40]}.")
-    return float(value)
-
-
-@dataclass(frozen=True)
-class Response:
-    """Response of a head to a piecewise-linear drive that starts at time 0; made by `Printhead.respond`.
-
-    Attributes
-    ----------
-    printhead : Printhead
-        The head.
-    knot_times_s, knot_drive_V : ndarray, shape (n,)
-        Times in seconds and drive in volts at the knots of the drive.
-    initial_state, window_s, hysteresis, period_s
-        As in `Printhead.respond`.
-    peak_times_s, peaks_V : ndarray, shape (k,)
-        Times in seconds and signed values in volts of every local extremum of the self-sensed signal within the window,
-        in time order.
-    tail_V : float
-        Summed magnitude of the extrema beyond those listed, in volts (infinite window only).
-    """
-
-    printhead: Printhead
-    knot_times_s: Real
-    knot_drive_V: Real
-    initial_state: str
-    window_s: float
-    hysteresis: str = "full_memory"
-    period_s: float = math.inf
-
-    def __post_init__(self) -> None:
-        check_name("hysteresis", self.hysteresis, HYSTERESIS_MODELS)
-        times, values, tail = self._ringing.extrema(self.window_s)
-        object.__setattr__(self, "peak_times_s", times)
-        object.__setattr__(self, "peaks_V", values)
-        object.__setattr__(self, "tail_V", tail)
-
-    peak_times_s: Real = field(init=False)
-    peaks_V: Real = field(init=False)
-    tail_V: float = field(init=False)
-
-    @cached_property
-    def _ringing(self) -> PiecewiseResponse:
-        head, law = self.printhead, self.printhead.branch_law
-        if self.hysteresis == "play_operators":
-            plays = PlayOperators.of_branch_law(law, PLAY_OPERATORS)
-            rows = plays.pieces(self.knot_drive_V, self.initial_state)
-            rates = rows[:, 3:4]
-        else:
-            rows = law.pieces(self.knot_drive_V, self.initial_state, self.hysteresis == "one_point")
-            rates = branch_rates(law, rows)
-        segment_s = np.diff(self.knot_times_s)
-        durations: list[float] = []
-        polynomials: list[Real] = []
-        for segment, duration in enumerate(segment_s):
-            mine = rows[:, 0] == segment
-            durations.extend(rows[mine, 2] * duration if mine.any() else [duration])
-            polynomials.extend(rates[mine] if mine.any() else np.zeros((1, rates.shape[1])))
-        from_rest = PiecewiseResponse(head.a0, head.a1, head.b1, np.array(durations), np.array(polynomials))
-        if math.isinf(self.period_s):
-            return from_rest
-        rest_s = max(self.period_s - float(from_rest.start_s[-1]), 0.0)
-        left = from_rest.amplitude[-1] * np.exp(from_rest.pole * rest_s)
-        return replace(from_rest, start_state=complex(left / (1 - np.exp(from_rest.pole * self.period_s))))
-
-    def drive_V(self, time_s: ArrayLike) -> Real:
-        """Drive in volts at times in seconds, same shape."""
-        return np.interp(
-            np.asarray(time_s, dtype=np.float64),
-            self.knot_times_s,
-            self.knot_drive_V,
-            left=0.0,
-            right=float(self.knot_drive_V[-1]),
-        )
-
-    def hysteretic_V(self, time_s: ArrayLike) -> Real:
-        """Hysteretic drive in volts at times in seconds, same shape; zero at the start."""
-        ringing = self._ringing
-        antiderivative = np.array([poly.polyint(rate) for rate in ringing.rate_V])
-        at_start = np.concatenate([[0.0], np.cumsum(antiderivative.sum(axis=1))])
-        time = np.asarray(time_s, dtype=np.float64)
-        where = np.searchsorted(ringing.start_s, time.ravel(), side="right") - 1
-        value = np.where(where < 0, 0.0, at_start[np.clip(where, 0, None)])
-        inside = (where >= 0) & (where < ringing.duration_s.size)
-        piece = where[inside]
-        tau = (time.ravel()[inside] - ringing.start_s[piece]) / ringing.duration_s[piece]
-        value[inside] += np.sum(antiderivative[piece] * tau[:, None] ** np.arange(antiderivative.shape[1]), axis=1)
-        return value.reshape(time.shape)
-
-    def sensor_V(self, time_s: ArrayLike) -> Real:
-        """Self-sensed signal in volts at times in seconds, same shape."""
-        return self._ringing.sensor_V(time_s)
-
-    def deflection_V(self, time_s: ArrayLike) -> Real:
-        """Deflection at times in seconds, same shape, as the static hysteretic drive that would hold it, in volts.
-
-        It is ``a0 / (s² + a1 s + a0)`` on the hysteretic drive, zero at the start, and follows from the state of the
-        resonator: ``v - (a1 y + y') / b1`` with ``y`` the self-sensed signal. Multiplied by the static gain it is a
-        displacement.
-        """
-        ringing = self._ringing
-        amplitude = ringing.amplitude_at(time_s)
-        # y' = Im λA and y = Im A, Eq. (8a) of `resonator`; b1 cancels.
-        moved = ((ringing.pole + self.printhead.a1) * amplitude).imag
-        return self.hysteretic_V(time_s) - moved / self.printhead.b1
-
-    def cost(self, peak_cost: PeakCost | None = None) -> float:
-        """Peak cost in volts; the default is `PeakCost()`."""
-        return (peak_cost or PeakCost())(self.peaks_V, self.tail_V)
-
-
-def branch_rates(law: BranchLaw, pieces: Real) -> Real:
-    """``dv/dτ`` on branch pieces as polynomials of ``τ``, lowest power first, in volts: shape (pieces, degree)."""
-    slope = poly.polyder(law.ascending)
-    rates = np.zeros((len(pieces), slope.size))
-    for row, (x, dx, scale) in zip(rates, pieces[:, 3:6], strict=True):
-        if x >= 1.0:
-            row[0] = scale * dx * float(law.slope(1.0))
-            continue
-        derivative = slope
-        for k in range(slope.size):  # Taylor coefficients of Q' at x, Eq. (3) and (5) of `hysteresis`
-            row[k] = scale * dx ** (k + 1) * poly.polyval(x, derivative) / math.factorial(k)
-            derivative = poly.polyder(derivative)
-    return rates

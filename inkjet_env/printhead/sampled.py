@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 from inkjet_env.naming import check_name
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import periods_before_recording
-from inkjet_env.printhead.printhead import Printhead, check_window
+from inkjet_env.printhead.printhead import Printhead
 from inkjet_env.printhead.resonator import pole
 from inkjet_env.printhead.waveform import LARGEST_DRIVE_V
+from inkjet_env.printhead.window import check_window
 from inkjet_env.typing import Real
 
 RINGING = ("rest", "steady")

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inkjet_env.printhead import Printhead, respond_sampled
-from inkjet_env.printhead.printhead import branch_rates
 from inkjet_env.printhead.resonator import PiecewiseResponse
+from inkjet_env.printhead.response import branch_rates
 from inkjet_env.rig.battery import DriveLine
 from inkjet_env.typing import Real
 

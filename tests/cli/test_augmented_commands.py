@@ -7,22 +7,16 @@ import pytest
 
 from experiments.benchmark.problem import Problem
 from experiments.benchmark.single_run import Optimisation, read_record, write_record
-from inkjet_env.cli.app import main
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead, Waveform
 from inkjet_env.recordings import Campaign, Recording, write_campaign
+from tests.cli.command import run
 
 HEAD = Printhead.published()
 EFFECTS = {effect.id: effect for effect in catalogue()}
 AUGMENTED = AugmentedPrinthead(HEAD, ((EFFECTS["sensor_saturation"], {"limit": 5.0, "hardness": 20.0}),))
 WAVEFORM = (90.0, -70.0, 3e-6, 9e-6, 5e-6, 8e-6, 7e-6)
-
-
-def run(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    return ended.value.code
 
 
 @pytest.fixture

@@ -6,10 +6,7 @@ import pytest
 
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, read_campaign, write_campaign
-
-
-def files_below(folder):
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+from tests.cli.command import files_below
 
 
 def test_four_commands_lead_from_a_head_to_its_waveform(inkjet, tmp_path):

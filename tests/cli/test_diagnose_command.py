@@ -21,15 +21,12 @@ from inkjet_env.recordings import Campaign, write_campaign
 from inkjet_env.reporting import diagnosis_report
 from inkjet_env.rig import default_battery, record_campaign
 from inkjet_env.storage import write_json
+from tests.cli.command import files_below
 
 HEAD = Printhead.published()
 EFFECTS = {effect.id: effect for effect in catalogue()}
 LABELS = {"trapezoid-60V", "trapezoid-100V", "bipolar-full", "multisine-50V-a", "zero"}
 DRIVE_V = tuple(np.repeat([0.0, 60.0, 0.0], (10, 50, 100)))
-
-
-def files_below(folder):
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
 @pytest.fixture(scope="module")

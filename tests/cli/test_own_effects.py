@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import inkjet_env
-from inkjet_env.cli.app import main
 from inkjet_env.plant import Excitation, Plant, registry
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Printhead, Waveform
 from inkjet_env.recordings import Campaign, Recording, write_campaign
 from inkjet_env.rig import default_battery
+from tests.cli.command import run
 
 HEAD = Printhead.published()
 OWN = "my_effects:QuadraticStiffness"
@@ -117,12 +117,6 @@ def augmented(folder):
         files = ("--printhead-out", "augmented.json", "--json", "found.json", "--report", "report.html")
         assert run("diagnose", "campaign", "--effect", OWN, *files) == 0
     return folder / "augmented.json"
-
-
-def run(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    return ended.value.code
 
 
 def registered(file):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.identification import identify
+from inkjet_env.identification import UnidentifiableError, identify
 from inkjet_env.printhead import Printhead, respond_sampled
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig import record_campaign, strain_gauge_battery
@@ -29,14 +29,14 @@ def only(campaign, **labels):
 
 @pytest.mark.parametrize("labels", [{"channel": "strain_gauge"}, {"excitation": "zero"}])
 def test_what_does_not_ring_names_the_recording_needed_and_the_command_that_plans_it(labels, published_campaign):
-    with pytest.raises(ValueError, match=r"need a self_sensing or displacement .*inkjet record --plan FOLDER"):
+    with pytest.raises(UnidentifiableError, match=r"need a self_sensing or displacement .*inkjet record --plan FOLDER"):
         identify(only(published_campaign, **labels))
 
 
 @pytest.mark.parametrize("channel", ["self_sensing", "displacement"])
 def test_drives_too_slow_to_ring_are_said_to_be(channel):
     battery = [replace(line, channel=channel) for line in strain_gauge_battery()]
-    with pytest.raises(ValueError, match=r"nothing in them rings\. Take pulses .*inkjet record --plan FOLDER"):
+    with pytest.raises(UnidentifiableError, match=r"nothing in them rings\. Take pulses .*inkjet record --plan FOLDER"):
         identify(record_campaign(HEAD, 0, battery=battery))
 
 
@@ -44,19 +44,19 @@ def test_noise_alone_is_no_head():
     drive_V = 90 * np.sin(2 * np.pi * np.arange(1200) / 1200)
     rng = np.random.default_rng(0)
     noise = campaign_of(*rng.normal(0, 1e-3, (3, 1200)), drive_V=drive_V, step_s=1e-3, state="periodic")
-    with pytest.raises(ValueError, match="nothing in them rings"):
+    with pytest.raises(UnidentifiableError, match="nothing in them rings"):
         identify(noise)
 
 
 def test_two_samples_are_refused_in_words():
-    with pytest.raises(ValueError, match="has no recording to identify a0, a1 and b1 from"):
+    with pytest.raises(UnidentifiableError, match="has no recording to identify a0, a1 and b1 from"):
         identify(campaign_of([0.0, 1.0], drive_V=[0.0, 10.0]))
 
 
 @pytest.mark.parametrize("state", ["demagnetised", "periodic", "free"])
 @pytest.mark.parametrize("level_V", [0.0, 0.3])
 def test_a_sensor_that_shows_one_value_is_taken_for_unconnected(level_V, state):
-    with pytest.raises(ValueError, match="channel self_sensing shows one value throughout while the drive moves; is"):
+    with pytest.raises(UnidentifiableError, match="self_sensing shows one value throughout while the drive moves; is"):
         identify(campaign_of(np.full(400, level_V), state=state))
 
 

@@ -1,20 +1,11 @@
 """Measured public campaigns, kept outside the project, are identified."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from inkjet_env.identification import identify
-from inkjet_env.recordings import Campaign, Recording, read_campaign
-
-REAL_DATA = Path(__file__).parents[3] / "shared" / "realdata"
-
-
-def real_campaign(name):
-    if not (REAL_DATA / name).is_dir():
-        pytest.skip(f"the measured campaign {name} is not at {REAL_DATA / name}")
-    return read_campaign(REAL_DATA / name)
+from inkjet_env.recordings import Campaign, Recording
+from tests.real_data import real_campaign
 
 
 def test_a_measured_piezo_actuator_is_predicted_to_a_hundredth_of_its_stroke():

@@ -85,7 +85,7 @@ def small(monkeypatch):
     monkeypatch.setattr(amortised, "SCRATCH", ("random",))
 
 
-def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, monkeypatch, capsys):
+def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, monkeypatch):
     # a head takes about 1,000 evaluations to label, how many exactly is up to rounding: 3,000 are two heads or more
     settings = {"evaluations": 3000, "heads": 3, "labelling": 3, "seed": 0, "trainings": 2}
     first = amortised.study(tmp_path, **settings)
@@ -107,9 +107,10 @@ def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, mo
     assert by_name["imitation"]["5"]["value"] <= by_name["imitation"]["0"]["value"]
     assert len(set(by_name["imitation"]["0"]["each"])) == 2
     assert min(row["20"]["low"] for row in first["rows"]) >= 0
-    amortised.print_study(first)
-    out = " ".join(capsys.readouterr().out.split())
-    assert "over 2 trainings of whatever learns, with an interval over both that is too narrow" in out
+    header, rows = amortised.table(first)
+    assert {len(row) for row in rows} == {len(header)}
+    legend = amortised.legend(first)
+    assert "over 2 trainings of whatever learns, with an interval over both that is too narrow" in legend
 
 
 def test_a_policy_is_tested_on_other_heads_without_being_trained_again(small, tmp_path, monkeypatch):

@@ -126,7 +126,9 @@ def test_a_difference_on_the_same_heads_is_told_finer_than_two_medians():
 def test_a_file_is_no_folder(tmp_path, capsys):
     (tmp_path / "file").write_text("mine")
     with pytest.raises(SystemExit) as ended:
-        repeated_training.run_command("study", tmp_path, "", 1, 2, never, never, ["--folder", str(tmp_path / "file")])
+        repeated_training.run_command(
+            "study", tmp_path, "", 1, 2, never, never, never, ["--folder", str(tmp_path / "file")]
+        )
     assert ended.value.code == 2
     assert "--folder must be a folder" in capsys.readouterr().err
 
@@ -136,7 +138,7 @@ def test_a_cluster_that_cannot_do_the_work_is_told_in_a_sentence(tmp_path, capsy
         raise ClusterError("one was begun 5 times and never ended.")
 
     with pytest.raises(SystemExit) as ended:
-        repeated_training.run_command("study", tmp_path, "", 1, 2, run, never, ["--folder", str(tmp_path)])
+        repeated_training.run_command("study", tmp_path, "", 1, 2, run, never, never, ["--folder", str(tmp_path)])
     assert ended.value.code == 2
     assert "study: one was begun 5 times" in capsys.readouterr().err
 
@@ -149,7 +151,7 @@ def test_circumstances_are_plain_json():
 def test_too_little_is_refused(option, value, tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         repeated_training.run_command(
-            "study", tmp_path, "", 1, 2, never, never, ["--folder", str(tmp_path), option, value]
+            "study", tmp_path, "", 1, 2, never, never, never, ["--folder", str(tmp_path), option, value]
         )
     assert ended.value.code == 2
     assert f"{option} must be at least {int(value) + 1}; got {value}." in capsys.readouterr().err

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.validation.synthetic_campaigns import record_synthetic, synthetic_values
+from experiments.validation.synthetic_campaigns import largest_signal_V, record_synthetic, synthetic_values
 from inkjet_env.identification.convention import in_convention
+from inkjet_env.mismatch import diagnose
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import noise_seen, observe
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
@@ -14,6 +15,7 @@ from inkjet_env.plant import catalogue
 from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig.battery import default_battery
+from tests.mismatch.diagnoses import LOOKED_FOR
 
 HEAD = in_convention(Printhead.published().varied(48e3, 0.05, 1.1, 0.8))
 EFFECTS = {effect.id: effect for effect in catalogue()}
@@ -38,7 +40,7 @@ def _lines(fast=FAST, slow=("loop-1",), twice=TWICE):
 
 def _values(name, strength=1.0):
     """What is planted of an effect."""
-    return synthetic_values(EFFECTS[name], strength, HEAD)
+    return synthetic_values(EFFECTS[name], strength, HEAD, largest_signal_V(HEAD, _lines()))
 
 
 @functools.cache
@@ -106,3 +108,18 @@ def true_head():
 @pytest.fixture(scope="session")
 def fitted():
     return _fitted
+
+
+@pytest.fixture(scope="session")
+def diagnosed(recorded, head, effects):
+    """A function: the diagnosis of a planted campaign, begun at the true head; each made once."""
+    made = {}
+
+    def found(*names, looked_for=LOOKED_FOR, **options):
+        key = (names, looked_for, tuple(options.items()))
+        if key not in made:
+            campaign = recorded(*names, **options)
+            made[key] = diagnose(campaign, head, [effects[name] for name in looked_for], 0, workers=1)
+        return made[key]
+
+    return found

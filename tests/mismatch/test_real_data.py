@@ -1,23 +1,19 @@
 """A measured head with a hidden cubic spring is diagnosed; the recordings are kept outside the project."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from inkjet_env.mismatch import diagnose
-from inkjet_env.recordings import Campaign, Recording, read_campaign
+from inkjet_env.recordings import Campaign, Recording
+from tests.real_data import real_campaign
 
-REAL_DATA = Path(__file__).parents[3] / "shared" / "realdata"
 SAMPLES = 1200
 
 
 @pytest.fixture(scope="module")
 def diagnosed():
     """Three stretches of measured multisines, the last one held out."""
-    if not (REAL_DATA / "silverbox").is_dir():
-        pytest.skip(f"the measured campaign silverbox is not at {REAL_DATA / 'silverbox'}")
-    whole, recordings = read_campaign(REAL_DATA / "silverbox"), []
+    whole, recordings = real_campaign("silverbox"), []
     for name in ("m04", "m05", "m06"):
         r = whole[name]
         cut = (samples[:SAMPLES] for samples in (r.time_s, r.drive_V, r.sensor))

@@ -1,19 +1,10 @@
 """Measured public campaigns, kept outside the project, are read."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from inkjet_env.recordings import check_campaign, read_campaign
-
-REAL_DATA = Path(__file__).parents[3] / "shared" / "realdata"
-
-
-def real_campaign(name):
-    if not (REAL_DATA / name).is_dir():
-        pytest.skip(f"the measured campaign {name} is not at {REAL_DATA / name}")
-    return read_campaign(REAL_DATA / name)
+from inkjet_env.recordings import check_campaign
+from tests.real_data import real_campaign
 
 
 def test_the_piezo_actuator_is_uniform_where_its_printed_times_are_not():

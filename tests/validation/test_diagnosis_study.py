@@ -2,10 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from experiments.validation import diagnosis_study
-from experiments.validation.diagnosis_study import Case, cases, recorded
+from experiments.validation.diagnosis_study import STRENGTHS, Case, cases, head_of, recorded
+from experiments.validation.synthetic_campaigns import largest_signal_V, synthetic_values
+from inkjet_env.identification import UnidentifiableError
+from inkjet_env.plant import catalogue
 
 
 @pytest.mark.parametrize(("part", "count"), [("null", 100), ("single", 40), ("pairs", 20), ("withheld", 20)])
@@ -35,6 +39,29 @@ def test_what_is_planted_changes_the_recordings():
     assert all((campaign.recordings[i].sensor != plain.recordings[i].sensor).any() for i in fast)
 
 
+@pytest.mark.parametrize("effect", catalogue(), ids=lambda effect: effect.id)
+def test_medium_is_not_strong(effect):
+    head = head_of(0)
+    strong, medium = (synthetic_values(effect, s, head, largest_signal_V(head)) for s in STRENGTHS.values())
+    assert {name for name in strong if strong[name] != medium[name]} <= set(effect.strengths)
+    assert strong != medium
+
+
+def test_a_medium_saturation_changes_the_recordings_about_a_third_as_much_as_a_strong_one():
+    plain, _ = recorded(Case("null", (), "none", 0))
+    loudest = int(np.argmax([np.std(r.sensor) if r.channel == "self_sensing" else 0.0 for r in plain.recordings]))
+    changes, limits = [], []
+    for strength in STRENGTHS:
+        campaign, ((_, values),) = recorded(Case("single", ("sensor_saturation",), strength, 0))
+        changes.append(np.std(campaign.recordings[loudest].sensor - plain.recordings[loudest].sensor))
+        limits.append(values["limit"])
+    strong, medium = changes
+    assert strong > 0.05 * np.std(plain.recordings[loudest].sensor)
+    assert 0.2 < medium / strong < 0.5
+    assert limits[0] == 0.75 * largest_signal_V(head_of(0))
+    assert limits[0] < limits[1] < 2 * limits[0]
+
+
 @pytest.fixture
 def short_study(tmp_path, monkeypatch):
     """A study of two cases that take no time, in a file of its own; what was diagnosed, when."""
@@ -58,6 +85,33 @@ def test_a_stopped_study_goes_on_with_what_is_missing(short_study):
     diagnosis_study.run(["null"], 2, 1)
     assert short_study.read_text().startswith(first)
     assert [row["name"] for row in diagnosis_study.rows()] == ["null nothing none 0", "null nothing none 1"]
+
+
+def failing(error):
+    """In place of `outcome`: the case of seed 1 fails."""
+    done = diagnosis_study.outcome
+
+    def fails(case):
+        if case.seed == 1:
+            raise error
+        return done(case)
+
+    return fails
+
+
+def test_a_campaign_without_an_identifiable_head_is_refused_and_the_study_goes_on(short_study, monkeypatch):
+    monkeypatch.setattr(diagnosis_study, "outcome", failing(UnidentifiableError("nothing in them rings.")))
+    diagnosis_study.run(["null"], 3, 1)
+    assert [row["verdict"] for row in diagnosis_study.rows()] == ["none", "refused", "none"]
+    assert diagnosis_study.rows()[1]["headline"] == "nothing in them rings."
+
+
+@pytest.mark.parametrize("error", [ValueError("a fault"), np.linalg.LinAlgError("a fault"), KeyError("a fault")])
+def test_any_other_error_is_no_refusal_and_stops_the_study(short_study, monkeypatch, error):
+    monkeypatch.setattr(diagnosis_study, "outcome", failing(error))
+    with pytest.raises(type(error), match="a fault"):
+        diagnosis_study.run(["null"], 3, 1)
+    assert [row["verdict"] for row in diagnosis_study.rows()] == ["none"]
 
 
 def test_results_of_other_code_or_packages_are_not_gone_on_with(short_study, monkeypatch, capsys):

@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -15,8 +13,9 @@ from experiments.validation.identification_study import (
 )
 from inkjet_env.printhead import Printhead, respond_sampled
 from inkjet_env.recordings import Recording
+from tests.real_data import REAL_DATA
 
-MEASURED = Path(__file__).parents[3] / "shared" / "realdata" / "piezo-actuator"
+MEASURED = REAL_DATA / "piezo-actuator"
 
 
 def test_one_loop_of_the_published_head_needs_degree_eight_and_gives_its_law_back():

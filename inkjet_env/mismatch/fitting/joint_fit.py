@@ -402,7 +402,7 @@ def _signals(
 
 def state_columns(printhead: Printhead, gain: float, o: ObservedRecording) -> Real:
     """What one hysteretic volt of initial deflection and of scaled speed adds to a signal, without effects: (n, 2)."""
-    from inkjet_env.plant.resonance import amplitude
+    from inkjet_env.plant.oscillator import amplitude
     from inkjet_env.printhead.resonator import pole
 
     lam, omega0 = pole(printhead.a0, printhead.a1), math.sqrt(printhead.a0)

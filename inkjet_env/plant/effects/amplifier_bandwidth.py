@@ -9,7 +9,7 @@ from inkjet_env.plant.bandwidth import BANDWIDTH, SECOND_ORDER, low_pass_starts
 from inkjet_env.plant.effect import Effect, Values
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.low_pass import low_passed, time_constant_s
-from inkjet_env.plant.resonance import too_slow
+from inkjet_env.plant.recorded_motion import too_slow
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real

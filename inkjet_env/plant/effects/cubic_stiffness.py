@@ -14,7 +14,9 @@ import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.excitation import Excitation
-from inkjet_env.plant.resonance import Force, Resonance, compiled_force, reach_V, too_slow
+from inkjet_env.plant.force import Force, compiled_force
+from inkjet_env.plant.recorded_motion import reach_V, too_slow
+from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real

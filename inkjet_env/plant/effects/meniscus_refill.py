@@ -10,7 +10,9 @@ import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.excitation import Excitation
-from inkjet_env.plant.resonance import FLOW_V, Refill, Resonance, reach_V, too_slow
+from inkjet_env.plant.recorded_motion import reach_V, too_slow
+from inkjet_env.plant.refill import FLOW_V, Refill
+from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.excitation import Excitation
-from inkjet_env.plant.resonance import Mode, Resonance, too_slow
+from inkjet_env.plant.recorded_motion import too_slow
+from inkjet_env.plant.resonance import Mode, Resonance
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.excitation import Excitation
-from inkjet_env.plant.resonance import too_slow
+from inkjet_env.plant.recorded_motion import too_slow
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real

@@ -10,7 +10,8 @@ import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.excitation import Excitation
-from inkjet_env.plant.resonance import Resonance, too_slow
+from inkjet_env.plant.recorded_motion import too_slow
+from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.wording import percent
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real

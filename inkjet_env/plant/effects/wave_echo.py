@@ -9,9 +9,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
+from inkjet_env.plant.echo import Echo
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.excitation import Excitation
-from inkjet_env.plant.resonance import Echo, Resonance, too_slow
+from inkjet_env.plant.recorded_motion import too_slow
+from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 

@@ -11,28 +11,11 @@ from inkjet_env.mismatch import diagnose
 from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.mismatch.selection.hypotheses import settled
 from inkjet_env.mismatch.selection.stepwise import _only, _without_idle
-from inkjet_env.plant import Effect, EffectError, Parameter, SimulationError
+from inkjet_env.plant import EffectError, Parameter, SimulationError
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import coordinates
 from inkjet_env.recordings import Campaign
-
-
-class Leak(Effect):
-    """Not of the catalogue: the sensor hears the integral of its own signal."""
-
-    id, stage = "leak", "sensing"
-    sentence = "The sensor's integrator leaks into its output."
-    equation, source, signature, shown_by = "y = y₀ + k ∫ y₀ dt", "a test", "a slope after each pulse", "any pulse"
-    parameters = (Parameter("leak_per_s", "1/s", -1e6, 1e6),)
-    strengths = ("leak_per_s",)
-
-    def starts(self, printhead, excitations):
-        return [{"leak_per_s": 0.05 * printhead.frequency_Hz}]
-
-    def sensing(self, values, signal, drive_V, printhead, excitation):
-        if excitation.channel != "self_sensing":
-            return signal
-        return signal + values["leak_per_s"] * excitation.step_s * np.cumsum(signal - signal.mean())
+from tests.mismatch.leak import Leak
 
 
 def faulty(method, error):

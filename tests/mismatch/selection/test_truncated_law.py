@@ -54,7 +54,7 @@ def test_no_effect_is_blamed_for_it(effects):
 
 def test_an_effect_beside_it_is_named_alone(effects):
     cubic = effects["cubic_stiffness"]
-    campaign = recorded_without_a_gauge((cubic, synthetic_values(cubic, 0.03, PUBLISHED)))
+    campaign = recorded_without_a_gauge((cubic, synthetic_values(cubic, 0.03, PUBLISHED, largest_V=1.0)))
     found = diagnose(campaign, effects=[effects[name] for name in SUSPECTS])
     assert [named.effect.id for named in found.effects] == ["cubic_stiffness"], found.headline
     assert found.printhead.full_scale_V == pytest.approx(PUBLISHED.full_scale_V, rel=0.02)

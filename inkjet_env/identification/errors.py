@@ -1,0 +1,5 @@
+"""The refusal of an identification: recordings that do not determine a head."""
+
+
+class UnidentifiableError(ValueError):
+    """Recordings from which no head can be identified; the message says what they lack, or which sensor is silent."""

@@ -1,0 +1,37 @@
+"""What recordings show of the resonator: whether it rings in any of them, and its largest deflection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from inkjet_env.plant.excitation import Excitation
+from inkjet_env.plant.resonance import Resonance
+from inkjet_env.printhead import Printhead
+
+
+def too_slow(excitations: Sequence[Excitation]) -> str | None:
+    """Why recordings do not show the resonator, as the end of a sentence after "because"; None if they do."""
+    if any(excitation.fast for excitation in excitations):
+        return None
+    return "every recording is of the strain gauge, which is too slow to show the head ringing"
+
+
+def reach_V(printhead: Printhead, excitations: Sequence[Excitation]) -> float:
+    """Largest deflection of the head in these recordings, in hysteretic volts; 1 V if none moves it.
+
+    The width of the hysteresis is neglected.
+    """
+    law = printhead.branch_law
+    reach = 0.0
+    for excitation in excitations:
+        drive_V = excitation.drive_at_nodes_V
+        swing = float(np.ptp(drive_V))
+        if excitation.fast and swing > 0:
+            slope = float(law.Q(swing / law.full_scale_V)) * law.full_scale_V / swing
+            rings = Resonance(printhead.a0, printhead.a1, printhead.a0)
+            deflection = rings.motion(slope * drive_V, replace(excitation, channel="displacement"))
+            reach = max(reach, float(np.abs(deflection).max()))
+    return reach or 1.0
