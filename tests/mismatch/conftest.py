@@ -7,7 +7,7 @@ import pytest
 
 from experiments.validation.synthetic_campaigns import largest_signal_V, record_synthetic, synthetic_values
 from inkjet_env.identification.convention import in_convention
-from inkjet_env.mismatch import diagnose
+from inkjet_env.mismatch import DiagnosisSettings, diagnose
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import noise_seen, observe
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
@@ -16,6 +16,8 @@ from inkjet_env.plant.effect import complete
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig.battery import default_battery
 from tests.mismatch.diagnoses import LOOKED_FOR
+
+SETTINGS = DiagnosisSettings()
 
 HEAD = in_convention(Printhead.published().varied(48e3, 0.05, 1.1, 0.8))
 EFFECTS = {effect.id: effect for effect in catalogue()}
@@ -69,7 +71,9 @@ def _fitted(campaign, held_out=None, random_effects=()):
     """The base model, begun at the true head, on a campaign with its own noise."""
     observed, head = observe(campaign, held_out), _true_head(campaign)
     residuals = {o.name: o.measured - head.plant().signal(o.excitation) for o in observed}
-    return OutputErrorFit(observed, noise_seen(observed, residuals, {}), head, random_effects)
+    return OutputErrorFit(
+        observed, noise_seen(observed, residuals, {}, SETTINGS.fitting), head, SETTINGS, random_effects
+    )
 
 
 @pytest.fixture(scope="session")

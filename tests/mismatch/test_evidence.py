@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.evidence import share_left
 from inkjet_env.mismatch.fitting.dataset import Noise
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
 from inkjet_env.plant.active_effects import ActiveEffects
+
+SETTINGS = DiagnosisSettings()
 
 FEW = 200
 """Samples that tell the noise: its variance is known to 10 %."""
@@ -19,7 +22,7 @@ FEW = 200
 def hardly_told(joint):
     """The same where little tells how loud the noise is."""
     noise = Noise(joint.noise.models, dict.fromkeys(joint.noise.samples, FEW), (), joint.noise.least)
-    return OutputErrorFit(joint.observed, noise, joint.start)
+    return OutputErrorFit(joint.observed, noise, joint.start, SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +63,7 @@ def test_a_rest_that_is_as_loud_everywhere_may_be_noise(explained):
 
 def test_of_few_recordings_none_is_called_loud(explained):
     few = [o for o in explained.joint.observed if not o.excitation.fast or o.name in fast(explained)[:4]]
-    joint = OutputErrorFit(few, explained.joint.noise, explained.joint.start)
+    joint = OutputErrorFit(few, explained.joint.noise, explained.joint.start, SETTINGS)
     fit = joint.fit(explained.fit.active)
     assert share(louder(Hypothesis(fit, joint), {fast(explained)[0]: 1.4})) == 0
 

@@ -9,9 +9,12 @@ from experiments.validation.baselines.narx import with_network
 from experiments.validation.baselines.sindy import said, sparse_force
 from experiments.validation.diagnosis_study import head_of
 from experiments.validation.synthetic_campaigns import GAUGE_GAIN, LINES, effect_named, record_synthetic
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.rig.battery import default_battery
+
+SETTINGS = DiagnosisSettings()
 
 HEAD = head_of(0)
 SHORT = [line for line in LINES if not line.startswith(("multisine", "staircase", "minor", "first"))]
@@ -110,7 +113,7 @@ def test_the_network_learns_what_the_base_model_leaves(cubic, monkeypatch):
 def test_no_peer_sees_what_is_held_out(cubic, force, monkeypatch):
     monkeypatch.setattr("experiments.validation.baselines.narx.MOST_EPOCHS", 3)
     changed = [o if o.fitted else replace(o, measured=o.measured + 1) for o in cubic.observed]
-    other = OutputErrorFit(changed, cubic.noise, cubic.start, base=cubic.base)
+    other = OutputErrorFit(changed, cubic.noise, cubic.start, SETTINGS, base=cubic.base)
     np.testing.assert_array_equal(sparse_force(other, "self_sensing").coefficients, force.coefficients)
     found, again = with_network(cubic, "self_sensing", 0), with_network(other, "self_sensing", 0)
     for name, signal in found.items():

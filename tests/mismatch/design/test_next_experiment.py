@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.design.drive_library import Train, benches, library
 from inkjet_env.mismatch.design.next_experiment import next_experiment
 from inkjet_env.mismatch.fitting.base_parameters import Head
@@ -18,6 +19,8 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
 from inkjet_env.rig.battery import default_battery, self_sensing_battery
 from inkjet_env.rig.record import record_campaign
+
+SETTINGS = DiagnosisSettings()
 
 HEAD = Printhead.published()
 LINEAR = Printhead(HEAD.a0, HEAD.a1, HEAD.b1, (1.0, 0.0), HEAD.full_scale_V)
@@ -57,8 +60,10 @@ def joint_of(printhead, labels, effects=()):
         recordings.append(replace(r, sensor=r.sensor + planted.signal(o.excitation) - plain.signal(o.excitation)))
     observed = tuple(replace(o, fitted=o.excitation.samples) for o in observe(Campaign("test", tuple(recordings))))
     head = Head(printhead, {"self_sensing": printhead.b1}, {"self_sensing": 0.0})
-    noise = noise_seen(observed, {o.name: o.measured - planted.signal(o.excitation) for o in observed}, {})
-    return OutputErrorFit(observed, noise, head)
+    noise = noise_seen(
+        observed, {o.name: o.measured - planted.signal(o.excitation) for o in observed}, {}, SETTINGS.fitting
+    )
+    return OutputErrorFit(observed, noise, head, SETTINGS)
 
 
 def plants(printhead, effects):
@@ -96,7 +101,7 @@ def test_the_separation_is_what_the_best_refit_of_the_rival_leaves():
     for name in ("second_mode", "wave_echo"):
         start = EFFECTS[name].starts(HEAD, excitations)[0]
         fits.append(candidate(joint, EFFECTS[name], start))
-    found = next_experiment(fits, joint.noise, joint.observed)
+    found = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
     excitation = Excitation(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=6)
     o = ObservedRecording("next", found.channel, "V", -1, excitation, np.zeros(excitation.samples), excitation.samples)
     signals = [fit.head.plant(fit.active.pairs).signal(excitation) for fit in fits]
@@ -135,14 +140,14 @@ def new_slopes(fit, excitation):
 def test_what_a_campaign_leaves_alike_is_told_apart_by_the_recording_that_was_asked_for(one_amplitude):
     joint, fits, planted = one_amplitude
     before = fits[1].nll - fits[0].nll
-    found = next_experiment(fits, joint.noise, joint.observed)
+    found = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
     assert abs(before) < 3
     assert found.separation > 20
     excitation = Excitation(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=9)
     signal = Plant(HEAD, effects=(planted,)).signal(excitation)
     noise = joint.noise.models[joint.observed[0].noise_key].rms * np.random.default_rng(1).standard_normal(signal.size)
     more = (*joint.observed, ObservedRecording("next", found.channel, "V", 99, excitation, signal + noise, signal.size))
-    again = OutputErrorFit(more, joint.noise, joint.start)
+    again = OutputErrorFit(more, joint.noise, joint.start, SETTINGS)
     after = [again.fit(fit.active, fit.head) for fit in fits]
     gained = after[1].nll - after[0].nll
     assert gained > max(10, 0.3 * found.separation)
@@ -152,7 +157,7 @@ def test_what_a_campaign_leaves_alike_is_told_apart_by_the_recording_that_was_as
 def test_amplifier_and_sensor_of_a_linear_head_are_told_apart_at_the_head_alone():
     joint = joint_of(LINEAR, ("trapezoid-60V", "trapezoid-100V", "zero"))
     fits = [candidate(joint, effect, {"strength": -0.1}) for effect in (WeakAmplifier(), WeakSensor())]
-    found = next_experiment(fits, joint.noise, joint.observed)
+    found = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
     assert found.sentence.startswith("Record the voltage at the head as well (column drive_monitor_V)")
     assert "weak amplifier and weak sensor would differ there by up to 10 V" in found.sentence
     assert max(map(abs, found.drive_V)) == pytest.approx(100)
@@ -160,7 +165,7 @@ def test_amplifier_and_sensor_of_a_linear_head_are_told_apart_at_the_head_alone(
 
 def test_the_sentence_tells_drive_channel_difference_and_noise(one_amplitude):
     joint, fits, _ = one_amplitude
-    sentence = next_experiment(fits, joint.noise, joint.observed).sentence
+    sentence = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design).sentence
     assert sentence.startswith("Record the self-sensing signal under ")
     assert "quadratic damping and ferroelastic softening would differ by up to" in sentence
     assert "times the noise" in sentence
@@ -169,9 +174,9 @@ def test_the_sentence_tells_drive_channel_difference_and_noise(one_amplitude):
 def test_no_drive_goes_beyond_what_the_campaign_dared(one_amplitude):
     joint, fits, _ = one_amplitude
     assert {float(o.excitation.drive_V.min()) for o in joint.observed} == {0.0}  # 0 … 80 V alone
-    (bench,) = benches(joint.observed, HEAD.frequency_Hz)
+    (bench,) = benches(joint.observed, HEAD.frequency_Hz, SETTINGS.design)
     drives = [p.excitation.drive_V for p in library(bench)]
-    drives.append(np.array(next_experiment(fits, joint.noise, joint.observed).drive_V))
+    drives.append(np.array(next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design).drive_V))
     for drive in drives:
         assert 0 <= drive.min() <= drive.max() <= 80
     assert max(drive.max() for drive in drives) == 80
@@ -180,7 +185,7 @@ def test_no_drive_goes_beyond_what_the_campaign_dared(one_amplitude):
 def test_every_channel_of_a_campaign_has_drives_of_its_own():
     campaign = record_campaign(HEAD, 1, battery=default_battery(HEAD.frequency_Hz), snr_dB=50.0)
     observed = observe(campaign)
-    for bench in benches(observed, HEAD.frequency_Hz):
+    for bench in benches(observed, HEAD.frequency_Hz, SETTINGS.design):
         proposals = library(bench)
         assert {p.excitation.channel for p in proposals} == {bench.channel}
         assert len({p.words for p in proposals}) == len(proposals)
@@ -205,8 +210,11 @@ def test_a_train_has_the_corners_that_its_words_tell():
 
 def test_of_one_candidate_what_shows_it_is_told_and_of_none_what_was_not_seen(one_amplitude):
     joint, fits, _ = one_amplitude
-    assert fits[0].active.effects[0].shown_by in next_experiment(fits[:1], joint.noise, joint.observed).sentence
-    unseen = next_experiment([], joint.noise, joint.observed)
+    assert (
+        fits[0].active.effects[0].shown_by
+        in next_experiment(fits[:1], joint.noise, joint.observed, catalogue(), SETTINGS.design).sentence
+    )
+    unseen = next_experiment([], joint.noise, joint.observed, catalogue(), SETTINGS.design)
     assert EFFECTS["crosstalk"].shown_by in unseen.sentence
     assert unseen.drive_V == ()
     assert math.isclose(unseen.separation, 0)

@@ -7,8 +7,11 @@ import pytest
 
 from inkjet_env.identification.measurements import measurements
 from inkjet_env.identification.noise import NoiseModel, noise_model
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.dataset import Noise, finer, noise_seen, observe
 from inkjet_env.recordings import Campaign, Recording
+
+SETTINGS = DiagnosisSettings()
 
 STEP_S = 1e-6
 PULSE_V = np.interp(np.arange(500.0), [0, 150, 160, 200, 210], [0, 0, 60, 60, 0])
@@ -32,7 +35,7 @@ def white(rms, samples, seed):
 def seen_in(*recordings, otherwise=None):
     """Noise when a model explains nothing, with nothing held out."""
     observed = observe(campaign(*recordings), held_out=[])
-    return observed, noise_seen(observed, {o.name: o.measured for o in observed}, otherwise or {})
+    return observed, noise_seen(observed, {o.name: o.measured for o in observed}, otherwise or {}, SETTINGS.fitting)
 
 
 def test_recordings_keep_the_campaigns_order_and_what_they_are(recorded):

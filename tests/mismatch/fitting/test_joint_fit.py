@@ -7,6 +7,7 @@ import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 
 from inkjet_env.identification import identify
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer, noise_seen, observe
 from inkjet_env.mismatch.fitting.fit_result import ModelState
@@ -15,6 +16,8 @@ from inkjet_env.plant import Excitation, Plant
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete, coordinates
 from inkjet_env.printhead import Printhead
+
+SETTINGS = DiagnosisSettings()
 
 CHANNELS = ("strain_gauge", "self_sensing", "displacement", "drive_monitor")
 
@@ -88,7 +91,7 @@ def test_the_base_fit_leaves_what_an_identification_leaves(recorded):
     found = identify(campaign, degree=9)
     head = Head(found.printhead, {c: g.value for c, g in found.gains.items()}, found.offsets)
     observed = observe(campaign)
-    joint = OutputErrorFit(observed, Noise(found.noise, dict.fromkeys(found.noise, 1)), head)
+    joint = OutputErrorFit(observed, Noise(found.noise, dict.fromkeys(found.noise, 1)), head, SETTINGS)
     modelled = joint.modelled(joint.base)
     for recording, o in zip(found.recordings, observed, strict=True):
         assert recording.name == o.name
@@ -150,7 +153,7 @@ def test_errors_of_a_strength_are_as_large_as_told(recorded, fitted, effects, va
         for o in joint.observed:
             rms = joint.noise.models[o.noise_key].rms
             observed.append(replace(o, measured=clean[o.name] + rms * rng.standard_normal(o.excitation.samples)))
-        again = OutputErrorFit(observed, joint.noise, joint.start)
+        again = OutputErrorFit(observed, joint.noise, joint.start, SETTINGS)
         fit = again.fit(ActiveEffects.of([(effect, truth)]))
         apart.append(((fit.active.theta - coordinates(effect, truth)) / errors_of(again, fit))[~fit.idle])
     size = np.sqrt(np.mean(np.array(apart) ** 2, axis=0))
@@ -209,7 +212,9 @@ def test_a_fit_begun_where_the_head_has_no_rest_under_the_first_drive_fails(head
     clean = start.plant([(cubic, {"stiffening_per_V2": 1e-5})]).signal(o.excitation)
     measured = clean + 1e-3 * np.ptp(clean) * np.random.default_rng(0).standard_normal(clean.size)
     observed = [replace(o, measured=measured)]
-    joint = OutputErrorFit(observed, noise_seen(observed, {o.name: measured - clean}, {}), start)
+    joint = OutputErrorFit(
+        observed, noise_seen(observed, {o.name: measured - clean}, {}, SETTINGS.fitting), start, SETTINGS
+    )
     assert joint.fit(ActiveEffects((cubic,), np.array([1e-5]))).nll == pytest.approx(0.5 * o.fitted, rel=0.2)
     with pytest.raises(FloatingPointError, match="no rest was found"):
         joint.fit(ActiveEffects((cubic,), np.array([5e-4])))
@@ -234,7 +239,7 @@ def test_what_was_held_out_tells_a_fit_nothing(recorded, fitted, effects, values
     assert any(not o.fitted for o in changed)
     theta = coordinates(effect, values("feedthrough"))
     one, other = (
-        OutputErrorFit(observed, joint.noise, joint.start).fit(ActiveEffects((effect,), theta))
+        OutputErrorFit(observed, joint.noise, joint.start, SETTINGS).fit(ActiveEffects((effect,), theta))
         for observed in (joint.observed, changed)
     )
     np.testing.assert_array_equal(one.active.theta, other.active.theta)
@@ -257,8 +262,8 @@ def ringing_on(head, states, seed=1):
         coarse = replace(excitation, substeps=2, start=(0.0, 0.0), cache={})
         recordings.append(ObservedRecording(f"r{k}", "self_sensing", "V", k, coarse,
                                    measured, 0 if k == 2 else 500))  # fmt: skip
-    noise = noise_seen(recordings, {o.name: o.measured for o in recordings}, {})
-    return OutputErrorFit(recordings, noise, Head(head, {"self_sensing": head.b1}, {"self_sensing": 0.0}))
+    noise = noise_seen(recordings, {o.name: o.measured for o in recordings}, {}, SETTINGS.fitting)
+    return OutputErrorFit(recordings, noise, Head(head, {"self_sensing": head.b1}, {"self_sensing": 0.0}), SETTINGS)
 
 
 def test_unknown_initial_states_are_found_held_out_ones_too(head):
@@ -278,7 +283,7 @@ def test_a_state_said_to_be_at_rest_is_not_fitted(head):
     at_rest = [
         replace(o, excitation=replace(o.excitation, initial_state="demagnetised", cache={})) for o in joint.observed
     ]
-    wrong = OutputErrorFit(at_rest, joint.noise, joint.start)
+    wrong = OutputErrorFit(at_rest, joint.noise, joint.start, SETTINGS)
     assert wrong.base.end.states == {}
     assert wrong.base.nll > 10 * joint.base.nll
 
@@ -294,10 +299,10 @@ def test_what_a_standing_effect_can_explain_changes_no_fit(name, recorded, fitte
         columns = effect.random_effect_basis(told, o.excitation)
         more = 0.0 if columns is None else columns @ (3 * rng.standard_normal(columns.shape[1]))
         changed.append(replace(o, measured=o.measured + more))
-    other = OutputErrorFit(changed, joint.noise, joint.start, joint.random_effects)
+    other = OutputErrorFit(changed, joint.noise, joint.start, SETTINGS, joint.random_effects)
     assert other.base.nll == pytest.approx(joint.base.nll, rel=1e-6)
     assert other.base.head.printhead.a0 == pytest.approx(joint.base.head.printhead.a0, rel=1e-6)
-    bare = OutputErrorFit(changed, joint.noise, joint.start)
+    bare = OutputErrorFit(changed, joint.noise, joint.start, SETTINGS)
     assert bare.base.nll > 3 * other.base.nll
     for o in changed:  # and its own share of each recording is in what is modelled
         residuals = joint.noise.whitened(o, o.measured - other.modelled(other.base)[o.name])
@@ -310,7 +315,7 @@ def test_the_numerical_error_falls_with_the_nodes(name, recorded, fitted, effect
     joint = fitted(recorded(name))
     errors = []
     for substeps in (2, 4, 8):
-        fine = OutputErrorFit(finer(joint.observed, substeps), joint.noise, joint.start, base=joint.base)
+        fine = OutputErrorFit(finer(joint.observed, substeps), joint.noise, joint.start, SETTINGS, base=joint.base)
         fit = joint.base.moved(active=ActiveEffects.of([(effect, told)]))
         errors.append(fine.numerical_error(fit))
     assert errors[0] > 3 * errors[1] > 9 * errors[2] > 0
@@ -331,5 +336,5 @@ def test_a_head_of_another_frequency_is_found_from_a_start_that_is_off(recorded,
     joint, truth = fitted(campaign), true_head(campaign)
     off = replace(truth, printhead=Printhead(1.02 * truth.printhead.a0, 1.2 * truth.printhead.a1, truth.printhead.b1,
                                              truth.printhead.coefficients, truth.printhead.full_scale_V))  # fmt: skip
-    other = OutputErrorFit(joint.observed, joint.noise, off)
+    other = OutputErrorFit(joint.observed, joint.noise, off, SETTINGS)
     assert other.base.nll == pytest.approx(joint.base.nll, rel=1e-4)

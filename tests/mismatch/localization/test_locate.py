@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import Noise, noise_seen, observe
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
@@ -17,6 +18,8 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign
 from inkjet_env.rig.battery import self_sensing_battery
 from inkjet_env.rig.record import record_campaign
+
+SETTINGS = DiagnosisSettings()
 
 HEAD = Printhead.published()
 NOTHING = "Nothing is left beyond the noise."
@@ -35,14 +38,14 @@ def fitted(campaign, noise=None):
     if noise is None:
         for _ in range(2):
             residuals = {o.name: o.measured - head.plant().signal(o.excitation) for o in observed}
-            noise = noise_seen(observed, residuals, {})
-            head = OutputErrorFit(observed, noise, head).base.head
-    return OutputErrorFit(observed, noise, head)
+            noise = noise_seen(observed, residuals, {}, SETTINGS.fitting)
+            head = OutputErrorFit(observed, noise, head, SETTINGS).base.head
+    return OutputErrorFit(observed, noise, head, SETTINGS)
 
 
 def located(campaign):
     joint = fitted(campaign)
-    return locate(joint.observed, joint.noise, joint.base, joint.basis[0])
+    return locate(joint.observed, joint.noise, joint.base, joint.basis[0], SETTINGS.localization)
 
 
 def with_sensor(campaign, changed):
@@ -94,7 +97,7 @@ def draw(small):
 
 def test_what_all_recordings_show_together_and_none_alone_is_told_with_its_time(small):
     cell = Cell("time", "460 µs to 470 µs", 1.3, 4.2, (4.6e-4, 4.7e-4), "self_sensing")
-    told = _sentence(small.observed, small.noise, small.base, [cell], [cell], [], [], [])
+    told = _sentence(small.observed, small.noise, small.base, [cell], [cell], [], [], [], SETTINGS.localization)
     assert told == (
         "The self-sensing signal differs from the model, in no recording alone by more than noise would, "
         "460 to 470 µs after their start."
@@ -103,14 +106,14 @@ def test_what_all_recordings_show_together_and_none_alone_is_told_with_its_time(
 
 def test_noise_alone_is_pointed_at_in_five_of_a_hundred_campaigns_at_most(small, draw):
     rng = np.random.default_rng(1)
-    found = [locate(small.observed, small.noise, draw(rng), small.basis[0]) for _ in range(60)]
+    found = [locate(small.observed, small.noise, draw(rng), small.basis[0], SETTINGS.localization) for _ in range(60)]
     assert sum(location.sentence != NOTHING for location in found) <= 6  # more in 3 of 100 such tests
 
 
 def test_what_a_fit_takes_from_noise_and_adds_to_it_is_reckoned_with_exactly(small):
     columns = [small.noise.whitened(o, small.start.sensitivities(o)) for o in small.observed]
     taken = taken_by_fit(small.observed, small.noise, small.base, columns, small.basis[0])
-    rows = sample_rows(small.observed, small.noise, small.base, taken)
+    rows = sample_rows(small.observed, small.noise, small.base, taken, SETTINGS.localization)
     seen = np.concatenate([c[: o.fitted] for o, c in zip(small.observed, columns, strict=True)])
     size = np.linalg.norm(seen, axis=0)
     u, singular, vt = np.linalg.svd(seen / size, full_matrices=False)
@@ -130,8 +133,8 @@ def test_what_a_fit_takes_from_noise_and_adds_to_it_is_reckoned_with_exactly(sma
 def test_lines_and_samples_reckon_alike(small):
     columns = [small.noise.whitened(o, small.start.sensitivities(o)) for o in small.observed]
     taken = taken_by_fit(small.observed, small.noise, small.base, columns, small.basis[0])
-    samples = sample_rows(small.observed, small.noise, small.base, taken)
-    lines = line_rows(small.observed, small.noise, small.base, taken)
+    samples = sample_rows(small.observed, small.noise, small.base, taken, SETTINGS.localization)
+    lines = line_rows(small.observed, small.noise, small.base, taken, SETTINGS.localization)
     for i, o in enumerate(small.observed):
         mean = np.sum(small.base.residuals[o.name]) ** 2 / o.excitation.samples
         assert lines.power[lines.record == i].sum() == pytest.approx(samples.power[samples.record == i].sum() - mean)
@@ -214,7 +217,7 @@ def test_a_resonance_that_wanders_through_the_session_is_told_with_its_amount():
     first, last = (moved[name][0] for name in (recordings[2].name, recordings[-3].name))
     away = last[0] - first[0]
     assert away == pytest.approx(-0.004 * (len(recordings) - 5) / (len(recordings) - 1), rel=0.25)
-    found = locate(joint.observed, joint.noise, joint.base, joint.basis[0])
+    found = locate(joint.observed, joint.noise, joint.base, joint.basis[0], SETTINGS.localization)
     told = re.search(r"as if the resonance frequency fell by (.*) % from the first to the last", found.sentence)
     assert float(told.group(1)) == pytest.approx(0.4, abs=0.03)
 
@@ -223,17 +226,17 @@ def test_unknown_noise_is_told_and_a_concentrated_mismatch_still_found(campaign)
     name = next(r.name for r in campaign.recordings if r.excitation == "bipolar")
     joint = fitted(with_sensor(campaign, lambda r: r.sensor * (1.1 if r.name == name else 1.0)))
     unknown = Noise(joint.noise.models, dict.fromkeys(joint.noise.samples, 0))
-    found = locate(joint.observed, unknown, joint.base, joint.basis[0])
+    found = locate(joint.observed, unknown, joint.base, joint.basis[0], SETTINGS.localization)
     assert found.recordings[0] == name
     assert "nothing tells its noise" in found.sentence
     joint = fitted(campaign)
     unknown = Noise(joint.noise.models, dict.fromkeys(joint.noise.samples, 0))
-    assert locate(joint.observed, unknown, joint.base, joint.basis[0]).sentence == NOTHING
+    assert locate(joint.observed, unknown, joint.base, joint.basis[0], SETTINGS.localization).sentence == NOTHING
 
 
 def test_a_basis_of_other_recordings_is_refused(small):
     with pytest.raises(ValueError, match="q must have a row for each fitted sample"):
-        locate(small.observed, small.noise, small.base, small.basis[0][:-1])
+        locate(small.observed, small.noise, small.base, small.basis[0][:-1], SETTINGS.localization)
 
 
 def test_a_drive_is_cut_at_its_edges_and_pulses():
@@ -242,11 +245,11 @@ def test_a_drive_is_cut_at_its_edges_and_pulses():
     of = {r.excitation: by[r.name] for r in campaign.recordings}
     pair = of["pulse_pair"]
     drive = pair.excitation.drive_V
-    assert np.array_equal(phases(pair) == 0, np.diff(drive, prepend=drive[-1]) != 0)
-    assert np.all(drive[phases(pair) == 1] != 0)
-    assert np.all(drive[phases(pair) == 2] == 0)
-    assert set(pulses(pair)) == {-1, 0, 1}
-    assert drive[pulses(pair) == 0].max() == 80
-    assert drive[pulses(pair) == 1].max() == 60
-    assert set(phases(of["multisine"])) == {3}
-    assert set(phases(of["zero"])) == {4}
+    assert np.array_equal(phases(pair, SETTINGS.localization) == 0, np.diff(drive, prepend=drive[-1]) != 0)
+    assert np.all(drive[phases(pair, SETTINGS.localization) == 1] != 0)
+    assert np.all(drive[phases(pair, SETTINGS.localization) == 2] == 0)
+    assert set(pulses(pair, SETTINGS.localization)) == {-1, 0, 1}
+    assert drive[pulses(pair, SETTINGS.localization) == 0].max() == 80
+    assert drive[pulses(pair, SETTINGS.localization) == 1].max() == 60
+    assert set(phases(of["multisine"], SETTINGS.localization)) == {3}
+    assert set(phases(of["zero"], SETTINGS.localization)) == {4}

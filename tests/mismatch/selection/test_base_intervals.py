@@ -66,7 +66,7 @@ def test_a_head_that_answers_the_other_way_round_has_the_same_interval_mirrored(
 def test_a_sum_may_be_told_where_neither_of_its_terms_is():
     columns = np.array([[1e4, 1e4, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     directions = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
-    assert standard_errors(columns, directions) == pytest.approx([np.inf, 1e-4, np.inf, np.inf])
+    assert standard_errors(columns, directions, 5.0) == pytest.approx([np.inf, 1e-4, np.inf, np.inf])
 
 
 def test_what_is_not_told_stands_in_the_printhead_file_as_an_open_interval(recorded, fitted, tmp_path):

@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.plant.active_effects import ActiveEffects
+
+SETTINGS = DiagnosisSettings()
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +36,7 @@ def test_of_noise_it_predicts_nothing(plain):
     clean = {o.name: plain.start.plant().signal(o.excitation) for o in plain.observed}
     for _ in range(12):
         observed = [replace(o, measured=clean[o.name] + noise_of(o, plain, rng)) for o in plain.observed]
-        found = discrepancy_regression(base_hypothesis(OutputErrorFit(observed, plain.noise, plain.start)))
+        found = discrepancy_regression(base_hypothesis(OutputErrorFit(observed, plain.noise, plain.start, SETTINGS)))
         sure += found.predicted > 8 + 2 * found.error
         shares.append(found.share)
     assert sure == 0
@@ -60,7 +63,7 @@ def test_it_learns_nothing_from_what_was_held_out(recorded, fitted):
     changed = [
         o if o.fitted else replace(o, measured=o.measured + 50 * noise_of(o, joint, rng)) for o in joint.observed
     ]
-    other = discrepancy_regression(base_hypothesis(OutputErrorFit(changed, joint.noise, joint.start)))
+    other = discrepancy_regression(base_hypothesis(OutputErrorFit(changed, joint.noise, joint.start, SETTINGS)))
     one = discrepancy_regression(base_hypothesis(joint))
     for name, added in one.modelled.items():
         np.testing.assert_allclose(other.modelled[name], added, atol=1e-9)
@@ -93,6 +96,6 @@ def test_a_strain_gauges_mismatch_is_learnt_too(recorded, fitted):
             shapes[o.name] = 4 * joint.noise.models[o.noise_key].rms * np.abs(level_V) / np.abs(level_V).max()
             o = replace(o, measured=o.measured + shapes[o.name])
         changed.append(o)
-    found = discrepancy_regression(base_hypothesis(OutputErrorFit(changed, joint.noise, joint.start)))
+    found = discrepancy_regression(base_hypothesis(OutputErrorFit(changed, joint.noise, joint.start, SETTINGS)))
     assert np.corrcoef(found.modelled[held_out], shapes[held_out])[0, 1] > 0.9
     assert found.predicted > 8 + 2 * found.error

@@ -102,9 +102,7 @@ def test_an_effect_that_cannot_be_simulated_in_places_is_fitted_elsewhere(record
 
     joint = fitted(recorded())
     plant = joint.base.head.plant([(Leak(), {"leak_per_s": 2e3})])
-    joint = type(joint)(
-        [replace(o, measured=plant.signal(o.excitation)) for o in joint.observed], joint.noise, joint.start
-    )
+    joint = joint.anew(observed=[replace(o, measured=plant.signal(o.excitation)) for o in joint.observed])
     found = settled(joint, joint.fit(ActiveEffects((Narrow(),), np.array([1.0]))))
     assert found.fit.active.theta[0] == pytest.approx(2e3, rel=1e-3)
 
@@ -125,7 +123,7 @@ def test_sensitivities_that_cannot_be_taken_with_an_effect_on_are_those_without(
     effect = Stiff()
     effect.a0 = joint.base.head.printhead.a0
     fit = joint.base.moved(active=ActiveEffects((effect,), np.array([1.0])))
-    plain = type(joint)(joint.observed, joint.noise, joint.base.head, joint.random_effects, joint.base)
+    plain = joint.anew(head=joint.base.head, base=joint.base)
     with pytest.raises(SimulationError):
         fit.head.sensitivities(next(o for o in joint.seen if o.excitation.fast), fit.active.pairs)
     np.testing.assert_allclose(np.abs(joint.near(fit).basis[1]), np.abs(plain.basis[1]), rtol=1e-3, atol=1e-3)

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from inkjet_env.identification.noise import NoiseModel
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, noise_seen
 from inkjet_env.mismatch.selection.random_effects import detect_random_effects, without
 from inkjet_env.plant import Excitation
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig import StrainGauge
+
+SETTINGS = DiagnosisSettings()
 
 HEAD = Printhead.published()
 STEP_S = 2e-7
@@ -63,7 +66,12 @@ def look(effects):
 
     def found(observed, residuals, names=("mains_hum", "baseline_drift")):
         return detect_random_effects(
-            observed, residuals, noise_seen(observed, residuals, {}), [effects[name] for name in names], HEAD
+            observed,
+            residuals,
+            noise_seen(observed, residuals, {}, SETTINGS.fitting),
+            [effects[name] for name in names],
+            HEAD,
+            SETTINGS,
         )
 
     return found
@@ -194,7 +202,7 @@ def test_the_gain_is_that_of_a_likelihood_with_normal_amplitudes(effects):
     residuals = together(white(observed, rng, 1.0), drift(observed, rng, 3.0))
     key = observed[0].noise_key
     given = Noise({key: NoiseModel(np.ones(1), 1.0, 1.0, "a test")}, {key: 300})
-    (found,) = detect_random_effects(observed, residuals, given, [effect], HEAD)
+    (found,) = detect_random_effects(observed, residuals, given, [effect], HEAD, SETTINGS)
     level = np.mean(np.concatenate(list(residuals.values())))
 
     def loss(share):
@@ -216,11 +224,11 @@ def test_a_converter_whose_steps_hide_the_noise_neither_hums_nor_drifts(look, ef
     observed = [replace(o, measured=np.round(20 * np.sin(o.excitation.drive_V / 30)) / 20) for o in recordings()]
     rng = np.random.default_rng(34)
     residuals = {o.name: np.zeros(600) if o.still else 0.05 * (rng.random(600) - 0.5) for o in observed}
-    noise = noise_seen(observed, residuals, {})
+    noise = noise_seen(observed, residuals, {}, SETTINGS.fitting)
     resting = [o for o in observed if o.still]
     looked_for = [effects[name] for name in ("mains_hum", "baseline_drift")]
     rounding = {o.name: np.full(600, 1e-18 * (-1) ** k) for k, o in enumerate(observed)}
-    assert detect_random_effects(resting, rounding, noise, looked_for, HEAD) == []
+    assert detect_random_effects(resting, rounding, noise, looked_for, HEAD, SETTINGS) == []
 
 
 @pytest.mark.parametrize(("steps", "heard"), [(0.02, True), (3.0, False)])
@@ -235,8 +243,8 @@ def test_a_hum_of_less_than_a_step_is_heard_only_where_noise_makes_rounding_rand
     }
     observed = [replace(o, measured=measured[o.name]) for o in observed]
     residuals = {o.name: o.measured - 20 * np.sin(o.excitation.drive_V / 30) for o in observed}
-    noise = noise_seen(observed, residuals, {})
-    assert bool(detect_random_effects(observed, residuals, noise, [effects["mains_hum"]], HEAD)) == heard
+    noise = noise_seen(observed, residuals, {}, SETTINGS.fitting)
+    assert bool(detect_random_effects(observed, residuals, noise, [effects["mains_hum"]], HEAD, SETTINGS)) == heard
 
 
 def test_a_drive_monitor_hums_to_nobody(look):

@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures, superposed
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete
+
+SETTINGS = DiagnosisSettings()
 
 LOOKED_FOR = ("feedthrough", "cubic_stiffness", "second_mode", "sensor_bandwidth")
 
@@ -38,7 +41,7 @@ def redrawn(joint, rng):
     for o in joint.observed:
         rms = joint.noise.models[o.noise_key].rms
         observed.append(replace(o, measured=clean[o.name] + rms * rng.standard_normal(o.excitation.samples)))
-    return OutputErrorFit(observed, joint.noise, joint.start)
+    return OutputErrorFit(observed, joint.noise, joint.start, SETTINGS)
 
 
 def test_every_start_has_a_unit_column_that_the_base_cannot_say(plain, found, effects):
@@ -82,23 +85,24 @@ def test_the_chance_of_a_score_is_how_often_noise_gives_it(kind):
     for share in (0.5, 0.2, 0.05, 0.02):
         score = float(np.quantile(largest, 1 - share))
         error = math.sqrt(share / 2000 + share / 8000)
-        assert table.chance(score, np.random.default_rng(1)) == pytest.approx(share, abs=4.5 * error)
+        assert table.p_value(score, np.random.default_rng(1), 2000) == pytest.approx(share, abs=4.5 * error)
 
 
 def test_in_the_tail_the_chance_is_bonferronis_and_falls_with_the_score():
     rng = np.random.default_rng(13)
     table = made_up(rng.standard_normal((500, 12)))
-    chances = [table.chance(score, np.random.default_rng(1)) for score in (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 30.0)]
-    assert chances[0] == 1.0
-    assert all(a >= b for a, b in itertools.pairwise(chances))
-    assert chances[5] == pytest.approx(12 * math.erfc(5 / math.sqrt(2)))
-    assert 0 < chances[6] < 1e-13
-    assert table.chance(-5.0, np.random.default_rng(1)) == chances[5]
+    scores = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 30.0)
+    p_values = [table.p_value(score, np.random.default_rng(1), 2000) for score in scores]
+    assert p_values[0] == 1.0
+    assert all(a >= b for a, b in itertools.pairwise(p_values))
+    assert p_values[5] == pytest.approx(12 * math.erfc(5 / math.sqrt(2)))
+    assert 0 < p_values[6] < 1e-13
+    assert table.p_value(-5.0, np.random.default_rng(1), 2000) == p_values[5]
 
 
 def test_nothing_to_look_for_is_found_by_chance_always():
     empty = Signatures((), (), np.zeros((10, 0)), np.zeros(0))
-    assert empty.chance(99.0, np.random.default_rng(1)) == 1.0
+    assert empty.p_value(99.0, np.random.default_rng(1), 2000) == 1.0
     assert empty.best(np.ones(10)) == {}
 
 
@@ -119,7 +123,7 @@ def test_the_effect_that_is_there_scores_highest(recorded, fitted, effects):
     best = table.best(left_of(joint))
     assert max(best, key=best.get) == "feedthrough"
     assert best["feedthrough"] > 15
-    assert table.chance(best["feedthrough"], np.random.default_rng(0)) < 1e-40
+    assert table.p_value(best["feedthrough"], np.random.default_rng(0), 2000) < 1e-40
 
 
 def test_a_start_is_scaled_to_what_the_recordings_show(recorded, fitted, effects, values):
@@ -197,7 +201,7 @@ def test_the_whole_law_may_begin_where_its_signature_looks_most_like_the_residua
     joint = fitted(recorded())
     plant = joint.base.head.plant([(echo, complete(echo, strength=0.05, **truth))])
     observed = [replace(o, measured=plant.signal(o.excitation)) if o.excitation.fast else o for o in joint.observed]
-    joint = OutputErrorFit(observed, joint.noise, joint.base.head)
+    joint = OutputErrorFit(observed, joint.noise, joint.base.head, SETTINGS)
     starts = superposed(joint, echo, left_of(joint), joint.basis[0])
     ends = [joint.fit(ActiveEffects.of([(echo, start)]), most_steps=6, whole=True) for start in starts]
     best = min(ends, key=lambda fit: fit.nll)

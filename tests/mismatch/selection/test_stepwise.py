@@ -205,13 +205,13 @@ def test_each_p_value_is_of_the_test_that_added_the_effect_whichever_parent_won(
         return sorted(hypotheses, key=lambda h: -h.score)
 
     monkeypatch.setattr(select_module, "attribute", first_choice_is_a_dead_end)
-    monkeypatch.setattr(Signatures, "chance", lambda self, score, rng: 1e-3 / max(score, 1.0))
+    monkeypatch.setattr(Signatures, "p_value", lambda self, score, rng, draws: 1e-3 / max(score, 1.0))
     found_at_last = select(joint, chosen, found, FitContext(ProcessPool(1)))
     assert set(found_at_last.chosen.ids) == {"feedthrough", "quadratic_damping"}
     first, second = found_at_last.chosen.ids
 
     def p_value(parent):
         beside = found.beside(parent.columns)
-        return beside.chance(max(beside.best(parent.residuals).values()), None)
+        return beside.p_value(max(beside.best(parent.residuals).values()), None, 2000)
 
     assert found_at_last.p_values == {first: p_value(base), second: p_value(parents[first,])}

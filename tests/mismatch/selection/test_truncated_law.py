@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.validation.synthetic_campaigns import record_synthetic, synthetic_values
-from inkjet_env.mismatch import diagnose
+from inkjet_env.mismatch import DiagnosisSettings, diagnose
 from inkjet_env.mismatch.fitting.base_model import base_model
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import observe
@@ -14,6 +14,8 @@ from inkjet_env.mismatch.selection.hypotheses import base_hypothesis
 from inkjet_env.mismatch.selection.truncated_law import fit_truncated_law, narrower
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig.battery import default_battery
+
+SETTINGS = DiagnosisSettings()
 
 SUSPECTS = ("cubic_stiffness", "asymmetric_hysteresis")
 DRIVES = ("loop-1", "trapezoid-60V", "trapezoid-minus100V", "bipolar-full", "bipolar-quiet", "first-bipolar",
@@ -30,7 +32,7 @@ def recorded_without_a_gauge(*effects, printhead=PUBLISHED):
 
 
 def bent_and_not(campaign):
-    joint = base_model(campaign, observe(campaign, None), None, None, lambda _: None)
+    joint = base_model(campaign, observe(campaign, None), None, None, lambda _: None, SETTINGS)
     return fit_truncated_law(joint, base_hypothesis(joint)), joint
 
 
