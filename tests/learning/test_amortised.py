@@ -109,7 +109,7 @@ def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, mo
     assert min(row["20"]["low"] for row in first["rows"]) >= 0
     amortised.print_study(first)
     out = " ".join(capsys.readouterr().out.split())
-    assert "over 2 trainings of whatever learns, with an interval over both that is too narrow" in out
+    assert "and 2 trainings of each learning method, with an interval over both that is too narrow" in out
 
 
 def test_a_policy_is_tested_on_other_heads_without_being_trained_again(small, tmp_path, monkeypatch):
