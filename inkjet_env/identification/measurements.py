@@ -186,7 +186,7 @@ def noise_of(gathered: Sequence[RepeatedMeasurement]) -> dict[tuple[str, float],
         if not source:
             resting = [signal[: _rest_before(m)] for m in mine for signal in m.signals]
             resting = [stretch for stretch in resting if stretch.size >= SHORTEST_REST]
-            source = "what comes before the drive"
+            source = "samples before the drive"
         if resting:
             level = np.concatenate(resting).mean()
             repeated.extend(stretch - level for stretch in resting)

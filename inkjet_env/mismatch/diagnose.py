@@ -107,7 +107,7 @@ def diagnose(
     catalogued = catalogue() if effects is None else tuple(effects)
     twice = [name for name, count in Counter(effect.id for effect in catalogued).items() if count > 1]
     if twice:
-        raise ValueError(f"effects must have ids of their own; {twice[0]!r} comes twice. Rename one.")
+        raise ValueError(f"effects must have unique ids; {twice[0]!r} occurs twice. Rename one.")
     context = FitContext(
         ProcessPool(workers),
         np.random.default_rng(rng),
@@ -166,16 +166,16 @@ class _Work:
         testable = [e for e in self.effects if e.id not in untestable]
         by_accident = [e for e in testable if e.random]
         lawful = [e for e in testable if e not in by_accident]
-        self.context.progress("the base model")
+        self.context.progress("fitting the base model")
         joint = base_model(self.campaign, observed, printhead, held_out, self.context.progress)
         self.notes.extend(joint.noise.notes)
         if not any(o.fitted < o.excitation.samples for o in observed):
-            self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
+            self.notes.append("No recording was held out, so nothing was validated on recordings that no fit has seen.")
         self.doubt = doubtful_states(self.campaign, held_out)
         self.took("base model")
         told = self.candidate(joint, by_accident, lawful)
         if (other := self.with_another_law(joint, told)) is not None:
-            self.context.progress("the same with a law that goes straight beyond a smaller swing")
+            self.context.progress("repeating with a branch law that is straight above a smaller swing")
             again = self.candidate(other, by_accident, lawful)
             if again.score(joint) - 0.5 * math.log(joint.ends[-1]) > told.score(joint):
                 told = again
@@ -188,7 +188,7 @@ class _Work:
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
             chosen = base_hypothesis(joint)  # with finer nodes or another noise it is no longer supported
         self.took("selection")
-        self.context.progress("what is left over")
+        self.context.progress("testing the residuals")
         discrepancy = discrepancy_regression(chosen)
         self.took("flexible model")
         return self.verdict(joint, chosen, selection, random_effects, discrepancy, untestable)
@@ -197,7 +197,7 @@ class _Work:
         """Random effects and effects with a law, found beside one base model."""
         random_effects: list[RandomEffect] = []
         if by_accident:
-            self.context.progress("what differs from recording to recording")
+            self.context.progress("looking for random effects")
             resting = [o for o in joint.observed if o.at_rest]
             joint, random_effects = self.with_chance(joint, by_accident, resting, random_effects)
             self.took("chance")
@@ -314,11 +314,11 @@ class _Work:
             before = joint
             joint = OutputErrorFit(finer(joint.observed, 2 * substeps), noise, base, joint.random_effects)
         if math.isinf(error):
-            self.notes.append(f"On more than {substeps} nodes a sample the simulation of what was found has no answer.")
+            self.notes.append(f"With more than {substeps} nodes per sample, the effects found cannot be simulated.")
         elif error >= FINE_ENOUGH:
             self.notes.append(
-                f"The simulation's own error is {error:.2g} standard errors of a parameter at {substeps} nodes a "
-                "sample."
+                f"With {substeps} nodes per sample, the simulation's numerical error is up to {error:.2g} standard "
+                "errors of a parameter."
             )
         return joint, chosen
 
@@ -367,7 +367,7 @@ class _Work:
             verdict = "none"
         else:
             verdict = "set" if groups else "named"
-        self.context.progress("where it is")
+        self.context.progress("locating the mismatch")
         location = locate(bare.observed, bare.noise, bare.base, bare.basis[0])
         self.took("location")
         units = {o.channel: o.unit for o in joint.observed if o.channel != "drive_monitor"}
@@ -392,7 +392,7 @@ class _Work:
             for other in group[1:]:
                 wanted = (ids - {group[0]}) | {other}
                 fits.extend(h.fit for h in selection.compared if set(h.ids) == wanted)
-        self.context.progress("the next experiment")
+        self.context.progress("designing the next experiment")
         following = next_experiment(fits, joint.noise, joint.observed) if verdict == "set" else None
         self.took("next experiment")
         stands = base if verdict == "unknown" else chosen  # never half of a model that is not named
@@ -400,7 +400,7 @@ class _Work:
         if not stands.fit.converged:
             of = " with ".join(name.replace("_", " ") for name in stands.ids) or "the base model"
             self.notes.append(
-                f"The fit of {of} did not converge: its values are where it stopped, and their intervals are not known."
+                f"The fit of {of} did not converge: its values are those at which it stopped, without known intervals."
             )
         gains, offsets = ({c: v for c, v in of.items() if c in units} for of in (head.gains, head.offsets))
         told = all(joint.noise.known(o) for o in joint.seen)

@@ -27,9 +27,7 @@ LEAST_PREDICTED = 8.0
 """Least gain in log-likelihood from which a prediction of the discrepancy regression counts."""
 MOST_COMPARED = 24
 """Largest number of hypotheses that a diagnosis lists."""
-NOT_CONVERGED = (
-    "The fit of these values did not converge: they are where it stopped, and their intervals are not known."
-)
+NOT_CONVERGED = "The fit did not converge: these values are those at which it stopped, without known intervals."
 """Appended to the sentence of an effect whose fit did not converge."""
 
 

@@ -102,7 +102,7 @@ class Echo:
         if r2 == 0:
             return self.strength * first
         if r1 == 0:
-            raise SimulationError("a wave that comes back from an end that reflects nothing.")
+            raise SimulationError("a wave returns from an end that reflects nothing.")
         lap_s = self.delay_s + self.second_delay_s
         around = heard(signal, lap_s, 2)
         total = wave = first + r2 / r1 * heard(signal, self.second_delay_s, 1) + 2 * r2 * around
@@ -253,7 +253,7 @@ class Resonance:
 
     def _check_that_it_rings(self) -> None:
         if not (self.a0 > 0 and self.a1 > 0 and self.a1**2 < 4 * self.a0):
-            raise SimulationError("a resonator that does not ring.")
+            raise SimulationError("the resonator does not ring.")
 
     def _one_mode(self, hysteretic_V: Real, excitation: Excitation) -> tuple[Real, Real]:
         """Deflection in volts and its speed in V/s at the samples."""
@@ -305,7 +305,7 @@ class Resonance:
                 if self.linear or abs(end - state) <= STEADY * max(abs(state), 1e-12):
                     break
             else:
-                raise SimulationError("no steady state under the repeated drive.")
+                raise SimulationError("there is no steady state under the repeated drive.")
         if not np.isfinite(end):
             raise SimulationError("the motion grows without bound.")
         return deflection[: excitation.samples], speed[: excitation.samples]
@@ -416,7 +416,7 @@ def too_slow(excitations: Sequence[Excitation]) -> str | None:
     """Why recordings do not show the resonator, as the end of a sentence after "because"; None if they do."""
     if any(excitation.fast for excitation in excitations):
         return None
-    return "every recording is of the strain gauge, which is too slow to show the head ringing"
+    return "every recording is from the strain gauge, which is too slow to show the resonance"
 
 
 def reach_V(printhead: Printhead, excitations: Sequence[Excitation]) -> float:

@@ -301,5 +301,7 @@ def test_a_printhead_of_another_head_altogether_is_refused(inkjet, folder, tmp_p
     HEAD.varied(frequency_Hz=30.0).to_json(tmp_path / "other.json")
     status, _, err = inkjet("diagnose", "campaign", "--printhead", "other.json", "--json", "found.json")
     assert status == 2
-    assert err.splitlines()[-1].startswith("inkjet: the printhead that was given, of 30 Hz, explains next to nothing")
+    assert err.splitlines()[-1].startswith(
+        "inkjet: the given printhead, with a resonance at 30 Hz, explains almost nothing"
+    )
     assert not (tmp_path / "found.json").exists()

@@ -349,7 +349,7 @@ def test_without_repeats_and_without_rest_it_works_and_says_what_it_took_for_noi
     campaign = only(campaign, lambda r: r.repeat_of is None and np.ptp(r.drive_V) > 0)
     found = diagnose(campaign, head, [effects["quadratic_damping"], effects["feedthrough"]], workers=1)
     assert (found.verdict, ids(found)) == ("named", ["quadratic_damping"])
-    assert any("no repeats and no recording at rest tell the noise" in note for note in found.notes)
+    assert any("the noise is unknown without repeats or recordings at rest" in note for note in found.notes)
 
 
 def test_one_recording_is_enough_and_nothing_held_out_is_no_figure(recorded, head, effects):
@@ -384,9 +384,9 @@ def test_what_the_recordings_cannot_show_is_said_with_why(diagnosed, effects, re
 def test_what_is_being_done_is_told(recorded, head, effects):
     told = []
     diagnose(recorded("feedthrough"), head, [effects["feedthrough"]], workers=1, progress=told.append)
-    assert "the base model" in told
-    assert "what feedthrough would add (1 of 2)" in told
-    assert told[-1] == "the next experiment"
+    assert "fitting the base model" in told
+    assert "score test of feedthrough (1 of 2)" in told
+    assert told[-1] == "designing the next experiment"
 
 
 def test_no_physics_is_blamed_while_what_had_gone_before_is_in_doubt(recorded, effects):
@@ -400,4 +400,4 @@ def test_no_physics_is_blamed_while_what_had_gone_before_is_in_doubt(recorded, e
     )
     found = diagnose(doubtful, effects=[effects["thermal_drift"]], workers=1)
     assert (found.verdict, found.effects) == ("unknown", ())
-    assert "say so (initial state periodic)" in found.headline
+    assert "set the initial state to periodic" in found.headline

@@ -133,7 +133,7 @@ def test_what_cannot_be_followed_is_refused():
     parameter = next(p for p in CUBIC.parameters if p.name in CUBIC.strengths)
     running_away = AugmentedPrinthead(HEAD, ((CUBIC, {p.name: p.low for p in CUBIC.parameters}),))
     assert parameter.low < 0
-    with pytest.raises(ValueError, match="has no answer to a drive of up to 90 V"):
+    with pytest.raises(ValueError, match="cannot be simulated under a drive of up to 90 V"):
         running_away.respond(WAVEFORM)
 
 

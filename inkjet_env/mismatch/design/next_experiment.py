@@ -285,9 +285,9 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
         start, place = f"Record {CHANNELS[excitation.channel]}", ""
     names = f"{_named(judge.fits[i])} and {_named(judge.fits[j])}"
     size = f"{with_prefix(difference, unit)}, {float(f'{difference / noise:.2g}'):g} times the noise"
-    said = f"{start} {judged.proposal.words}: {names} would differ {place}by up to {size}"
+    said = f"{start} {judged.proposal.words}: the predictions for {names} differ {place}by up to {size}"
     if separation < ENOUGH:
-        said += f"; take it {math.ceil(ENOUGH / max(separation, 1e-300))} times"
+        said += f"; record it {math.ceil(ENOUGH / max(separation, 1e-300))} times"
     drive = tuple(float(v) for v in excitation.drive_V)
     return NextExperiment(
         said + ".", excitation.channel, excitation.initial_state, excitation.step_s, drive, separation
@@ -295,14 +295,14 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
 
 
 def _named(fit: FitResult) -> str:
-    return " with ".join(name.replace("_", " ") for name in fit.ids) or "no effect at all"
+    return " with ".join(name.replace("_", " ") for name in fit.ids) or "no effect"
 
 
 def _in_words(effects: Sequence[Effect], observed: Sequence[ObservedRecording]) -> NextExperiment | None:
-    """In words, what shows the given effects, or if there are none, those that the campaign cannot show."""
+    """In words, recordings that show the given effects or, without any, those that the campaign cannot show."""
     if effects:
         ways = list(dict.fromkeys(effect.shown_by for effect in effects))
-        return NextExperiment(f"What would tell: {'; and '.join(ways)}.")
+        return NextExperiment(f"To find out, record {'; and '.join(ways)}.")
     excitations = [o.excitation for o in observed]
     unseen: dict[str, list[str]] = {}
     for effect in catalogue():
@@ -311,4 +311,4 @@ def _in_words(effects: Sequence[Effect], observed: Sequence[ObservedRecording]) 
     if not unseen:
         return None
     told = "; ".join(f"{way}, for {' and '.join(names)}" for way, names in unseen.items())
-    return NextExperiment(f"These recordings cannot show some effects. What would show them: {told}.")
+    return NextExperiment(f"These recordings cannot show some effects. To test for them, record {told}.")
