@@ -77,7 +77,7 @@ def print_identification(name: str, found: Identification) -> None:
     print_table((name, "value", "90 % interval", "unit"), rows)
     print(
         f"Resonance {head.frequency_Hz / 1e3:.4g} kHz, damping ratio {head.damping_ratio:.4g}; branch law of degree "
-        f"{len(head.coefficients) - 1} on {head.full_scale_V:g} V."
+        f"{len(head.coefficients) - 1} with a full scale of {head.full_scale_V:g} V."
     )
     rows = []
     for channel in found.gains:

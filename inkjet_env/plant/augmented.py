@@ -199,7 +199,8 @@ class AugmentedPrinthead:
         except FloatingPointError as error:
             raise ValueError(
                 "the printhead with its effects cannot be simulated under a drive of up to "
-                f"{np.abs(at_nodes_V).max():.3g} V: {str(error).rstrip('.')}. The effects were fitted to other drives; stay within those."
+                f"{np.abs(at_nodes_V).max():.3g} V: {str(error).rstrip('.')}. The effects were fitted to other drives; "
+                "stay within those."
             ) from None
         return first.sampled(hysteretic_V), signal
 

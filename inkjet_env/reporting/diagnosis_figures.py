@@ -28,7 +28,7 @@ MEASURED, NOISE = "#9a9a9a", "#444444"
 SHADE = "#f3e6bf"
 BINS = 160
 """Number of frequency bins of a spectrum, equally wide on a logarithmic axis."""
-LABELS = {"base": "base model", "augmented": "augmented model", "corrected": "with flexible correction"}
+LABELS = {"base": "base model", "augmented": "augmented model", "corrected": "with regression of the residuals"}
 COLOURS = {"base": BASE, "augmented": AUGMENTED, "corrected": CORRECTED}
 
 

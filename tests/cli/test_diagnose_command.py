@@ -157,7 +157,7 @@ def test_all_that_was_found_is_printed(made_by_hand, inkjet, folder):
         "kHz",
         "self-sensing, held out",
         "On the edges.",
-        "Next: Record the voltage at the head.",
+        "Next experiment: Record the voltage at the head.",
         "- A note.",
     ):
         assert words in out
@@ -292,7 +292,7 @@ def test_an_interrupted_diagnosis_says_what_is_kept(inkjet, folder, tmp_path, mo
     assert err.endswith("Interrupted; finished fits are kept in found.json.fits. Run the same command to resume.\n")
     assert inkjet("diagnose", "campaign", "--checkpoint", "mine", "--report", "page.html")[0] == 130
     err = inkjet("diagnose", "campaign")[2]
-    assert err.endswith("Interrupted; nothing was kept. Use --checkpoint FOLDER to keep finished fits.\n")
+    assert err.endswith("Interrupted; no fits were kept. Use --checkpoint FOLDER to keep finished fits.\n")
     assert asked == [Path("found.json.fits"), Path("mine"), None]
     assert [path.name for path in tmp_path.iterdir()] == ["campaign"]
 

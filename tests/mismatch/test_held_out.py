@@ -90,7 +90,7 @@ def test_all_held_out_is_refused(recorded, head):
         diagnose(campaign, head, held_out=[r.name for r in campaign.recordings], workers=1)
     gauge = [r.name for r in campaign.recordings if r.channel == "strain_gauge"]
     with pytest.raises(
-        ValueError, match=r"all recordings of channel strain_gauge .* nothing tells its gain and offset"
+        ValueError, match=r"all recordings of channel strain_gauge .* so its gain and offset are unknown"
     ):
         diagnose(campaign, head, held_out=gauge, workers=1)
 

@@ -50,7 +50,9 @@ METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "descripti
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_value_error_of_an_effect_is_no_effect_that_does_not_explain(workers, recorded, head, effects):
     looked_for = [effects["feedthrough"], faulty("sensing", ValueError("no such thing."))]
-    with pytest.raises(EffectError, match=r"'faulty': its sensing\(\) raised ValueError: no such thing\. Mend") as told:
+    with pytest.raises(
+        EffectError, match=r"'faulty': its sensing\(\) raised ValueError: no such thing\. Correct"
+    ) as told:
         diagnose(recorded(), head, looked_for, workers=workers)
     assert "no such thing" in str(told.value.__cause__)  # of another process, its traceback
 
