@@ -1,4 +1,4 @@
-"""Read ``printhead/1`` files, with or without effects of the catalogue or of the user's own."""
+"""Reading of ``printhead/1`` files, with or without effects of the catalogue or of the user's own."""
 
 from __future__ import annotations
 

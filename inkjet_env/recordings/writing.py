@@ -1,4 +1,4 @@
-"""Write a measuring campaign atomically."""
+"""Atomic writing of a measuring campaign."""
 
 from __future__ import annotations
 

@@ -201,4 +201,4 @@ def test_finer_nodes_without_an_answer_are_said_and_not_gone_to(recorded, head, 
     recordings = [replace(r, sensor=r.sensor + more) for r, more in zip(campaign.recordings, leaked, strict=True)]
     found = diagnose(Campaign("leaking", tuple(recordings)), head, [Coarse()], workers=1)
     assert [n.effect.id for n in found.effects] == ["coarse"]
-    assert any("2 nodes a sample" in note and "no answer" in note for note in found.notes)
+    assert any("2 nodes per sample" in note and "cannot be simulated" in note for note in found.notes)
