@@ -1,16 +1,16 @@
-# `make bench` and `make test` do all set-up by themselves; everything lives in .venv.
-# A smaller torch where there is no GPU:  make setup PIP_FLAGS="--extra-index-url https://download.pytorch.org/whl/cpu"
+# `make bench` and `make test` set everything up in .venv if necessary.
+# A smaller torch for machines without a GPU:  make setup PIP_FLAGS="--extra-index-url https://download.pytorch.org/whl/cpu"
 PYTHON ?= python3
 PIP_FLAGS ?=
 ARGS ?=
 PY := .venv/bin/python
 READY := .venv/.ready
-# A process a core, a file in one process; linear algebra on one thread each, or they wait for one another.
+# One process per core, each test file in one process; linear algebra uses one thread per process, to avoid contention.
 TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist loadfile
 
 .PHONY: help setup bench test lint check docs format figures speed accuracy identification diagnosis lock clean
 
-help:                ## this list
+help:                ## print this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
 
 setup: $(READY)      ## make .venv with the pinned packages and compile the simulator
@@ -32,38 +32,38 @@ bench: $(READY)      ## compare the optimisers (ARGS="--repeats 30 …"); resume
 test: $(READY)       ## run the tests
 	$(TEST) $(ARGS)
 
-lint: $(READY)       ## lint, format, types
+lint: $(READY)       ## check lint, format and types
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 
-check: lint test     ## lint, format, types, tests
+check: lint test     ## check lint, format and types, and run the tests
 
-docs: $(READY)       ## build the documentation, running its tutorials: build/docs/index.html; a warning is an error
+docs: $(READY)       ## run the tutorials and build the documentation: build/docs/index.html; a warning is an error
 	$(PY) -m sphinx -W --keep-going -q -E -j 2 -d build/doctrees -b html docs build/docs $(ARGS)
 
-format: $(READY)     ## let ruff format and mend what it can
+format: $(READY)     ## format the code and apply automatic fixes (ruff)
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
 
-figures: $(READY)    ## draw the pictures of README and docs again
+figures: $(READY)    ## draw the figures of README and docs
 	$(PY) -m experiments.publish.figures
 
-speed: $(READY)      ## evaluations per second against SciPy, environment steps against Gymnasium's, one run
+speed: $(READY)      ## measure the speed of evaluations (against SciPy), environments (against Gymnasium) and plant
 	$(PY) -m experiments.validation.simulator_speed
 	$(PY) -m experiments.validation.plant_speed
 
-accuracy: $(READY)   ## the closed form against an 80-digit reference
+accuracy: $(READY)   ## compare the closed form with an 80-digit reference
 	$(PY) -m experiments.validation.closed_form_accuracy
 
-identification: $(READY)  ## errors, coverage, peers: how well identification does (ARGS="all FOLDER" with measured data)
+identification: $(READY)  ## study the identification: errors, coverage, alternatives (ARGS="all FOLDER" with measured data)
 	$(PY) -m experiments.validation.identification_study $(ARGS)
 
-diagnosis: $(READY)  ## nothing, each effect, pairs, effects withheld: how well the diagnosis does (ARGS="null --seeds 3")
+diagnosis: $(READY)  ## study the diagnosis: no effect, each effect, pairs, withheld effects (ARGS="null --seeds 3")
 	$(PY) -m experiments.validation.diagnosis_study $(ARGS)
 
-lock: $(READY)       ## write requirements.lock from what .venv holds
-	{ echo "# The environment the tests pass in. Made by \`make lock\`; pyproject.toml says what is asked for and why."; \
+lock: $(READY)       ## write requirements.lock from the packages in .venv
+	{ echo "# The environment in which the tests pass. Written by \`make lock\`; pyproject.toml states the requirements and their reasons."; \
 	  $(PY) -m pip freeze --all --exclude-editable --exclude pip --exclude wheel | sed -E 's/^torch( @ .*|==.*)$$/torch==2.13.0/'; \
 	} > requirements.lock.new && mv requirements.lock.new requirements.lock
 

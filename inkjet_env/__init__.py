@@ -1,6 +1,6 @@
 """An inkjet printhead to simulate and to optimise.
 
-Importing this package registers its Gymnasium environments; everything that costs (compiler, plots) is imported on use.
+Importing this package registers its Gymnasium environments; everything expensive (compiler, plots) is imported on use.
 """
 
 import gymnasium

@@ -1,4 +1,4 @@
-"""Check names against the known ones; the error suggests the nearest."""
+"""Checks of names against the known ones, with an error that suggests the nearest."""
 
 from __future__ import annotations
 

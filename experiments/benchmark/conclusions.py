@@ -10,8 +10,8 @@ from experiments.benchmark.analysis import REFERENCE, Comparison, Row, Standings
 from experiments.benchmark.entrants import entrant
 from inkjet_env.estimate import Estimate
 
-GRADIENT_COUNTS = {3: "which is its computing time here", 8: "which is what differences would take"}
-"""Numbers of evaluations that one with its gradient could count as, with the reason."""
+GRADIENT_COUNTS = {3: "by computing time here", 8: "the cost of finite differences"}
+"""Numbers of evaluations as which a value with its gradient could count, with the reason."""
 FEW_RUNS = 5
 """Smallest number of runs per optimiser and problem from which a difference is concluded."""
 SIGNIFICANT = 0.05
@@ -29,22 +29,22 @@ def standings_sentences(compared: Comparison, family: str, budget: int) -> tuple
     also = f" ({level})" if (level := _level_with(best, found)) else ""
     where = "" if family == "all" else f" on the problems of the family {family}"
     said = [
-        f"After {budget:,} evaluations{where} {best.optimizer}, the best by mean rank{of}{also}, leaves a regret "
-        f"of {_ranged(best.quality)} of the problems' scales (interquartile mean of all runs){_against(best)}."
+        f"After {budget:,} evaluations{where}, {best.optimizer} has the best mean rank{of}{also}. Its regret is "
+        f"{_ranged(best.quality)} of the problems' scales (interquartile mean over all runs).{_against(best)}"
         f"{_level_elsewhere(found, best)}{_with_dearer_gradients(compared, found)}"
     ]
     if swarm is not None and best is not swarm:
         place = 1 + sum(row.rank < swarm.rank for row in found.rows)
-        also = f"{level}; " if (level := _level_with(swarm, found)) else ""
+        also = f"; {level}" if (level := _level_with(swarm, found)) else ""
         said.append(
-            f"The paper's method, a particle swarm, with random factors and the usual coefficients ({REFERENCE}), "
-            f"is at place {place} of {len(found.rows)} ({also}mean rank {swarm.rank:.1f}), with a regret of "
+            f"{REFERENCE}, the paper's particle swarm with random factors and the usual coefficients, is number "
+            f"{place} of {len(found.rows)} (mean rank {swarm.rank:.1f}{also}), with a regret of "
             f"{_ranged(swarm.quality)}."
         )
     if printed is not None and swarm is not None and printed is not best:
         said.append(
-            f"Without random factors, as the paper prints its equations (pso-printed), it leaves "
-            f"{_ranged(printed.quality)}{_against(printed)}."
+            f"pso-printed, the same swarm without random factors, as the paper prints its equations, has a regret of "
+            f"{_ranged(printed.quality)}.{_against(printed)}"
         )
     return tuple(said)
 
@@ -59,32 +59,35 @@ def _with_dearer_gradients(compared: Comparison, found: Standings) -> str:
             ranks = []
             for count, why in GRADIENT_COUNTS.items():
                 rank = compared.rank_if_ended_after(found.budget // count, row.optimizer, found)
-                ranks.append(f"{rank:.1f} if it counted as {count}, {why}")
+                ranks.append(f"{rank:.1f} if that counted as {count} ({why})")
             said += (
-                f" {row.optimizer} is given exact gradients, each counted as one evaluation with its value; its "
-                f"mean rank of {row.rank:.1f} would be {', and '.join(ranks)}."
+                f" {row.optimizer} uses exact gradients, and a value with its gradient counts as one evaluation; its "
+                f"mean rank of {row.rank:.1f} would be {' and '.join(ranks)}."
             )
     return said
 
 
 def _against(row: Row) -> str:
-    """Comparison of an optimiser with the reference, in words; empty for the reference itself."""
+    """Comparison of an optimiser with the reference, as sentences; empty for the reference itself."""
     if not math.isfinite(row.improvement.value):
         return ""
     rank = row.signed_rank
-    ends = f"; a run of it ends lower than one of {REFERENCE} with probability {_ranged(row.improvement, decimals=2)}"
+    ends = (
+        f" One of its runs ends with a lower cost than one of {REFERENCE} with probability "
+        f"{_ranged(row.improvement, decimals=2)}."
+    )
     if not math.isfinite(rank.first):
         return ends
     return (
-        f"{ends}, and over problems like these it is better with posterior probability {rank.first:.2f}, alike "
-        f"with {rank.alike:.2f}, worse with {rank.second:.2f}"
+        f"{ends} Over all problems of this kind it is better than {REFERENCE} with posterior probability "
+        f"{rank.first:.2f}, equivalent with {rank.alike:.2f} and worse with {rank.second:.2f}."
     )
 
 
 def _level_with(row: Row, found: Standings) -> str:
     """The optimisers with the same mean rank, in words; empty if there are none."""
     level = [other.optimizer for other in found.rows if other is not row and other.rank == row.rank]
-    return f"level with {' and '.join(level)}" if level else ""
+    return f"tied with {' and '.join(level)}" if level else ""
 
 
 def _level_elsewhere(found: Standings, best: Row) -> str:
@@ -92,9 +95,12 @@ def _level_elsewhere(found: Standings, best: Row) -> str:
     if not math.isfinite(found.critical_difference):
         return ""
     level = sum(row is not best and abs(row.rank - best.rank) < found.critical_difference for row in found.rows)
-    tell = f"tell its mean rank of {best.rank:.1f} from those of"
-    tell = f"cannot {tell} {level} of the other {len(found.rows) - 1}" if level else f"{tell} all others"
-    return f" As a sample of problems these {tell} (Nemenyi's critical difference: {found.critical_difference:.1f})."
+    differs = f"does not differ significantly from those of {level} of" if level else "differs significantly from"
+    others = "the other" if level else "those of the other"
+    return (
+        f" If these problems are taken as a sample, its mean rank of {best.rank:.1f} {differs} {others} "
+        f"{len(found.rows) - 1} (Nemenyi's critical difference: {found.critical_difference:.1f})."
+    )
 
 
 def _ranged(estimate: Estimate, decimals: int | None = None) -> str:
@@ -111,28 +117,29 @@ def ranking_sentences(compared: Comparison) -> tuple[str, ...]:
     settings, ranking = compared.outcome.settings, compared.ranking
     winner, *others = ranking.optimizers
     said = [
-        f"With {settings.budget:,} evaluations a run, {winner} has the best mean rank "
+        f"With {settings.budget:,} evaluations per run, {winner} has the best mean rank "
         f"({ranking.mean_ranks[winner].estimate.value:.2f} of {1 + len(others)}) over "
         f"{_count(len(settings.problems), 'problem')}, {_count(settings.repeats, 'run')} each."
     ]
     tied = [name for name in others if ranking.mean_ranks[name].tied_with_winner]
     if settings.repeats < FEW_RUNS:
-        said.append("So few runs tell no optimiser from another with any confidence; repeat more often.")
+        said.append("So few runs cannot distinguish the optimisers; use more repeats.")
     elif tied:
-        rest = "" if len(tied) == len(others) else "; the others rank behind it"
-        said.append(f"On these problems {_listed(tied)} cannot be told from it{rest} (95 %).")
+        does = "does" if len(tied) == 1 else "do"
+        rest = "" if len(tied) == len(others) else "; all others rank significantly lower"
+        said.append(f"On these problems {_listed(tied)} {does} not differ significantly from it{rest} (95 %).")
     elif others:
-        said.append("On these problems every other optimiser ranks behind it (95 %).")
+        said.append("On these problems every other optimiser ranks significantly lower (95 %).")
     shorter = [name for name in settings.optimizers if settings.budget_of(name) < settings.budget]
     if shorter:
         lengths = ", ".join(f"{name} ({settings.budget_of(name):,} evaluations)" for name in shorter)
-        said.append(f"Compared up to the end of their shorter runs only, and not in this ranking: {lengths}.")
+        said.append(f"Compared only up to the end of their shorter runs, and not in this ranking: {lengths}.")
     p = ranking.standings.friedman_p
     if math.isfinite(p):
         said.append(
-            f"Taken as a sample of problems, these {len(settings.problems)} say that the optimisers "
-            f"{'differ' if p < SIGNIFICANT else 'do not differ significantly'} (Friedman, p = {p:.2g}). "
-            "Problems that are variants of one another are a smaller sample than they count."
+            f"If these {len(settings.problems)} problems are taken as a sample, the optimisers "
+            f"{'differ' if p < SIGNIFICANT else 'do not differ'} significantly (Friedman test, p = {p:.2g}). "
+            "Problems that are variants of one another count for less than their number."
         )
     return tuple(said)
 

@@ -16,18 +16,19 @@ from experiments.benchmark.data import data_file
 TUNED = "-tuned"
 TUNED_FILE = "tuned.json"
 REMARKS = {
-    "sb3-": "On one head an agent is only a search distribution over seven numbers: nothing that it learns is of use "
-    "for the next head.",
-    "nevergrad-NGOpt": "Chooses its method for the whole budget, which is a handicap at the smaller ones.",
-    "lbfgsb-": "Uses exact gradients; each counts, with its value, as one evaluation.",
-    "pso": "A swarm with the usual coefficients and 40 particles; the paper prints neither.",
-    "pso-printed": "Without random factors, as the paper prints its equations.",
-    "coordinate": "As practitioners do it: one parameter at a time.",
-    "scipy-differential-evolution": "SciPy's tolerance and final descent are off: it goes on until its population is "
-    "one point.",
-    "scipy-direct": "Draws no random numbers: its runs are all the same, and its intervals know only the problems.",
+    "sb3-": "On a single head an agent is only a search distribution over seven numbers: nothing that it learns helps "
+    "with the next head.",
+    "nevergrad-NGOpt": "Chooses its method for the whole budget, a handicap at the smaller ones.",
+    "lbfgsb-": "Uses exact gradients; a value with its gradient counts as one evaluation.",
+    "pso": "The paper prints neither the coefficients nor the number of particles; the defaults are the usual "
+    "coefficients and 40 particles.",
+    "pso-printed": "No random factors: the paper prints its equations without them.",
+    "coordinate": "Changes one parameter at a time, as practitioners do.",
+    "scipy-differential-evolution": "SciPy's tolerance and final descent are switched off: it continues until its "
+    "population has collapsed to one point.",
+    "scipy-direct": "Draws no random numbers: its runs on a problem differ only by the measurement noise, if any.",
 }
-"""Remarks for the reader on the optimisers whose names start with the key."""
+"""Remarks on the optimisers whose names start with the key, true at any settings."""
 
 
 @dataclass(frozen=True)

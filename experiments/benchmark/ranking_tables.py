@@ -27,10 +27,10 @@ def print_ranking(ranking: Mapping[str, Any]) -> None:
             for one in ranking["ranking"]
         ]
         print_table(("optimiser", "mean rank", *names), rows)
-        print("Median regret in volts above the best known cost.")
+        print("Median regret in volts: cost minus the best known cost.")
     else:
         print_table(*standings_table(ranking["standings"][str(ranking["settings"]["budget"])]))
-        print(f"Regret in the problems' scales over all {len(names)} problems; solved: a regret of at most 0.01.")
+        print(f"Regret in the problems' scales, over all {len(names)} problems. Solved: a regret of at most 0.01.")
     for sentence in ranking["sentences"]:
         print(f"- {sentence}")
     for name, reason in ranking["unavailable"].items():
@@ -62,4 +62,5 @@ def standings_table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tup
         )
         for row in found["rows"]
     ]
-    return ("optimiser", "mean rank", "regret", "solved", "lower than pso", "over problems: better, alike, worse"), rows
+    pairwise = ("lower cost than pso", "all such problems: better, equivalent, worse")
+    return ("optimiser", "mean rank", "regret", "solved", *pairwise), rows

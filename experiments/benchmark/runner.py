@@ -136,7 +136,7 @@ def run_bench(
         print(f"{len(results)} of {len(keys)} runs are finished already; resuming.", file=sys.stderr, flush=True)
     asked = {key.file_stem for key in keys}
     if others := sum(file.stem not in asked for file in (folder / "runs").glob("*.parquet")):
-        print(f"{others} runs in {folder} were not asked for and are not in the report.", file=sys.stderr)
+        print(f"{others} runs in {folder} were not requested and are not in the report.", file=sys.stderr)
     if missing:
         failures = _perform_all(missing, settings, folder, results, len(keys), workers, scheduler)
         unavailable |= failures
@@ -184,7 +184,7 @@ def _perform_all(
                 done += 1
                 useful_s += seconds.get("optimizer", 0.0) + seconds.get("objective", 0.0)
                 if result is None:
-                    failures.setdefault(key.optimizer, f"broke down on {key.problem}, repeat {key.repeat}: {failure}")
+                    failures.setdefault(key.optimizer, f"failed on {key.problem}, repeat {key.repeat}: {failure}")
                 else:
                     write_run(folder, result, label_of(key, told), seconds)
                     results[key] = result

@@ -24,7 +24,7 @@ SOURCES = (
 """Files that determine a run's numbers; identification and diagnosis are not among them."""
 LEFT_OUT = dict.fromkeys(
     ("nevergrad-NGOpt", "optuna-gp"),
-    "Left out unless asked for (--optimizers all): it takes as long as all others together, or longer.",
+    "Not run by default, because it takes as long as all others together or longer; include it with --optimizers all.",
 )
 LONGEST = {"optuna-gp": 150, "nevergrad-NGOpt": 2000, "sb3-ppo-tuned": 2000, "sb3-sac-tuned": 2000}
 """Largest number of evaluations of a run of some optimisers, for any budget: longer runs would take days."""

@@ -244,8 +244,8 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
         medians = (volts(row.get(str(b))) for b in (0, *BUDGETS))
         rows.append((row["name"], f"{row['trained']:,}", *medians, spread, later, pays))
     after = (f"after {b:,}" for b in (0, *BUDGETS))
-    ends = ("single trainings, after 0", f"behind {REFERENCE}, after {BUDGETS[0]}", "pays from … heads")
-    return ("tuned by", "evaluations to learn", *after, *ends), rows
+    ends = ("range of trainings, after 0", f"above {REFERENCE}, after {BUDGETS[0]}", "pays from … heads")
+    return ("method", "training evaluations", *after, *ends), rows
 
 
 def heads_from(even: Mapping[str, float | None], at_most: float) -> str:

@@ -173,15 +173,15 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
         for row in sorted(found["rows"], key=lambda row: float(row["after"][counts[-1]]["value"]))
     ]  # fmt: skip
     after = (f"after {count}" for count in counts)
-    ends = (f"single trainings, after {counts[-1]}", f"behind {REFERENCE}, after {counts[-1]}")
-    return ("tuned by", LEARNING, *after, *ends), rows
+    ends = (f"range of trainings, after {counts[-1]}", f"above {REFERENCE}, after {counts[-1]}")
+    return ("method", "training evaluations", *after, *ends), rows
 
 
 def legend(found: Mapping[str, Any]) -> str:
     """Explanation of the table's numbers."""
     return (
-        f"Median regret in volts {over(found['heads'], found['trainings'])}; firing nothing has "
-        f"{found['nothing_V']:.2f}."
+        f"Median regret in volts {over(found['heads'], found['trainings'])}. Without any drive it "
+        f"is {found['nothing_V']:.2f} V."
     )
 
 

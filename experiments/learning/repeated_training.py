@@ -215,13 +215,13 @@ def spread_of(each_V: Sequence[float], digits: str = ".2f") -> str:
 
 def over(heads: int, trainings: int) -> str:
     """The sample over which the medians and intervals of a table are taken, in words."""
-    some = f"over {heads} heads that nobody had seen"
+    some = f"over {heads} unseen heads"
     if trainings == 1:
-        return f"{some}, with its 95 % interval over heads alone: there is one training of each, and another may differ"
-    both = f"{some} and over {trainings} trainings of whatever learns"
+        return f"{some}, with a 95 % interval over heads alone: each method was trained once, and trainings differ"
+    both = f"{some} and {trainings} trainings of each learning method"
     if trainings < FEW:
-        return f"{both}, with an interval over both that is too narrow for 95 %: that takes {FEW} trainings"
-    return f"{both}, with its 95 % interval over both"
+        return f"{both}, with an interval over both that is too narrow for 95 %, which takes {FEW} trainings"
+    return f"{both}, with a 95 % interval over both"
 
 
 def run_command(
@@ -256,13 +256,11 @@ def run_command(
 
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=description)
     parser.add_argument("--folder", type=Path, default=folder)
-    parser.add_argument("--evaluations", type=int, default=evaluations, help="number of evaluations in one training")
+    parser.add_argument("--evaluations", type=int, default=evaluations, help="number of evaluations per training")
     parser.add_argument("--heads", type=int, default=heads, help="number of test heads")
-    parser.add_argument("--labelling", type=int, default=60, help="descents for the best known cost of a test head")
+    parser.add_argument("--labelling", type=int, default=60, help="number of descents per test head")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--trainings", type=int, default=TRAININGS, help="number of trainings of each method that learns"
-    )
+    parser.add_argument("--trainings", type=int, default=TRAININGS, help="number of trainings of each learning method")
     parser.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, help="number of processes; one per core unless given"
     )

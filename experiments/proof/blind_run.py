@@ -106,7 +106,7 @@ def _inkjet(scratch: Path, seen: set[str], *arguments: str) -> tuple[int, str]:
 
 def _last_words(lines: Sequence[str], scratch: Path) -> str:
     """The last line of a refusal or a traceback, without the scratch folder's name, which is random."""
-    last = lines[-1] if lines else "it said nothing."
+    last = lines[-1] if lines else "it printed no message."
     return last.removeprefix("inkjet: ").replace(f"{scratch}{os.sep}", "")
 
 

@@ -27,7 +27,7 @@ def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     figure, axes = plotting.new_figure(WIDTH, 3.5)
     at = [row["rho"] if row["strength"] != "nothing" else NOTHING_AT for row in rows]
     for name, label, colour, mark in (
-        ("detected", "something found", plotting.COLOURS[0], "o"),
+        ("detected", "detected", plotting.COLOURS[0], "o"),
         ("right", "right name or right set", plotting.COLOURS[1], "s"),
     ):
         shown = [(x, row[name]) for x, row in zip(at, rows, strict=True) if row[name] is not None]
@@ -42,7 +42,7 @@ def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.set_xticks(at, ["nothing\nconcealed" if x == NOTHING_AT else f"{x:.2g}" for x in at])
     axes.minorticks_off()
     axes.set_xlabel("strength ρ")
-    axes.set_ylabel("share of heads (%)")
+    axes.set_ylabel("fraction of heads (%)")
     figure.legend(loc="outside upper left", ncols=2, frameon=False)
     return figure
 
@@ -87,7 +87,7 @@ def confusion_figure(table: Mapping[str, Mapping[str, int]]) -> Figure:
     if inside < len(rows):
         axes.axhline(inside - 0.5, color="#444444", lw=0.8)
     axes.set_ylabel("concealed")
-    axes.set_title("said", fontsize=9)
+    axes.set_title("verdict", fontsize=9)
     return figure
 
 
@@ -116,7 +116,7 @@ def closures_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.axvline(0.9, color="#444444", lw=0.8, ls="--")
     axes.set_yticks(range(len(names)), [_words(name) for name in names], fontsize=7.5)
     axes.set(ylim=(len(names) - 0.5, -0.5), xlim=(-0.52, 1.02))
-    axes.set_xlabel("closure on drives nobody saw")
+    axes.set_xlabel("closure on fresh drives")
     if rows:
         figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
     return figure
@@ -129,12 +129,12 @@ def worth_figure(heads: Sequence[Mapping[str, Any]]) -> Figure:
     at = np.arange(len(order))
     base, augmented, oracle = (np.array([head[name] for head in order]) for name in ("base", "augmented", "oracle"))
     axes.hlines(at, np.minimum(base, oracle), np.maximum(base, oracle), color=plotting.GREY, lw=0.8)
-    axes.plot(base, at, "o", color=plotting.COLOURS[1], mfc="white", ms=5, label="of the base model")
-    axes.plot(augmented, at, "o", color=plotting.COLOURS[0], ms=4, label="of the augmented model")
-    axes.plot(oracle, at, "|", color="#222222", ms=9, mew=1.6, label="of the head itself")
+    axes.plot(base, at, "o", color=plotting.COLOURS[1], mfc="white", ms=5, label="base model")
+    axes.plot(augmented, at, "o", color=plotting.COLOURS[0], ms=4, label="augmented model")
+    axes.plot(oracle, at, "|", color="#222222", ms=9, mew=1.6, label="oracle")
     axes.set_yticks(at, [_words(" + ".join(head["effects"])) for head in order], fontsize=7)
     axes.set(ylim=(len(order) - 0.4, -0.6))
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("peak cost on the concealed head (V; less is better)")
+    axes.set_xlabel("peak cost on the concealed head (V; lower is better)")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8)
     return figure

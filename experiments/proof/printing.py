@@ -37,14 +37,14 @@ def print_score(found: Mapping[str, Any]) -> None:
     """Print the table, the number of criteria met and the two commitments."""
     from inkjet_env.reporting.tables import print_table
 
-    marks = {True: "yes", False: "SHORT", None: ""}
+    marks = {True: "yes", False: "NO", None: ""}
     rows = []
     for figure in found["figures"]:
         if figure["of"]:
             value = figure_text(figure["value"], figure["kind"])
             count = f"{figure['hits']}/{figure['of']}" if figure["hits"] is not None else str(figure["of"])
             rows.append((figure["name"], value, interval_text(figure), count, figure["asked"], marks[figure["met"]]))
-    print_table(("figure", "reached", "90 % interval", "cases", "asked", "met"), rows)
+    print_table(("figure", "result", "90 % interval", "cases", "criterion", "met"), rows)
     judged = [figure for figure in found["figures"] if figure["met"] is not None]
-    print(f"{len(judged) - len(found['short'])} of {len(judged)} figures meet the criteria of a first-rate diagnosis.")
+    print(f"{len(judged) - len(found['short'])} of {len(judged)} criteria of a first-rate diagnosis are met.")
     print(f"SHA-256 of the sealed truth: {found['truth_sha256']}; of the answers: {found['answers_sha256']}.")

@@ -56,8 +56,8 @@ def headline(found: Mapping[str, Any]) -> str:
     """Result of the proof in one line."""
     asked = sum(figure["met"] is not None for figure in found["figures"])
     if not found["short"]:
-        return f"The diagnosis passes its blind proof: all {asked} figures meet the criteria of a first-rate one"
-    return f"In {len(found['short'])} of {asked} figures the diagnosis misses the criteria of a first-rate one"
+        return f"The diagnosis passes its blind proof: it meets all {asked} criteria of a first-rate one"
+    return f"The diagnosis misses {len(found['short'])} of the {asked} criteria of a first-rate one"
 
 
 def sentences(found: Mapping[str, Any]) -> list[str]:
@@ -86,17 +86,17 @@ def sentences(found: Mapping[str, Any]) -> list[str]:
             "In {hits} of those {of} it named an effect that is not present ({value}; {interval}).",
         ),
         *told(
-            "outside the catalogue told as unknown",
+            "outside the catalogue, reported as unknown",
             "Effects outside the catalogue were concealed in {of} heads; the verdict was “unknown” for {hits} "
             "({value}; {interval}).",
         ),
         *told(
-            "median closure on drives nobody saw",
+            "median closure on fresh drives",
             "On fresh drives of the concealed plant, which the diagnosis never saw, the corrected model removed a "
-            "median fraction of {value} of the base model's error (1 is all of it; {of} heads).",
+            "median fraction of {value} of the base model's mean squared error ({of} heads).",
         ),
         *told(
-            "share of the oracle's gain won back, all heads together",
+            "fraction of the oracle's gain achieved, all heads together",
             "Waveforms optimised on the corrected model achieved {value} of the gain over the base model's waveforms "
             "that waveforms optimised on the concealed head itself achieve ({of} heads; {interval}).",
         ),

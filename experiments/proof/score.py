@@ -115,32 +115,32 @@ def table(cases: Sequence[Case]) -> list[Figure]:
         counted("detected, strong and medium", [alarm(c) for c in clear], least=0.95),
         counted("right name or right set", [right(c) for c in clear], least=0.90),
         counted("right name alone", [verdict_record(c).judged == "right" for c in clear]),
-        counted("right in part: something else named too", [verdict_record(c).judged == "partly" for c in clear]),
+        counted("partly right: another effect named as well", [verdict_record(c).judged == "partly" for c in clear]),
         estimated("mean size of a set", sizes, _mean, most=1.5),
         counted("confidently wrong, inside the catalogue", [wrong(c) for c in clear], most=0.03),
         counted("confidently wrong, outside the catalogue", [wrong(c) for c in outside], most=0.10),
         counted(
-            "outside the catalogue told as unknown",
+            "outside the catalogue, reported as unknown",
             [verdict_record(c).verdict == "unknown" for c in outside],
             least=0.80,
         ),
-        counted("outside the catalogue, noticed at all", [alarm(c) for c in outside]),
-        estimated("median closure on drives nobody saw", closed, _median, least=0.9),
+        counted("outside the catalogue, detected", [alarm(c) for c in outside]),
+        estimated("median closure on fresh drives", closed, _median, least=0.9),
         estimated("10th percentile of that closure", closed, _tenth, least=0.6),
-        estimated("median closure as the diagnosis tells it", held_out, _median),
+        estimated("median closure as the diagnosis reports it", held_out, _median),
         estimated("F1 of two effects at once", [verdict_record(c) for c in pairs], f1, least=0.8),
-        counted("90 % intervals that hold the truth", [bool(row["inside"]) for row in known], least=0.85, most=0.95),
+        counted("90 % intervals that contain the truth", [bool(row["inside"]) for row in known], least=0.85, most=0.95),
         estimated("median error of a parameter", [row["error"] for row in known], _median, kind="share"),
         *(_located(clear, place) for place in PLACES),
         counted("detected, faint", [alarm(c) for c in faint]),
         counted("confidently wrong, faint", [wrong(c) for c in faint]),
-        counted("another law of hysteresis: something named", [wrong(c) for c in base]),
+        counted("another hysteresis law: an effect named", [wrong(c) for c in base]),
         counted("meagre campaigns: false alarms", [alarm(c) for c in meagre if c["draw"]["family"] == "null"]),
         counted("meagre campaigns: right name or right set", [right(c) for c in of(cases, "effect", meagre=True)]),
         counted("meagre campaigns: confidently wrong", [wrong(c) for c in hidden_meagre]),
-        counted("refused or broken down", [c["answer"]["verdict"] is None for c in cases]),
-        estimated("share of the oracle's gain won back, all heads together", heads, _won_back, kind="share"),
-        estimated("median share of the oracle's gain won back by a head", shares, _median, kind="share"),
+        counted("refused or failed", [c["answer"]["verdict"] is None for c in cases]),
+        estimated("fraction of the oracle's gain achieved, all heads together", heads, _won_back, kind="share"),
+        estimated("median fraction of the oracle's gain achieved, per head", shares, _median, kind="share"),
     ]
 
 
@@ -168,13 +168,7 @@ def _held_out_closure(case: Case) -> float | None:
 
 def _located(cases: Sequence[Case], place: str) -> Figure:
     hits = [hit for case in cases if (hit := case["judged"]["location"].get(place)) is not None]
-    words = {
-        "recordings": "in which recordings",
-        "time": "when",
-        "frequency": "at which frequency",
-        "drive": "at which drive",
-    }
-    return counted(f"located: {words[place]}", hits)
+    return counted(f"located: {place}", hits)
 
 
 def closures(cases: Sequence[Case]) -> list[dict[str, Any]]:

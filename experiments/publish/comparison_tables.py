@@ -56,7 +56,8 @@ def press_table() -> str:
                 settled, f"{1e-3 * found.highest_Hz:.1f}",
             )
         )  # fmt: skip
-    header = ("problem", "effective peak, V", "residual, mV", "of the peak, %", "settled after, µs", "fastest, kHz")
+    residual = ("residual, mV", "residual, % of the peak")
+    header = ("problem", "effective peak, V", *residual, "settled after, µs", "fastest, kHz")
     return markdown_table(header, rows)
 
 
@@ -69,7 +70,7 @@ def entrants_table(ranking: Content) -> str:
         )
         for one in ranking["entrants"]
     ]  # fmt: skip
-    return markdown_table(("optimiser", "evaluations a run", "tuning took", "settings", "to mind"), rows)
+    return markdown_table(("optimiser", "evaluations per run", "evaluations for tuning", "settings", "remarks"), rows)
 
 
 def sections(folder: Path) -> Iterator[tuple[str, str]]:
@@ -84,9 +85,9 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
     tried = _read(folder / "beating.json", challenge_best_known.FORMAT)
     if tried is not None:
         yield "Problems", problems_table(tried)
-        yield "At the press", press_table()
+        yield "Jetting figures", press_table()
     if ranking is not None:
-        yield "Who took part", entrants_table(ranking)
+        yield "Entrants", entrants_table(ranking)
         for budget, found in ranking["standings"].items():
             said = "\n".join(f"* {text}" for text in found["sentences"])
             yield f"After {int(budget):,} evaluations", f"{said}\n\n{markdown_table(*standings_table(found))}"

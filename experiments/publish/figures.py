@@ -73,7 +73,7 @@ def published_hysteresis() -> Figure:
     around.set(xlabel="drive (V)", ylabel="strain gauge (V)", title="C  90 sin t loop")
     around.legend(frameon=False, loc="upper left")
     left.plot(loop.time_s, 100 * loop.residual() / swing, color=plotting.AFTER, lw=0.8)
-    left.set(xlabel="time (s)", ylabel="measured − modelled (% of swing)", title="D  what the model leaves")
+    left.set(xlabel="time (s)", ylabel="measured − modelled (% of swing)", title="D  residual")
     return figure
 
 

@@ -23,8 +23,8 @@ from inkjet_env.storage import write_json
 DPI = 110
 MARKS = {True: "yes", False: "**no**", None: ""}
 WORDS = {
-    "none": "nothing", "unknown": "unknown", "set": "a set that holds it", "wrong set": "a set without it",
-    "several": "several at once", "refused": "refused",
+    "none": "nothing", "unknown": "unknown", "set": "a set with it", "wrong set": "a set without it",
+    "several": "several effects", "refused": "refused",
 }  # fmt: skip
 
 
@@ -35,7 +35,7 @@ def _ranged(figure: Mapping[str, Any]) -> str:
 def figures_table(found: Mapping[str, Any]) -> str:
     """Every figure with its 90 % interval and its criterion."""
     return markdown_table(
-        ("figure", "reached (90 % interval)", "cases", "asked", "met"),
+        ("figure", "result (90 % interval)", "cases", "criterion", "met"),
         [
             (
                 figure["name"], _ranged(figure),
@@ -50,7 +50,7 @@ def figures_table(found: Mapping[str, Any]) -> str:
 def curve_table(found: Mapping[str, Any]) -> str:
     """Detection rate against strength."""
     return markdown_table(
-        ("strength", "mismatch over noise, median", "detected", "right name or set"),
+        ("strength", "median RMS of mismatch over noise", "detected", "right name or set"),
         [
             (
                 row["strength"], f"{row['rho']:.2g}", _ranged(row["detected"]),
@@ -75,7 +75,7 @@ def said_table(found: Mapping[str, Any]) -> str:
         rows.append(
             (hidden, str(sum(row.values())), str(right), "; ".join(f"{WORDS.get(k, k)} {n}" for k, n in others))
         )
-    return markdown_table(("concealed", "heads", "right", "else"), rows)
+    return markdown_table(("concealed", "heads", "right", "other verdicts"), rows)
 
 
 def worth_table(found: Mapping[str, Any]) -> str:
@@ -95,7 +95,7 @@ def worth_table(found: Mapping[str, Any]) -> str:
     rows = [row(effect, mine) for effect, mine in sorted(by_effect.items())]
     if heads:
         rows.append(row("**all**", heads))
-    return markdown_table(("concealed", "heads", "base, V", "augmented, V", "oracle, V", "won back"), rows)
+    return markdown_table(("concealed", "heads", "base, V", "augmented, V", "oracle, V", "gain achieved"), rows)
 
 
 def misses_table(found: Mapping[str, Any]) -> str:
@@ -103,7 +103,7 @@ def misses_table(found: Mapping[str, Any]) -> str:
     counted = Counter((miss["concealed"], miss["strength"], miss["verdict"], miss["said"]) for miss in found["misses"])
     named = {key: n for key, n in counted.items() if key[2] in ("named", "set")}
     return markdown_table(
-        ("concealed", "strength", "verdict", "said", "times"),
+        ("concealed", "strength", "verdict", "effects named", "heads"),
         [(*key, str(n)) for key, n in sorted(named.items(), key=lambda item: (-item[1], item[0]))],
     )
 
@@ -112,7 +112,7 @@ def methods_table(found: Mapping[str, Any]) -> str:
     """Results of the baselines on the same heads."""
     methods = found["peers"]
     return markdown_table(
-        ("method", "held-out RMS over noise, median", "what it said"),
+        ("method", "median held-out RMS over noise", "verdicts"),
         [
             (
                 name,
@@ -137,9 +137,9 @@ def document(found: Mapping[str, Any]) -> str:
     sections = [
         ("Figures", figures_table(found)),
         ("Detection against strength", curve_table(found)),
-        ("What was said", said_table(found)),
-        ("What it is worth", worth_table(found)) if found["worth"]["heads"] else None,
-        ("Beside other methods", methods_table(found)) if found["peers"]["cases"] else None,
+        ("Verdicts by concealed effect", said_table(found)),
+        ("Waveform gain", worth_table(found)) if found["worth"]["heads"] else None,
+        ("Other methods", methods_table(found)) if found["peers"]["cases"] else None,
         ("Wrong names and sets", misses_table(found)),
     ]
     return "\n\n".join(f"## {section[0]}\n\n{section[1]}" for section in sections if section) + "\n"

@@ -250,7 +250,7 @@ def summary() -> None:
     ]
     if inside:
         value, low, high = share(sum(inside), len(inside))
-        print(f"\n90 % intervals: {value:.1%} ({low:.1%} … {high:.1%}) of {len(inside)} hold the truth")
+        print(f"\n90 % intervals: {value:.1%} ({low:.1%} … {high:.1%}) of {len(inside)} contain the truth")
 
 
 def _print_part(part: str, mine: list[dict[str, Any]]) -> None:

@@ -218,7 +218,7 @@ def _print_published() -> None:
     loop = next(r for r in found.recordings if r.channel == "strain_gauge")
     print(f"largest difference of Q: {100 * difference:.3f} % of the swing")
     largest, rms, floor = np.array([np.abs(loop.residual()).max(), residual, noise]) * 100 / np.ptp(loop.measured)
-    print(f"loop, what the model leaves: at most {largest:.2f} %, RMS {rms:.3f} % of the swing; noise {floor:.3f} %")
+    print(f"loop residual: at most {largest:.2f} %, RMS {rms:.3f} % of the swing; noise {floor:.3f} %")
 
 
 def _print_heads(count: int) -> None:
@@ -229,7 +229,7 @@ def _print_heads(count: int) -> None:
     for i, name in enumerate(PARAMETERS):
         print(f"{name}: median error {100 * np.median(errors[:, i]):.4f} %, covered {100 * covered[:, i].mean():.0f} %")
     spread = 1.645 * math.sqrt(0.09 / covered.size)
-    print(f"covered over all: {100 * covered.mean():.1f} % of {covered.size} (90 ± {100 * spread:.1f} % by chance)")
+    print(f"covered over all: {100 * covered.mean():.1f} % of {covered.size} (90 ± {100 * spread:.1f} % expected)")
     ratios = np.array([r.held_out_ratio for r in results])
     print(f"held-out residual over noise: median {np.median(ratios):.4f}, {ratios.min():.3f} … {ratios.max():.3f}")
     print("degrees chosen:", np.unique([r.degree for r in results], return_counts=True))
@@ -271,7 +271,7 @@ def _print_measured(folder: Path) -> None:
     after = alone.residual()[int(np.argmax(alone.drive_V != 0)) :]
     lines = np.abs(np.fft.rfft(after - after.mean()))
     strongest = float(np.fft.rfftfreq(after.size, alone.step_s)[np.argmax(lines)])
-    print(f"strongest line in what the ring-down alone leaves: {strongest:.0f} Hz")
+    print(f"strongest line in the residual of the ring-down alone: {strongest:.0f} Hz")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -104,7 +104,7 @@ def diagnose(
         found = _diagnosed(folder, printhead, reading, chosen_seed(seed), options)
     except KeyboardInterrupt:
         if checkpoint is None:
-            print("Interrupted; nothing was kept. Use --checkpoint FOLDER to keep finished fits.", file=sys.stderr)
+            print("Interrupted; no fits were kept. Use --checkpoint FOLDER to keep finished fits.", file=sys.stderr)
         else:
             print(
                 f"Interrupted; finished fits are kept in {checkpoint}. Run the same command to resume.", file=sys.stderr

@@ -33,13 +33,13 @@ def print_diagnosis(found: Diagnosis) -> None:
     print_table(("residual (RMS)", "noise", "base", "augmented", "closure"), fits)
     for group in found.candidates:
         print(f"- These recordings cannot distinguish between: {', '.join(group)}.")
-    print(f"- Where: {found.location.sentence}")
+    print(f"- Location: {found.location.sentence}")
     if found.next_experiment is not None:
-        print(f"- Next: {found.next_experiment.sentence}")
+        print(f"- Next experiment: {found.next_experiment.sentence}")
     shown_by = {effect.id: effect.shown_by for effect in known_effects()}
     for effect_id, why in found.untestable.items():
-        remedy = f"; {shown_by[effect_id]} would test it" if effect_id in shown_by else ""
-        print(f"- {effect_id} is not testable here, because {why}{remedy}.")
+        remedy = f" To test it, record {shown_by[effect_id]}." if effect_id in shown_by else ""
+        print(f"- {effect_id} cannot be tested here, because {why}.{remedy}")
     for note in found.notes:
         print(f"- {note}")
 
@@ -78,7 +78,7 @@ def print_identification(name: str, found: Identification) -> None:
     print_table((name, "value", "90 % interval", "unit"), rows)
     print(
         f"Resonance {head.frequency_Hz / 1e3:.4g} kHz, damping ratio {head.damping_ratio:.4g}; branch law of degree "
-        f"{len(head.coefficients) - 1} on {head.full_scale_V:g} V."
+        f"{len(head.coefficients) - 1} with a full scale of {head.full_scale_V:g} V."
     )
     rows = []
     for channel in found.gains:

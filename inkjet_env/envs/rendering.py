@@ -1,4 +1,4 @@
-"""Draw a response: drive, hysteresis loop, ringing and peaks, on given matplotlib axes.
+"""Drawings of a response: drive, hysteresis loop, ringing and peaks, on given matplotlib axes.
 
 `picture` combines them into the environment's frame. The global state of pyplot is not touched; matplotlib is imported
 on use.

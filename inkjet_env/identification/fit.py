@@ -84,7 +84,7 @@ class CampaignFit:
         self.train = [m for m in self.all if m.fitted >= 2 + lost.get(m.noise_key, 0)]
         short = [name for m in self.all if m.fitted and m not in self.train for name in m.names]
         if short:
-            self.notes.append(f"{', '.join(short)}: too short beside how long the noise remembers; not fitted.")
+            self.notes.append(f"{', '.join(short)}: shorter than the memory of the noise, and therefore not fitted.")
         moving = [m for m in self.train if not m.still]
         # A channel whose drive never moved shows noise but no gain.
         self.train = [m for m in self.train if m.channel in {mine.channel for mine in moving}]
@@ -99,7 +99,7 @@ class CampaignFit:
         for channel in sorted({m.channel for m in moving}):
             if all(np.ptp(m.mean) == 0 for m in moving if m.channel == channel):
                 raise UnidentifiableError(
-                    f"channel {channel} shows one value throughout while the drive moves; is its sensor connected?"
+                    f"channel {channel} is constant while the drive changes; is its sensor connected?"
                 )
         self.full_scale_V = full_scale_V or _largest_change_V(self.gauge or self.fast)
         self.reached_V = _largest_change_V(moving)
@@ -138,8 +138,8 @@ class CampaignFit:
         self.solution = self.refined(self.solution.model, self.solution.model.weights.size)
         for channel, rms in self.loudness.items():
             self.notes.append(
-                f"{channel}: the residual is {rms:.3g} times the noise, so the model leaves something out; the "
-                "channel's weight and the intervals follow the residual."
+                f"{channel}: the residual is {rms:.3g} times the noise, so the model is incomplete; the "
+                "channel's weight and the intervals are based on the residual."
             )
 
     def _tolerance(self, channel: str) -> float:
@@ -196,7 +196,7 @@ class CampaignFit:
 
     def _choice(self, fitted: Sequence[Fitted], model: Model, leave_out: bool) -> DegreeChoice:
         """Error against degree, with everything else linearised about a model."""
-        self.progress("error against degree")
+        self.progress("choosing the degree")
         correlation = max((self.correlation.get(f.measurement.channel, 1.0) for f in fitted), default=1.0)
         samples = [f.samples // len(f.measurement.signals) for f in fitted]
         blocks = linearised_blocks(fitted, model)
@@ -260,8 +260,8 @@ class CampaignFit:
             if changed < 1.02:
                 break
         self.notes.append(
-            f"No exact repeats and no recording at rest tell the noise of {' and '.join(channels)}; it was taken from "
-            "the fit's own residual, so what the model leaves out counts as noise there."
+            f"The noise of {' and '.join(channels)} is unknown without exact repeats and recordings at rest; it was "
+            "estimated from the fit's residual, so any error of the model counts as noise there."
         )
         return model
 

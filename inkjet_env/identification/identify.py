@@ -93,18 +93,15 @@ def identify(
             wider.solve(fit.solution.model)
             if wider.deviance < fit.deviance - CHANCE_F:
                 wider.notes.append(
-                    f"The law bends on beyond the strain gauge's {fit.full_scale_V:g} V, as the fast recordings tell; "
-                    f"full scale is {wider.full_scale_V:g} V."
+                    f"The fast recordings show that the law is still curved above the strain gauge's "
+                    f"{fit.full_scale_V:g} V; full scale is {wider.full_scale_V:g} V."
                 )
                 fit = wider
         if unknown := [m for m in fit.fast if m.initial_state == "free"]:
-            begin = (
-                f"Of {len(unknown)} fast recordings it is not known what had gone before: the hysteresis was begun as "
-            )
+            recordings = "recording" if len(unknown) == 1 else "recordings"
+            state = f"The initial state of {len(unknown)} fast {recordings} is unknown and was taken as demagnetised."
             again = begun(fit.full_scale_V, _repeating(campaign))
-            fit.notes.append(
-                begin + "demagnetised. " + (_doubt(fit, again) or "A repeated drive would explain no more.")
-            )
+            fit.notes.append(f"{state} {_doubt(fit, again) or 'A repeated drive does not explain them better.'}")
         fit.widen()
         return outcome_of(fit)
 
@@ -156,6 +153,6 @@ def _doubt(fit: CampaignFit, again: CampaignFit) -> str | None:
     if ratio < CLOSER:
         return None
     return (
-        f"As answers to drives that had been repeating these recordings are explained {ratio:.3g} times as closely: if "
-        "they are, say so (initial state periodic), or what they tell is off by more than its intervals."
+        f"A repeated drive explains these recordings {ratio:.3g} times as closely. If the drive was repeated, set the "
+        "initial state to periodic; otherwise the results are wrong by more than their intervals."
     )

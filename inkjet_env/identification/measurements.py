@@ -104,8 +104,8 @@ def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> t
     for channel in sorted({m.channel for m in result}):
         if not any(m.fitted for m in result if m.channel == channel):
             raise ValueError(
-                f"all recordings of channel {channel} in campaign {campaign.name!r} are held out, so nothing tells its "
-                "gain and offset. Leave one to be fitted."
+                f"all recordings of channel {channel} in campaign {campaign.name!r} are held out, so its gain "
+                "and offset are unknown. Leave one to be fitted."
             )
     if held_out is None and not any(m.fitted == 0 and m.channel != "strain_gauge" for m in result):
         fast = [m for m in result if m.channel != "strain_gauge" and not m.still and m.initial_state != "periodic"]
@@ -186,7 +186,7 @@ def noise_of(gathered: Sequence[RepeatedMeasurement]) -> dict[tuple[str, float],
         if not source:
             resting = [signal[: _rest_before(m)] for m in mine for signal in m.signals]
             resting = [stretch for stretch in resting if stretch.size >= SHORTEST_REST]
-            source = "what comes before the drive"
+            source = "samples before the drive"
         if resting:
             level = np.concatenate(resting).mean()
             repeated.extend(stretch - level for stretch in resting)

@@ -28,8 +28,8 @@ LARGEST_UNCERTAINTY = math.log(10)
 LEAST_RINGING_GAIN = 50.0
 """Smallest decrease of χ² by a resonance against a head without one; large because the search tries many."""
 NOTHING_RINGS = (
-    "nothing in them rings. Take pulses with short edges, or a multisine about the resonance, sampled at ten times its "
-    "frequency; `inkjet record --plan FOLDER` writes such drives."
+    "they show no ringing. Record pulses with short edges, or a multisine about the resonance, sampled at ten times "
+    "its frequency; `inkjet record --plan FOLDER` writes such drives."
 )
 """End of the error sentence if no resonance is found."""
 
@@ -53,7 +53,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
         model, gain = fit.solution.model, swing
     gains = _gains(fit, model, richer, gain)
     if ringing_gain(fit.fitted(fit.fast, d), model.a0, model.a1) < LEAST_RINGING_GAIN:
-        raise UnidentifiableError(f"a head without any resonance fits these recordings as well: {NOTHING_RINGS}")
+        raise UnidentifiableError(f"a model without a resonance fits these recordings equally well: {NOTHING_RINGS}")
     dynamics = _resonator(model, richer)
     a0 = dynamics["a0"]
     by_convention = Estimate(math.sqrt(a0.value), math.sqrt(a0.low), math.sqrt(a0.high))
@@ -119,7 +119,7 @@ def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:
         error = QUANTILE_90 * richer.error_of(np.eye(len(richer.names))[richer.names.index(f"ln {name}")])
         if not error < LARGEST_UNCERTAINTY:
             raise UnidentifiableError(
-                f"these recordings do not tell {name} to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: "
+                f"these recordings do not determine {name} to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: "
                 + NOTHING_RINGS
             )
         estimates[name] = Estimate(value, value * math.exp(-error), value * math.exp(error))
@@ -131,11 +131,11 @@ def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]
     notes = []
     if "self_sensing" not in gains:
         notes.append(
-            "b1, the gain of self-sensing, is not observable without a self_sensing recording. It was set to √a0: "
-            "the signal then is the deflection's speed over √a0 in hysteretic volts, a convention."
+            "b1, the gain of self-sensing, is not observable without a self_sensing recording. By convention it "
+            "was set to √a0: the signal is then the deflection's velocity divided by √a0, in hysteretic volts."
         )
     if not fit.solution.converged:
-        notes.append("The fit had not settled when it was stopped; its intervals mean little.")
+        notes.append("The fit did not converge; its intervals are unreliable.")
     told = {"all recordings": fit.joint.by_flattening}
     if fit.gauge:
         told["the strain gauge alone"] = fit.alone.by_flattening
@@ -144,25 +144,25 @@ def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]
             "Without a strain-gauge recording the hysteresis was identified from the fast channels themselves."
         )
     if fit.alone.by_held_out is not None:
-        told["drives held out in turn"] = fit.alone.by_held_out
+        told["drives left out in turn"] = fit.alone.by_held_out
     if fit.degree_given is None and len(set(told.values())) > 1:
-        words = ", ".join(f"{degree} by {source}" for source, degree in told.items())
-        notes.append(f"Degree {words}; {len(printhead.coefficients) - 1} is used.")
+        words = ", ".join(f"{degree} from {source}" for source, degree in told.items())
+        notes.append(f"The estimates of the degree differ: {words}; {len(printhead.coefficients) - 1} is used.")
     if fit.solution.held:
-        notes.append("p(r) ≥ 0 was asked for and binds: without it the law would have a negative density.")
+        notes.append("The constraint p(r) ≥ 0 is active: without it the density would be negative in places.")
     x = np.linspace(0.0, 1.0, 2001)
     negative = x[printhead.branch_law.curvature(x) < -1e-9]
     if negative.size:
         notes.append(
             f"p(r) is negative for x = |Δu|/{fit.full_scale_V:g} V between {negative[0]:.3f} and "
-            f"{negative[-1]:.3f}: not quite a valid Prandtl–Ishlinskii density."
+            f"{negative[-1]:.3f}; this is not a valid Prandtl–Ishlinskii density."
         )
     partly = [m for m in fit.all if 0 < m.fitted < m.drive_V.size]
     if partly:
         names = " and ".join(partly[0].names)
-        notes.append(f"Too few recordings to hold one out whole; the last quarter of {names} was held out.")
+        notes.append(f"There are too few recordings to hold out a whole one; the last quarter of {names} was held out.")
     elif all(m.fitted for m in fit.all if m.channel != "strain_gauge"):
-        notes.append("No fast recording was held out, so nothing here tells how well others are predicted.")
+        notes.append("No fast recording was held out, so the prediction of other recordings was not tested.")
     return notes
 
 

@@ -88,7 +88,7 @@ def diagnose(
     catalogued = catalogue() if effects is None else tuple(effects)
     twice = [name for name, count in Counter(effect.id for effect in catalogued).items() if count > 1]
     if twice:
-        raise ValueError(f"effects must have ids of their own; {twice[0]!r} comes twice. Rename one.")
+        raise ValueError(f"effects must have unique ids; {twice[0]!r} occurs twice. Rename one.")
     context = FitContext(
         ProcessPool(workers),
         np.random.default_rng(rng),
@@ -140,16 +140,16 @@ class _Work:
         testable = [e for e in self.effects if e.id not in untestable]
         random = [e for e in testable if e.random]
         with_law = [e for e in testable if e not in random]
-        self.context.progress("the base model")
+        self.context.progress("fitting the base model")
         joint = base_model(self.campaign, observed, printhead, held_out, self.context.progress, self.settings)
         self.notes.extend(joint.noise.notes)
         if not any(o.fitted < o.excitation.samples for o in observed):
-            self.notes.append("No recording is held out, so nothing was checked on recordings that no fit has seen.")
+            self.notes.append("No recording was held out, so nothing was validated on recordings that no fit has seen.")
         doubt = doubtful_states(self.campaign, held_out)
         self.stopwatch.took("base model")
         candidate = self.candidate(joint, random, with_law)
         if (other := self.with_another_law(joint, candidate)) is not None:
-            self.context.progress("the same with a law that goes straight beyond a smaller swing")
+            self.context.progress("repeating with a branch law that is straight above a smaller swing")
             again = self.candidate(other, random, with_law)
             if again.score(joint) - 0.5 * math.log(joint.ends[-1]) > candidate.score(joint):
                 candidate = again
@@ -162,7 +162,7 @@ class _Work:
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
             chosen = base_hypothesis(joint)  # with finer nodes or another noise it is no longer supported
         self.stopwatch.took("selection")
-        self.context.progress("what is left over")
+        self.context.progress("testing the residuals")
         discrepancy = discrepancy_regression(chosen)
         self.stopwatch.took("discrepancy regression")
         found = Findings(
@@ -175,7 +175,7 @@ class _Work:
         """Random effects and effects with a law, found beside one base model."""
         random_effects: list[RandomEffect] = []
         if random:
-            self.context.progress("what differs from recording to recording")
+            self.context.progress("looking for random effects")
             resting = [o for o in joint.observed if o.at_rest]
             joint, random_effects = self.with_random_effects(joint, random, resting, random_effects)
             self.stopwatch.took("random effects")
@@ -293,11 +293,11 @@ class _Work:
             before = joint
             joint = joint.anew(observed=finer(joint.observed, 2 * substeps))
         if math.isinf(error):
-            self.notes.append(f"On more than {substeps} nodes a sample the simulation of what was found has no answer.")
+            self.notes.append(f"With more than {substeps} nodes per sample, the effects found cannot be simulated.")
         elif error >= settings.simulation_error:
             self.notes.append(
-                f"The simulation's own error is {error:.2g} standard errors of a parameter at {substeps} nodes a "
-                "sample."
+                f"With {substeps} nodes per sample, the simulation's numerical error is up to {error:.2g} standard "
+                "errors of a parameter."
             )
         return joint, chosen
 

@@ -21,9 +21,7 @@ from inkjet_env.plant import Effect
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
-NOT_CONVERGED = (
-    "The fit of these values did not converge: they are where it stopped, and their intervals are not known."
-)
+NOT_CONVERGED = "The fit did not converge: these values are those at which it stopped, without known intervals."
 """Appended to the sentence of an effect whose fit did not converge."""
 
 

@@ -51,26 +51,24 @@ def headline(
     """
     if verdict == "none" and not noise_known:
         return (
-            "Nothing of the catalogue explains more than the base model does. Nothing tells the noise of these "
-            "recordings, though, so that something else may be left out: repeat one, or record with zero drive."
+            "No effect of the catalogue explains more than the base model. The noise of these recordings is unknown, "
+            "however, so an effect may have been missed: repeat a recording, or record with zero drive."
         )
     if verdict == "none":
-        late = "" if math.isnan(closure) else ", those held out once they are fitted too"
-        return (
-            f"The base model explains these recordings to their noise{late}: nothing was left out that they could show."
-        )
+        late = "" if math.isnan(closure) else ", the held-out ones once they are fitted as well"
+        return f"The base model explains these recordings to within their noise{late}: they show no missing effect."
     if verdict == "unknown" and unseen and left_over <= settings.left_over:
         names = ", ".join(unseen[:MOST_NAMED]) + (" and others" if len(unseen) > MOST_NAMED else "")
         return (
-            f"{names} {'does' if len(unseen) == 1 else 'do'} what the base model cannot, and what was fitted shows "
-            "nothing of it. Hold other recordings out, and diagnose again."
+            f"{names} {'shows' if len(unseen) == 1 else 'show'} a mismatch that the fitted recordings do not show. "
+            "Hold out other recordings and diagnose again."
         )
     if verdict == "unknown":
         refuted = [n.effect.id for n in named] or list(closest[0] if closest else ())
         return _unknown(left_over, refuted, closest, location, max(map(len, groups), default=0), settings)
     if verdict == "set":
         alike = "; ".join(_joined(group, "or") for group in groups)
-        first = f"{alike[0].upper()}{alike[1:]}: these recordings cannot tell which."
+        first = f"{alike[0].upper()}{alike[1:]}: these recordings cannot distinguish between them."
         certain = [n.effect.id for n in _by_weight(named) if all(n.effect.id not in group for group in groups)]
         return " ".join([first, *_explained("Either", certain, closure)])
     most, *others = _by_weight(named)
@@ -84,13 +82,18 @@ def _by_weight(named: Sequence[NamedEffect]) -> list[NamedEffect]:
 def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
     """Sentence on the explained share of the mismatch and the other effects; empty if there is nothing to say."""
     if closure < 0:
-        also = f"Besides, there is {_joined(others, 'and')}; r" if others else "R"
-        return [f"{also}ecordings held out were predicted worse for it, yet agree once they are fitted too."]
-    share = "" if math.isnan(closure) else f"{percent(closure, 3)} of what the base model missed"
+        also = f"{_also(others)}; h" if others else "H"
+        return [f"{also}eld-out recordings were predicted worse, but are explained once they are fitted as well."]
+    share = "" if math.isnan(closure) else f"{percent(closure, 3)} of the mismatch"
     if others:
-        also = f"Besides, there is {_joined(others, 'and')}"
+        also = _also(others)
         return [f"{also}; together they explain {share}." if share else f"{also}."]
     return [f"{who} explains {share}."] if share else []
+
+
+def _also(others: Sequence[str]) -> str:
+    names = _joined(others, "and")
+    return f"{names[0].upper()}{names[1:]} {'is' if len(others) == 1 else 'are'} present as well"
 
 
 def _unknown(
@@ -101,21 +104,22 @@ def _unknown(
     alike: int,
     settings: VerdictSettings,
 ) -> str:
-    said = f"{percent(left_over)} of the mismatch is explained by nothing in the catalogue"
+    said = f"{percent(left_over)} of the mismatch is not explained by any effect of the catalogue"
     if left_over <= settings.left_over and alike > settings.most_alike:
-        said = f"Something small is there, and each of {alike} effects explains it as well as another"
+        said = f"A small mismatch is present, and each of {alike} effects explains it equally well"
     elif left_over <= settings.left_over and refuted:
-        said = f"{_joined(refuted, 'with').capitalize()} explains what was fitted, and recordings held out the less"
+        fitted_well = _joined(refuted, "with").capitalize()
+        said = f"{fitted_well} explains the fitted recordings but predicts the held-out ones poorly"
     elif closest is not None and closest[1] <= 1 - left_over + settings.left_over:
         ids, part = closest
-        said += f"; {_joined(ids, 'with')} comes closest with {percent(part)}"
+        said += f"; {_joined(ids, 'with')} comes closest and explains {percent(part)}"
     where = []
     if location.recordings:
         where.append(f"in {location.recordings[0]}")
     if location.frequency_Hz:
         bands = location.frequency_Hz[:MOST_BANDS]
         where.append("at " + " and ".join(span_told(low, high, "Hz") for low, high in bands))
-    return f"{said}. It shows most {', '.join(where)}." if where else f"{said}."
+    return f"{said}. The mismatch is largest {', '.join(where)}." if where else f"{said}."
 
 
 def _joined(ids: Sequence[str], word: str) -> str:

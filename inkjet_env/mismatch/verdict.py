@@ -114,7 +114,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         verdict = "none"
     else:
         verdict = "set" if groups else "named"
-    context.progress("where it is")
+    context.progress("locating the mismatch")
     location = locate(bare.observed, bare.noise, bare.base, bare.basis[0], settings.localization)
     stopwatch.took("location")
     named = _named(found)
@@ -122,7 +122,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         verdict, named, groups, closure, share, closest(base_hypothesis(joint), found.selection), location,
         settings.verdict, all(joint.noise.known(o) for o in joint.seen), unseen,
     )  # fmt: skip
-    context.progress("the next experiment")
+    context.progress("designing the next experiment")
     following = None
     if verdict == "set":
         fits = _candidate_fits(found)
@@ -134,7 +134,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     stands = base_hypothesis(joint) if verdict == "unknown" else chosen  # never half of a model that is not named
     if not stands.fit.converged:
         of = " with ".join(name.replace("_", " ") for name in stands.ids) or "the base model"
-        last = f"The fit of {of} did not converge: its values are where it stopped, and their intervals are not known."
+        last = f"The fit of {of} did not converge: its values are those at which it stopped, without known intervals."
         notes = [*notes, last]
     head, channels = stands.fit.head, {o.channel for o in joint.observed} - {"drive_monitor"}
     gains, offsets = ({c: v for c, v in of.items() if c in channels} for of in (head.gains, head.offsets))

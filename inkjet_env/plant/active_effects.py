@@ -44,7 +44,7 @@ class ActiveEffects:
                 f"got {self.theta.shape}."
             )
         if len(set(self.ids)) < len(self.ids):
-            raise ValueError(f"an effect can be on once only; got {', '.join(self.ids)}.")
+            raise ValueError(f"an effect can be active only once; got {', '.join(self.ids)}.")
 
     @classmethod
     def of(cls, pairs: Iterable[tuple[Effect, Values]]) -> ActiveEffects:

@@ -198,8 +198,9 @@ class AugmentedPrinthead:
                 signal = effect.sensing(values, signal, drive_V[: first.nodes], head, first)
         except FloatingPointError as error:
             raise ValueError(
-                f"the printhead with its effects has no answer to a drive of up to {np.abs(at_nodes_V).max():.3g} V: "
-                f"{str(error).rstrip('.')}. The effects were fitted to other drives; stay within those."
+                "the printhead with its effects cannot be simulated under a drive of up to "
+                f"{np.abs(at_nodes_V).max():.3g} V: {str(error).rstrip('.')}. The effects were fitted to other drives; "
+                "stay within those."
             ) from None
         return first.sampled(hysteretic_V), signal
 

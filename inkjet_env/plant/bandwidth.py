@@ -7,7 +7,7 @@ import math
 from inkjet_env.plant.effect import Parameter
 from inkjet_env.printhead import Printhead
 
-BANDWIDTH = Parameter("bandwidth_Hz", "Hz", 0.1, math.inf, "reciprocal", "where it passes half the power")
+BANDWIDTH = Parameter("bandwidth_Hz", "Hz", 0.1, math.inf, "reciprocal", "half-power (-3 dB) bandwidth")
 """Half-power bandwidth; infinite when the effect is off."""
 
 
@@ -16,7 +16,7 @@ SECOND_ORDER = Parameter(
     "1",
     0.0,
     1.0,
-    meaning="0 is one pole, 0.5 Butterworth's two",
+    meaning="q: 0 for one pole, 0.5 for a Butterworth filter of two poles",
     open_ended=True,
     plain=0.0,
 )

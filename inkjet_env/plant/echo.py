@@ -50,7 +50,7 @@ class Echo:
         if r2 == 0:
             return self.strength * first
         if r1 == 0:
-            raise SimulationError("a wave that comes back from an end that reflects nothing.")
+            raise SimulationError("a wave returns from an end that reflects nothing.")
         lap_s = self.delay_s + self.second_delay_s
         around = heard(signal, lap_s, 2)
         total = wave = first + r2 / r1 * heard(signal, self.second_delay_s, 1) + 2 * r2 * around

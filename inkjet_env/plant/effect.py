@@ -120,7 +120,7 @@ class Effect:
     confusable_with : tuple of str
         Ids of effects it may be mistaken for.
     shown_by : str
-        Recording that would show it.
+        Recording that would show it, as the object of "record".
     depends_on_order : bool
         Whether it changes with the order of the recordings within the session, so that a printhead.json with it must
         say for which recording the head stands ("order"). False by default.
@@ -139,7 +139,7 @@ class Effect:
     plain_leaves: ClassVar[float] = 0.0
     signature: ClassVar[str] = ""
     confusable_with: ClassVar[tuple[str, ...]] = ()
-    shown_by: ClassVar[str] = "recordings of another kind"
+    shown_by: ClassVar[str] = "a different kind of drive"
     depends_on_order: ClassVar[bool] = False
     needs_neighbour: ClassVar[bool] = False
 

@@ -36,8 +36,8 @@ def blamed(effect: Any, what: str) -> Iterator[None]:
     except Exception as error:
         name = getattr(effect, "id", type(effect).__name__)
         raise EffectError(
-            f"effect {name!r}: {what} raised {type(error).__name__}: {str(error).rstrip('.')}. Mend the effect; for "
-            "values that it cannot simulate it should raise inkjet_env.plant.SimulationError."
+            f"effect {name!r}: {what} raised {type(error).__name__}: {str(error).rstrip('.')}. Correct the effect; "
+            "for values that it cannot simulate it should raise inkjet_env.plant.SimulationError."
         ) from error
 
 

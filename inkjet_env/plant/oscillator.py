@@ -67,7 +67,7 @@ class Oscillator:
 
     def __post_init__(self) -> None:
         if not (self.a0 > 0 and self.a1 > 0 and self.a1**2 < 4 * self.a0):
-            raise SimulationError("a resonator that does not ring.")
+            raise SimulationError("the resonator does not ring.")
 
     @property
     def linear(self) -> bool:
@@ -137,7 +137,7 @@ class Oscillator:
                 if self.linear or abs(end - state) <= STEADY * max(abs(state), 1e-12):
                     break
             else:
-                raise SimulationError("no steady state under the repeated drive.")
+                raise SimulationError("there is no steady state under the repeated drive.")
         if not np.isfinite(end):
             raise SimulationError("the motion grows without bound.")
         return deflection[: excitation.samples], speed[: excitation.samples]

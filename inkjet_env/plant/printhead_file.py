@@ -1,4 +1,4 @@
-"""Read ``printhead/1`` files, with or without effects of the catalogue or of the user's own."""
+"""Reading of ``printhead/1`` files, with or without effects of the catalogue or of the user's own."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def printhead_of(data: Mapping[str, Any]) -> Printhead | AugmentedPrinthead:
     found = [_effect(entry) for entry in entries]
     ids = [effect.id for effect in found]
     if len(set(ids)) < len(ids):
-        raise ValueError(f"effects must each be there once; got {', '.join(ids)}.")
+        raise ValueError(f"each effect may occur only once; got {', '.join(ids)}.")
     values = [_values(effect, entry.get("parameters")) for effect, entry in zip(found, entries, strict=True)]
     effects = tuple(zip(found, values, strict=True))
     return AugmentedPrinthead(base, effects, _gains(data.get("fit")), _order(data, effects))
@@ -68,18 +68,18 @@ def _effect(entry: Mapping[str, Any]) -> Effect:
     if "class" not in entry:
         own = next((effect for effect in known_effects() if effect.id == effect_id), None)
         if own is not None and effect_id not in known:
-            raise ValueError(f'effect {effect_id!r} is not of the catalogue: it needs "class": "{own_class(own)}".')
+            raise ValueError(f'effect {effect_id!r} is not in the catalogue, so it needs "class": "{own_class(own)}".')
         check_name("the id of an effect", effect_id, known)
         return known[str(effect_id)]
     named = entry["class"]
     if not isinstance(named, str) or not re.fullmatch(CLASS, named):
         raise ValueError(f'the "class" of an effect must read module:Class; got {str(named)[:40]!r}.')
     if not isinstance(effect_id, str):
-        raise ValueError(f"the id of an effect must be a text; got {str(effect_id)[:40]!r}.")
+        raise ValueError(f"the id of an effect must be a string; got {str(effect_id)[:40]!r}.")
     if effect_id in known:
         raise ValueError(
-            f"effect {effect_id!r} is one of the catalogue, yet the class {named} is named. Give that class an id of "
-            "its own and write the file again."
+            f"effect {effect_id!r} is in the catalogue, but the class {named} is named. Give that class a unique "
+            "id and write the file again."
         )
     return registered_effect(effect_id, named)
 
@@ -126,8 +126,8 @@ def _order(data: Mapping[str, Any], effects: Sequence[tuple[Effect, Values]]) ->
         return 1
     if isinstance(order, bool) or not isinstance(order, int) or order < 1:
         raise ValueError(
-            f'"order" must be a whole number from 1 on, of the recording whose head is meant; got {order!r}. '
-            "Give that of the last recording."
+            f'"order" must be a whole number of at least 1, the order of the recording whose head is described; '
+            f"got {order!r}. Give that of the last recording."
         )
     return order
 

@@ -52,7 +52,7 @@ def register(kind: type[Effect]) -> type[Effect]:
         raise ValueError(f"{name} must declare {', '.join(missing)}, as inkjet_env.plant.Effect describes them.")
     check_name(f"stage of {name}", kind.stage, STAGES)
     if kind.id in {effect.id for effect in catalogue()}:
-        raise ValueError(f"{name} has the id {kind.id!r} of an effect of the catalogue. Give it an id of its own.")
+        raise ValueError(f"{name} has the id {kind.id!r} of an effect in the catalogue. Give it a unique id.")
     before = _registered.get(kind.id)
     if before is not None and class_name(type(before)) != name:
         raise ValueError(
@@ -104,8 +104,8 @@ def registered_effect(effect_id: str, named: str) -> Effect:
     effect = _registered.get(effect_id)
     if effect is None:
         raise UnregisteredEffectError(
-            f"effect {effect_id!r} is of the class {named}, which is not registered here, and no code is imported on a "
-            f"file's word. {_how_to_register(named)}"
+            f"effect {effect_id!r} is of the class {named}, which is not registered here; reading a file never "
+            f"imports code. {_how_to_register(named)}"
         )
     if class_name(type(effect)) != named:
         raise UnregisteredEffectError(

@@ -86,7 +86,7 @@ class Plant:
             if not isinstance(resonance, Resonance):
                 got = type(resonance).__name__
                 raise EffectError(
-                    f"effect {effect.id!r}: its resonator() must return a Resonance; got {got}. Mend the effect."
+                    f"effect {effect.id!r}: its resonator() must return a Resonance; got {got}. Correct the effect."
                 )
         return resonance.motion(hysteretic_V, excitation)
 
@@ -115,7 +115,7 @@ def _like(before: Real, after: Real, effect: Effect) -> Real:
     if np.shape(after) != before.shape:
         raise EffectError(
             f"effect {effect.id!r}: its {effect.stage}() must return an array of shape {before.shape}, as it is given; "
-            f"got {'None' if after is None else f'shape {np.shape(after)}'}. Mend the effect."
+            f"got {'None' if after is None else f'shape {np.shape(after)}'}. Correct the effect."
         )
     return after
 

@@ -1,4 +1,4 @@
-"""Compile the kernels of the plant, or load them from the cache, in advance."""
+"""Compilation of the plant's kernels, or their loading from the cache, in advance."""
 
 from __future__ import annotations
 

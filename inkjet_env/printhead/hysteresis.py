@@ -170,7 +170,7 @@ class BranchLaw:
             raise ValueError(f"hysteresis coefficients must be finite; got {values}.")
         if values[-1] != 0.0:
             raise ValueError(
-                "the last hysteresis coefficient must be 0, since no change of drive moves nothing; "
+                "the last hysteresis coefficient must be 0, because without a change of drive nothing moves; "
                 f"got {values[-1]:g}."
             )
         if max(map(abs, values)) > 1e9:

@@ -50,7 +50,7 @@ class Printhead:
     def __post_init__(self) -> None:
         check_resonator(self.a0, self.a1)
         if not (math.isfinite(self.b1) and self.b1 != 0):
-            raise ValueError(f"b1 must be finite and not 0: the head must answer; got {self.b1!r}.")
+            raise ValueError(f"b1 must be finite and not 0: the head must respond; got {self.b1!r}.")
         if not 1.0 <= self.frequency_Hz <= 1e9:
             raise ValueError(
                 f"a0 must give a resonance of 1 Hz to 1 GHz; {self.a0:g} 1/s² gives {self.frequency_Hz:g} Hz."
@@ -80,8 +80,8 @@ class Printhead:
         data = printhead_data(path)
         if ids := effect_ids(data):
             raise ValueError(
-                f"{path}: has effects beyond the base model ({', '.join(ids)}), which cannot be left out here. "
-                "Use what takes them along: inkjet simulate, optimize, evaluate, gymnasium.make, or "
+                f"{path}: has effects beyond the base model ({', '.join(ids)}), which a Printhead cannot represent. "
+                "Use something that can: inkjet simulate, optimize, evaluate, gymnasium.make, or "
                 "inkjet_env.plant.printhead_file.read_printhead."
             )
         try:

@@ -30,7 +30,7 @@ def check_period(period_s: float, duration_s: float, initial_state: str) -> floa
     if period_s == math.inf:
         return math.inf
     if not (isinstance(period_s, (int, float, np.number)) and period_s > 0):
-        raise ValueError(f"period_s must be a time above 0 s, or infinite; got {period_s!r}. 20 kHz are 50e-6 s.")
+        raise ValueError(f"period_s must be a time above 0 s, or infinite; got {period_s!r}. 20 kHz is 50e-6 s.")
     if duration_s > period_s * (1 + 1e-12):
         raise ValueError(
             f"a waveform of {duration_s:g} s does not fit into a period of {period_s:g} s. Shorten it, or fire slower."

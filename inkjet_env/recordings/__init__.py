@@ -1,4 +1,4 @@
-"""Recordings of a head: read, checked, written."""
+"""Recordings of a head: reading, checking, writing."""
 
 from inkjet_env.recordings.campaign import Campaign
 from inkjet_env.recordings.checks import Finding, check_campaign

@@ -59,7 +59,7 @@ class Campaign:
     def __post_init__(self) -> None:
         for label in ("name", "title", "description"):
             if not isinstance(getattr(self, label), str):
-                raise ValueError(f"a campaign's {label} must be a text; got {brief(getattr(self, label))}.")
+                raise ValueError(f"a campaign's {label} must be a string; got {brief(getattr(self, label))}.")
         recordings = tuple(self.recordings)
         object.__setattr__(self, "recordings", recordings)
         object.__setattr__(self, "notes", tuple(self.notes))
@@ -69,7 +69,7 @@ class Campaign:
         seen: set[str] = set()
         for recording in recordings:
             if recording.name in seen:
-                raise ValueError(f"recording {brief(recording.name)} comes twice. Give each its own name.")
+                raise ValueError(f"recording {brief(recording.name)} occurs twice. Give each recording a unique name.")
             seen.add(recording.name)
         for recording in recordings:
             if recording.repeat_of is not None and recording.repeat_of not in seen:
@@ -115,7 +115,7 @@ class Campaign:
             recording = self[recording.repeat_of]
             if recording.name in chain:
                 raise ValueError(
-                    f"repeat_of goes in a circle: {' → '.join([*chain, recording.name])[:120]}. "
+                    f"repeat_of forms a cycle: {' → '.join([*chain, recording.name])[:120]}. "
                     "The first of the repeats must have null."
                 )
             chain[recording.name] = None

@@ -106,7 +106,7 @@ def _label_doubts(recording: Recording, campaign: Campaign) -> Doubts:
         yield (
             "warning",
             None,
-            f"excitation {brief(recording.excitation)} is none of {', '.join(EXCITATIONS)}."
+            f"excitation {brief(recording.excitation)} is not one of {', '.join(EXCITATIONS)}."
             f"{nearest_name(recording.excitation[:60], EXCITATIONS)}",
         )
     if recording.repeat_of is not None:

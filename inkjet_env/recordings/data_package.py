@@ -74,7 +74,7 @@ def _read_descriptor(path: Path) -> dict[str, Any]:
 
 def _field(path: Path, place: str, holder: dict[str, Any], key: str, kind: type, default: Any = None) -> Any:
     """``holder[key]``, of type ``kind``; if it is missing, ``default``, or an error if that is None."""
-    words: dict[type, str] = {str: "a text", list: "a list", dict: "an object {…}"}
+    words: dict[type, str] = {str: "a string", list: "a list", dict: "an object {…}"}
     if key not in holder:
         if default is not None:
             return default
@@ -105,12 +105,12 @@ def _read_resource(
     state = labels.get("initial_state", asked[1] or "free")
     if channel is None:
         raise CampaignError(
-            f"{path}: {place}inkjet.channel is missing: nothing says which sensor this is. "
+            f"{path}: {place}inkjet.channel is missing, so the sensor is unknown. "
             "Add it, self_sensing, strain_gauge or displacement, or give channel=."
         )
     for label, stated, wanted in (("channel", channel, asked[0]), ("initial_state", state, asked[1])):
         if wanted is not None and stated != wanted:
-            notes.append(f"{path}: {place}{label} is {brief(stated)} as the descriptor says; {wanted} was not applied.")
+            notes.append(f"{path}: {place}{label} is {brief(stated)} in the descriptor; {wanted} was not applied.")
     file = _file_inside(folder, path, place, _field(path, place, resource, "path", str))
     samples = read_scope_samples([file], columns) if columns else _standard_samples(file, path, place, resource)
     notes.extend(samples.notes)
@@ -138,9 +138,9 @@ def _file_inside(folder: Path, path: Path, place: str, given: str) -> Path:
         inside = file.resolve().is_relative_to(folder.resolve())
         there = file.is_file()
     except (OSError, ValueError, RuntimeError):
-        raise CampaignError(f"{rule}, which is no file's name. Correct it.") from None
+        raise CampaignError(f"{rule}, which is not a file name. Correct it.") from None
     if not inside or Path(given).is_absolute() or ".." in Path(given).parts:
-        raise CampaignError(f"{rule}, which leads out of it. Copy the file into the folder.")
+        raise CampaignError(f"{rule}, which is outside it. Copy the file into the folder.")
     if not there:
         raise CampaignError(f"{rule}; there is no such file. Correct the path, or put the file there.")
     return file

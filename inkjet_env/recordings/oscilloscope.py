@@ -50,7 +50,7 @@ def read_scope_folder(
         guess = channel or samples.channel
         if guess is None:
             raise CampaignError(
-                f"{group[0]}: nothing tells which sensor this is. Say it with channel=: self_sensing, strain_gauge or "
+                f"{group[0]}: the sensor is unknown. Give channel=, which is self_sensing, strain_gauge or "
                 "displacement."
             )
         if channel is None:
@@ -150,8 +150,8 @@ def _joined(files: Sequence[Path]) -> tuple[Sheet, Reader]:
     for file, sheet in zip(files, sheets, strict=True):
         if len(sheet.columns) != 2 or sheet.clock is not None:
             raise CampaignError(
-                f"{file}: must hold a time and one channel, since {files[0].name} and {files[-1].name} are taken for "
-                "one recording. Rename the files if they are not."
+                f"{file}: must hold a time and one channel, since {files[0].name} and {files[-1].name} are read as "
+                "one recording. Rename the files if they are separate recordings."
             )
     first = sheets[0]
     names = [*first.layout.names, *(f"column {i}" for i in range(len(files) - 1))]
@@ -169,7 +169,7 @@ def _joined(files: Sequence[Path]) -> tuple[Sheet, Reader]:
         for file, table in zip(files, tables, strict=True):
             if not np.array_equal(table[0], tables[0][0]):
                 raise CampaignError(
-                    f"{file}: its times must be those of {files[0].name}; they differ. Export both anew."
+                    f"{file}: its times must be those of {files[0].name}; they differ. Export both again."
                 )
         every = dict(zip(columns, [tables[0][0], *(table[1] for table in tables)], strict=True))
         return [every[i] for i in wanted]
@@ -188,7 +188,7 @@ def _check_unit(file: Path, sheet: Sheet, role: str, column: int) -> None:
     if column in sheet.units and sheet.units[column].base not in bases:
         raise CampaignError(
             f"{file}: the {role} must be in {' or '.join(bases)}; column {name[:40]} is in "
-            f"{sheet.units[column].base}. Say which column it is with columns={{{role!r}: …}}."
+            f"{sheet.units[column].base}. Specify the column with columns={{{role!r}: …}}."
         )
 
 

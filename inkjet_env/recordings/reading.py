@@ -1,4 +1,4 @@
-"""Read a measuring campaign from a folder of either layout."""
+"""Reading of a measuring campaign from a folder of either layout."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class Recording:
         check_label("channel", self.channel, CHANNELS)
         check_label("initial_state", self.initial_state, INITIAL_STATES)
         if not isinstance(self.excitation, str):
-            raise ValueError(f"excitation must be a text such as 'bipolar'; got {brief(self.excitation)}.")
+            raise ValueError(f"excitation must be a string such as 'bipolar'; got {brief(self.excitation)}.")
         if not isinstance(self.order, int) or isinstance(self.order, bool) or self.order < 1:
             raise ValueError(f"order must be a whole number from 1 on; got {brief(self.order)}.")
         if self.repeat_of is not None and not isinstance(self.repeat_of, str):
@@ -155,7 +155,7 @@ def check_label(label: str, given: object, known: Mapping[str, Any] | tuple[str,
 
 def _check_recording_name(name: object) -> None:
     if not isinstance(name, str):
-        raise ValueError(f"a recording's name must be a text; got {brief(name)}.")
+        raise ValueError(f"a recording's name must be a string; got {brief(name)}.")
     if (
         name == ""
         or not name.isprintable()

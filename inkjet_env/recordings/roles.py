@@ -55,7 +55,7 @@ def named_roles(file: Path, sheet: Sheet, columns: Mapping[str, str | int]) -> t
         found = [i for i in sheet.columns if i not in roles.values() and pattern.search(sheet.layout.names[i])]
         if len(found) > 1:
             names = " and ".join(sheet.layout.names[i][:40] for i in found)
-            raise CampaignError(f"{file}: {names} could each be the {role}. Say which with columns={{{role!r}: …}}.")
+            raise CampaignError(f"{file}: {names} could each be the {role}. Specify one with columns={{{role!r}: …}}.")
         if found:
             roles[role], reasons[role] = found[0], "by its name"
     return roles, reasons
@@ -110,8 +110,8 @@ def candidates(file: Path, sheet: Sheet, roles: dict[str, int]) -> list[int]:
     if len(free) != len(missing):
         names = ", ".join(sheet.layout.names[i] for i in free)[:120] or "none"
         raise CampaignError(
-            f"{file}: which column is the {' and the '.join(missing)} cannot be told; those left are: {names}. "
-            f"Say it with columns={{{', '.join(f'{role!r}: …' for role in missing)}}}."
+            f"{file}: the column of the {' and the '.join(missing)} is unknown; the remaining columns are: {names}. "
+            f"Specify it with columns={{{', '.join(f'{role!r}: …' for role in missing)}}}."
         )
     return free
 
@@ -137,7 +137,7 @@ def guessed_roles(sheet: Sheet, roles: dict[str, int], values: dict[int, Real]) 
     """
     missing = [role for role in ("drive", "sensor") if role not in roles]
     if len(values) == 1:
-        return {missing[0]: next(iter(values))}, "the one column left"
+        return {missing[0]: next(iter(values))}, "the only remaining column"
     first, second = values
     lengths = [i for i in values if i in sheet.units and sheet.units[i].base in ("um", "nm")]
     if len(lengths) == 1:

@@ -68,7 +68,7 @@ def read_standard_samples(file: Path) -> Samples:
     if len(units) > 1:
         raise CampaignError(
             f"{file}, row 1: must hold one sensor; the header names {' and '.join(SENSOR_COLUMNS[u] for u in units)}. "
-            "Make each a recording of its own."
+            "Put each into a separate recording."
         )
     columns = {"time_s": "time_s", "drive_V": "drive_V", "sensor": SENSOR_COLUMNS[units[0]]}
     columns |= {name: name for name in OPTIONAL_COLUMNS if name in names}

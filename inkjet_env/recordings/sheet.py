@@ -89,7 +89,7 @@ def _first_lines(file: Path) -> list[str]:
     except OSError as error:
         raise CampaignError(f"{file}: cannot be read: {error.strerror or error}. Check the file.") from None
     if b"\0" in start:
-        raise CampaignError(f"{file}: is binary or UTF-16, no plain text. Export it as CSV, encoding UTF-8.")
+        raise CampaignError(f"{file}: is binary or UTF-16, not plain text. Export it as CSV, encoding UTF-8.")
     try:
         text = start.decode("utf-8-sig")
     except UnicodeDecodeError:

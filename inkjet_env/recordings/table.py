@@ -173,4 +173,6 @@ def _first_fault(path: Path, layout: Layout, wanted: Sequence[int], reason: str)
                 )
     if count < 2:
         return CampaignError(f"{path}: a recording must have at least 2 samples; got {count}. Add rows.")
-    return CampaignError(f"{path}: is no table of numbers: {' '.join(reason.split())[:200]}. Export it as CSV again.")
+    return CampaignError(
+        f"{path}: is not a table of numbers: {' '.join(reason.split())[:200]}. Export it as CSV again."
+    )

@@ -1,4 +1,4 @@
-"""Write a measuring campaign atomically."""
+"""Atomic writing of a measuring campaign."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _check_target(target: Path) -> None:
     foreign = sorted(present - {DESCRIPTOR} - listed_files(target))
     if foreign:
         raise CampaignError(
-            f"{target}: holds {foreign[0]!r}, which is no part of the campaign there and would be lost; nothing was "
+            f"{target}: holds {foreign[0]!r}, which is not part of the campaign there and would be lost; nothing was "
             "written. Move it, or give another folder."
         )
 

@@ -111,7 +111,7 @@ def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[D
     for level, repeats in ((20, 1), (40, 1), (60, 3), (80, 1), (100, 1)):
         purpose = "amplitude steps: does frequency, damping or gain change with amplitude?"
         if repeats > 1:
-            purpose += " Its repeats tell noise and drift."
+            purpose += " Its repeats show noise and drift."
         add(f"trapezoid-{level}V", "trapezoid", _trapezoids(window, (20, 15, 35, level)), purpose, repeats)
     for level in (-40, -100):
         purpose = "the other sign: are both branches alike?"
@@ -124,8 +124,8 @@ def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[D
     add("trapezoid-often", "trapezoid", often, "fired again before it has decayed: ringing carried over, refill")
     for label, corners, purpose, repeats in (
         ("full", ((15, 100), (35, 100), (30, -100), (35, -100), (15, 0)), "the largest swing, beyond slow loops", 2),
-        ("quiet", ((5, 100), (54, 100), (71, -100), (50, -100), (103, 0)), "as an optimiser would have it", 1),
-        ("uneven", ((15, 55), (60, 55), (20, -90), (25, -90), (30, 0)), "unequal halves, to test what was learnt", 1),
+        ("quiet", ((5, 100), (54, 100), (71, -100), (50, -100), (103, 0)), "as an optimiser would choose it", 1),
+        ("uneven", ((15, 55), (60, 55), (20, -90), (25, -90), (30, 0)), "unequal halves, for validation", 1),
     ):
         add(f"bipolar-{label}", "bipolar", _polyline(window, ((20, 0), *corners)), purpose, repeats)
     for gap, second in ((50, 60), (150, 90), (325, 60)):
@@ -141,7 +141,7 @@ def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[D
         ("first-trapezoid", "trapezoid", _trapezoids(window, (20, 15, 35, 80))),
         ("first-bipolar", "bipolar", _polyline(window, ((20, 0), (15, 80), (35, 80), (30, -80), (35, -80), (15, 0)))),
     ):
-        add(label, excitation, drive, "the first pulse after demagnetising: virgin curve", 1, "demagnetised")
+        add(label, excitation, drive, "the first pulse after demagnetisation: virgin curve", 1, "demagnetised")
     add("zero", "zero", np.zeros(repetition), "no drive: noise, offset, hum", 2, "demagnetised")
     return tuple(lines)
 

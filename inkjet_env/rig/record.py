@@ -90,7 +90,9 @@ def record_campaign(
     (38, 'strain_gauge')
     """
     if seed is None:
-        raise TypeError("seed must be a whole number or a numpy Generator: a campaign can be recorded again; got None.")
+        raise TypeError(
+            "seed must be a whole number or a numpy Generator, so that the campaign can be recorded again; got None."
+        )
     if snr_dB is not None and not snr_dB >= LOWEST_SNR_dB:
         raise ValueError(f"snr_dB must be at least {LOWEST_SNR_dB:g} dB, or infinity for no noise; got {snr_dB!r}.")
     lines = default_battery(printhead.frequency_Hz) if battery is None else tuple(battery)

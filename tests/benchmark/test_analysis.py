@@ -72,14 +72,15 @@ def test_three_sentences_say_what_one_may_conclude_each_with_its_interval(tmp_pa
     del curves["lbfgsb-multistart"]["damping-0.02"]  # as if it could not be used there
     best, swarm, printed = standings_sentences(Comparison(an_outcome(tmp_path, curves, problems, 2)), "all", 2)
     assert best.startswith(
-        "After 2 evaluations cma-es, the best by mean rank of those that can be used on all of these"
+        "After 2 evaluations, cma-es has the best mean rank of those that can be used on all of these problems"
     )
-    assert "cannot tell its mean rank of 1.8 from those of 3 of the other 3" in best
+    assert "its mean rank of 1.8 does not differ significantly from those of 3 of the other 3" in best
     assert "probability 1.00 (1.00 to 1.00)" in best
-    assert "it is better with posterior probability 1.00, alike with 0.00, worse with 0.00" in best
-    assert "(pso), is at place 3 of 4" in swarm
+    assert "it is better than pso with posterior probability 1.00, equivalent with 0.00 and worse with 0.00" in best
+    assert swarm.startswith("pso, the paper's particle swarm")
+    assert "is number 3 of 4" in swarm
     assert re.search(r"regret of 0\.6\d? \(0\.6\d? to 0\.6\d?\)", swarm)
-    assert "lower than one of pso with probability 0.00 (0.00 to 0.00)" in printed
+    assert "a lower cost than one of pso with probability 0.00 (0.00 to 0.00)" in printed
 
 
 def test_one_problem_tells_nothing_of_others_and_who_is_level_is_told(tmp_path):
@@ -87,10 +88,10 @@ def test_one_problem_tells_nothing_of_others_and_who_is_level_is_told(tmp_path):
     curves = {"pso": {"nominal": [[1.0, 0.6, 0.6]] * 4}, "pso-printed": level, "cma-es": level}
     said = standings_sentences(Comparison(an_outcome(tmp_path, curves, ("nominal",))), "all", 3)
     assert len(said) == 2  # of the printed swarm it is told in the first
-    assert "pso-printed, the best by mean rank (level with cma-es), leaves" in said[0]
-    assert "lower than one of pso with probability 1.00" in said[0]
-    assert "problems like these" not in " ".join(said)
-    assert "sample of problems" not in " ".join(said)
+    assert "pso-printed has the best mean rank (tied with cma-es). Its regret" in said[0]
+    assert "a lower cost than one of pso with probability 1.00" in said[0]
+    assert "problems of this kind" not in " ".join(said)
+    assert "as a sample" not in " ".join(said)
 
 
 def test_who_is_level_with_the_best_is_told_even_if_he_cannot_be_used_everywhere(tmp_path):
@@ -100,14 +101,14 @@ def test_who_is_level_with_the_best_is_told_even_if_he_cannot_be_used_everywhere
         "lbfgsb-multistart": {problems[0]: [[1.0, 0.01]] * 4},
     }
     said = standings_sentences(Comparison(an_outcome(tmp_path, curves, problems, 2)), "all", 2)
-    assert "cma-es, the best by mean rank (level with lbfgsb-multistart), leaves" in said[0]
+    assert "cma-es has the best mean rank (tied with lbfgsb-multistart). Its regret" in said[0]
 
 
 def test_who_is_level_with_the_swarm_is_told_with_its_place(tmp_path):
     level = {"nominal": [[1.0, 0.6]] * 4}
     curves = {"random": level, "cma-es": {"nominal": [[1.0, 0.1]] * 4}, "pso": level}
     said = standings_sentences(Comparison(an_outcome(tmp_path, curves, ("nominal",), 2)), "all", 2)
-    assert "(pso), is at place 2 of 3 (level with random; mean rank 2.5), with" in said[1]
+    assert "is number 2 of 3 (mean rank 2.5; tied with random), with" in said[1]
 
 
 def test_who_is_told_from_all_others_is_told_so(tmp_path):
@@ -116,7 +117,7 @@ def test_who_is_told_from_all_others_is_told_so(tmp_path):
     curves = {one: {name: [[1.0, end]] * 3 for name in problems} for one, end in ends.items()}
     first = standings_sentences(Comparison(an_outcome(tmp_path, curves, problems, 2)), "all", 2)[0]
     assert re.search(
-        r"As a sample of problems these tell its mean rank of 1\.\d from those of all others \(Nemenyi", first
+        r"taken as a sample, its mean rank of 1\.\d differs significantly from those of the other 2 \(Nemenyi", first
     )
 
 
@@ -127,8 +128,8 @@ def test_dearer_gradients_shorten_the_runs_of_those_who_use_them(tmp_path):
         "random": {name: [[0.5] * 9] * 4 for name in PROBLEMS},
     }
     first = standings_sentences(Comparison(an_outcome(tmp_path, curves, budget=9)), "all", 9)[0]
-    assert "its mean rank of 1.0 would be 2.0 if it counted as 3" in first
-    assert "and 2.0 if it counted as 8" in first
+    assert "its mean rank of 1.0 would be 2.0 if that counted as 3" in first
+    assert "and 2.0 if that counted as 8" in first
 
 
 def test_regrets_within_a_microvolt_are_ties(tmp_path):

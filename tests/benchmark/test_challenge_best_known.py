@@ -14,7 +14,7 @@ def test_a_record_that_is_too_high_is_beaten(monkeypatch, capsys, tmp_path):
         challenge_best_known.main(["--problem", "nominal", "--minutes", "0.01", "--workers", "1", "--json", str(kept)])
         == 1
     )
-    assert "nominal is beaten by lbfgsb-multistart" in capsys.readouterr().out
+    assert "nominal has a lower cost by lbfgsb-multistart" in capsys.readouterr().out
     tried = json.loads(kept.read_text())["attempts"]
     assert [one["method"] for one in tried] == list(challenge_best_known.METHODS)
     assert max(one["gain"] for one in tried) > challenge_best_known.ALLOWED

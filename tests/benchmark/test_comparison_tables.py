@@ -39,8 +39,8 @@ def test_every_table_is_whole_and_its_numbers_are_those_of_the_files(folder, cap
     told = capsys.readouterr().out
     assert [line[3:] for line in told.splitlines() if line.startswith("## ")] == [
         "Problems",
-        "At the press",
-        "Who took part",
+        "Jetting figures",
+        "Entrants",
         "After 50 evaluations",
         "After 60 evaluations",
     ]
@@ -79,15 +79,15 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
     rows = cells(out)
     assert ["cma-es", "0", "–", "1.5 (1 … 2)", "–", "–", "", "1.5 (1 … 2)", ""] in rows
     assert [(row[0], row[-2]) for row in rows][-2:] == [("a", "0.50 … 1.50"), ("b", "")]
-    assert "over heads alone: there is one training of each" in out
-    assert "over 2 trainings of whatever learns, with an interval over both that is too narrow" in out
+    assert "over heads alone: each method was trained once" in out
+    assert "and 2 trainings of each learning method, with an interval over both that is too narrow" in out
 
 
 def test_the_record_in_docs_says_what_its_files_say():
     docs = Path(__file__).parents[2] / "docs"
     lines = (docs / "results" / "comparison.md").read_text(encoding="utf-8").splitlines()
     told = dict(comparison_tables.sections(docs / "comparison"))
-    assert {"Problems", "Who took part", "After 20,000 evaluations", amortised.TITLE, few_shot.TITLE} <= told.keys()
+    assert {"Problems", "Entrants", "After 20,000 evaluations", amortised.TITLE, few_shot.TITLE} <= told.keys()
     for heading, text in told.items():
         missing = [line for line in text.splitlines() if line not in lines]
         assert not missing, f"docs/results/comparison.md, {heading}: print its tables anew"

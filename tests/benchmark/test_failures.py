@@ -70,7 +70,7 @@ def test_an_exception_of_an_optimiser_leaves_it_out_and_goes_on(tmp_path, monkey
     known = runner.entrant
     monkeypatch.setattr(runner, "entrant", lambda name: entrant if name == "random" else known(name))
     outcome = run_bench(small_settings(), tmp_path / "r")
-    assert outcome.unavailable == {"random": "broke down on nominal, repeat 0: ZeroDivisionError: my own"}
+    assert outcome.unavailable == {"random": "failed on nominal, repeat 0: ZeroDivisionError: my own"}
     assert {r.key.optimizer for r in outcome.results} == {"pso"}
 
 

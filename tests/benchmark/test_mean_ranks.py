@@ -93,12 +93,14 @@ def test_sentences_say_which_optimisers_are_level(tmp_path):
     }
     said = ranking_sentences(Comparison(an_outcome(tmp_path, regrets)))
     assert "random has the best mean rank (1.00 of 4)" in said[0]
-    assert said[1] == "On these problems sobol cannot be told from it; the others rank behind it (95 %)."
+    assert said[1] == (
+        "On these problems sobol does not differ significantly from it; all others rank significantly lower (95 %)."
+    )
 
 
 def test_few_runs_are_not_called_a_proof(tmp_path):
     said = ranking_sentences(Comparison(an_outcome(tmp_path, {"random": [1.0, 2.0], "sobol": [5.0, 6.0]})))
-    assert "So few runs tell no optimiser from another" in said[1]
+    assert "So few runs cannot distinguish the optimisers" in said[1]
 
 
 def test_a_comparison_in_which_nothing_ran_is_refused(tmp_path):

@@ -94,8 +94,8 @@ def test_a_head_that_has_no_rest_where_a_recording_starts_is_told_in_a_sentence(
     assert run("evaluate", tmp_path / "campaign", "--printhead", tmp_path / "head.json") == 2
     told = capsys.readouterr().err.strip().splitlines()
     assert told[-1].endswith(
-        "head.json: the head cannot follow these recordings: no rest was found under the first drive: forces grow "
-        "faster than the spring's."
+        "head.json: the printhead cannot be simulated on these recordings: no rest was found under the first drive: "
+        "forces grow faster than the spring's."
     )
 
 

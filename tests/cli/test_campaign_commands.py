@@ -125,7 +125,7 @@ def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_pat
     assert Printhead.from_json(tmp_path / "printhead.json").frequency_Hz == pytest.approx(51.69e3, rel=1e-4)
     status, _, err = inkjet("identify", "campaign", "--initial-state", "free")
     assert status == 0
-    assert "initial_state is 'periodic' as the descriptor says; free was not applied" in err
+    assert "initial_state is 'periodic' in the descriptor; free was not applied" in err
 
 
 @pytest.mark.parametrize(

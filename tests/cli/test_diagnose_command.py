@@ -154,7 +154,7 @@ def test_all_that_was_found_is_printed(made_by_hand, inkjet, folder):
         "kHz",
         "self-sensing, held out",
         "On the edges.",
-        "Next: Record the voltage at the head.",
+        "Next experiment: Record the voltage at the head.",
         "- A note.",
     ):
         assert words in out
@@ -289,7 +289,7 @@ def test_an_interrupted_diagnosis_says_what_is_kept(inkjet, folder, tmp_path, mo
     assert err.endswith("Interrupted; finished fits are kept in found.json.fits. Run the same command to resume.\n")
     assert inkjet("diagnose", "campaign", "--checkpoint", "mine", "--report", "page.html")[0] == 130
     err = inkjet("diagnose", "campaign")[2]
-    assert err.endswith("Interrupted; nothing was kept. Use --checkpoint FOLDER to keep finished fits.\n")
+    assert err.endswith("Interrupted; no fits were kept. Use --checkpoint FOLDER to keep finished fits.\n")
     assert asked == [Path("found.json.fits"), Path("mine"), None]
     assert [path.name for path in tmp_path.iterdir()] == ["campaign"]
 
@@ -298,5 +298,7 @@ def test_a_printhead_of_another_head_altogether_is_refused(inkjet, folder, tmp_p
     HEAD.varied(frequency_Hz=30.0).to_json(tmp_path / "other.json")
     status, _, err = inkjet("diagnose", "campaign", "--printhead", "other.json", "--json", "found.json")
     assert status == 2
-    assert err.splitlines()[-1].startswith("inkjet: the printhead that was given, of 30 Hz, explains next to nothing")
+    assert err.splitlines()[-1].startswith(
+        "inkjet: the given printhead, with a resonance at 30 Hz, explains almost nothing"
+    )
     assert not (tmp_path / "found.json").exists()

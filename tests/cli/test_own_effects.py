@@ -247,7 +247,7 @@ def test_without_the_option_a_command_refuses_the_file_in_one_sentence(augmented
         ("my_effects:TABLE", "must be a subclass of inkjet_env.plant.Effect; got {'k': 1}"),
         ("my_effects:Effect", "must be a subclass of inkjet_env.plant.Effect"),
         ("my_effects:NeedsANumber", "cannot be made without arguments: TypeError: "),
-        ("my_effects:TakesAnId", "my_effects:TakesAnId has the id 'creep' of an effect of the catalogue"),
+        ("my_effects:TakesAnId", "my_effects:TakesAnId has the id 'creep' of an effect in the catalogue"),
         ("broken:Own", "the module broken cannot be imported: ZeroDivisionError: division by zero ("),
         ("unclosed:Own", "the module unclosed cannot be imported: SyntaxError: "),
         ("needy:Own", "the module needy cannot be imported: ModuleNotFoundError: No module named 'not_installed' ("),

@@ -62,7 +62,7 @@ def test_the_published_head_is_found_with_its_degree(published_found):
     assert published_found.printhead.full_scale_V == 180.0
     assert published_found.degree.by_flattening == len(published_found.printhead.coefficients) - 1 == 8
     assert any("p(r) is negative for x = |Δu|/180 V between 0.83" in note for note in published_found.notes)
-    assert not any("the model leaves something out" in note for note in published_found.notes)
+    assert not any("the model is incomplete" in note for note in published_found.notes)
 
 
 def test_another_head_is_found(other_found, other_head):
@@ -257,5 +257,5 @@ def test_what_had_gone_before_recordings_of_unknown_state_is_asked(truly):
         clean = respond_sampled(PUBLISHED, time_s, drive_V, truly, ringing=ringing).sensor_V
         sensor = clean + rng.normal(0, 0.002, 1200)
         recordings.append(Recording(f"r{i}", time_s, drive_V, sensor, "V", "self_sensing", initial_state="free"))
-    (note,) = (n for n in identify(Campaign("free", tuple(recordings)), degree=8).notes if "had gone before" in n)
-    assert ("say so (initial state periodic)" in note) == (truly == "periodic"), note
+    (note,) = (n for n in identify(Campaign("free", tuple(recordings)), degree=8).notes if "initial state of" in n)
+    assert ("set the initial state to periodic" in note) == (truly == "periodic"), note

@@ -176,7 +176,7 @@ def test_noise_is_seen_in_repeats_at_rest_or_before_the_drive():
     for recordings, source in (
         ([recording("a", noisy[0]), recording("b", noisy[1])], "repeats"),
         ([recording("a", noisy[0]), recording("z", still, np.zeros(2000))], "recordings at rest"),
-        ([recording("a", late)], "what comes before the drive"),
+        ([recording("a", late)], "samples before the drive"),
     ):
         (model,) = noise_of(measurements(Campaign("c", tuple(recordings)))).values()
         assert model.source == source

@@ -110,7 +110,7 @@ def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, mo
     header, rows = amortised.table(first)
     assert {len(row) for row in rows} == {len(header)}
     legend = amortised.legend(first)
-    assert "over 2 trainings of whatever learns, with an interval over both that is too narrow" in legend
+    assert "and 2 trainings of each learning method, with an interval over both that is too narrow" in legend
 
 
 def test_a_policy_is_tested_on_other_heads_without_being_trained_again(small, tmp_path, monkeypatch):

@@ -132,7 +132,7 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
         assert len(row["after"]["10"]["each"]) == row["trainings"] == (1 if row["name"] in few_shot.SCRATCH else 2)
         assert ("behind" in row) == (row["name"] != "list, stretched")
         assert row["after"]["10"]["low"] <= medians[2] <= row["after"]["10"]["high"]
-    assert "nobody had seen" in capsys.readouterr().out
+    assert "unseen heads" in capsys.readouterr().out
     (tmp_path / "sb3-ppo-1-tested.npz").unlink()
     (tmp_path / "sb3-ppo-1.npz").write_bytes(b"no policy")
     with pytest.raises(SystemExit) as ended:

@@ -109,7 +109,7 @@ def test_a_table_says_whether_another_training_is_in_its_intervals():
     assert "over heads alone" in over(5, 1)
     assert "too narrow" in over(5, repeated_training.FEW - 1)
     assert over(5, repeated_training.FEW).endswith(
-        "over 6 trainings of whatever learns, with its 95 % interval over both"
+        "6 trainings of each learning method, with a 95 % interval over both"
     )
 
 

@@ -48,6 +48,6 @@ def test_no_effects_to_look_for_leaves_none_or_unknown(recorded, head):
 def test_what_is_being_done_is_told(recorded, head, effects):
     told = []
     diagnose(recorded("feedthrough"), head, [effects["feedthrough"]], workers=1, progress=told.append)
-    assert "the base model" in told
-    assert "what feedthrough would add (1 of 2)" in told
-    assert told[-1] == "the next experiment"
+    assert "fitting the base model" in told
+    assert "score test of feedthrough (1 of 2)" in told
+    assert told[-1] == "designing the next experiment"

@@ -49,7 +49,9 @@ def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_not
     assert (vetoed.verdict, vetoed.effects, vetoed.candidates) == ("unknown", (), ())
     assert vetoed.closure < 0
     assert vetoed.left_over == 0  # of what was fitted: nothing else is against it
-    assert vetoed.headline.startswith("Feedthrough explains what was fitted, and recordings held out the less. ")
+    assert vetoed.headline.startswith(
+        "Feedthrough explains the fitted recordings but predicts the held-out ones poorly. "
+    )
     assert vetoed.next_experiment is None
     for one, other in zip(named.attributions, vetoed.attributions, strict=True):
         assert (other.ids, other.gain) == (one.ids, pytest.approx(one.gain, rel=1e-6))
@@ -69,7 +71,7 @@ def test_what_came_where_all_was_held_out_keeps_its_name_and_says_that_it_was_pr
     found = diagnose(campaign, head, looked_for, held_out=["r006", "r007", "r008", "r009"], workers=1)
     assert (found.verdict, ids(found)) == ("named", ["air_bubble"])
     assert found.closure < 0
-    assert found.headline.endswith("yet agree once they are fitted too.")
+    assert found.headline.endswith("but are explained once they are fitted as well.")
     assert "recording 11 on" in found.headline
     assert found.effects[0].parameters["bubble_frequency_Hz"].value == pytest.approx(28800, rel=0.01)
 
@@ -88,7 +90,7 @@ def test_all_held_out_is_refused(recorded, head):
         diagnose(campaign, head, held_out=[r.name for r in campaign.recordings], workers=1)
     gauge = [r.name for r in campaign.recordings if r.channel == "strain_gauge"]
     with pytest.raises(
-        ValueError, match=r"all recordings of channel strain_gauge .* nothing tells its gain and offset"
+        ValueError, match=r"all recordings of channel strain_gauge .* so its gain and offset are unknown"
     ):
         diagnose(campaign, head, held_out=gauge, workers=1)
 
@@ -100,7 +102,7 @@ def test_what_only_a_held_out_recording_shows_is_not_called_nothing(recorded_as,
     steep = next(r.name for r in campaign.recordings if np.abs(np.diff(r.drive_V)).max() / r.step_s > 1e8)
     found = diagnose(campaign, head, looked_for, held_out=[steep], workers=1)
     assert (found.verdict, found.effects, found.closure) == ("unknown", (), 0.0)
-    assert found.headline.startswith(f"{steep} does what the base model cannot, and what was fitted shows nothing")
+    assert found.headline.startswith(f"{steep} shows a mismatch that the fitted recordings do not show")
     assert ids(diagnose(campaign, head, looked_for, held_out=["r013"], workers=1)) == ["slew_limit"]
     # where nothing is concealed it may be held out
     assert diagnose(recorded(), head, looked_for, held_out=[steep], workers=1).verdict == "none"
@@ -112,4 +114,7 @@ def test_a_base_model_that_predicts_badly_for_want_of_recordings_leaves_nothing_
     high = [r.name for r in campaign.recordings if np.abs(r.drive_V).max() > 85 and r.channel == "self_sensing"]
     found = diagnose(campaign, head, [effects["feedthrough"]], held_out=high, workers=1)
     assert (found.verdict, found.closure) == ("none", 0.0)
-    assert "to their noise, those held out once they are fitted too: nothing was left out" in found.headline
+    assert (
+        "to within their noise, the held-out ones once they are fitted as well: they show no missing effect"
+        in found.headline
+    )

@@ -32,7 +32,7 @@ def test_without_repeats_and_without_rest_it_works_and_says_what_it_took_for_noi
     campaign = only(campaign, lambda r: r.repeat_of is None and np.ptp(r.drive_V) > 0)
     found = diagnose(campaign, head, [effects["quadratic_damping"], effects["feedthrough"]], workers=1)
     assert (found.verdict, ids(found)) == ("named", ["quadratic_damping"])
-    assert any("no repeats and no recording at rest tell the noise" in note for note in found.notes)
+    assert any("the noise is unknown without repeats or recordings at rest" in note for note in found.notes)
 
 
 def test_one_recording_is_enough_and_nothing_held_out_is_no_figure(recorded, head, effects):
@@ -69,4 +69,4 @@ def test_no_physics_is_blamed_while_what_had_gone_before_is_in_doubt(recorded, e
     )
     found = diagnose(doubtful, effects=[effects["thermal_drift"]], workers=1)
     assert (found.verdict, found.effects) == ("unknown", ())
-    assert "say so (initial state periodic)" in found.headline
+    assert "set the initial state to periodic" in found.headline

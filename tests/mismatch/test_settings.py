@@ -101,7 +101,7 @@ def test_a_kept_fit_is_not_taken_for_one_with_other_settings(recorded, head, eff
         pass
 
     def stop(step):
-        if step == "the next experiment":
+        if step == "designing the next experiment":
             raise Stop
 
     folder, names = tmp_path / "fits", []

@@ -73,5 +73,5 @@ def test_a_logarithm_has_scale_one_and_a_linear_coordinate_its_own_size():
     ("effects", "theta"), [((MODE,), np.zeros(1)), ((CUBIC, CUBIC), np.zeros(2 * len(CUBIC.parameters)))]
 )
 def test_what_does_not_fit_together_is_refused(effects, theta):
-    with pytest.raises(ValueError, match=r"theta must have shape|once only"):
+    with pytest.raises(ValueError, match=r"theta must have shape|active only once"):
         ActiveEffects(effects, theta)

@@ -133,7 +133,7 @@ def test_what_cannot_be_followed_is_refused():
     parameter = next(p for p in CUBIC.parameters if p.name in CUBIC.strengths)
     running_away = AugmentedPrinthead(HEAD, ((CUBIC, {p.name: p.low for p in CUBIC.parameters}),))
     assert parameter.low < 0
-    with pytest.raises(ValueError, match="has no answer to a drive of up to 90 V"):
+    with pytest.raises(ValueError, match="cannot be simulated under a drive of up to 90 V"):
         running_away.respond(WAVEFORM)
 
 
@@ -173,9 +173,9 @@ def damaged(change):
         (lambda d: d["effects"][1]["parameters"]["hardness"].update(value=0.5), r"must be 1 to 100 1; got 0\.5"),
         (lambda d: d["effects"][1]["parameters"]["hardness"].update(value=None), "must be a number; got None"),
         (lambda d: d["effects"][1]["parameters"]["limit"].update(value=True), "must be a number; got True"),
-        (lambda d: d.update(effects=d["effects"] * 2), "must each be there once"),
+        (lambda d: d.update(effects=d["effects"] * 2), "may occur only once"),
         (lambda d: d.update(effects="creep"), "effects must be a list"),
-        (lambda d: d.update(order=0), '"order" must be a whole number from 1 on'),
+        (lambda d: d.update(order=0), '"order" must be a whole number of at least 1'),
         (lambda d: d["fit"]["channels"]["strain_gauge"].pop("gain"), "strain_gauge.gain.value must be a finite number"),
     ],
 )

@@ -114,8 +114,8 @@ def test_retarded_elements_of_a_tone_in_steady_state_are_a_low_pass_of_it():
 
 
 def test_what_creeps_how_is_said():
-    assert "tenfold" in Creep().description(complete(Creep(), creep_per_decade=0.02, onset_s=0.1))
+    assert "per decade" in Creep().description(complete(Creep(), creep_per_decade=0.02, onset_s=0.1))
     said = Creep().description(complete(Creep(), onset_s=0.1, retarded_1=0.03, time_1_s=0.05, retarded_2=-0.01))
-    assert "tenfold" not in said
+    assert "per decade" not in said
     assert "on by 3 % within about 50 ms" in said
     assert "back by 1 % within about 3 s" in said

@@ -211,7 +211,7 @@ def test_beyond_its_knee_the_law_may_be_steeper_on_one_side_alone():
     (effect, values), *_ = on.effects
     assert (
         effect.description(values)
-        == "Beyond 20 V, positive drives move the head 10 % further than negative ones, a volt."
+        == "Above 20 V, the head moves 10 % further per volt at positive than at negative drive."
     )
 
 

@@ -98,8 +98,8 @@ def test_another_class_under_the_same_id_is_refused(file):
         ({"class": "os.system"}, "must read module:Class; got 'os.system'"),
         ({"class": ["a:B"]}, "must read module:Class"),
         ({"class": "a:B\nC"}, "must read module:Class"),
-        ({"id": 3}, "id of an effect must be a text; got '3'"),
-        ({"id": "feedthrough"}, f"'feedthrough' is one of the catalogue, yet the class {NAME} is named"),
+        ({"id": 3}, "id of an effect must be a string; got '3'"),
+        ({"id": "feedthrough"}, f"'feedthrough' is in the catalogue, but the class {NAME} is named"),
         ({"parameters": {}}, "effect leak, parameter lost: is missing"),
     ],
 )
@@ -118,7 +118,7 @@ def test_an_entry_without_a_class_is_told_which_it_needs(file):
     data = json.loads(file.read_text())
     del data["effects"][0]["class"]
     file.write_text(json.dumps(data))
-    with pytest.raises(ValueError, match=f"""'leak' is not of the catalogue: it needs "class": "{NAME}"."""):
+    with pytest.raises(ValueError, match=f"""'leak' is not in the catalogue, so it needs "class": "{NAME}"."""):
         read_printhead(file)
 
 
@@ -139,7 +139,7 @@ def failing(self):
         (lambda: int, "must be a subclass of inkjet_env.plant.Effect; got <class 'int'>"),
         (missing_sentence, "elsewhere:Mute must declare sentence, parameters, strengths, as"),
         (lambda: another(stage="resonance"), "stage of elsewhere:Another must be one of .*Did you mean 'resonator'"),
-        (lambda: another(id="feedthrough"), "has the id 'feedthrough' of an effect of the catalogue"),
+        (lambda: another(id="feedthrough"), "has the id 'feedthrough' of an effect in the catalogue"),
         (lambda: another(), f"has the id 'leak', under which {NAME} is registered"),
         (lambda: another(id="b", __init__=failing), "cannot be made without arguments: KeyError: 'bore'"),
     ],

@@ -58,7 +58,7 @@ def test_a_head_with_nothing_and_one_with_a_strong_effect_from_end_to_end(inkjet
     figures = {figure["name"]: figure for figure in score["figures"]}
     assert figures["meagre campaigns: false alarms"]["hits"] == 0
     assert figures["meagre campaigns: confidently wrong"]["hits"] == 0
-    assert figures["refused or broken down"]["hits"] == 0
+    assert figures["refused or failed"]["hits"] == 0
     judged = [json.loads(file.read_text())["judged"] for file in (tmp_path / "proof" / "judged").iterdir()]
     assert max(found["closure"] or 0.0 for found in judged) > 0.9
     assert "blind proof" in (tmp_path / "proof" / "report.html").read_text()

@@ -92,7 +92,7 @@ def test_a_campaign_is_replaced_and_nothing_else_is(tmp_path):
     write_campaign(target, Campaign("one", campaign().recordings[:1]))
     assert sorted(os.listdir(target)) == ["datapackage.json", "r001.csv"]
     (target / "notes.txt").write_text("mine")
-    with pytest.raises(CampaignError, match=r"holds 'notes.txt', which is no part"):
+    with pytest.raises(CampaignError, match=r"holds 'notes.txt', which is not part"):
         write_campaign(target, campaign())
     assert read_campaign(target).name == "one"
     (tmp_path / "other").mkdir()
@@ -174,16 +174,16 @@ def set_resource(key, value):
         (lambda p: p.update(resources=["r001"]), "resource 1: must be an object"),
         (lambda p: p.update(inkjet={"format": "campaign/2"}), "inkjet.format must be 'campaign/1'"),
         (lambda p: p.update(inkjet=7), "inkjet must be an object"),
-        (lambda p: p.update(name=7), "name must be a text"),
-        (set_resource("name", "r001"), "recording 'r001' comes twice"),
+        (lambda p: p.update(name=7), "name must be a string"),
+        (set_resource("name", "r001"), "recording 'r001' occurs twice"),
         (set_resource("name", "a/b"), "a recording's name must be fit for a file"),
         (set_resource("format", "xlsx"), "format must be 'csv'"),
-        (set_resource("path", ["a.csv", "b.csv"]), "path must be a text"),
-        (set_resource("path", "../c/r001.csv"), "leads out of it"),
-        (set_resource("path", "/etc/passwd"), "leads out of it"),
+        (set_resource("path", ["a.csv", "b.csv"]), "path must be a string"),
+        (set_resource("path", "../c/r001.csv"), "is outside it"),
+        (set_resource("path", "/etc/passwd"), "is outside it"),
         (set_resource("path", "r009.csv"), "there is no such file"),
         (set_resource("path", "."), "there is no such file"),
-        (set_resource("path", "r\0.csv"), "is no file's name"),
+        (set_resource("path", "r\0.csv"), "is not a file name"),
         (set_resource("schema", []), "schema must be an object"),
         (set_resource("schema", {"fields": [3]}), "must be objects with a name"),
         (set_resource("schema", {"fields": [{"name": "sensor"}]}), "Did you mean 'sensor_V'"),
@@ -226,7 +226,7 @@ def test_a_link_that_leads_out_is_refused(tmp_path):
     folder = written(tmp_path / "c")
     (folder / "r001.csv").rename(tmp_path / "elsewhere.csv")
     (folder / "r001.csv").symlink_to(tmp_path / "elsewhere.csv")
-    with pytest.raises(CampaignError, match="leads out of it"):
+    with pytest.raises(CampaignError, match="is outside it"):
         read_campaign(folder)
     os.remove(folder / "r001.csv")
     os.mkfifo(folder / "r001.csv")

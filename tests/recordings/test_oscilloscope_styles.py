@@ -194,7 +194,7 @@ def test_files_come_in_the_order_of_their_names(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "given", "message"),
     [
-        (plain(), {"channel": None}, "nothing tells which sensor"),
+        (plain(), {"channel": None}, "the sensor is unknown"),
         (plain(), {"channel": "selfsensing"}, "Did you mean 'self_sensing'"),
         (plain(), {"columns": {"driver": "drive"}}, "Did you mean 'drive'"),
         (plain(), {"columns": {"drive": "drove"}}, "Did you mean 'drive'"),
@@ -203,8 +203,8 @@ def test_files_come_in_the_order_of_their_names(tmp_path):
         ([], {}, "no row of at least two numbers"),
         (["time,drive,sensor"], {}, "no row of at least two numbers"),
         (plain()[:2], {}, "at least 2 samples; got 1"),
-        ([line.rsplit(",", 1)[0] for line in plain()], {}, "sensor cannot be told; those left are: none"),
-        (["t,a,b,c"] + [f"{line},1" for line in no_header()], {}, "those left are: a, b, c"),
+        ([line.rsplit(",", 1)[0] for line in plain()], {}, "sensor is unknown; the remaining columns are: none"),
+        (["t,a,b,c"] + [f"{line},1" for line in no_header()], {}, "the remaining columns are: a, b, c"),
         (["time,sensor 1,sensor 2", *no_header()], {}, "could each be the sensor"),
         (["time,CH1,CH2", "s,V,A", *no_header()], {}, "unit 'A' of column CH2 is not known"),
         (["time,drive,sensor", "s,s,V", *no_header()], {}, "the drive must be in V; column drive is in s"),

@@ -75,7 +75,7 @@ def test_one_percent_of_a_step_is_uniform_and_two_are_not():
         ({"channel": None}, "channel must be one of"),
         ({"initial_state": "demagnetized"}, "Did you mean 'demagnetised'"),
         ({"unit": "mV"}, "unit must be one of V, um, nm"),
-        ({"excitation": 3}, "excitation must be a text"),
+        ({"excitation": 3}, "excitation must be a string"),
         ({"order": 0}, "order must be a whole number from 1 on"),
         ({"order": True}, "order must be"),
         ({"order": 1.5}, "order must be"),
@@ -132,10 +132,10 @@ def test_repeats_of_repeats_are_one_group():
     ("recordings", "message"),
     [
         ([], "at least one recording"),
-        ([recording("a"), recording("a")], "recording 'a' comes twice"),
+        ([recording("a"), recording("a")], "recording 'a' occurs twice"),
         ([recording("r001"), recording("b", repeat_of="r01")], "Did you mean 'r001'"),
-        ([recording("a", repeat_of="a")], "circle: a → a"),
-        ([recording("a", repeat_of="b"), recording("b", repeat_of="a")], "circle: a → b → a"),
+        ([recording("a", repeat_of="a")], "cycle: a → a"),
+        ([recording("a", repeat_of="b"), recording("b", repeat_of="a")], "cycle: a → b → a"),
     ],
 )
 def test_campaigns_that_contradict_themselves_are_refused(recordings, message):

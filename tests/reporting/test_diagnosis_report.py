@@ -204,9 +204,9 @@ def test_every_recording_hypothesis_and_note_is_on_the_page(any_of_them):
 def test_each_verdict_shows_what_belongs_to_it_alone(pages):
     belongs = {
         "named": "nV s/V",
-        "set": "One of these, but these recordings cannot show which",
+        "set": "Candidates that these recordings cannot distinguish",
         "unknown": "corrects but does not explain",
-        "none": "No claim is made here about the smallest effect",
+        "none": "This does not state the smallest effect",
     }
     for verdict, page in pages.items():
         shown = {other for other, words in belongs.items() if words in text_of(page)}
@@ -226,7 +226,7 @@ def test_what_only_held_out_recordings_speak_against_is_told_as_that(named):
 
 def test_a_page_does_not_doubt_what_its_verdict_names(named):
     explains_held_out_after_refit = text_of(diagnosis_html(replace(named, closure=-1.64)))
-    assert "but it explains them when it is fitted to them too" in explains_held_out_after_refit
+    assert "but it explains them once it is fitted to them as well" in explains_held_out_after_refit
     assert "rejected" not in explains_held_out_after_refit
     refused = replace(named, verdict="unknown", effects=(), left_over=0.0)
     poorly, alike = (text_of(diagnosis_html(replace(refused, closure=closure))) for closure in (0.3, 0.9))

@@ -145,14 +145,14 @@ def main(arguments: list[str] | None = None) -> int:
     beaten = [one for one in found if one.gain > ALLOWED]
     for one in beaten:
         print(
-            f"{one.problem} is beaten by {one.method}: {one.cost_V:.9f} V. "
+            f"{one.problem} has a lower cost by {one.method}: {one.cost_V:.9f} V. "
             "Run python -m experiments.benchmark.studies.search_best_known."
         )
     if not beaten:
         most = max(found, key=lambda one: one.gain)
         print(
-            f"None is beaten by more than {100 * ALLOWED:g} %; the largest gain is {100 * most.gain:+.4f} % "
-            f"({most.method} on {most.problem})."
+            f"No best known cost is beaten by more than {100 * ALLOWED:g} %; the largest gain is "
+            f"{100 * most.gain:+.4f} % ({most.method} on {most.problem})."
         )
     return 1 if beaten else 0
 

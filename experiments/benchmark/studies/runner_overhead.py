@@ -165,7 +165,7 @@ def main(arguments: list[str] | None = None) -> None:
             seconds_of(command(stopped, job), whole_s / 2)
             rows.append((label, whole_s, done, kept(stopped)))
     print_table(
-        ("runner", "seconds", "results at the end", f"of {job.runs}: left by kill -9 half-way"),
+        ("runner", "seconds", "results at the end", f"of {job.runs}: kept after kill -9 half-way"),
         [(label, f"{seconds:.1f}", str(done), str(left)) for label, seconds, done, left in rows],
     )
     print(f"Time of inkjet bench over nevergrad's: {rows[0][1] / rows[1][1]:.2f} ({chosen.workers} processes each).")

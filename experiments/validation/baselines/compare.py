@@ -178,7 +178,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     if whole["cases"]:
         lines.append((f"median of {whole['cases']}", *(f"{whole['median'][p]:.3g}" for p in METHODS), "", ""))
     print("Held-out RMS over the noise, free run; if the noise is unknown, over the level of most fitted samples:")
-    print_table(("planted", *METHODS, "pysindy says", "diagnosis says"), lines)
+    print_table(("planted", *METHODS, "pysindy says", "diagnosis"), lines)
     for row in rows:
         if not row["noise_known"]:
             print(f"{row['name']}: 1 corresponds to {row['noise_rms']:.4g} {row['unit']} of the fast channel.")

@@ -277,7 +277,7 @@ def fast_library(bench: Bench) -> list[Proposal]:
         alone = replace(
             pulse.excitation, drive_V=np.zeros(pulse.excitation.samples), neighbour_V=pulse.excitation.drive_V, cache={}
         )
-        told = f"with this channel at 0 V and the neighbouring one {pulse.words}"
+        told = f"with this channel at 0 V and the neighbouring channel {pulse.words}"
         found.append(Proposal(told, alone))
     return found
 

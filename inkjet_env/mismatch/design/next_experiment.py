@@ -289,10 +289,10 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
         start, place = f"Record {CHANNELS[excitation.channel]}", ""
     names = f"{_named(judge.fits[i])} and {_named(judge.fits[j])}"
     size = f"{with_prefix(difference, unit)}, {float(f'{difference / noise:.2g}'):g} times the noise"
-    said = f"{start} {judged.proposal.words}: {names} would differ {place}by up to {size}"
+    said = f"{start} {judged.proposal.words}: the predictions for {names} differ {place}by up to {size}"
     least = judge.settings.separation
     if separation < least:
-        said += f"; take it {math.ceil(least / max(separation, 1e-300))} times"
+        said += f"; record it {math.ceil(least / max(separation, 1e-300))} times"
     drive = tuple(float(v) for v in excitation.drive_V)
     return NextExperiment(
         said + ".", excitation.channel, excitation.initial_state, excitation.step_s, drive, separation
@@ -300,16 +300,16 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
 
 
 def _named(fit: FitResult) -> str:
-    return " with ".join(name.replace("_", " ") for name in fit.ids) or "no effect at all"
+    return " with ".join(name.replace("_", " ") for name in fit.ids) or "no effect"
 
 
 def _in_words(
     candidates: Sequence[Effect], effects: Sequence[Effect], observed: Sequence[ObservedRecording]
 ) -> NextExperiment | None:
-    """In words, what shows the candidates, or if there are none, those of all effects that the campaign cannot show."""
+    """In words, recordings that show the candidates or, without any, the effects that the campaign cannot show."""
     if candidates:
         ways = list(dict.fromkeys(effect.shown_by for effect in candidates))
-        return NextExperiment(f"What would tell: {'; and '.join(ways)}.")
+        return NextExperiment(f"To find out, record {'; and '.join(ways)}.")
     excitations = [o.excitation for o in observed]
     unseen: dict[str, list[str]] = {}
     for effect in effects:
@@ -318,4 +318,4 @@ def _in_words(
     if not unseen:
         return None
     told = "; ".join(f"{way}, for {' and '.join(names)}" for way, names in unseen.items())
-    return NextExperiment(f"These recordings cannot show some effects. What would show them: {told}.")
+    return NextExperiment(f"These recordings cannot show some effects. To test for them, record {told}.")

@@ -76,8 +76,9 @@ def base_model(
     joint = _settled(finer(observed, substeps), head, otherwise, settings)
     if given and _unexplained(joint) > settings.fitting.poor_start_share:
         raise ValueError(
-            f"the printhead that was given, of {with_prefix(printhead.frequency_Hz, 'Hz', 3)}, explains next to "
-            "nothing of these recordings, even refitted. Give one of this head, or none: it is then identified."
+            f"the given printhead, with a resonance at {with_prefix(printhead.frequency_Hz, 'Hz', 3)}, explains almost "
+            "nothing of these recordings, even after a refit. Give the printhead of these recordings, or none: it is "
+            "then identified."
         )
     return joint
 

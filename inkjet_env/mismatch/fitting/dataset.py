@@ -221,8 +221,8 @@ def noise_seen(
             ratio = _power(repeated) / max(_power(resting), least[key[0]] ** 2, 1e-300)
             if ratio > settings.repeats_to_rest_variance:
                 notes.append(
-                    f"{key[0]}: repeats of one drive differ by {np.sqrt(ratio):.2g} times the noise at rest; something "
-                    "changes from recording to recording."
+                    f"{key[0]}: repeats of the same drive differ by {np.sqrt(ratio):.2g} times the noise at rest; "
+                    "something changes between recordings."
                 )
                 repeated = []
         if repeated:
@@ -230,7 +230,7 @@ def noise_seen(
         if not (resting or repeated):
             before = [residuals[o.name][: _rest_before(o)] for o in mine]
             resting = [stretch - stretch.mean() for stretch in before if stretch.size >= settings.shortest_rest]
-            source = ["what comes before the drive"]
+            source = ["samples before the drive"]
         stretches = resting + repeated
         if stretches:
             seen.setdefault(key[0], {})[key[1]] = stretches
@@ -252,7 +252,7 @@ def noise_seen(
             stretches = [residuals[o.name] for o in observed if o.noise_key == key]
             models[key], samples[key] = otherwise.get(key) or _of_most(stretches, least[key[0]]), 0
             notes.append(
-                f"{key[0]}: no repeats and no recording at rest tell the noise; what the model leaves was taken for it."
+                f"{key[0]}: the noise is unknown without repeats or recordings at rest; residuals were taken for it."
             )
     return Noise(models, samples, tuple(notes), least)
 
@@ -261,7 +261,7 @@ def _of_most(stretches: Sequence[Real], least: float) -> NoiseModel:
     """White noise as large as most samples' residuals: the few samples where a model fails do not count."""
     size = np.abs(np.concatenate([stretch - np.median(stretch) for stretch in stretches]))
     rms = max(1.4826 * float(np.median(size)), least)
-    return NoiseModel(np.ones(1), rms, rms, "what most samples show")
+    return NoiseModel(np.ones(1), rms, rms, "the level of most residuals")
 
 
 def _power(stretches: Sequence[Real]) -> float:

@@ -25,9 +25,9 @@ from inkjet_env.typing import Real
 
 STANDING_OUT = {
     "time in the waveform": "mostly ",
-    "pulse": "most with ",
-    "sign": "most under ",
-    "order": "most in the ",
+    "pulse": "strongest with ",
+    "sign": "strongest with ",
+    "order": "strongest in the ",
 }
 
 
@@ -167,7 +167,7 @@ def _tables(
     for cell in cells:
         tables.setdefault(cell.view, []).append((cell.label, cell.power, cell.z))
     for trend in lines:
-        told = f"{trend.what} against {trend.against}: {percent(trend.change, signed=True)} over all"
+        told = f"{trend.what} against {trend.against}: {percent(trend.change, signed=True)} in total"
         tables.setdefault("drift", []).append((told, trend.power, trend.z))
     for name, table in moved.items():
         for (value, error), what in zip(table, ("frequency", "damping"), strict=True):
@@ -197,13 +197,13 @@ def _sentence(
         largest = max(largest_V(other) for other in observed)
         start = ""
         if most >= 0.99 * largest and any(0 < largest_V(other) < 0.99 * least for other in observed):
-            start = f"from {with_prefix(least, 'V')} on, "
+            start = f"with drives of {with_prefix(least, 'V')} and more, "
         elif 0 < most < 0.99 * largest:
-            start = f"at {span_told(least, most, 'V')}, "
+            start = f"with drives of {span_told(least, most, 'V')}, "
         parts.append(f"{start}{CHANNELS[o.channel]} differs from the model{_amount(o, noise, fit)}")
     else:
         o = fast[0] if fast else observed[0]
-        parts.append(f"{CHANNELS[o.channel]} differs from the model, in no recording alone by more than noise would")
+        parts.append(f"{CHANNELS[o.channel]} differs from the model, but in no single recording significantly")
     several = len({other.channel for other in observed}) > 1
     prefix = f"{o.channel}: " if several else ""
     for view, words in STANDING_OUT.items():
@@ -215,22 +215,22 @@ def _sentence(
         parts.append("at " + " and ".join(span_told(low, high, "Hz") for low, high in bands[:2]))
     parity = [c for c in told if c.view == "distortion"]
     if parity and max(parity, key=lambda c: c.power).label.startswith("even"):
-        parts.append("strongest at even multiples of the repetition rate, where this drive holds nothing")
+        parts.append("strongest at even multiples of the repetition rate, where this drive has no power")
     growth = _growth(told, o.channel)
     if growth:
         parts.append(growth)
     if drift:
         most_sure = max(drift, key=lambda trend: abs(trend.z))
-        over = {"order": "from the first to the last recording", "drive": "from the least drive to the largest"}
+        over = {"order": "from the first to the last recording", "drive": "from the smallest drive to the largest"}
         way = "rose" if most_sure.change > 0 else "fell"
         name = "the resonance frequency" if most_sure.what == "frequency" else "the damping"
         parts.append(f"as if {name} {way} by {percent(abs(most_sure.change))} {over[most_sure.against]}")
     unknown = sorted({other.channel for other in observed if not noise.known(other)})
     if o.channel in unknown:
-        parts.append("compared with the rest of what is left, for nothing tells its noise")
+        parts.append("compared with the other residuals, because the noise is unknown")
     times = _stretches([c for c in told if c.view == "time"], settings.strong)
     if times and not recordings:
-        parts.append(f"{span_told(*times[0], 's')} after their start")
+        parts.append(f"{span_told(*times[0], 's')} after the start of the recordings")
     sentence = ", ".join(parts)
     return sentence[0].upper() + sentence[1:] + "."
 
@@ -242,7 +242,7 @@ def _amount(o: ObservedRecording, noise: Noise, fit: FitResult) -> str:
     beyond = float(np.mean(residuals**2)) - noise.models[o.noise_key].rms ** 2
     if beyond <= 0:
         return f" in {o.name.removesuffix(MONITOR)}"
-    return f" by {with_prefix(math.sqrt(beyond), o.unit)} (RMS, noise apart) in {o.name.removesuffix(MONITOR)}"
+    return f" by {with_prefix(math.sqrt(beyond), o.unit)} RMS (noise subtracted) in {o.name.removesuffix(MONITOR)}"
 
 
 def _standing_out(
@@ -266,5 +266,5 @@ def _growth(told: Sequence[Cell], channel: str) -> str:
     size = 0.5 * np.log([c.power - 1 for c in mine])
     exponent = float(np.polyfit(drive, size, 1)[0])
     if exponent > 1.5:
-        return "growing faster than the drive"
-    return "growing with the drive" if exponent > 0.5 else "much the same at every drive"
+        return "increasing faster than the drive"
+    return "increasing with the drive" if exponent > 0.5 else "nearly independent of the drive"

@@ -27,5 +27,5 @@ class Location:
     time_s: tuple[tuple[float, float], ...] = ()
     frequency_Hz: tuple[tuple[float, float], ...] = ()
     drive_V: tuple[tuple[float, float], ...] = ()
-    sentence: str = "Nothing is left beyond the noise."
+    sentence: str = "No residual exceeds the noise significantly."
     tables: Mapping[str, tuple[tuple[str, float, float], ...]] = field(default_factory=dict)

@@ -25,7 +25,7 @@ CHANNELS = {
 """Channels in words."""
 MONITOR = " (drive monitor)"
 """Ending of the name under which a voltage measured at the head is observed."""
-PHASES = ("on the edges", "in the dwells", "in the ring-down", "while the drive moves on", "with no drive")
+PHASES = ("on the edges", "in the dwells", "in the ring-down", "while the drive keeps moving", "with no drive")
 PULSES = ("the first pulse", "the second pulse", "the third pulse")
 SIGNS = ("positive drives", "negative drives", "drives of both signs")
 QUARTERS = ("first quarter of the session", "second quarter", "third quarter", "last quarter of the session")

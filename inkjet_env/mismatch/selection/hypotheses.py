@@ -206,7 +206,7 @@ def attribute(
     best: dict[str, FitResult] = {}
     for k, fit in enumerate(context.fits(joint, few_steps, tasks, tasks)):
         ids = tasks[k][0].ids
-        context.progress(f"{' + '.join(ids)} ({k + 1} of {len(tasks)} starts)")
+        context.progress(f"fitting {' + '.join(ids)} (start {k + 1} of {len(tasks)})")
         if fit is not None and (ids[-1] not in best or fit.nll < best[ids[-1]].nll):
             best[ids[-1]] = fit
     most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
@@ -216,7 +216,7 @@ def attribute(
     ended: list[Hypothesis] = []
     for k, fit in enumerate(context.fits(joint, lambda fit: simplest(joint, fit).fit, promising, questions)):
         if fit is not None:
-            context.progress(f"{' + '.join(fit.ids)}, to the end ({k + 1} of {len(promising)})")
+            context.progress(f"refining {' + '.join(fit.ids)} ({k + 1} of {len(promising)})")
             ended.append(Hypothesis(fit, joint.near(fit)))
     ended.sort(key=lambda h: -h.score)
     if ended and (ended[0].leaves_much or ended[0].degenerate):
@@ -226,7 +226,7 @@ def attribute(
         wholes = [(fit.active, fit, "whole") for fit in partial]
         for k, fit in enumerate(context.fits(joint, lambda fit: shaped(joint, fit, beside).fit, partial, wholes)):
             if fit is not None:
-                context.progress(f"{' + '.join(fit.ids)}, the whole law ({k + 1} of {len(partial)})")
+                context.progress(f"refining {' + '.join(fit.ids)} with all parameters ({k + 1} of {len(partial)})")
                 ended = [h for h in ended if h.ids != fit.ids] + [Hypothesis(fit, joint.near(fit))]
     return sorted([*hypotheses, *ended], key=lambda h: -h.score)
 

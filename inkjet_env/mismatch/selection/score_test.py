@@ -126,7 +126,7 @@ def signatures(
     q, _ = joint.basis
     shown, columns, sizes = [], [], []
     for k, (task, found) in enumerate(zip(tasks, context.pool.map(column, tasks), strict=True)):
-        context.progress(f"what {task[0].id} would add ({k + 1} of {len(tasks)})")
+        context.progress(f"score test of {task[0].id} ({k + 1} of {len(tasks)})")
         if found is None or not np.isfinite(found).all():
             continue
         projected = found - q @ (q.T @ found)  # s_i of Eq. (1)

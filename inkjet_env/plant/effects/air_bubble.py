@@ -39,17 +39,19 @@ class AirBubble(Effect):
         Parameter(
             "onset_order", "1", 1.0, 1e5, meaning="order of the first recording with the bubble", open_ended=True
         ),
-        Parameter("frequency_change", "1", -0.5, 0.5, meaning="of the head, relative, by the bubble"),
-        Parameter("damping_change", "1", -0.9, 5.0, meaning="of the head's damping ratio, relative, by the bubble"),
-        Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "of the bubble's mode"),
-        Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "of the bubble's mode"),
-        Parameter("bubble_strength", "1", -2.0, 2.0, meaning="static deflection by the bubble's mode over the head's"),
+        Parameter("frequency_change", "1", -0.5, 0.5, meaning="relative change of the head's frequency"),
+        Parameter("damping_change", "1", -0.9, 5.0, meaning="relative change of the head's damping ratio"),
+        Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "frequency of the bubble's mode"),
+        Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "damping ratio of the bubble's mode"),
+        Parameter("bubble_strength", "1", -2.0, 2.0, meaning="static deflection of the bubble's mode over the head's"),
     )
     strengths = ("frequency_change", "damping_change", "bubble_strength")
     terms = (("frequency_change", "bubble_strength"), ("damping_change",))
-    signature = "recordings before the onset fit the base model, those after it all show the same other resonances"
+    signature = (
+        "recordings before the onset fit the base model; those after it all show the same change of the resonance"
+    )
     confusable_with = ("thermal_drift", "second_mode")
-    shown_by = "one recording repeated through the whole session"
+    shown_by = "the same drive repeatedly throughout the session"
     depends_on_order = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
@@ -84,19 +86,17 @@ class AirBubble(Effect):
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         if len({excitation.order for excitation in excitations if excitation.fast}) < FEWEST_ORDERS:
-            return (
-                too_slow(excitations) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
-            )
+            return too_slow(excitations) or f"the fast recordings have fewer than {FEWEST_ORDERS} different orders"
         return None
 
     def description(self, values: Values, unit: str = "V") -> str:
         change = values["frequency_change"]
         does = []
         if change:
-            does.append(f"makes the head ring {percent(abs(change))} {'higher' if change > 0 else 'lower'}")
+            does.append(f"{'raises' if change > 0 else 'lowers'} the head's frequency by {percent(abs(change))}")
         if values["damping_change"]:
-            more = "more" if values["damping_change"] > 0 else "less"
-            does.append(f"damps it {percent(abs(values['damping_change']))} {more}")
+            raises = "raises" if values["damping_change"] > 0 else "lowers"
+            does.append(f"{raises} the damping ratio by {percent(abs(values['damping_change']))}")
         if values["bubble_strength"]:
             does.append(f"adds a mode at {with_prefix(values['bubble_frequency_Hz'], 'Hz', 3)}")
         listed = " and ".join(filter(None, [", ".join(does[:-1]), *does[-1:]]))

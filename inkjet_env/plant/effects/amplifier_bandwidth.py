@@ -25,9 +25,9 @@ class AmplifierBandwidth(Effect):
     source = "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapters 1 and 6: low-passes"
     parameters = (BANDWIDTH, SECOND_ORDER)
     strengths = ("bandwidth_Hz",)
-    signature = "edges of the drive are rounded and late, steep and gentle ones, small and large ones alike"
+    signature = "edges of the drive are rounded and delayed, whatever their slope and level"
     confusable_with = ("sensor_bandwidth", "trigger_delay", "slew_limit")
-    shown_by = "the voltage at the head, recorded along (column drive_monitor_V)"
+    shown_by = "the voltage at the head as well (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         return low_pass_starts(printhead)
@@ -39,7 +39,7 @@ class AmplifierBandwidth(Effect):
         return too_slow(excitations)
 
     def description(self, values: Values, unit: str = "V") -> str:
-        return f"The amplifier passes only up to {with_prefix(values['bandwidth_Hz'], 'Hz', 3)}."
+        return f"The amplifier has a bandwidth of only {with_prefix(values['bandwidth_Hz'], 'Hz', 3)}."
 
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         if math.isinf(values["bandwidth_Hz"]):

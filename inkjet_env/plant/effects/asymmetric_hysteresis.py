@@ -36,21 +36,29 @@ class AsymmetricHysteresis(Effect):
         "inversion for hysteresis compensation in micropositioning control, IEEE/ASME Trans. Mechatronics 16(4), 2011"
     )
     parameters = (
-        Parameter("asymmetry", "1", -0.5, 0.5, meaning="positive branches are this much steeper, negative ones less"),
+        Parameter("asymmetry", "1", -0.5, 0.5, meaning="relative rise of the slope at v > 0, and fall at v < 0"),
         Parameter(
-            "knee_V", "V", 0.0, 1e3, meaning="hysteretic drive from which on they are", open_ended=True, plain=0.0
+            "knee_V",
+            "V",
+            0.0,
+            1e3,
+            meaning="hysteretic drive above which the slopes change",
+            open_ended=True,
+            plain=0.0,
         ),
-        Parameter("bowing", "1", -0.5, 0.5, meaning="beyond it both are this much steeper: one-sided if as large"),
-        Parameter("bending", "1", -0.5, 0.5, meaning="even quadratic part, relative, at half the law's full scale"),
-        Parameter("arching", "1", -0.5, 0.5, meaning="the same of the drive, before it meets the hysteresis"),
-        Parameter("lean", "1", -0.5, 0.5, meaning="rising branches of plays are this much steeper, falling ones less"),
-        Parameter("tilt", "1", -1.0, 1.0, meaning="the same for a threshold of half the full scale, in proportion"),
+        Parameter("bowing", "1", -0.5, 0.5, meaning="relative rise of both slopes above the knee"),
+        Parameter("bending", "1", -0.5, 0.5, meaning="relative even quadratic term at half the law's full scale"),
+        Parameter("arching", "1", -0.5, 0.5, meaning="the same for the drive, before the hysteresis"),
+        Parameter(
+            "lean", "1", -0.5, 0.5, meaning="relative rise of the plays' slope when rising, and fall when falling"
+        ),
+        Parameter("tilt", "1", -1.0, 1.0, meaning="the same in proportion to the threshold, at half the full scale"),
     )
     strengths = ("asymmetry", "bowing", "bending", "arching", "lean", "tilt")
     terms = (("asymmetry",), ("bowing", "knee_V"), ("bending",), ("arching",), ("lean",), ("tilt",))
-    signature = "even harmonics, at slow rates too; the answer to a drive turned upside down is not turned upside down"
+    signature = "even harmonics, also at slow rates; the response to an inverted drive is not the inverted response"
     confusable_with = ("sensor_saturation",)
-    shown_by = "a pulse and the same one upside down, and a slow loop over the whole range"
+    shown_by = "a pulse, the same pulse inverted, and a slow loop over the whole range"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         off = dict.fromkeys(self.strengths, 0.0) | {"knee_V": 0.0}
@@ -71,14 +79,14 @@ class AsymmetricHysteresis(Effect):
         if asymmetry and values["knee_V"]:
             knee = with_prefix(values["knee_V"], "V")
             said.append(
-                f"Beyond {knee}, positive drives move the head {_further(2 * asymmetry)} than negative ones, a volt."
+                f"Above {knee}, the head moves {_further(2 * asymmetry)} per volt at positive than at negative drive."
             )
             asymmetry = 0.0
         if asymmetry or even:
             small, large = 2 * asymmetry, 2 * (asymmetry + even)
             said.append(
-                f"Compared with negative drives, positive ones move the head {_further(small)} where they are small "
-                f"and {_further(large)} at half the full scale."
+                f"Compared with negative drives, small positive drives move the head {_further(small)}, and those of "
+                f"half the full scale {_further(large)}."
             )
         lean = values["lean"] + 0.5 * values["tilt"]
         if lean:

@@ -22,17 +22,17 @@ class BaselineDrift(Effect):
 
     id = "baseline_drift"
     stage = "sensing"
-    sentence = "The sensor's baseline is another in every recording and drifts slowly, whatever the drive."
-    equation = "y = y₀ + c₀ + c₁ t + … + cₙ tⁿ, with c of every recording its own"
+    sentence = "The sensor's baseline differs between recordings and drifts slowly, whatever the drive."
+    equation = "y = y₀ + c₀ + c₁ t + … + cₙ tⁿ, with separate c for each recording"
     source = "Bendat & Piersol, Random Data, 4th edition, Wiley, 2010: trends and their removal"
     parameters = (
-        Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "of the drift over a recording; 0 is none"),
-        Parameter("degree", "1", 1.0, 20.0, "linear", "n: the rougher the drift, the more", True, plain=2.0),
+        Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "size of the drift over a recording; 0 is none"),
+        Parameter("degree", "1", 1.0, 20.0, "linear", "n: degree of the polynomial", True, plain=2.0),
     )
     strengths = ("amplitude",)
-    signature = "there with zero drive; much slower than the resonance; repeats differ by it"
+    signature = "present with zero drive; much slower than the resonance; repeats differ by it"
     confusable_with = ("mains_hum", "creep")
-    shown_by = "recordings of zero drive, some at the session's start and some at its end"
+    shown_by = "zero drive, both at the start and at the end of the session"
     random = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
@@ -43,7 +43,7 @@ class BaselineDrift(Effect):
 
     def description(self, values: Values, unit: str = "V") -> str:
         return (
-            "The sensor's baseline is another in every recording and drifts slowly, whatever the drive, "
+            "The sensor's baseline differs between recordings and drifts slowly, whatever the drive, "
             f"by about {with_prefix(values['amplitude'], unit)}."
         )
 

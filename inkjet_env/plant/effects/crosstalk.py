@@ -31,26 +31,30 @@ class Crosstalk(Effect):
 
     id = "crosstalk"
     stage = "sensing"
-    sentence = "The neighbouring channel's drive is heard."
+    sentence = "The neighbouring channel's drive appears in the sensor's signal."
     equation = (
-        "y = y₀ + c_m H[u_n] + c_e (1 µs) du_n/dt + c_d u_n, with H the head's own answer, "
-        "of a frequency and a damping ratio of the neighbour's: f (1 + detuning), ζ (1 + damping_change)"
+        "y = y₀ + c_m H[u_n] + c_e (1 µs) du_n/dt + c_d u_n, with H the head's own response at "
+        "the frequency f (1 + detuning) and the damping ratio ζ (1 + damping_change) of the neighbour"
     )
     source = (
         "Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491(4-5), 2010: "
         "electrical, direct and acoustic cross-talk"
     )
     parameters = (
-        Parameter("mechanical", "1", -10.0, 10.0, "linear", "of the head's own answer, to the neighbour's drive"),
-        Parameter("electrical", "1", -1e6, 1e6, "linear", "sensor's units for a neighbour that rises by 1 V/µs"),
-        Parameter("direct", "1", -10.0, 10.0, "linear", "sensor's units for a neighbour at 1 V"),
-        Parameter("detuning", "1", -0.5, 0.5, meaning="of the neighbour, relative", open_ended=True, plain=0.0),
-        Parameter("damping_change", "1", -0.9, 5.0, meaning="of its damping ratio", open_ended=True, plain=0.0),
+        Parameter("mechanical", "1", -10.0, 10.0, "linear", "fraction of the head's response to the same drive"),
+        Parameter("electrical", "1", -1e6, 1e6, "linear", "signal for a neighbour's drive that rises by 1 V/µs"),
+        Parameter("direct", "1", -10.0, 10.0, "linear", "signal for a neighbour's drive of 1 V"),
+        Parameter(
+            "detuning", "1", -0.5, 0.5, meaning="relative, of the neighbour's frequency", open_ended=True, plain=0.0
+        ),
+        Parameter(
+            "damping_change", "1", -0.9, 5.0, meaning="relative, of its damping ratio", open_ended=True, plain=0.0
+        ),
     )
     strengths = ("mechanical", "electrical", "direct")
-    signature = "coherent with the neighbour's drive; there while the head's own drive rests"
+    signature = "coherent with the neighbour's drive; present while the head's own drive is at rest"
     confusable_with = ("feedthrough",)
-    shown_by = "the neighbour alone driven, and both together (column neighbour_V)"
+    shown_by = "the neighbouring channel driven alone, and both channels driven (column neighbour_V)"
     needs_neighbour = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
@@ -73,19 +77,19 @@ class Crosstalk(Effect):
         if not neighbours:
             return "no recording has the neighbouring channel's drive (column neighbour_V)"
         if not any(np.ptp(neighbour) > 0 for neighbour in neighbours):
-            return "the neighbouring channel's drive (column neighbour_V) never moves"
+            return "the neighbouring channel's drive (column neighbour_V) is constant"
         return None
 
     def description(self, values: Values, unit: str = "V") -> str:
         mechanical, electrical, direct = (values[name] for name in self.strengths)
         heard = []
         if mechanical:
-            heard.append(f"with {percent(mechanical)} of what it would do to the head itself")
+            heard.append(f"{percent(mechanical)} of the head's response to the same drive")
         if electrical:
-            heard.append(f"with {with_prefix(10 * electrical, unit)} on an edge of 10 V/µs")
+            heard.append(f"{with_prefix(10 * electrical, unit)} on an edge of 10 V/µs")
         if direct:
-            heard.append(f"with {with_prefix(100 * direct, unit)} while it stands at 100 V")
-        return f"The neighbouring channel's drive is heard: {', '.join(heard)}."
+            heard.append(f"{with_prefix(100 * direct, unit)} at a steady 100 V")
+        return f"The neighbouring channel's drive appears in the sensor's signal: {', '.join(heard)}."
 
     def sensing(
         self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation

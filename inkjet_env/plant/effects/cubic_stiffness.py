@@ -27,16 +27,16 @@ class CubicStiffness(Effect):
 
     id = "cubic_stiffness"
     stage = "resonator"
-    sentence = "The head's stiffness changes with the square of its deflection, so large strokes ring at another pitch."
+    sentence = "The head's stiffness changes with the square of its deflection, so its frequency depends on amplitude."
     equation = "x'' + a1 x' + a0 (x + k x³) = a0 v; in ring-down Δf/f = 3/8 k A²"
     source = "A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979, chapter 4"
     parameters = (
         Parameter(
-            "stiffening_per_V2", "1/V²", -1e3, 1e3, meaning="relative rise of stiffness, per square of deflection"
+            "stiffening_per_V2", "1/V²", -1e3, 1e3, meaning="relative rise of the stiffness per square of deflection"
         ),
     )
     strengths = ("stiffening_per_V2",)
-    signature = "the frequency shifts with the square of the amplitude; damping stays; only odd harmonics of a sine"
+    signature = "the frequency shifts with the square of the amplitude, the damping does not; odd harmonics only"
     confusable_with = ("ferroelastic_softening", "quadratic_damping")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
@@ -56,7 +56,7 @@ class CubicStiffness(Effect):
         size_V = next((size_V for size_V in (100.0, 10.0, 1.0, 0.1) if abs(k) * size_V**2 < 0.1), 0.01)
         change = "stiffer" if k > 0 else "softer"
         return (
-            f"Deflected as far as a steady drive of about {with_prefix(size_V, 'V')} would, the head is "
+            f"Deflected as far as by a steady drive of about {with_prefix(size_V, 'V')}, the head is "
             f"{percent(abs(k) * size_V**2)} {change} than at rest."
         )
 

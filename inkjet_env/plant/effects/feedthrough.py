@@ -23,23 +23,21 @@ class Feedthrough(Effect):
 
     id = "feedthrough"
     stage = "sensing"
-    sentence = "The capacitance compensation is imperfect: a part of the drive's own current reaches the sensor."
+    sentence = "The capacitance compensation is imperfect: part of the drive's own current reaches the sensor."
     equation = "y = y₀ + k_C w' + k_R u, w + τ w' = u"
     source = (
         "Dosch, Inman & Garcia, A self-sensing piezoelectric actuator for collocated control, "
         "J. Intell. Mater. Syst. Struct. 3(1), 1992: the bridge that is out of balance"
     )
     parameters = (
-        Parameter("capacitive_s", "V s/V", -1.0, 1.0, "linear", "volts at the sensor for a drive that rises by 1 V/s"),
-        Parameter("lossy", "1", -10.0, 10.0, "linear", "volts at the sensor for a volt of drive"),
-        Parameter(
-            "lag_s", "s", 0.0, 1.0, meaning="τ, of the capacitance with what is in series", open_ended=True, plain=0.0
-        ),
+        Parameter("capacitive_s", "V s/V", -1.0, 1.0, "linear", "sensor voltage for a drive that rises by 1 V/s"),
+        Parameter("lossy", "1", -10.0, 10.0, "linear", "sensor voltage for 1 V of drive"),
+        Parameter("lag_s", "s", 0.0, 1.0, meaning="τ: time constant of the capacitance", open_ended=True, plain=0.0),
     )
     strengths = ("capacitive_s", "lossy")
-    signature = "on the edges of the drive only, a step as long as the edge; nothing of it rings on"
+    signature = "present on the edges of the drive only, as a step for as long as the edge; it does not ring"
     confusable_with = ("crosstalk", "second_mode")
-    shown_by = "edges of several steepnesses at the same voltage, self-sensed"
+    shown_by = "the self-sensing signal under edges of several slopes to the same voltage"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         own = [excitation for excitation in excitations if excitation.channel == "self_sensing"]
@@ -57,16 +55,16 @@ class Feedthrough(Effect):
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         if any(excitation.channel == "self_sensing" and np.ptp(excitation.drive_V) > 0 for excitation in excitations):
             return None
-        return "no recording is self-sensed under a drive that moves"
+        return "no recording of self-sensing has a drive that changes"
 
     def description(self, values: Values, unit: str = "V") -> str:
         per_s = values["capacitive_s"]
         edge_V_s = 1e7 if abs(per_s) < 1e-5 else 1e4
         heard = []
         if per_s:
-            heard.append(f"an edge of {with_prefix(edge_V_s, 'V/s')} as {with_prefix(edge_V_s * per_s, 'V')}")
+            heard.append(f"{with_prefix(edge_V_s * per_s, 'V')} on an edge of {with_prefix(edge_V_s, 'V/s')}")
         if values["lossy"]:
-            heard.append(f"a steady drive of 100 V as {with_prefix(100 * values['lossy'], 'V')}")
+            heard.append(f"{with_prefix(100 * values['lossy'], 'V')} at a steady drive of 100 V")
         return f"The capacitance compensation is imperfect; the sensor shows {' and '.join(heard)}."
 
     def sensing(

@@ -33,18 +33,18 @@ class MainsHum(Effect):
 
     id = "mains_hum"
     stage = "sensing"
-    sentence = "An interference at a fixed frequency is in the recordings; it is not locked to the trigger."
-    equation = "y = y₀ + Σₖ aₖ cos 2πkft + bₖ sin 2πkft, with a and b of every recording its own"
+    sentence = "The recordings contain interference at a fixed frequency that is not locked to the trigger."
+    equation = "y = y₀ + Σₖ aₖ cos 2πkft + bₖ sin 2πkft, with separate a and b for each recording"
     source = "Ott, Electromagnetic Compatibility Engineering, Wiley, 2009: pick-up of the mains and its harmonics"
     parameters = (
-        Parameter("frequency_Hz", "Hz", 0.01, 1e8, "log", "of the tone"),
-        Parameter("multiples", "1", 1.0, 20.0, "linear", "how many of it are heard; 1 is the tone alone", True),
-        Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "of the tone; 0 is none"),
+        Parameter("frequency_Hz", "Hz", 0.01, 1e8, "log", "frequency of the tone"),
+        Parameter("multiples", "1", 1.0, 20.0, "linear", "number of multiples; 1 is the tone alone", True),
+        Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "amplitude of the tone; 0 is none"),
     )
     strengths = ("amplitude",)
-    signature = "there with zero drive; its phase is another in every recording, so repeats differ by it"
+    signature = "present with zero drive; its phase differs between recordings, so repeats differ by it"
     confusable_with = ("baseline_drift",)
-    shown_by = "a recording of zero drive over several periods of the mains"
+    shown_by = "zero drive over several periods of the mains"
     random = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
@@ -66,9 +66,9 @@ class MainsHum(Effect):
 
     def description(self, values: Values, unit: str = "V") -> str:
         return (
-            f"An interference at {with_prefix(values['frequency_Hz'], 'Hz', 3)} is in the recordings, not locked to "
-            f"the trigger{', with multiples of it' if values['multiples'] > 1 else ''}; it adds up to about "
-            f"{with_prefix(values['amplitude'], unit)}."
+            f"The recordings contain interference at {with_prefix(values['frequency_Hz'], 'Hz', 3)}"
+            f"{' and its multiples' if values['multiples'] > 1 else ''} that is not locked to the trigger; it amounts "
+            f"to about {with_prefix(values['amplitude'], unit)}."
         )
 
     def random_effect_basis(self, values: Values, excitation: Excitation) -> Real | None:

@@ -26,7 +26,7 @@ class MeniscusRefill(Effect):
 
     id = "meniscus_refill"
     stage = "resonator"
-    sentence = "The head's tuning depends on the pulses just before and recovers in the time after them."
+    sentence = "The head's resonance depends on the preceding pulses and recovers in the time after them."
     equation = (
         "x'' + a1 x' + a0 (1 + k s + m n) x = a0 v; s' = -s / τ + |u'| / 100 V; "
         "n + τ n' + q τ² n'' = (|p| / 100 V)^power, p = x'/ω0 of the head without it"
@@ -37,15 +37,19 @@ class MeniscusRefill(Effect):
     )
     parameters = (
         Parameter("recovery_s", "s", 1e-9, 1e4, "log", "time constant of the refill"),
-        Parameter("stiffness_change", "1", -1.0, 1.0, meaning="relative, after edges of 100 V together"),
-        Parameter("flow_change", "1", -10.0, 10.0, meaning="of stiffness, relative, under a steady flow of 100 V"),
-        Parameter("power", "1", 1.0, 2.0, meaning="of the flow", open_ended=True, plain=1.0),
-        Parameter("second_order", "1", 0.0, 10.0, meaning="q: above 1/4 it swings back", open_ended=True, plain=0.0),
+        Parameter(
+            "stiffness_change", "1", -1.0, 1.0, meaning="relative, of the stiffness after edges of 100 V in total"
+        ),
+        Parameter("flow_change", "1", -10.0, 10.0, meaning="relative, of the stiffness at a steady flow of 100 V"),
+        Parameter("power", "1", 1.0, 2.0, meaning="exponent of the flow", open_ended=True, plain=1.0),
+        Parameter(
+            "second_order", "1", 0.0, 10.0, meaning="q: above 1/4 the recovery oscillates", open_ended=True, plain=0.0
+        ),
     )
     strengths = ("stiffness_change", "flow_change")
-    signature = "the same pulse rings at another pitch after a busy history than after a rest"
+    signature = "the same pulse rings at a different frequency after other pulses than after a rest"
     confusable_with = ("thermal_drift", "cubic_stiffness", "creep")
-    shown_by = "pairs of equal pulses with several gaps between them"
+    shown_by = "pairs of equal pulses with several different gaps"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         off = {"stiffness_change": 0.0, "flow_change": 0.0, "power": 1.0, "second_order": 0.0}
@@ -82,14 +86,13 @@ class MeniscusRefill(Effect):
     def description(self, values: Values, unit: str = "V") -> str:
         said = []
         for name, after in (
-            ("stiffness_change", f"edges of {EDGES_V:g} V together leave"),
-            ("flow_change", f"a steady flow of {FLOW_V:g} V leaves"),
+            ("stiffness_change", f"after edges of {EDGES_V:g} V in total"),
+            ("flow_change", f"at a steady flow of {FLOW_V:g} V"),
         ):
             if values[name]:
-                said.append(
-                    f"{after} the head {percent(abs(values[name]))} {'stiffer' if values[name] > 0 else 'softer'}"
-                )
-        told = " and ".join(said) or "the head is left as it was"
+                change = "stiffer" if values[name] > 0 else "softer"
+                said.append(f"{after} the head is {percent(abs(values[name]))} {change}")
+        told = " and ".join(said) or "the head does not change"
         recovery = with_prefix(values["recovery_s"], "s")
         return f"{told[0].upper()}{told[1:]}; it recovers with a time constant of {recovery}."
 

@@ -28,14 +28,14 @@ class QuadraticDamping(Effect):
 
     id = "quadratic_damping"
     stage = "resonator"
-    sentence = "Damping grows with speed, so large strokes die away faster at first than small ones."
+    sentence = "Damping grows with speed, so large oscillations decay faster at first than small ones."
     equation = "x'' + a1 x' + a0 (x + c |p| p) = a0 v, p = x'/ω0; in ring-down Δζ = 4 c A / (3 π)"
     source = "A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979, chapter 3"
     parameters = (
-        Parameter("damping_per_V", "1/V", -0.01, 100.0, meaning="drag, over spring force, per scaled speed x'/ω0"),
+        Parameter("damping_per_V", "1/V", -0.01, 100.0, meaning="drag over spring force, per scaled speed x'/ω0"),
     )
     strengths = ("damping_per_V",)
-    signature = "the logarithmic decrement rises in proportion to the amplitude; the frequency stays"
+    signature = "the logarithmic decrement grows in proportion to the amplitude; the frequency does not change"
     confusable_with = ("ferroelastic_softening", "cubic_stiffness")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
@@ -54,8 +54,8 @@ class QuadraticDamping(Effect):
         size_V = 100.0 if abs(c) * 100 < 1 else 1.0 if abs(c) < 1 else 0.01
         rise = 4 * c * size_V / (3 * math.pi)
         return (
-            f"Damping grows with the swing: as far as a steady drive of about {with_prefix(size_V, 'V')} would deflect "
-            f"the head, {rise:.2g} is added to the damping ratio."
+            "Damping grows with amplitude: at the deflection under a steady drive of about "
+            f"{with_prefix(size_V, 'V')}, {rise:.2g} is added to the damping ratio."
         )
 
     def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:

@@ -32,7 +32,7 @@ class RateDependentHysteresis(Effect):
     stage = "hysteresis"
     sentence = "The hysteresis loop widens with the drive's rate."
     equation = (
-        "m = ln(1 + |u'| / ρ) behind a lag of settling_s; thresholds r (1 + growth m) + widening_V m, not below 0; "
+        "m = ln(1 + |u'| / ρ) after a lag of settling_s; thresholds r (1 + growth m) + widening_V m, not below 0; "
         "weights w (1 + gain m); a play follows its branch with a lag of relaxation_s"
     )
     source = (
@@ -43,17 +43,24 @@ class RateDependentHysteresis(Effect):
         "G. Bertotti, Hysteresis in Magnetism, Academic Press, 1998: operators that relax"
     )
     parameters = (
-        Parameter("growth", "1", -0.5, 2.0, meaning="of the thresholds, relative, for an e-fold rate"),
-        Parameter("widening_V", "V", -20.0, 20.0, meaning="of all thresholds alike, for an e-fold rate"),
-        Parameter("gain", "1", -0.5, 2.0, meaning="growth of the plays' weights, relative, for an e-fold rate"),
+        Parameter("growth", "1", -0.5, 2.0, meaning="relative rise of the thresholds per e-fold rate"),
+        Parameter("widening_V", "V", -20.0, 20.0, meaning="equal rise of all thresholds per e-fold rate"),
+        Parameter("gain", "1", -0.5, 2.0, meaning="relative rise of the plays' weights per e-fold rate"),
         Parameter("relaxation_s", "s", 0.0, 1.0, meaning="lag with which a play follows its branch"),
-        Parameter("rate_V_s", "V/s", 1e-1, 1e9, "log", "rate at which growth begins", open_ended=True, plain=1.0),
+        Parameter("rate_V_s", "V/s", 1e-1, 1e9, "log", "ρ: rate at which the rise begins", open_ended=True, plain=1.0),
         Parameter(
-            "settling_s", "s", AT_ONCE_S, 10.0, "log", "lag with which they notice it", open_ended=True, plain=AT_ONCE_S
+            "settling_s",
+            "s",
+            AT_ONCE_S,
+            10.0,
+            "log",
+            "lag of the response to the rate",
+            open_ended=True,
+            plain=AT_ONCE_S,
         ),
     )
     strengths = ("growth", "widening_V", "gain", "relaxation_s")
-    signature = "loops of one amplitude are wider at a higher rate, beyond what the resonance does"
+    signature = "loops of one amplitude are wider at a higher rate, by more than the resonance explains"
     confusable_with = ("creep", "quadratic_damping")
     shown_by = "slow loops of one amplitude at rates over several decades"
 
@@ -87,15 +94,15 @@ class RateDependentHysteresis(Effect):
             wide.append(with_prefix(2 * abs(widening_V), "V"))
         if wide:
             said.append(
-                f"From about {with_prefix(values['rate_V_s'], 'V/s')} on, the hysteresis loop is {' and '.join(wide)} "
-                f"{'wider' if growth + widening_V > 0 else 'narrower'}, along the drive, with every tenfold rate of "
-                "the drive."
+                f"Above about {with_prefix(values['rate_V_s'], 'V/s')}, the hysteresis loop becomes "
+                f"{' and '.join(wide)} {'wider' if growth + widening_V > 0 else 'narrower'} along the drive for every "
+                "tenfold increase of the rate."
             )
         elif values["gain"]:
             gain = values["gain"] * math.log(10)
             said.append(
-                f"From about {with_prefix(values['rate_V_s'], 'V/s')} on, the hysteresis loop is {percent(abs(gain))} "
-                f"{'higher' if gain > 0 else 'lower'} with every tenfold rate of the drive."
+                f"Above about {with_prefix(values['rate_V_s'], 'V/s')}, the hysteresis loop becomes "
+                f"{percent(abs(gain))} {'higher' if gain > 0 else 'lower'} for every tenfold increase of the rate."
             )
         if values["relaxation_s"]:
             said.append(f"The hysteresis follows the drive with a lag of {with_prefix(values['relaxation_s'], 's')}.")

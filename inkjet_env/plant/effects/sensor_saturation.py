@@ -37,12 +37,12 @@ class SensorSaturation(Effect):
         "Communications, 1991: the amplifier's limiter"
     )
     parameters = (
-        Parameter("limit", SENSOR_UNIT, 1e-9, math.inf, "reciprocal", "the rail that the signal never passes"),
-        Parameter("hardness", "1", 1.0, 100.0, "log", "1: from the first on; 20 and more: it clips", open_ended=True),
-        Parameter("skew", "1", -1.0, 1.0, meaning="1: above 0 alone, -1: below", open_ended=True, plain=0.0),
+        Parameter("limit", SENSOR_UNIT, 1e-9, math.inf, "reciprocal", "rail that the signal never exceeds"),
+        Parameter("hardness", "1", 1.0, 100.0, "log", "1: gradual compression; 20 and more: clipping", open_ended=True),
+        Parameter("skew", "1", -1.0, 1.0, meaning="1: only above 0; -1: only below 0", open_ended=True, plain=0.0),
     )
     strengths = ("limit",)
-    signature = "flat tops at one level whatever the drive; small signals are as they should be"
+    signature = "flat tops at one level whatever the drive; small signals are unaffected"
     confusable_with = ("quadratic_damping", "asymmetric_hysteresis")
     shown_by = "the same waveform at a third of the voltage and at full voltage"
 
@@ -59,17 +59,17 @@ class SensorSaturation(Effect):
         return {"limit": 0.75 * largest, "hardness": 6.0}
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
-        return None if any(excitation.fast for excitation in excitations) else "no recording is of a fast sensor"
+        return None if any(excitation.fast for excitation in excitations) else "no recording is from a fast sensor"
 
     def description(self, values: Values, unit: str = "V") -> str:
         does = "clips" if values["hardness"] > 10 else "compresses"
         shares = [1 + side * values["skew"] for side in (1, -1)]
         rails = [values["limit"] / share if OUT_OF_REACH * share > max(shares) else 0.0 for share in shares]
         if values["skew"] == 0:
-            return f"The sensor {does}: it never shows more than ±{with_prefix(rails[0], unit, 3)}."
+            return f"The sensor {does}: its signal stays within ±{with_prefix(rails[0], unit, 3)}."
         above, below = (with_prefix(rail, unit, 3) for rail in rails)
-        never = [f"more than {above}"] * bool(rails[0]) + [f"less than -{below}"] * bool(rails[1])
-        return f"The sensor {does}: it never shows {' and '.join(never)}."
+        within = [f"below {above}"] * bool(rails[0]) + [f"above -{below}"] * bool(rails[1])
+        return f"The sensor {does}: its signal stays {' and '.join(within)}."
 
     def sensing(
         self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation

@@ -45,13 +45,13 @@ class SlewLimit(Effect):
         "monolithic op amp: a tutorial study, IEEE J. Solid-State Circuits 9(6), 1974: an input stage of tanh"
     )
     parameters = (
-        Parameter("slew_rate_V_s", "V/s", 1.0, math.inf, "reciprocal", "steepest edge it follows"),
-        Parameter("lag_s", "s", 0.0, 1.0, meaning="τ, with which it follows gentler ones", open_ended=True, plain=0.0),
+        Parameter("slew_rate_V_s", "V/s", 1.0, math.inf, "reciprocal", "steepest slope that it can follow"),
+        Parameter("lag_s", "s", 0.0, 1.0, meaning="τ: lag on gentler edges", open_ended=True, plain=0.0),
     )
     strengths = ("slew_rate_V_s",)
-    signature = "only edges steeper than some slope are late; gentle ones at the same level are not"
+    signature = "only edges steeper than some slope are delayed; gentler ones at the same level are not"
     confusable_with = ("amplifier_bandwidth",)
-    shown_by = "trapezoids of one level with edges from gentle to as steep as can be asked for"
+    shown_by = "trapezoids of one level, with edges from gentle to as steep as the generator allows"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         slopes = np.array(

@@ -29,30 +29,28 @@ class ThermalDrift(Effect):
 
     id = "thermal_drift"
     stage = "resonator"
-    sentence = "The head's frequency and damping wander in the course of the session."
-    equation = (
-        "ω0 (1 + f), ζ (1 + z); f, z cubic splines (Catmull & Rom) over the order, nothing at the first recording"
-    )
+    sentence = "The head's frequency and damping drift during the session."
+    equation = "ω0 (1 + f), ζ (1 + z); f, z cubic splines (Catmull & Rom) over the order, zero at the first recording"
     source = (
         "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010; any course: "
         "E. Catmull, R. Rom, A class of local interpolating splines, Computer Aided Geometric Design, 1974"
     )
     parameters = (
-        Parameter("last_order", "1", 1.0, 1e6, meaning="order at which the ninth place is", open_ended=True),
+        Parameter("last_order", "1", 1.0, 1e6, meaning="order at the last of the nine knots", open_ended=True),
         *(
-            Parameter(f"frequency_{k}", "1", -0.5, 0.5, meaning=f"relative change of frequency after {k}/{KNOTS}")
+            Parameter(f"frequency_{k}", "1", -0.5, 0.5, meaning=f"relative change of frequency at knot {k}")
             for k in range(1, KNOTS + 1)
         ),
         *(
-            Parameter(f"damping_{k}", "1", -3.0, 3.0, meaning=f"relative change of the damping ratio after {k}/{KNOTS}")
+            Parameter(f"damping_{k}", "1", -3.0, 3.0, meaning=f"relative change of the damping ratio at knot {k}")
             for k in range(1, KNOTS + 1)
         ),
     )
     strengths = tuple(parameter.name for parameter in parameters[1:])
     terms = (strengths[:KNOTS], strengths[KNOTS:])
-    signature = "width and pitch of the resonance follow the order of the recordings, whatever their drives"
+    signature = "width and frequency of the resonance follow the order of the recordings, whatever their drives"
     confusable_with = ("air_bubble", "meniscus_refill", "quadratic_damping")
-    shown_by = "one recording repeated through the whole session, amplitudes in random order"
+    shown_by = "the same drive repeatedly throughout the session, and amplitudes in random order"
     depends_on_order = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
@@ -79,9 +77,7 @@ class ThermalDrift(Effect):
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         if len({excitation.order for excitation in excitations if excitation.fast}) < FEWEST_ORDERS:
-            return (
-                too_slow(excitations) or f"fewer than {FEWEST_ORDERS} fast recordings tell when they were taken (order)"
-            )
+            return too_slow(excitations) or f"the fast recordings have fewer than {FEWEST_ORDERS} different orders"
         return None
 
     def changes(self, name: str, excitation: Excitation, values: Values) -> bool:
@@ -102,7 +98,7 @@ class ThermalDrift(Effect):
                 end, far = float(course[ends]), float(course[np.abs(course).argmax()])
                 words = f"{verb} {percent(abs(end))} {more if end > 0 else less}"
                 if abs(far) > 1.2 * abs(end):
-                    words += f" (on the way {percent(abs(far))} {more if far > 0 else less})"
+                    words += f" (in between, {percent(abs(far))} {more if far > 0 else less})"
                 said.append(words)
         if not said:
             return self.sentence

@@ -27,11 +27,11 @@ class TriggerDelay(Effect):
     sentence = "Drive and sensor are not aligned in time."
     equation = "u(t) = u_asked(t - delay)"
     source = "Ljung, System Identification: Theory for the User, 2nd edition, 1999: the input's delay"
-    parameters = (Parameter("delay_s", "s", -1.0, 1.0, meaning="by which the drive reaches the ceramic late"),)
+    parameters = (Parameter("delay_s", "s", -1.0, 1.0, meaning="delay of the drive at the ceramic"),)
     strengths = ("delay_s",)
-    signature = "every drive's answer comes late or early by the same time, its shape unchanged"
+    signature = "every response is late or early by the same time, its shape unchanged"
     confusable_with = ("amplifier_bandwidth", "sensor_bandwidth")
-    shown_by = "a steep step, sampled as finely as the instrument can"
+    shown_by = "a steep step, sampled as finely as the instrument allows"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         step_s = min(
@@ -48,7 +48,7 @@ class TriggerDelay(Effect):
     def description(self, values: Values, unit: str = "V") -> str:
         delay_s = values["delay_s"]
         when = "later" if delay_s > 0 else "earlier"
-        return f"The drive reaches the ceramic {with_prefix(abs(delay_s), 's')} {when} than the recording says."
+        return f"The drive reaches the ceramic {with_prefix(abs(delay_s), 's')} {when} than recorded."
 
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         if values["delay_s"] == 0:

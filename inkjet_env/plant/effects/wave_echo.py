@@ -40,28 +40,30 @@ class WaveEcho(Effect):
 
     id = "wave_echo"
     stage = "resonator"
-    sentence = "A pressure wave is thrown back within the head and returns after a delay."
+    sentence = "A pressure wave is reflected within the head and returns after a delay."
     equation = (
-        "y + strength E y, E = (z1 + r2/r1 z2 + 2 r2 z1 z2) / (1 - r1 r2 z1 z2): a wave from between two ends of "
-        "reflections r1, r2; z1, z2 delays behind a lag of loss_s; r2 = 0: one return"
+        "y + strength E y, E = (z1 + r2/r1 z2 + 2 r2 z1 z2) / (1 - r1 r2 z1 z2): a wave between two ends with "
+        "reflections r1, r2; z1, z2 delays after a lag of loss_s; r2 = 0: one return"
     )
     source = (
         "D. B. Bogy, F. E. Talke, Experimental and theoretical study of wave propagation phenomena in drop-on-demand "
         "ink jet devices, IBM Journal of Research and Development 28, 1984"
     )
     parameters = (
-        Parameter("delay_s", "s", 1e-9, 1e3, "log", "until the wave is back"),
-        Parameter("strength", "1", -0.9, 0.9, meaning="of the wave that is back, over the one that left"),
-        Parameter("second_delay_s", "s", 1e-9, 1e3, "log", "the same of the channel's other end", plain=1e-9),
-        Parameter("reflection", "1", -0.98, 0.98, meaning="r1, of the first end", open_ended=True, plain=0.98),
-        Parameter("second_reflection", "1", -0.98, 0.98, meaning="r2, of the other end", plain=0.0),
+        Parameter("delay_s", "s", 1e-9, 1e3, "log", "time until the wave returns"),
+        Parameter("strength", "1", -0.9, 0.9, meaning="amplitude of the returned wave over the emitted one"),
+        Parameter("second_delay_s", "s", 1e-9, 1e3, "log", "time until it returns from the other end", plain=1e-9),
+        Parameter(
+            "reflection", "1", -0.98, 0.98, meaning="r1: reflection at the first end", open_ended=True, plain=0.98
+        ),
+        Parameter("second_reflection", "1", -0.98, 0.98, meaning="r2: reflection at the other end", plain=0.0),
         Parameter("loss_s", "s", 0.0, 1.0, meaning="lag at each reflection", open_ended=True, plain=0.0),
     )
     strengths = ("strength",)
     terms = (("strength",), ("second_reflection", "second_delay_s", "reflection"))
-    signature = "every feature of a response comes back after the same delay; the spectrum is rippled at 1/delay"
+    signature = "every feature of a response returns after the same delay; the spectrum has ripples 1/delay apart"
     confusable_with = ("second_mode", "trigger_delay")
-    shown_by = "one short steep pulse with a long quiet time after it"
+    shown_by = "one short steep pulse followed by a long rest"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         longest_s = max(
@@ -126,7 +128,7 @@ class WaveEcho(Effect):
         return too_slow(excitations)
 
     def description(self, values: Values, unit: str = "V") -> str:
-        turned = ", turned over," if values["strength"] < 0 else ""
+        turned = ", inverted," if values["strength"] < 0 else ""
         told = (
             f"A wave returns {with_prefix(values['delay_s'], 's')} later{turned} "
             f"with {percent(abs(values['strength']))} of its strength."
@@ -137,8 +139,8 @@ class WaveEcho(Effect):
                 values["reflection"] * values["second_reflection"],
             )
             told += (
-                f" From the channel's other end it comes after {with_prefix(values['second_delay_s'], 's')}, and of "
-                f"what has been at both ends {percent(abs(kept))} goes round again every {with_prefix(lap_s, 's')}."
+                f" From the channel's other end it returns after {with_prefix(values['second_delay_s'], 's')}; a wave "
+                f"reflected at both ends keeps {percent(abs(kept))} of its strength every {with_prefix(lap_s, 's')}."
             )
         return told
 

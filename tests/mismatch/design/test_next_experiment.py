@@ -159,7 +159,7 @@ def test_amplifier_and_sensor_of_a_linear_head_are_told_apart_at_the_head_alone(
     fits = [candidate(joint, effect, {"strength": -0.1}) for effect in (WeakAmplifier(), WeakSensor())]
     found = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
     assert found.sentence.startswith("Record the voltage at the head as well (column drive_monitor_V)")
-    assert "weak amplifier and weak sensor would differ there by up to 10 V" in found.sentence
+    assert "the predictions for weak amplifier and weak sensor differ there by up to 10 V" in found.sentence
     assert max(map(abs, found.drive_V)) == pytest.approx(100)
 
 
@@ -167,7 +167,7 @@ def test_the_sentence_tells_drive_channel_difference_and_noise(one_amplitude):
     joint, fits, _ = one_amplitude
     sentence = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design).sentence
     assert sentence.startswith("Record the self-sensing signal under ")
-    assert "quadratic damping and ferroelastic softening would differ by up to" in sentence
+    assert "the predictions for quadratic damping and ferroelastic softening differ by up to" in sentence
     assert "times the noise" in sentence
 
 

@@ -54,7 +54,7 @@ def timeless(found):
 def test_an_interrupted_diagnosis_ends_as_if_it_had_not_been(run, tmp_path, monkeypatch):
     whole, _ = run(None)
     with pytest.raises(Stopped):
-        run(tmp_path / "fits", "to the end")
+        run(tmp_path / "fits", "refining")
     files = sorted((tmp_path / "fits").iterdir())
     assert len(files) >= 4
     assert {file.suffix for file in files} == {".json"}
@@ -75,20 +75,20 @@ def test_an_interrupted_diagnosis_ends_as_if_it_had_not_been(run, tmp_path, monk
 def test_free_initial_states_go_on_too(run, tmp_path):
     whole, _ = run(None, free=True)
     with pytest.raises(Stopped):
-        run(tmp_path / "fits", "to the end (1", free=True)
+        run(tmp_path / "fits", "refining", free=True)
     assert timeless(run(tmp_path / "fits", free=True)[0]) == timeless(whole)
 
 
 def test_other_recordings_find_no_fits_of_these(run, tmp_path):
     whole, _ = run(None, name="feedthrough")
     with pytest.raises(Stopped):
-        run(tmp_path / "fits", "to the end")
+        run(tmp_path / "fits", "refining")
     assert timeless(run(tmp_path / "fits", name="feedthrough")[0]) == timeless(whole)
 
 
 def test_a_damaged_fit_is_refused_by_name(run, tmp_path):
     with pytest.raises(Stopped):
-        run(tmp_path / "fits", "to the end")
+        run(tmp_path / "fits", "refining")
     for file in (tmp_path / "fits").iterdir():
         file.write_text('{"fit": {"end": 3}}')
     with pytest.raises(ValueError, match=r"\.fit\.json is damaged.*Delete it"):
@@ -145,10 +145,10 @@ def test_a_diagnosis_with_an_effect_typed_at_a_console_goes_on(recorded, head, e
 
     whole = run(console())
     with pytest.raises(Stopped):
-        run(console(), "to the end")
+        run(console(), "refining")
     begun = {file.name for file in (tmp_path / "fits").iterdir()}
     with pytest.raises(Stopped):
-        run(console(), "to the end")
+        run(console(), "refining")
     assert {file.name for file in (tmp_path / "fits").iterdir()} == begun  # found, and not made anew
     assert timeless(run(console())) == timeless(whole)
 

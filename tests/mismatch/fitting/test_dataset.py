@@ -169,7 +169,7 @@ def test_repeats_that_differ_by_more_than_rest_are_left_out_and_told_of():
     assert noise.models[observed.noise_key].source == "recordings at rest"
     assert noise.models[observed.noise_key].rms == pytest.approx(0.1, rel=0.1)
     (note,) = noise.notes
-    assert note.startswith("self_sensing: repeats of one drive differ by ")
+    assert note.startswith("self_sensing: repeats of the same drive differ by ")
     alike = [recording(n, sensor=white(0.1, 500, k)) for k, n in enumerate("abc")]
     _, noise = seen_in(rest, *alike)
     assert noise.models[observed.noise_key].source == "recordings at rest and repeats"
@@ -181,7 +181,7 @@ def test_the_rest_before_the_drive_tells_the_noise_where_nothing_else_does():
     sensor = white(0.3, 500, 1)
     sensor[151:] += 40.0
     (observed,), noise = seen_in(recording("a", sensor=sensor))
-    assert noise.models[observed.noise_key].source == "what comes before the drive"
+    assert noise.models[observed.noise_key].source == "samples before the drive"
     assert noise.models[observed.noise_key].rms == pytest.approx(0.3, rel=0.2)
     assert 140 < noise.samples[observed.noise_key] <= 151
     periodic = recording("a", sensor=sensor, state="periodic")  # before the drive comes what still rings
@@ -204,10 +204,10 @@ def test_what_most_samples_leave_is_taken_for_noise_where_nothing_tells_it():
     sensor[160:200] += 30.0  # where the model fails
     (observed,), noise = seen_in(recording("a", sensor=sensor, state="periodic"))
     model = noise.models[observed.noise_key]
-    assert model.source == "what most samples show"
+    assert model.source == "the level of most residuals"
     assert model.rms == pytest.approx(0.05, rel=0.2)
     assert not noise.known(observed)
-    assert "no repeats and no recording at rest tell the noise" in noise.notes[0]
+    assert "the noise is unknown without repeats or recordings at rest" in noise.notes[0]
 
 
 def test_an_identifications_noise_is_taken_before_what_most_samples_show():

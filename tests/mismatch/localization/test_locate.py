@@ -22,7 +22,7 @@ from inkjet_env.rig.record import record_campaign
 SETTINGS = DiagnosisSettings()
 
 HEAD = Printhead.published()
-NOTHING = "Nothing is left beyond the noise."
+NOTHING = "No residual exceeds the noise significantly."
 
 
 def recorded(labels=None, printhead=HEAD, seed=1, snr_dB=50.0):
@@ -99,8 +99,8 @@ def test_what_all_recordings_show_together_and_none_alone_is_told_with_its_time(
     cell = Cell("time", "460 µs to 470 µs", 1.3, 4.2, (4.6e-4, 4.7e-4), "self_sensing")
     told = _sentence(small.observed, small.noise, small.base, [cell], [cell], [], [], [], SETTINGS.localization)
     assert told == (
-        "The self-sensing signal differs from the model, in no recording alone by more than noise would, "
-        "460 to 470 µs after their start."
+        "The self-sensing signal differs from the model, but in no single recording significantly, "
+        "460 to 470 µs after the start of the recordings."
     )
 
 
@@ -228,7 +228,7 @@ def test_unknown_noise_is_told_and_a_concentrated_mismatch_still_found(campaign)
     unknown = Noise(joint.noise.models, dict.fromkeys(joint.noise.samples, 0))
     found = locate(joint.observed, unknown, joint.base, joint.basis[0], SETTINGS.localization)
     assert found.recordings[0] == name
-    assert "nothing tells its noise" in found.sentence
+    assert "the noise is unknown" in found.sentence
     joint = fitted(campaign)
     unknown = Noise(joint.noise.models, dict.fromkeys(joint.noise.samples, 0))
     assert locate(joint.observed, unknown, joint.base, joint.basis[0], SETTINGS.localization).sentence == NOTHING

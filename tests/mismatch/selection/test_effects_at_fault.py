@@ -33,7 +33,9 @@ METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "descripti
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_value_error_of_an_effect_is_no_effect_that_does_not_explain(workers, recorded, head, effects):
     looked_for = [effects["feedthrough"], faulty("sensing", ValueError("no such thing."))]
-    with pytest.raises(EffectError, match=r"'faulty': its sensing\(\) raised ValueError: no such thing\. Mend") as told:
+    with pytest.raises(
+        EffectError, match=r"'faulty': its sensing\(\) raised ValueError: no such thing\. Correct"
+    ) as told:
         diagnose(recorded(), head, looked_for, workers=workers)
     assert "no such thing" in str(told.value.__cause__)  # of another process, its traceback
 
@@ -180,4 +182,4 @@ def test_finer_nodes_without_an_answer_are_said_and_not_gone_to(recorded, head, 
     recordings = [replace(r, sensor=r.sensor + more) for r, more in zip(campaign.recordings, leaked, strict=True)]
     found = diagnose(Campaign("leaking", tuple(recordings)), head, [Coarse()], workers=1)
     assert [n.effect.id for n in found.effects] == ["coarse"]
-    assert any("2 nodes a sample" in note and "no answer" in note for note in found.notes)
+    assert any("2 nodes per sample" in note and "cannot be simulated" in note for note in found.notes)

@@ -179,7 +179,7 @@ def test_an_effect_that_cannot_be_simulated_or_shows_nothing_has_no_signature(pl
 def test_what_is_being_looked_for_is_told(plain, effects):
     told = []
     signatures(plain, [effects["cubic_stiffness"]], FitContext(progress=told.append))
-    assert told == ["what cubic_stiffness would add (1 of 2)", "what cubic_stiffness would add (2 of 2)"]
+    assert told == ["score test of cubic_stiffness (1 of 2)", "score test of cubic_stiffness (2 of 2)"]
 
 
 def test_two_workers_find_what_one_does(plain, found, effects):
