@@ -21,6 +21,8 @@ from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
 BEST_KNOWN_FILE = "best_known.json"
+STORED_NAMES = {"enough_V": "target_height_V"}
+"""Keys of stored files by which parameters of a cost are still written."""
 MAX_BUDGET = 10_000_000
 
 
@@ -253,11 +255,12 @@ class Problem:
     @classmethod
     def from_settings(cls, name: str, settings: dict[str, Any]) -> Problem:
         """The problem that `settings` describes."""
+        cost = {STORED_NAMES.get(key, key): value for key, value in settings["cost"].items()}
         head = settings["printhead"] | {"coefficients": tuple(settings["printhead"]["coefficients"])}
         return cls(
             name,
             printhead_of(settings["augmented"]) if "augmented" in settings else Printhead(**head),
-            PeakCost(**settings["cost"]),
+            PeakCost(**cost),
             Bounds(**settings["bounds"]),
             settings["initial_state"],
             float(settings["window_s"]),
@@ -273,8 +276,8 @@ class Problem:
         if isinstance(head, AugmentedPrinthead):
             augmented, head = {"augmented": head.as_json()}, head.printhead
         cost: dict[str, Any] = {"A": self.cost.A, "B": self.cost.B, "effective": self.cost.effective}
-        if math.isfinite(self.cost.enough_V):
-            cost["enough_V"] = self.cost.enough_V
+        if math.isfinite(self.cost.target_height_V):
+            cost["enough_V"] = self.cost.target_height_V
         more: dict[str, Any] = {}
         if self.jetting_Hz:
             more["jetting_Hz"] = self.jetting_Hz

@@ -103,8 +103,8 @@ class RunResult:
 
     def lowest_told_V(self, evaluations: ArrayLike) -> Real:
         """Reported cost of that waveform in volts, with measurement errors where the problem has them, same shape."""
-        told: Real = self.told_V[np.searchsorted(self.evaluations, np.asarray(evaluations), side="right") - 1]
-        return told
+        lowest: Real = self.told_V[np.searchsorted(self.evaluations, np.asarray(evaluations), side="right") - 1]
+        return lowest
 
     def best_point(self, evaluations: int | None = None) -> Real:
         """Best point of the first ``evaluations`` (all unless given), in ``[-1, 1]``, shape (7,)."""
@@ -234,9 +234,9 @@ def runs_table(folder: str | os.PathLike[str]) -> Any:
             f"optimizer {label['optimizer']}": {name: label[name] for name in ("options", "budget")},
             f"problem {label['problem']}": {"problem_sha256": label["problem_sha256"]},
         }
-        for of, told in decisive.items():
-            known, its = first.setdefault(of, (path, told))
-            if difference := first_difference(its, told, of):
+        for of, entries in decisive.items():
+            known, its = first.setdefault(of, (path, entries))
+            if difference := first_difference(its, entries, of):
                 raise ValueError(f"{known.name} and {path.name} must not be merged: {difference}.")
         for name in ("budget", "seed", "repeat", "problem", "optimizer"):
             table = table.add_column(0, name, pa.array([label[name]] * len(table)))

@@ -29,10 +29,10 @@ class RunObjective:
         self.key, self.seed = key, seed
         self.count = 0
         asked = problem(key.problem)
-        told = asked.as_measured(seed)
-        self.evaluate = self._watched(told, "evaluate")
+        measured = asked.as_measured(seed)
+        self.evaluate = self._watched(measured, "evaluate")
         if asked.has_gradient:
-            self.evaluate_with_gradient = self._watched(told, "evaluate_with_gradient")
+            self.evaluate_with_gradient = self._watched(measured, "evaluate_with_gradient")
 
     def failed(self, how: str) -> ObjectiveFailedError:
         """The exception that describes how the objective failed in this run."""
@@ -41,10 +41,10 @@ class RunObjective:
             f"the objective of {key.problem} failed, in repeat {key.repeat} of {key.optimizer}, seed {self.seed}: {how}"
         )
 
-    def _watched(self, told: Any, name: str) -> Callable[[Real], Any]:
+    def _watched(self, measured: Any, name: str) -> Callable[[Real], Any]:
         def call(points: Real) -> Any:
             try:
-                found = getattr(told, name)(points)
+                found = getattr(measured, name)(points)
             except Exception as error:
                 where = self._first_failure(name, points)
                 raise self.failed(f"{type(error).__name__}: {error} at {where}") from error

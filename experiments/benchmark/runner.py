@@ -129,8 +129,8 @@ def run_bench(
         if optimizer not in unavailable and applies(optimizer, name)
         for repeat in range(settings.repeats)
     ]
-    told = settings.to_json()
-    results = {key: read_run(folder, key, label_of(key, told)) for key in keys if run_path(folder, key).exists()}
+    described = settings.to_json()
+    results = {key: read_run(folder, key, label_of(key, described)) for key in keys if run_path(folder, key).exists()}
     missing = [key for key in keys if key not in results]
     if results and missing:
         print(f"{len(results)} of {len(keys)} runs are finished already; resuming.", file=sys.stderr, flush=True)
@@ -163,7 +163,7 @@ def _perform_all(
     scheduler: str | None,
 ) -> dict[str, str]:
     """Do the missing runs in parallel and store each as it ends; return the optimisers that failed, with the reason."""
-    told = settings.to_json()
+    described = settings.to_json()
     # Compile once in this process: the workers find the compiled code on disk.
     problem("nominal").evaluate_with_gradient([[0.0] * 7])
     failures: dict[str, str] = {}
@@ -172,7 +172,7 @@ def _perform_all(
     for key in sorted(missing, key=_slowness):
         part = f"{key.problem}--{key.optimizer}--{key.repeat // REPEATS_A_JOB:03d}"
         batches.setdefault(part, []).append(key)
-    jobs = {part: functools.partial(_job, keys, settings, told) for part, keys in batches.items()}
+    jobs = {part: functools.partial(_job, keys, settings, described) for part, keys in batches.items()}
     useful_s = 0.0
     with shown_progress("bench", total, done) as progress, workers_of(scheduler, workers) as client:
         begin_s = time.perf_counter()
@@ -186,7 +186,7 @@ def _perform_all(
                 if result is None:
                     failures.setdefault(key.optimizer, f"failed on {key.problem}, repeat {key.repeat}: {failure}")
                 else:
-                    write_run(folder, result, label_of(key, told), seconds)
+                    write_run(folder, result, label_of(key, described), seconds)
                     results[key] = result
                 progress(done, f"{key.optimizer} on {key.problem}")
             if stopped_by is not None:
@@ -204,8 +204,8 @@ def _perform_all(
     return failures
 
 
-def _job(keys: Sequence[RunKey], settings: BenchSettings, told: Mapping[str, Any]) -> tuple[Any, ...]:
-    return tuple(keys), settings, told["code"], told["versions"]
+def _job(keys: Sequence[RunKey], settings: BenchSettings, described: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(keys), settings, described["code"], described["versions"]
 
 
 def perform_some(keys: Sequence[RunKey], settings: BenchSettings, code: str, packages: Mapping[str, str]) -> Batch:

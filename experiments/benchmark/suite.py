@@ -63,7 +63,7 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
         "damping": tuple(Problem(f"damping-{ratio:g}", varied(damping_ratio=ratio)) for ratio in (0.02, 0.01)),
         "durations": tuple(Problem(f"durations-{us}us", bounds=_durations(us * 1e-6)) for us in (10, 40)),
         "reading": tuple(Problem(f"reading-{mV}mV", measurement_noise_V=1e-3 * mV) for mV in (50, 200)),
-        "drop": tuple(Problem(f"drop-{V}V", cost=PeakCost(-50.0, 5.0, enough_V=float(V))) for V in (4, 6)),
+        "drop": tuple(Problem(f"drop-{V}V", cost=PeakCost(-50.0, 5.0, target_height_V=float(V))) for V in (4, 6)),
         "lot": tuple(Problem(f"lot-{judged}", spread=Spread(judged=judged)) for judged in ("worst", "mean")),
         "train": tuple(
             Problem(f"train-{kHz}kHz", bounds=_durations(min(20e-6, 0.2e-3 / kHz)), jetting_Hz=1e3 * kHz)

@@ -184,10 +184,10 @@ def run_each(
 def worker_count(client: Any) -> int:
     """Number of worker threads of a cluster."""
     try:
-        told = client.scheduler_info(n_workers=-1)["workers"]
+        workers = client.scheduler_info(n_workers=-1)["workers"]
     except OSError:
         return 0  # the next check of the connection reports it
-    return sum(worker["nthreads"] for worker in told.values())
+    return sum(worker["nthreads"] for worker in workers.values())
 
 
 def _check_connection(client: Any) -> None:

@@ -125,7 +125,7 @@ def break_even(
     return float(np.mean(policy.trained[trainings])) / saved if saved > 0 else math.inf
 
 
-def told(results: Sequence[TuningResult], rng: np.random.Generator) -> list[dict[str, Any]]:
+def summary_rows(results: Sequence[TuningResult], rng: np.random.Generator) -> list[dict[str, Any]]:
     """Median regrets over trainings and heads with intervals, at once and after each budget, and break-even numbers."""
     scratch = [one for one in results if not one.trained.any()]
     seen = {one.name: {"0": one.at_once_V} | {str(b): one.curves_V[..., b - 1] for b in BUDGETS} for one in results}
@@ -224,7 +224,7 @@ def study(
         "seed": seed,
         "trainings": trainings,
         "best_improved": int(np.sum(least_V < best_V - 1e-6)),
-        "rows": told(results, np.random.default_rng(seed)),
+        "rows": summary_rows(results, np.random.default_rng(seed)),
     }
     write_atomically(folder / "amortised.json", json_text(content))
     return content
@@ -249,7 +249,7 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
 
 
 def heads_from(even: Mapping[str, float | None], at_most: float) -> str:
-    """A break-even number with its interval, in whole heads, from the entry that `told` makes.
+    """A break-even number with its interval, in whole heads, from the entry that `summary_rows` makes.
 
     Examples
     --------

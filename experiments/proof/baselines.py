@@ -43,7 +43,7 @@ def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -
     row = compared(campaign, found, 0)
     named = said([term for terms in row["terms"].values() for term in terms])
     groups = [[effect.effect.id] for effect in found.effects]
-    words = {peer: verdict_on(named if peer == "pysindy" else (), truth) for peer in METHODS}
+    words = {baseline: verdict_on(named if baseline == "pysindy" else (), truth) for baseline in METHODS}
     words["diagnosis"] = (
         "nothing" if not groups and found.verdict == "unknown" else verdict_on(_with_sets(found), truth)
     )

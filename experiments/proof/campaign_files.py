@@ -71,21 +71,22 @@ def check_campaign_only(folder: Path) -> None:
                 f"{path} is not a recording of that campaign, and a campaign for blind diagnosis must hold nothing "
                 "else: it may reveal the truth. Remove it, or start again in another folder."
             )
-    if told := _telling(content):
+    if revealing := _revealing_key(content):
         raise ProofError(
-            f"{descriptor} has the key {told!r}, which may reveal what is concealed. Start again in another folder."
+            f"{descriptor} has the key {revealing!r}, which may reveal what is concealed. "
+            "Start again in another folder."
         )
 
 
-def _telling(value: Any) -> str:
+def _revealing_key(value: Any) -> str:
     """The first key that may reveal the truth; empty if there is none."""
     if isinstance(value, dict):
         for key, inner in value.items():
-            if found := key if key.lower() in TELLING else _telling(inner):
+            if found := key if key.lower() in TELLING else _revealing_key(inner):
                 return found
     elif isinstance(value, list):
         for inner in value:
-            if found := _telling(inner):
+            if found := _revealing_key(inner):
                 return found
     return ""
 

@@ -66,7 +66,7 @@ def conceal(draw: Draw, name: str, rig: str = RIG) -> Concealed:
             plant = plant_of(draw, attempt, rig)
         except ValueError as error:
             if not OUT_OF_REACH.search(str(error)):
-                raise RuntimeError(f"{_told(draw)} cannot be built at attempt {attempt}: {error}") from error
+                raise RuntimeError(f"{_described(draw)} cannot be built at attempt {attempt}: {error}") from error
             reason = str(error)
             continue  # draw again
         with tempfile.TemporaryDirectory(prefix="inkjet-conceal-") as scratch:
@@ -74,10 +74,10 @@ def conceal(draw: Draw, name: str, rig: str = RIG) -> Concealed:
             plant.write(folder, name)
             check_campaign_only(folder)
             return Concealed(pack(folder), digest(folder), plant.truth(), attempt)
-    raise ProofError(f"{_told(draw)} was drawn {MOST_ATTEMPTS} times without success: {reason}")
+    raise ProofError(f"{_described(draw)} was drawn {MOST_ATTEMPTS} times without success: {reason}")
 
 
-def _told(draw: Draw) -> str:
+def _described(draw: Draw) -> str:
     return f"case {draw.number} ({draw.family} {'+'.join(draw.effects)}, {draw.strength})"
 
 

@@ -57,14 +57,14 @@ class Figure:
     def asked(self) -> str:
         """The criterion as text; empty if there is none."""
 
-        def told(value: float) -> str:
+        def text(value: float) -> str:
             return f"{100 * value:.3g} %" if self.kind == "share" else f"{value:.3g}"
 
         if self.least is not None and self.most is not None:
-            return f"{told(self.least)} … {told(self.most)}"
+            return f"{text(self.least)} … {text(self.most)}"
         if self.least is not None:
-            return f"≥ {told(self.least)}"
-        return f"≤ {told(self.most)}" if self.most is not None else ""
+            return f"≥ {text(self.least)}"
+        return f"≤ {text(self.most)}" if self.most is not None else ""
 
     def as_json(self) -> dict[str, Any]:
         """The figure as plain JSON values; undefined numbers are null."""

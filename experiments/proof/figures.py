@@ -122,7 +122,7 @@ def closures_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     return figure
 
 
-def worth_figure(heads: Sequence[Mapping[str, Any]]) -> Figure:
+def waveform_gain_figure(heads: Sequence[Mapping[str, Any]]) -> Figure:
     """Peak costs of the three waveforms on the concealed head, one line per head, the largest gain first."""
     order = sorted(heads, key=lambda head: head["oracle"] - head["base"])
     figure, axes = plotting.new_figure(WIDTH, 1.3 + 0.2 * max(len(order), 4))

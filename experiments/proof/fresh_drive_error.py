@@ -99,10 +99,10 @@ def closure(base: Model, augmented: Model, plant: Any, seed: int) -> dict[str, A
         size = float(np.mean((true - true.mean()) ** 2))
         for name, model in (("base", base), ("augmented", augmented)):
             try:
-                left = true - model.signal(drive.drive_V, drive.step_s, drive.channel, drive.initial_state)
+                residuals = true - model.signal(drive.drive_V, drive.step_s, drive.channel, drive.initial_state)
             except FloatingPointError:
-                left = np.full(true.size, np.nan)
-            errors[name].append(float(np.mean((left - left.mean()) ** 2)) / size)
+                residuals = np.full(true.size, np.nan)
+            errors[name].append(float(np.mean((residuals - residuals.mean()) ** 2)) / size)
     found: dict[str, Any] = {"closure": None, "drives": len(errors["base"]), "base_rms": None, "augmented_rms": None}
     if not found["drives"]:
         return found | {"reason": "no fresh drive moves the head on a channel whose gain both models know"}

@@ -138,7 +138,7 @@ def located(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, b
 
     Empty if the effect shows nowhere.
     """
-    told, details = verdict["location"], truth["location"]["details"]
+    reported, details = verdict["location"], truth["location"]["details"]
     if not details:
         return {}
 
@@ -150,10 +150,10 @@ def located(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, b
 
     largest_V = [max(map(abs, one["recording_drive_V"])) for one in details]
     return {
-        "recordings": sum(one["recording"] in told["recordings"] for one in details) >= COVERED * len(details),
-        "time": held([one["time_s"] for one in details], told["time_s"], float),
-        "frequency": held([one["frequency_Hz"] for one in details], told["frequency_Hz"], _log),
-        "drive": held([(volts, volts) for volts in largest_V], told["drive_V"], float),
+        "recordings": sum(one["recording"] in reported["recordings"] for one in details) >= COVERED * len(details),
+        "time": held([one["time_s"] for one in details], reported["time_s"], float),
+        "frequency": held([one["frequency_Hz"] for one in details], reported["frequency_Hz"], _log),
+        "drive": held([(volts, volts) for volts in largest_V], reported["drive_V"], float),
     }
 
 
@@ -161,13 +161,13 @@ def _log(value: float) -> float:
     return math.log(max(value, 1e-12))
 
 
-def _covered(span: tuple[float, float], told: Sequence[tuple[float, float]]) -> float:
+def _covered(span: tuple[float, float], reported: Sequence[tuple[float, float]]) -> float:
     """Fraction of an interval that lies in the union of others; for a point, 1 or 0."""
     low, high = span
     if high <= low:
-        return float(any(a <= low <= b for a, b in told))
+        return float(any(a <= low <= b for a, b in reported))
     total, reached = 0.0, low
-    for a, b in sorted(told):
+    for a, b in sorted(reported):
         a, b = max(a, reached), min(b, high)
         if b > a:
             total, reached = total + b - a, b

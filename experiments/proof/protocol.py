@@ -165,11 +165,11 @@ def _outcome(
     truth: Mapping[str, Mapping[str, Any]],
     judged: Mapping[str, Any],
 ) -> Outcome:
-    told = []
+    cases = []
     for name, case in truth.items():
         entry = read_answer(folder, name)
-        told.append({"name": name, **case, "answer": entry["answer"], "run": entry["run"], "judged": judged[name]})
-    return Outcome(folder, manifest, committed, sorted(told, key=lambda case: case["draw"]["number"]))
+        cases.append({"name": name, **case, "answer": entry["answer"], "run": entry["run"], "judged": judged[name]})
+    return Outcome(folder, manifest, committed, sorted(cases, key=lambda case: case["draw"]["number"]))
 
 
 def _say(sentence: str) -> None:
@@ -182,13 +182,13 @@ def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any,
     A campaign that was removed is recorded again and must be identical byte for byte.
     """
 
-    def told(name: str) -> Path:
+    def truth_file(name: str) -> Path:
         return folder / "sealed" / "cases" / f"{name}.json"
 
     jobs = {
         name: functools.partial(lambda n, d: (d.as_json(), n, rig, code), name, draw)
         for name, draw in named.items()
-        if not (told(name).exists() and (folder / "campaigns" / name).exists())
+        if not (truth_file(name).exists() and (folder / "campaigns" / name).exists())
     }
     with shown_progress("conceal", len(named), len(named) - len(jobs)) as progress:
         done = len(named) - len(jobs)
@@ -197,7 +197,7 @@ def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any,
             nonlocal done
             packed, campaign, truth, attempt = made
             case = {"draw": named[name].as_json(), "attempt": attempt, "campaign": campaign, "truth": truth}
-            if told(name).exists() and read_json(told(name))["campaign"] != campaign:
+            if truth_file(name).exists() and read_json(truth_file(name))["campaign"] != campaign:
                 raise ProofError(
                     f"{name} differs from its earlier recording: on this machine the rig computes other numbers. "
                     f"Restore {folder / 'campaigns'}, resume on the original machine, or start again."
@@ -208,8 +208,8 @@ def _conceal_all(folder: Path, named: Mapping[str, Draw], rig: str, client: Any,
             if place.exists():  # written by a run that was stopped before it wrote the truth
                 shutil.rmtree(place)
             unfinished.rename(place)
-            if not told(name).exists():
-                write_atomically(told(name), json_text(case))
+            if not truth_file(name).exists():
+                write_atomically(truth_file(name), json_text(case))
             done += 1
             progress(done, name)
 

@@ -11,7 +11,7 @@ from experiments.proof.printing import figure_text, interval_text
 from inkjet_env.reporting.plotting import svg_text
 from inkjet_env.storage import write_atomically
 
-MOST_WORTH_SHOWN = 100
+MOST_HEADS_SHOWN = 100
 
 
 def write_page(path: Path, found: Mapping[str, Any]) -> None:
@@ -32,7 +32,7 @@ def page_html(found: Mapping[str, Any]) -> str:
     environment = Environment(loader=PackageLoader("experiments.proof"), autoescape=True, undefined=StrictUndefined)
     environment.filters["figure"] = figure_text
     environment.filters["interval"] = interval_text
-    heads = found["worth"]["heads"][:MOST_WORTH_SHOWN]
+    heads = found["waveform_gain"]["heads"][:MOST_HEADS_SHOWN]
     return environment.get_template("proof.html").render(
         found=found,
         headline=headline(found),
@@ -41,7 +41,7 @@ def page_html(found: Mapping[str, Any]) -> str:
         curve=svg_text(figures.curve_figure(found["curve"])) if len(found["curve"]) > 1 else None,
         confusion=svg_text(figures.confusion_figure(found["confusion"])) if any_heads(found) else None,
         closures=svg_text(figures.closures_figure(found["closures"])) if found["closures"] else None,
-        worth=svg_text(figures.worth_figure(heads)) if heads else None,
+        waveform_gain=svg_text(figures.waveform_gain_figure(heads)) if heads else None,
         parameters=parameter_rows(found),
         hours=found["cpu_seconds"]["sum"] / 3600,
     )
@@ -64,7 +64,7 @@ def sentences(found: Mapping[str, Any]) -> list[str]:
     """Results of the proof in plain words."""
     by_name = {figure["name"]: figure for figure in found["figures"]}
 
-    def told(name: str, template: str) -> list[str]:
+    def section(name: str, template: str) -> list[str]:
         figure = by_name[name]
         if not figure["of"] or figure["value"] is None:
             return []
@@ -72,30 +72,30 @@ def sentences(found: Mapping[str, Any]) -> list[str]:
         return [template.format(**(figure | {"value": value, "interval": interval_text(figure)}))]
 
     said = [
-        *told(
+        *section(
             "false alarms where nothing is concealed",
             "Nothing was concealed in {of} heads; {hits} of them raised an alarm ({value}; 90 % interval {interval}).",
         ),
-        *told(
+        *section(
             "right name or right set",
             "A strong or medium effect was concealed in {of} heads; in {hits} of them the diagnosis named it, or gave "
             "a set that contains it and the recording that would decide ({value}; {interval}).",
         ),
-        *told(
+        *section(
             "confidently wrong, inside the catalogue",
             "In {hits} of those {of} it named an effect that is not present ({value}; {interval}).",
         ),
-        *told(
+        *section(
             "outside the catalogue, reported as unknown",
             "Effects outside the catalogue were concealed in {of} heads; the verdict was “unknown” for {hits} "
             "({value}; {interval}).",
         ),
-        *told(
+        *section(
             "median closure on fresh drives",
             "On fresh drives of the concealed plant, which the diagnosis never saw, the corrected model removed a "
             "median fraction of {value} of the base model's mean squared error ({of} heads).",
         ),
-        *told(
+        *section(
             "fraction of the oracle's gain achieved, all heads together",
             "Waveforms optimised on the corrected model achieved {value} of the gain over the base model's waveforms "
             "that waveforms optimised on the concealed head itself achieve ({of} heads; {interval}).",

@@ -61,8 +61,8 @@ def score(outcome: Outcome) -> dict[str, Any]:
         "confusion": matrix(cases),
         "closures": closures(cases),
         "parameters": parameters(cases),
-        "worth": worth(cases),
-        "peers": peers(cases),
+        "waveform_gain": waveform_gains(cases),
+        "peers": baselines_tried(cases),
         "misses": misses(cases),
         "cpu_seconds": {"median": float(np.median(seconds)), "most": max(seconds), "sum": float(sum(seconds))},
     }
@@ -107,8 +107,12 @@ def table(cases: Sequence[Case]) -> list[Figure]:
         for case in clear
         if (value := _held_out_closure(case)) is not None and verdict_record(case).verdict in ("named", "set")
     ]
-    known, heads = parameters(cases), worth(cases)["heads"]
-    shares = [_won_back([head]) for head in heads if head["base"] - head["oracle"] > LEAST_ORACLE * abs(head["base"])]
+    known, heads = parameters(cases), waveform_gains(cases)["heads"]
+    shares = [
+        _share_of_oracle_gain([head])
+        for head in heads
+        if head["base"] - head["oracle"] > LEAST_ORACLE * abs(head["base"])
+    ]
     hidden_meagre = [case for case in meagre if case["draw"]["family"] != "null"]
     return [
         counted("false alarms where nothing is concealed", [alarm(c) for c in null], most=MOST_ALARMS),
@@ -139,7 +143,9 @@ def table(cases: Sequence[Case]) -> list[Figure]:
         counted("meagre campaigns: right name or right set", [right(c) for c in of(cases, "effect", meagre=True)]),
         counted("meagre campaigns: confidently wrong", [wrong(c) for c in hidden_meagre]),
         counted("refused or failed", [c["answer"]["verdict"] is None for c in cases]),
-        estimated("fraction of the oracle's gain achieved, all heads together", heads, _won_back, kind="share"),
+        estimated(
+            "fraction of the oracle's gain achieved, all heads together", heads, _share_of_oracle_gain, kind="share"
+        ),
         estimated("median fraction of the oracle's gain achieved, per head", shares, _median, kind="share"),
     ]
 
@@ -235,7 +241,7 @@ def matrix(cases: Sequence[Case]) -> dict[str, dict[str, int]]:
     return rows
 
 
-def worth(cases: Sequence[Case]) -> dict[str, Any]:
+def waveform_gains(cases: Sequence[Case]) -> dict[str, Any]:
     """Peak costs on the concealed plant of the waveforms optimised on base model, augmented model and plant itself.
 
     The oracle's cost is the lowest of the three: a search on the plant that ends above another model's waveform has not
@@ -247,17 +253,17 @@ def worth(cases: Sequence[Case]) -> dict[str, Any]:
             best = min(found[name] for name in ("base", "augmented", "oracle"))
             about = {"effects": case["draw"]["effects"], "strength": case["draw"]["strength"]}
             heads.append({**about, **found, "oracle": best})
-    return {"heads": heads, "share": finite(_won_back(heads))}
+    return {"heads": heads, "share": finite(_share_of_oracle_gain(heads))}
 
 
-def _won_back(heads: Sequence[Mapping[str, Any]]) -> float:
+def _share_of_oracle_gain(heads: Sequence[Mapping[str, Any]]) -> float:
     """Gain of the augmented model's waveforms over the base model's, as a fraction of the oracle's, over all heads."""
     gain = sum(head["base"] - head["augmented"] for head in heads)
     oracle = sum(head["base"] - head["oracle"] for head in heads)
     return gain / oracle if oracle > 0 else math.nan
 
 
-def peers(cases: Sequence[Case]) -> dict[str, Any]:
+def baselines_tried(cases: Sequence[Case]) -> dict[str, Any]:
     """Median held-out RMS over the noise and judgements of each baseline, over the cases on which they were tried.
 
     ``same`` is the number of cases in which the repeated diagnosis gave the same verdict.

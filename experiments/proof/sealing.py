@@ -201,9 +201,9 @@ def check_answer(folder: Path, entry: Mapping[str, Any], manifest: Mapping[str, 
             f"the answer to {name} does not belong to the campaign that was sealed. Delete {name}.json in {folder}."
         )
     verdict = entry["answer"]["verdict"] or {"effects": [], "candidates": []}
-    told = [effect["id"] for effect in verdict["effects"]]
-    told += [one for group in verdict["candidates"] for one in group]
-    for one in told:
+    reported = [effect["id"] for effect in verdict["effects"]]
+    reported += [one for group in verdict["candidates"] for one in group]
+    for one in reported:
         if one not in STAGES:
             raise ProofError(
                 f"the verdict on {name} names {one!r}, which is not an id of the catalogue. Nothing is scored."

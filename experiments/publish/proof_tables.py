@@ -78,11 +78,11 @@ def said_table(found: Mapping[str, Any]) -> str:
     return markdown_table(("concealed", "heads", "right", "other verdicts"), rows)
 
 
-def worth_table(found: Mapping[str, Any]) -> str:
+def waveform_gain_table(found: Mapping[str, Any]) -> str:
     """Fraction of the oracle's gain achieved, by effect, where the oracle has a gain."""
     from experiments.proof.score import LEAST_ORACLE
 
-    heads = [h for h in found["worth"]["heads"] if h["base"] - h["oracle"] > LEAST_ORACLE * abs(h["base"])]
+    heads = [h for h in found["waveform_gain"]["heads"] if h["base"] - h["oracle"] > LEAST_ORACLE * abs(h["base"])]
     by_effect: dict[str, list[Mapping[str, Any]]] = {}
     for head in heads:
         by_effect.setdefault("+".join(head["effects"]), []).append(head)
@@ -138,7 +138,7 @@ def document(found: Mapping[str, Any]) -> str:
         ("Figures", figures_table(found)),
         ("Detection against strength", curve_table(found)),
         ("Verdicts by concealed effect", said_table(found)),
-        ("Waveform gain", worth_table(found)) if found["worth"]["heads"] else None,
+        ("Waveform gain", waveform_gain_table(found)) if found["waveform_gain"]["heads"] else None,
         ("Other methods", methods_table(found)) if found["peers"]["cases"] else None,
         ("Wrong names and sets", misses_table(found)),
     ]
@@ -147,14 +147,14 @@ def document(found: Mapping[str, Any]) -> str:
 
 def draw(found: Mapping[str, Any], folder: Path) -> None:
     """Draw the figures of a score as PNG files in a folder."""
-    from experiments.proof.figures import closures_figure, confusion_figure, curve_figure, worth_figure
+    from experiments.proof.figures import closures_figure, confusion_figure, curve_figure, waveform_gain_figure
 
     folder.mkdir(parents=True, exist_ok=True)
     drawn = {
         "curve": curve_figure(found["curve"]),
         "confusion": confusion_figure(found["confusion"]),
         "closure": closures_figure(found["closures"]),
-        "worth": worth_figure(found["worth"]["heads"]),
+        "waveform-gain": waveform_gain_figure(found["waveform_gain"]["heads"]),
     }
     for name, figure in drawn.items():
         figure.savefig(folder / f"proof-{name}.png", dpi=DPI)

@@ -89,7 +89,7 @@ def identified_heads(count: int, workers: int | None = None) -> list[HeadResult]
 
 
 @dataclass(frozen=True)
-class LinearPeer:
+class LinearBaseline:
     """A second-order system with a given input, fitted as a SciPy user would: output error, one gain, one offset."""
 
     a0: float
@@ -117,7 +117,9 @@ def unit_response(a0: float, a1: float, input_V: Real, recording: Recording) -> 
     return np.asarray(answer[-input_V.size :])
 
 
-def fit_linear_peer(inputs: Sequence[Real], recordings: Sequence[Recording], start: tuple[float, float]) -> LinearPeer:
+def fit_linear_baseline(
+    inputs: Sequence[Real], recordings: Sequence[Recording], start: tuple[float, float]
+) -> LinearBaseline:
     """Least squares over all recordings (`scipy.optimize.least_squares`); gain and offset are eliminated linearly."""
     from scipy.optimize import least_squares
 
@@ -136,7 +138,7 @@ def fit_linear_peer(inputs: Sequence[Real], recordings: Sequence[Recording], sta
     found = least_squares(residual, np.log(start), x_scale=[1e-3, 1e-2])
     gain, offset = linear(found.x)[1]
     a0, a1 = np.exp(found.x)
-    return LinearPeer(a0, a1, gain, offset)
+    return LinearBaseline(a0, a1, gain, offset)
 
 
 def paper_branch_law(loop: Recording, degree: int = 8) -> BranchLaw:
@@ -173,9 +175,9 @@ def held_out_errors(seed: int = 0, snr_dB: float | None = None) -> dict[str, flo
     }
     errors = {"this package": ours}
     for name, view in views.items():
-        peer = fit_linear_peer([view(r) for r in train], train, (head.a0, head.a1))
+        baseline = fit_linear_baseline([view(r) for r in train], train, (head.a0, head.a1))
         errors[name] = math.sqrt(
-            sum(float(np.mean((r.sensor - peer.predicted(view(r), r)) ** 2)) for r in unseen) / len(unseen)
+            sum(float(np.mean((r.sensor - baseline.predicted(view(r), r)) ** 2)) for r in unseen) / len(unseen)
         )
     errors["noise"] = noise
     return errors
@@ -236,7 +238,7 @@ def _print_heads(count: int) -> None:
     print(f"{np.median([r.seconds for r in results]):.2f} s a head (median)")
 
 
-def _print_peers() -> None:
+def _print_baselines() -> None:
     for snr_dB in (None, SNR_dB):
         errors = held_out_errors(snr_dB=snr_dB)
         print("the instruments' own noise" if snr_dB is None else f"{snr_dB:g} dB")
@@ -249,8 +251,10 @@ def _print_measured(folder: Path) -> None:
     unseen = pieces["period-3"]
     sine = float(np.std(unseen.sensor))
     line = np.polyfit(pieces["period-1"].drive_V, pieces["period-1"].sensor, 1)
-    left = float(np.sqrt(np.mean((unseen.sensor - np.polyval(line, unseen.drive_V)) ** 2)))
-    print(f"a straight line through the sine: {left:.3f} um = {100 * left / sine:.2f} % of the sine's RMS, held out")
+    rms_um = float(np.sqrt(np.mean((unseen.sensor - np.polyval(line, unseen.drive_V)) ** 2)))
+    print(
+        f"a straight line through the sine: {rms_um:.3f} um = {100 * rms_um / sine:.2f} % of the sine's RMS, held out"
+    )
     ring_down = Campaign("ring-down", (pieces["ring-down"],))
     for title, campaign, held_out in (
         ("the whole recording as it is", read_campaign(folder), None),
@@ -265,8 +269,8 @@ def _print_measured(folder: Path) -> None:
         )
         for r in found.recordings:
             parts = [(word, r.rms(held_out=flag)) for word, flag in (("fitted", False), ("held out", True))]
-            told = ", ".join(f"{rms:.3f} um {word}" for word, rms in parts if not math.isnan(rms))
-            print(f"  {r.name}: {told}; at most {np.abs(r.residual()).max():.2f} um")
+            sizes = ", ".join(f"{rms:.3f} um {word}" for word, rms in parts if not math.isnan(rms))
+            print(f"  {r.name}: {sizes}; at most {np.abs(r.residual()).max():.2f} um")
     alone = found.recordings[0]
     after = alone.residual()[int(np.argmax(alone.drive_V != 0)) :]
     lines = np.abs(np.fft.rfft(after - after.mean()))
@@ -287,7 +291,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.study in ("heads", "all"):
         _print_heads(given.count)
     if given.study in ("peers", "all"):
-        _print_peers()
+        _print_baselines()
     if given.folder is not None:
         _print_measured(given.folder)
 

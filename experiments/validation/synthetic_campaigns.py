@@ -160,7 +160,7 @@ def record_synthetic(
             )
         )  # fmt: skip
         first.setdefault((line.channel, line.label), name)
-    return Campaign("planted", tuple(recordings))
+    return Campaign("synthetic", tuple(recordings))
 
 
 def _saturation_level(

@@ -33,11 +33,11 @@ class VerdictRecord:
     @property
     def allowed(self) -> frozenset[str]:
         """The named effects, each replaced by the hidden one if its group contains that."""
-        told = self.found
+        records = self.found
         for group in self.candidates:
-            if told & group and self.truth & group:
-                told = (told - group) | (self.truth & group)
-        return told
+            if records & group and self.truth & group:
+                records = (records - group) | (self.truth & group)
+        return records
 
     @property
     def judged(self) -> str:
@@ -58,20 +58,20 @@ class VerdictRecord:
         return self.verdict
 
 
-def confusion(told: Iterable[VerdictRecord], effects: Sequence[str]) -> dict[str, dict[str, int]]:
+def confusion(records: Iterable[VerdictRecord], effects: Sequence[str]) -> dict[str, dict[str, int]]:
     """Counts by hidden effect and by verdict, for campaigns with at most one hidden effect."""
     columns = (*effects, *OUTCOMES)
     table = {row: dict.fromkeys(columns, 0) for row in ("nothing", *effects)}
-    for one in told:
+    for one in records:
         if len(one.truth) <= 1:
             table[min(one.truth, default="nothing")][one.column] += 1
     return table
 
 
-def f1(told: Iterable[VerdictRecord]) -> float:
+def f1(records: Iterable[VerdictRecord]) -> float:
     """Harmonic mean of precision and recall of effect names, pooled over campaigns; unknown and none name no effect."""
     hits = named = hidden = 0
-    for one in told:
+    for one in records:
         said = one.allowed if one.verdict in ("named", "set") else frozenset()
         hits += len(said & one.truth)
         named += len(said)

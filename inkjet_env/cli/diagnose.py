@@ -137,12 +137,12 @@ def _diagnosed(
 
     head = None if printhead is None else Printhead.from_json(printhead)
     announce_compiling()
-    with shown_steps(f"diagnose {folder}") as told:
-        told("reading")
+    with shown_steps(f"diagnose {folder}") as progress:
+        progress("reading")
         campaign = read_campaign(folder, **reading)
         warnings = checked(campaign, None if head is None else head.frequency_Hz)
         try:
-            found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=told, **options)
+            found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=progress, **options)
         finally:
             warn(warnings)  # they may explain a failure
     for note in campaign.notes:

@@ -35,9 +35,9 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
         print(f"warning: the printhead file gives no gain for {channel}; it was fitted here.", file=sys.stderr)
     channels = {e.recording.channel for e in found}
     main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in channels)
-    left = np.concatenate([e.recording.sensor - e.modelled for e in found if e.recording.channel == main])
+    residuals = np.concatenate([e.recording.sensor - e.modelled for e in found if e.recording.channel == main])
     recordings = {e.recording.name: {"rms": e.rms, "output_rms": e.output_rms, "unit": e.recording.unit} for e in found}
-    return {"format": "evaluation/1", "recordings": recordings, "rms": float(np.sqrt(np.mean(left**2)))}
+    return {"format": "evaluation/1", "recordings": recordings, "rms": float(np.sqrt(np.mean(residuals**2)))}
 
 
 def _gains(head_file: Path) -> dict[str, float]:

@@ -38,13 +38,13 @@ def identify_one(
         A file cannot be read, a recording's unit is implausible, or there is nothing to identify from. The message
         names file and row.
     """
-    with shown_steps(f"identify {folder}") if progress else nullcontext() as told:
-        if told:
-            told("reading")
+    with shown_steps(f"identify {folder}") if progress else nullcontext() as step:
+        if step:
+            step("reading")
         campaign = read_campaign(folder, **reading)
         warned = checked(campaign, None)
         try:
-            found = identify(campaign, progress=told, **options)
+            found = identify(campaign, progress=step, **options)
         except ValueError:
             warn(warned)  # they may explain the failure
             raise

@@ -27,7 +27,7 @@ def waveforms_of_actions(points, lower, upper, waveforms):
 
 
 @_jit
-def batch_peaks(waveforms, heads, laps_before, one_point, window_s, times, peaks, counts, tails):
+def batch_peaks(waveforms, heads, warm_up_periods, one_point, window_s, times, peaks, counts, tails):
     """Fill times in seconds and signed peaks in volts, (n, capacity) each, of each waveform (n, 7).
 
     ``counts`` and ``tails`` receive their number and the summed magnitude beyond them, in volts. ``heads`` has 1 or n
@@ -43,7 +43,7 @@ def batch_peaks(waveforms, heads, laps_before, one_point, window_s, times, peaks
         head = heads[i if heads.shape[0] > 1 else 0]
         compiled.waveform_knots(waveforms[i], knots_s, knots_V)
         found = compiled.branch_pieces(
-            knots_V, head[compiled_edges.HEAD_FULL_SCALE], laps_before, one_point, memory, pieces
+            knots_V, head[compiled_edges.HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces
         )
         counts[i], tails[i] = compiled.response_extrema(
             head, knots_s, pieces, found, window_s, state, rate, series, stack, times[i], peaks[i], no_knots
@@ -54,7 +54,7 @@ def batch_peaks(waveforms, heads, laps_before, one_point, window_s, times, peaks
 
 
 @_jit
-def costs_of_readings(readings, counts, tails, A, B, effective, threshold, enough_V, costs):
+def costs_of_readings(readings, counts, tails, A, B, effective, threshold, target_height_V, costs):
     """Fill ``costs`` with the peak cost in volts of the first ``counts`` entries of each row of readings (n, k)."""
     for i in range(readings.shape[0]):
-        costs[i], _ = compiled.peak_cost(readings[i], counts[i], tails[i], A, B, effective, threshold, enough_V)
+        costs[i], _ = compiled.peak_cost(readings[i], counts[i], tails[i], A, B, effective, threshold, target_height_V)

@@ -41,18 +41,20 @@ class _HeadsVecEnv(VecEnv):
             raise RuntimeError("step_wait() needs actions: call step_async(actions) first.")
         actions, self._actions = self._actions, None
         observations, rewards, dones, _, infos = self.vector_env.step(actions)
-        columns = {name: values if values.ndim > 1 else values.tolist() for name, values in self._told(infos).items()}
-        told: list[dict[str, Any]] = [
+        columns = {
+            name: values if values.ndim > 1 else values.tolist() for name, values in self._reported(infos).items()
+        }
+        step_infos: list[dict[str, Any]] = [
             {name: values[i] for name, values in columns.items()} | {"TimeLimit.truncated": False}
             for i in range(self.num_envs)
         ]
         if "final_obs" in infos:
-            for info, final in zip(told, infos["final_obs"], strict=True):
+            for info, final in zip(step_infos, infos["final_obs"], strict=True):
                 info["terminal_observation"] = final
-        return observations, rewards.astype(np.float32), dones, told
+        return observations, rewards.astype(np.float32), dones, step_infos
 
     @staticmethod
-    def _told(infos: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    def _reported(infos: dict[str, Any]) -> dict[str, NDArray[Any]]:
         """Infos of the vector environment for every head, without Gymnasium's masks."""
         return {name: values for name, values in infos.items() if not name.startswith(("_", "final_"))}
 

@@ -102,7 +102,7 @@ def make_task(
         raise ValueError(f"clip_actions must be True or False; got {clip_actions!r}.")
     return WaveformTask(
         head,
-        _value_of("cost", PeakCost, ("A", "B", "effective", "enough_V"), cost),
+        _value_of("cost", PeakCost, ("A", "B", "effective", "target_height_V"), cost),
         _value_of("bounds", Bounds, ("lower", "upper"), bounds),
         context,
         float(noise),
@@ -332,11 +332,11 @@ class WaveformTask:
         """
         from inkjet_env.envs.compiled_episodes import batch_peaks, costs_of_readings
 
-        (laps_before, one_point, window_s, _, *cost), capacity = self._prepared
+        (warm_up_periods, one_point, window_s, _, *cost), capacity = self._prepared
         counts, tails = np.zeros(len(waveforms), dtype=np.int64), np.empty(len(waveforms))
         while True:
             times, peaks = np.zeros((2, len(waveforms), capacity))
-            if batch_peaks(waveforms, heads, laps_before, one_point, window_s, times, peaks, counts, tails):
+            if batch_peaks(waveforms, heads, warm_up_periods, one_point, window_s, times, peaks, counts, tails):
                 break
             capacity *= 2
         costs, read = np.empty(len(waveforms)), np.empty(len(waveforms))

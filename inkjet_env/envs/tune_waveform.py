@@ -93,9 +93,9 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         """Fire one waveform; the last try ends the episode."""
         if not self._awaits_action:
             raise ResetNeeded("All tries are made, or reset() was never called: call reset() first.")
-        rewards, told = self.tuning.fire(action, (7,), (self.np_random,))
+        rewards, reported = self.tuning.fire(action, (7,), (self.np_random,))
         self._awaits_action = not self.tuning.over
-        info = {name: values[0].copy() if values.ndim > 1 else float(values[0]) for name, values in told.items()}
+        info = {name: values[0].copy() if values.ndim > 1 else float(values[0]) for name, values in reported.items()}
         return self.tuning.observations()[0], float(rewards[0]), self.tuning.over, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -162,14 +162,14 @@ class TuneWaveformVectorEnv(LockstepVectorEnv):
         """Fire N waveforms; after the last try, the observations are those of the next heads."""
         if not self._is_reset:
             raise ResetNeeded("Call reset() before the first step().")
-        rewards, told = self.tuning.fire(actions, (self.num_envs, 7), self.np_random)
+        rewards, reported = self.tuning.fire(actions, (self.num_envs, 7), self.np_random)
         over = self.tuning.over
-        infos: dict[str, Any] = self._infos(**told)
+        infos: dict[str, Any] = self._infos(**reported)
         if over:
             infos |= {
                 "final_obs": np.fromiter(self.tuning.observations(), dtype=object, count=self.num_envs),
                 "_final_obs": np.ones(self.num_envs, dtype=np.bool_),
-                "final_info": self._infos(**{name: values.copy() for name, values in told.items()}),
+                "final_info": self._infos(**{name: values.copy() for name, values in reported.items()}),
                 "_final_info": np.ones(self.num_envs, dtype=np.bool_),
             }
             self.tuning.begin(self.np_random)

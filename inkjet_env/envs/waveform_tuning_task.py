@@ -105,13 +105,13 @@ class WaveformTuningTask:
         self.kept[better] = self.fired[better]
         self.kept_read_V = np.where(better, readings.read_V, self.kept_read_V)
         self.kept_cost_V = np.where(better, readings.costs_V, self.kept_cost_V)
-        told = {
+        reported = {
             "waveform": waveforms,
             "cost": readings.costs_V.copy(),
             "reading": readings.read_V.copy(),
             "kept_cost": self.kept_cost_V.copy(),
         }
-        return rewards, told
+        return rewards, reported
 
     @property
     def over(self) -> bool:

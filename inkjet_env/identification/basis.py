@@ -133,12 +133,12 @@ def drive_basis(drive_V: Real, step_s: float, full_scale_V: float, degree: int, 
     return DriveBasis(pieces, level, len(drive_V), step_s, initial_state)
 
 
-def _pieces(drive_V: Real, full_scale_V: float, laps_before: int) -> Real:
+def _pieces(drive_V: Real, full_scale_V: float, warm_up_periods: int) -> Real:
     from inkjet_env.printhead import compiled
 
     table = np.empty((4 * drive_V.size + 32, 6))
-    memory = np.empty((laps_before + 1) * drive_V.size + 4)
-    count = compiled.branch_pieces(drive_V, full_scale_V, laps_before, False, memory, table)
+    memory = np.empty((warm_up_periods + 1) * drive_V.size + 4)
+    count = compiled.branch_pieces(drive_V, full_scale_V, warm_up_periods, False, memory, table)
     return table[:count].copy()
 
 

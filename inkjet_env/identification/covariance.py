@@ -84,7 +84,7 @@ def solution_of(problem: Linearised, model: Model, converged: bool, coloured: Co
     unit = (allowed @ right[seen].T) / sizes[seen] / scale[:, None]
     sizes, directions = np.linalg.eigh(_score_covariance(problem, model, coloured, unit))
     factor = unit @ (directions * np.sqrt(np.maximum(sizes, 0.0)))  # Eq. (2)
-    residual = problem.left(blocks, model)
+    residual = problem.residuals(blocks, model)
     names = (
         *(f"w{j + 1}" for j in range(problem.degree)),
         *(("ln a0", "ln a1") if problem.moving else ()),

@@ -122,8 +122,8 @@ def _fitted_along(
         size = np.maximum(np.linalg.norm(stacked[:, :2], axis=0), 1e-300)
         offset, gain = np.linalg.lstsq(stacked[:, :2] / size, stacked[:, 2], rcond=None)[0] / size
     else:
-        left = stacked[:, 2] - gain * stacked[:, 1]
-        offset = float(stacked[:, 0] @ left) / max(float(stacked[:, 0] @ stacked[:, 0]), 1e-300)
+        remainder = stacked[:, 2] - gain * stacked[:, 1]
+        offset = float(stacked[:, 0] @ remainder) / max(float(stacked[:, 0] @ stacked[:, 0]), 1e-300)
     evaluations = []
     for recording, shape, scale, q in zip(recordings, shapes, scales, states, strict=True):
         modelled = offset + gain * shape

@@ -251,7 +251,7 @@ class CampaignFit:
             correlation: dict[str, float] = {}
             for key in sorted(unseen):
                 keyed = self.fitted([m for m in self.train if m.noise_key == key], model.weights.size)
-                rms = max(_rms_left(keyed, model), self.least[key[0]])
+                rms = max(_residual_rms(keyed, model), self.least[key[0]])
                 before = self.noise[key].rms
                 correlation[key[0]] = max((_band_rms(keyed, model) * before / rms) ** 2, correlation.get(key[0], 1.0))
                 self.noise[key] = NoiseModel(np.ones(1), rms, rms, RESIDUAL)
@@ -282,10 +282,10 @@ def _still(degree: int) -> Model:
     return Model(1.0, 0.5, np.zeros(degree), {"strain_gauge": 1.0}, {"strain_gauge": 0.0})
 
 
-def _rms_left(fitted: Sequence[Fitted], model: Model) -> float:
+def _residual_rms(fitted: Sequence[Fitted], model: Model) -> float:
     """RMS residual of the model over the fitted samples, in the channel's unit."""
-    left = [(f.measurement.mean - model.predicted(f.measurement, f.basis))[: f.measurement.fitted] for f in fitted]
-    return math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
+    residuals = [(f.measurement.mean - model.predicted(f.measurement, f.basis))[: f.measurement.fitted] for f in fitted]
+    return math.sqrt(float(np.mean(np.concatenate(residuals) ** 2)))
 
 
 def _band_rms(fitted: Sequence[Fitted], model: Model) -> float:
@@ -298,8 +298,8 @@ def _band_rms(fitted: Sequence[Fitted], model: Model) -> float:
     for f in fitted:
         modelled = model.predicted(f.measurement, f.basis)
         pair = np.column_stack([f.measurement.mean - modelled, modelled - modelled.mean()])
-        left, signal = np.abs(np.fft.rfft(f.whitened(pair), axis=0).T) ** 2
-        shared += float(np.mean(left * signal))
+        residuals, signal = np.abs(np.fft.rfft(f.whitened(pair), axis=0).T) ** 2
+        shared += float(np.mean(residuals * signal))
         power += float(np.mean(signal)) * f.measurement.fitted
     return math.sqrt(shared / power) if power > 0 else 1.0
 

@@ -59,8 +59,8 @@ class Linearised:
         if channel != "strain_gauge" and slopes:
             amplitude: NDArray[np.floating] = np.zeros(2)
             if states is not None:
-                left = columns[:, -1] - ratio * (columns[:, :degree] @ model.weights) - model.offsets[channel]
-                amplitude = np.linalg.lstsq(f.whitened(states), f.whitened(left[:, None])[:, 0], rcond=None)[0]
+                residuals = columns[:, -1] - ratio * (columns[:, :degree] @ model.weights) - model.offsets[channel]
+                amplitude = np.linalg.lstsq(f.whitened(states), f.whitened(residuals[:, None])[:, 0], rcond=None)[0]
             for place, h, (up, down) in _neighbours(model):
                 difference = f.basis.response(channel, *up)[:n] - f.basis.response(channel, *down)[:n]
                 columns[:, degree + place] = ratio / (2 * h) * (difference @ model.weights)
@@ -106,7 +106,7 @@ class Linearised:
         rows[:, : self.degree] = sign * self.constraints
         return least_squares_above_zero(matrix, target, rows)
 
-    def left(self, blocks: Sequence[Real], model: Model) -> Real:
+    def residuals(self, blocks: Sequence[Real], model: Model) -> Real:
         """Whitened residuals of a model, all drives stacked."""
         matrix, target = self.stacked(blocks, model, nonlinear=False)
         return np.asarray(target - matrix @ self.linear_part(model))

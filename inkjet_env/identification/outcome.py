@@ -93,8 +93,8 @@ def _chi_square(fit: CampaignFit, model: Model) -> float:
     """χ² of the whitened residuals of the fitted samples."""
     total = 0.0
     for f in fit.fitted(fit.train, model.weights.size):
-        left = f.measurement.mean - model.predicted(f.measurement, f.basis, f.noise)
-        total += float(np.sum(f.whitened(left[:, None]) ** 2))
+        residuals = f.measurement.mean - model.predicted(f.measurement, f.basis, f.noise)
+        total += float(np.sum(f.whitened(residuals[:, None]) ** 2))
     return total
 
 
@@ -136,17 +136,17 @@ def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]
         )
     if not fit.solution.converged:
         notes.append("The fit did not converge; its intervals are unreliable.")
-    told = {"all recordings": fit.joint.by_flattening}
+    chosen = {"all recordings": fit.joint.by_flattening}
     if fit.gauge:
-        told["the strain gauge alone"] = fit.alone.by_flattening
+        chosen["the strain gauge alone"] = fit.alone.by_flattening
     else:
         notes.append(
             "Without a strain-gauge recording the hysteresis was identified from the fast channels themselves."
         )
     if fit.alone.by_held_out is not None:
-        told["drives left out in turn"] = fit.alone.by_held_out
-    if fit.degree_given is None and len(set(told.values())) > 1:
-        words = ", ".join(f"{degree} from {source}" for source, degree in told.items())
+        chosen["drives left out in turn"] = fit.alone.by_held_out
+    if fit.degree_given is None and len(set(chosen.values())) > 1:
+        words = ", ".join(f"{degree} from {source}" for source, degree in chosen.items())
         notes.append(f"The estimates of the degree differ: {words}; {len(printhead.coefficients) - 1} is used.")
     if fit.solution.held:
         notes.append("The constraint p(r) ≥ 0 is active: without it the density would be negative in places.")

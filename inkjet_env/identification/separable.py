@@ -102,7 +102,7 @@ def _step(problem: Linearised, blocks: Sequence[Real], model: Model) -> _Step:
     """Gauss–Newton step from a model."""
     matrix, target = problem.stacked(blocks, model, nonlinear=True)
     solution, _ = problem.solve(matrix, target)
-    now = np.sum(problem.left(blocks, model) ** 2)
+    now = np.sum(problem.residuals(blocks, model) ** 2)
     promise = float(now - np.sum((target - matrix @ solution) ** 2))
     d, moving = problem.degree, 2 * problem.moving
     return _Step(solution[d : d + moving], solution[d + moving :][: len(problem.channels) - 1], promise)

@@ -116,7 +116,7 @@ class _Candidate:
         chosen = self.selection.chosen
         modelled, active = self.joint.modelled(chosen.fit), chosen.fit.active.pairs
         residuals = on.stacked({o.name: o.measured - modelled[o.name] for o in on.observed})
-        amplitudes = [self.joint.chance(o, active) for o in on.seen]
+        amplitudes = [self.joint.amplitude_columns(o, active) for o in on.seen]
         free = chosen.free + sum(len(s.values) for s in self.random_effects)
         free += sum(columns.shape[1] for columns in amplitudes if columns is not None)
         return -0.5 * float(residuals @ residuals) - 0.5 * free * math.log(residuals.size)

@@ -253,8 +253,8 @@ class Diagnosis:
                 {
                     "ids": list(a.ids),
                     "delta_nll": a.gain,
-                    "foretold": _finite(a.predicted),
-                    "foretold_error": _finite(a.predicted_error),
+                    "predicted": _finite(a.predicted),
+                    "predicted_error": _finite(a.predicted_error),
                     "share": _finite(a.share),
                     "cosine": _finite(a.cosine),
                 }

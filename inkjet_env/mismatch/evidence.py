@@ -110,8 +110,8 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
     rows = int(keep.sum())
     if not rows:
         return 0.0, 0.0
-    told = sum(joint.noise.samples[key] for key in sorted({o.noise_key for o in joint.seen if o.name in known}))
-    doubt = math.sqrt(2 * rows + 2 * rows**2 / max(told, 1))
+    samples = sum(joint.noise.samples[key] for key in sorted({o.noise_key for o in joint.seen if o.name in known}))
+    doubt = math.sqrt(2 * rows + 2 * rows**2 / max(samples, 1))
     residuals = float(np.sum(chosen.residuals[keep] ** 2)) - rows + chosen.columns.shape[1]
     mismatch = float(np.sum(base.residuals[keep] ** 2)) - rows + base.columns.shape[1]
     sure = residuals > settings.excess_standard_deviations * doubt and residuals > settings.least_excess * rows
@@ -204,12 +204,12 @@ def _errors(chosen: Hypothesis) -> Real:
     q, _ = chosen.joint.basis
     jacobian = chosen.fit.jacobian - q @ (q.T @ chosen.fit.jacobian)
     size = np.linalg.norm(jacobian, axis=0)
-    told = size > 1e-9 * np.maximum(np.linalg.norm(chosen.fit.jacobian, axis=0), 1e-300)
+    determined = size > 1e-9 * np.maximum(np.linalg.norm(chosen.fit.jacobian, axis=0), 1e-300)
     errors: Real = np.full(size.size, np.inf)
-    columns = jacobian[:, told] / size[told]
+    columns = jacobian[:, determined] / size[determined]
     inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-12)
     loud = max(1.0, 2 * chosen.fit.nll / max(chosen.residuals.size - chosen.columns.shape[1], 1))  # s² of Eq. (2)
-    errors[told] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[told]  # Eq. (2)
+    errors[determined] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[determined]  # Eq. (2)
     return errors
 
 

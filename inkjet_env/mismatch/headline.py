@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from inkjet_env.mismatch.diagnosis import NamedEffect
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.settings import VerdictSettings
-from inkjet_env.plant.wording import percent, span_told
+from inkjet_env.plant.wording import percent, span_text
 
 MOST_BANDS, MOST_NAMED = 2, 3
 """Largest numbers of frequency bands and of recordings in a headline."""
@@ -118,7 +118,7 @@ def _unknown(
         where.append(f"in {location.recordings[0]}")
     if location.frequency_Hz:
         bands = location.frequency_Hz[:MOST_BANDS]
-        where.append("at " + " and ".join(span_told(low, high, "Hz") for low, high in bands))
+        where.append("at " + " and ".join(span_text(low, high, "Hz") for low, high in bands))
     return f"{said}. The mismatch is largest {', '.join(where)}." if where else f"{said}."
 
 

@@ -38,10 +38,10 @@ def hysteretic_levels(drive_V, full_scale_V, laws, periodic, memory, pieces, lev
         virgin = _branch(laws[j], x) * 0.5 * full_scale_V
         levels[0, j] = virgin if drive_V[0] >= 0.0 else -virgin
     last = drive_V.shape[0] - 1
-    for lap in range(2 if periodic else 1):
-        if lap > 0:
+    for period in range(2 if periodic else 1):
+        if period > 0:
             levels[0] = levels[last]
-        count = branch_pieces(drive_V, full_scale_V, lap, False, memory, pieces)
+        count = branch_pieces(drive_V, full_scale_V, period, False, memory, pieces)
         at = 0
         for node in range(1, last + 1):
             levels[node] = levels[node - 1]
@@ -204,7 +204,7 @@ def lagged(signal, keep, old, new, start, result):
 
 
 @_jit
-def returned(signal, whole, weights, ends, lag, lap, periodic, result):
+def returned(signal, whole, weights, ends, lag, period, periodic, result):
     """Delay a signal by a weighted sum of four consecutive samples, then apply the lag once for each end.
 
     Parameters
@@ -219,7 +219,7 @@ def returned(signal, whole, weights, ends, lag, lap, periodic, result):
         Number of reflections, each with its lag.
     lag : tuple of float
         Weights of the lag, from `inkjet_env.plant.lag.lag_weights`.
-    lap : float
+    period : float
         Share of a change of the lagged value that decays over one period, from `inkjet_env.plant.lag.lap_loss`.
     periodic : bool
         Whether the sample after the last is the first; otherwise the signal is held at both ends.
@@ -247,7 +247,7 @@ def returned(signal, whole, weights, ends, lag, lap, periodic, result):
             value = 0.0
             for i in range(1, n + 1):
                 value = keep * value + old * result[i - 1] + new * result[i if i < n else 0]
-            value /= lap
+            value /= period
         before, result[0] = result[0], value
         for i in range(1, n):
             value = keep * value + old * before + new * result[i]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from inkjet_env.plant.errors import SimulationError
-from inkjet_env.plant.lag import lag_weights, lap_loss
+from inkjet_env.plant.lag import decay_per_period, lag_weights
 from inkjet_env.typing import Real
 
 FAINT = 1e-4
@@ -51,14 +51,14 @@ class Echo:
             return self.strength * first
         if r1 == 0:
             raise SimulationError("a wave returns from an end that reflects nothing.")
-        lap_s = self.delay_s + self.second_delay_s
-        around = heard(signal, lap_s, 2)
+        round_trip_s = self.delay_s + self.second_delay_s
+        around = heard(signal, round_trip_s, 2)
         total = wave = first + r2 / r1 * heard(signal, self.second_delay_s, 1) + 2 * r2 * around
         warm_up_periods = math.ceil(math.log(FAINT) / math.log(max(abs(r1 * r2), FAINT)))
         if not periodic:
-            warm_up_periods = min(warm_up_periods, int(signal.size * step_s / lap_s))
+            warm_up_periods = min(warm_up_periods, int(signal.size * step_s / round_trip_s))
         for _ in range(warm_up_periods):
-            wave = r1 * r2 * heard(wave, lap_s, 2)
+            wave = r1 * r2 * heard(wave, round_trip_s, 2)
             total = total + wave
         return self.strength * total
 
@@ -100,7 +100,7 @@ def returned(signal: Real, samples: float, periodic: bool, ends: int = 0, loss_s
     )
     if loss_samples <= 0:
         ends = 0
-    lag, lap = lag_weights(loss_samples, 1.0), lap_loss(loss_samples, signal.size)
+    lag, decay = lag_weights(loss_samples, 1.0), decay_per_period(loss_samples, signal.size)
     result = np.empty(signal.size)
-    compiled.returned(np.ascontiguousarray(signal), whole, weights, ends, lag, lap, periodic, result)
+    compiled.returned(np.ascontiguousarray(signal), whole, weights, ends, lag, decay, periodic, result)
     return result

@@ -34,7 +34,7 @@ def lagged(signal: Real, time_constant_s: float, step_s: float, periodic: bool) 
     start = float(values[0])
     if periodic:
         end = compiled.lagged(values, keep, old, new, 0.0, result)
-        start = end / lap_loss(time_constant_s, signal.size * step_s)
+        start = end / decay_per_period(time_constant_s, signal.size * step_s)
     compiled.lagged(values, keep, old, new, start, result)
     return result[: signal.size]
 
@@ -52,6 +52,6 @@ def lag_weights(time_constant_s: float, step_s: float) -> tuple[float, float, fl
     return math.exp(-z), -math.expm1(-z) - new, new
 
 
-def lap_loss(time_constant_s: float, lap_s: float) -> float:
-    """Share of a change of the lagged value that decays over one period of ``lap_s`` seconds."""
-    return -math.expm1(-lap_s / time_constant_s) if time_constant_s > 0 else 1.0
+def decay_per_period(time_constant_s: float, period_s: float) -> float:
+    """Share of a change of the lagged value that decays over one period of ``period_s`` seconds."""
+    return -math.expm1(-period_s / time_constant_s) if time_constant_s > 0 else 1.0

@@ -27,7 +27,7 @@ from inkjet_env.plant.force import Force
 from inkjet_env.printhead.resonator import pole
 from inkjet_env.typing import Real
 
-MOST_LAPS = 40
+MOST_PERIODS = 40
 """Largest number of iterations for the steady state of a repeated drive."""
 REST_STEPS, MOST_REST_STEPS = 30, 300
 """Smallest number of iterations for the deflection at rest, unless it is stationary, and the largest."""
@@ -128,11 +128,11 @@ class Oscillator:
 
         end = run(state)
         if excitation.periodic:
-            lap = complex(
+            decay = complex(
                 -np.expm1(lam * excitation.step_s * excitation.samples)
             )  # share of a change that decays over one period, in linear motion
-            for _ in range(MOST_LAPS):
-                state += (end - state) / lap
+            for _ in range(MOST_PERIODS):
+                state += (end - state) / decay
                 end = run(state)
                 if self.linear or abs(end - state) <= STEADY * max(abs(state), 1e-12):
                     break
@@ -151,9 +151,9 @@ class Oscillator:
         h = 2 * excitation.node_step_s
         deflection, speed = np.empty(ends.size // 2 + 1), np.empty(ends.size // 2 + 1)
         state = amplitude(lam, float(ends[0]) * self.drive_a0 / self.a0, 0.0)
-        for lap in range(1 + excitation.periodic):
+        for decay in range(1 + excitation.periodic):
             end = compiled.linear_motion(ends, lam, self.drive_a0 / lam.imag, h, 1, state, deflection, speed)
-            if lap == 0 and excitation.periodic:
+            if decay == 0 and excitation.periodic:
                 state += (end - state) / complex(-np.expm1(lam * excitation.step_s * excitation.samples))
         between: Real = np.interp(np.arange(hysteretic_V.size), 2 * np.arange(speed.size), np.abs(speed))
         return between

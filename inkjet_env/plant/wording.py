@@ -46,7 +46,7 @@ def with_prefix(value: float, unit: str, digits: int = 2) -> str:
     return f"{_plain(value / scale, digits)} {name}"
 
 
-def span_told(low: float, high: float, unit: str) -> str:
+def span_text(low: float, high: float, unit: str) -> str:
     """An interval in words, its ends in ``unit``.
 
     Examples

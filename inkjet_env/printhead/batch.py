@@ -113,7 +113,7 @@ def _capacity(heads: Real, longest_s: float, window_s: float) -> int:
 
 
 def _cost_settings(cost: PeakCost) -> tuple[float, float, int, float, float]:
-    """A, B, rule, threshold in volts and enough_V, as the compiled functions take them."""
+    """A, B, rule, threshold in volts and target_height_V, as the compiled functions take them."""
     rule, threshold = compiled.EFFECTIVE_THRESHOLD, 0.0
     if cost.effective == "largest":
         rule = compiled.EFFECTIVE_LARGEST
@@ -121,7 +121,7 @@ def _cost_settings(cost: PeakCost) -> tuple[float, float, int, float, float]:
         rule = compiled.EFFECTIVE_FIRST
     else:
         threshold = float(cost.effective)
-    return cost.A, cost.B, rule, threshold, float(cost.enough_V)
+    return cost.A, cost.B, rule, threshold, float(cost.target_height_V)
 
 
 def _memory(initial_state: str, hysteresis: str) -> tuple[int, bool]:

@@ -166,7 +166,7 @@ def response_extrema(head, knots_s, pieces, piece_count, window_s, state, rate, 
 
 
 @_jit
-def peak_cost(peaks, count, tail_V, A, B, effective, threshold, enough_V):
+def peak_cost(peaks, count, tail_V, A, B, effective, threshold, target_height_V):
     """Peak cost in volts of ``count`` peaks, Eq. (9) of `cost`; also the index of the effective peak, or −1."""
     e = -1
     total = tail_V
@@ -181,7 +181,7 @@ def peak_cost(peaks, count, tail_V, A, B, effective, threshold, enough_V):
         elif e < 0 and (effective == EFFECTIVE_FIRST or magnitude >= threshold):
             e = i
     if e >= 0:  # Eq. (9)
-        total += A * min(abs(peaks[e]), enough_V) - abs(peaks[e])
+        total += A * min(abs(peaks[e]), target_height_V) - abs(peaks[e])
         if e + 1 < count:
             total += (B - 1.0) * abs(peaks[e + 1])
     return total, e
@@ -232,7 +232,19 @@ def steady_start(
 
 @_jit
 def batch_costs(
-    waveforms, heads, laps_before, one_point, window_s, period_s, A, B, effective, threshold, enough_V, capacity, costs
+    waveforms,
+    heads,
+    warm_up_periods,
+    one_point,
+    window_s,
+    period_s,
+    A,
+    B,
+    effective,
+    threshold,
+    target_height_V,
+    capacity,
+    costs,
 ):
     """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False if ``capacity`` was too small.
 
@@ -248,7 +260,7 @@ def batch_costs(
         state[:] = 0.0
         head = heads[i if heads.shape[0] > 1 else 0]
         waveform_knots(waveforms[i], knots_s, knots_V)
-        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
+        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
         if period_s < math.inf and not steady_start(
             head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots
         ):
@@ -258,5 +270,5 @@ def batch_costs(
         )
         if count == OVERFLOW:
             return False
-        costs[i], _ = peak_cost(peaks, count, tail, A, B, effective, threshold, enough_V)
+        costs[i], _ = peak_cost(peaks, count, tail, A, B, effective, threshold, target_height_V)
     return True

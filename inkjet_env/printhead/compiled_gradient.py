@@ -110,11 +110,11 @@ def _rate_by_voltage(head, piece, from_by, to_by, origin_by, rate_by, scratch):
 
 
 @_jit
-def _slope_of_cost(peaks, k, e, A, B, enough_V):
+def _slope_of_cost(peaks, k, e, A, B, target_height_V):
     """Derivative of the cost, Eq. (9) of `cost`, with respect to the signed height of peak k; peak e is effective."""
     weight = 1.0
     if k == e:
-        weight = A if abs(peaks[k]) < enough_V else 0.0
+        weight = A if abs(peaks[k]) < target_height_V else 0.0
     elif e >= 0 and k == e + 1:
         weight = B
     return -weight if peaks[k] < 0.0 else weight
@@ -122,8 +122,8 @@ def _slope_of_cost(peaks, k, e, A, B, enough_V):
 
 @_jit
 def batch_costs_and_gradients(
-    waveforms, heads, laps_before, one_point, window_s, period_s, A, B, effective, threshold, enough_V, capacity, costs,
-    gradients,
+    waveforms, heads, warm_up_periods, one_point, window_s, period_s, A, B, effective, threshold, target_height_V,
+    capacity, costs, gradients,
 ):  # fmt: skip
     """Peak cost and its gradient (n, 7) with respect to the waveform parameters; False if capacity was too small."""
     knots_s, knots_V = np.empty(6), np.empty(6)
@@ -141,7 +141,7 @@ def batch_costs_and_gradients(
     for i in range(waveforms.shape[0]):
         head = heads[i if heads.shape[0] > 1 else 0]
         waveform_knots(waveforms[i], knots_s, knots_V)
-        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], laps_before, one_point, memory, pieces)
+        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
         state[:] = 0.0
         if period_s < math.inf and not steady_start(
             head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots
@@ -152,7 +152,7 @@ def batch_costs_and_gradients(
         )
         if count == OVERFLOW:
             return False
-        costs[i], e = peak_cost(peaks, count, tail, A, B, effective, threshold, enough_V)
+        costs[i], e = peak_cost(peaks, count, tail, A, B, effective, threshold, target_height_V)
         pole_re = -0.5 * head[HEAD_A1]
         omega0 = math.sqrt(head[HEAD_A0])
         pole = complex(pole_re, math.sqrt((omega0 + pole_re) * (omega0 - pole_re)))
@@ -171,7 +171,7 @@ def batch_costs_and_gradients(
                     piece = pieces[index]
                     start += piece[1] * whole
                     duration = piece[2] * whole
-                    if (segment == 0 and laps_before == 0) or abs(piece[5]) < head[HEAD_FULL_SCALE]:
+                    if (segment == 0 and warm_up_periods == 0) or abs(piece[5]) < head[HEAD_FULL_SCALE]:
                         origin_by = fixed_origin  # origin at 0 V: the first sample, or the virgin curve
                     elif piece[5] > 0.0:
                         origin_by = knot_by[3]
@@ -194,7 +194,7 @@ def batch_costs_and_gradients(
                             head, pole, gain, duration, rate, n, rate_by, start_by, duration_by,
                             since / duration, moment, forced_by,
                         )  # fmt: skip
-                    weight = _slope_of_cost(peaks, peak, e, A, B, enough_V)
+                    weight = _slope_of_cost(peaks, peak, e, A, B, target_height_V)
                     for p in range(7):
                         change = (amplitude_by[p] * step).imag
                         if forced:
@@ -216,7 +216,7 @@ def batch_costs_and_gradients(
         if period_s < math.inf:
             left = np.exp(pole * (period_s - knots_s[5])) / (1.0 - np.exp(pole * period_s))
             for k in range(count):
-                weight = _slope_of_cost(peaks, k, e, A, B, enough_V)
+                weight = _slope_of_cost(peaks, k, e, A, B, target_height_V)
                 step = left * np.exp(pole * times[k])
                 for p in range(7):
                     gradients[i, p] += weight * (amplitude_by[p] * step).imag

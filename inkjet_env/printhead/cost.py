@@ -1,8 +1,8 @@
 """Peak cost of a response: the weighted sum of its peaks.
 
-    J = A min(|y_e|, enough_V) + B |y_{e+1}| + Σ |y_i| over all other peaks                         (9)
+    J = A min(|y_e|, target_height_V) + B |y_{e+1}| + Σ |y_i| over all other peaks                         (9)
 
-with the equation numbered as in docs/explanation/model.md, and an infinite ``enough_V`` in the paper.
+with the equation numbered as in docs/explanation/model.md, and an infinite ``target_height_V`` in the paper.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ EFFECTIVE_RULES = ("largest", "first")
 
 @dataclass(frozen=True)
 class PeakCost:
-    """Peak cost ``A min(|y_e|, enough_V) + B|y_{e+1}| + Σ|y_i|``, Eq. (9) (Zhu et al. 2024, section 2.3).
+    """Peak cost ``A min(|y_e|, target_height_V) + B|y_{e+1}| + Σ|y_i|``, Eq. (9) (Zhu et al. 2024, section 2.3).
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class PeakCost:
     effective : {"largest", "first"} or float
         Which peak ejects: the largest in magnitude (the earliest of equals), the first (the formula as printed), or
         the first whose magnitude reaches this threshold in volts. Where no peak reaches it, every peak has weight one.
-    enough_V : float
+    target_height_V : float
         Magnitude in volts that a drop of the wanted size needs; the effective peak counts no further beyond it. With a
         weight A that outweighs what each volt of it costs elsewhere, the best waveform reaches this magnitude and
         rings least. Infinite by default, as in the paper's formula.
@@ -48,11 +48,13 @@ class PeakCost:
     A: float = -5.0
     B: float = 5.0
     effective: str | float = "largest"
-    enough_V: float = math.inf
+    target_height_V: float = math.inf
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.enough_V, (int, float)) and self.enough_V > 0):
-            raise ValueError(f"enough_V must be a magnitude above 0 V, or infinite; got {self.enough_V!r}.")
+        if not (isinstance(self.target_height_V, (int, float)) and self.target_height_V > 0):
+            raise ValueError(
+                f"target_height_V must be a magnitude above 0 V, or infinite; got {self.target_height_V!r}."
+            )
         for name in ("A", "B"):
             value = getattr(self, name)
             if not (isinstance(value, (int, float)) and abs(value) <= LARGEST_WEIGHT):
@@ -95,5 +97,5 @@ class PeakCost:
         magnitude = np.abs(np.asarray(peaks_V, dtype=np.float64))
         weights, e = self.weights(peaks_V), self.effective_index(peaks_V)
         if e is not None:
-            magnitude[e] = min(magnitude[e], self.enough_V)
+            magnitude[e] = min(magnitude[e], self.target_height_V)
         return float(weights @ magnitude + tail_V)  # Eq. (9)

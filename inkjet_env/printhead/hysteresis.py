@@ -48,7 +48,7 @@ def periods_before_recording(initial_state: str) -> int:
     return 1 if initial_state == "periodic" else 0
 
 
-def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, pieces):
+def branch_pieces(drive_V, full_scale_V, warm_up_periods, one_point, memory_V, pieces):
     """Cut a piecewise-linear drive into pieces on which the branch law is one polynomial.
 
     Plain Python that also compiles as it stands. On a piece that covers the fractions ``start … start + length`` of
@@ -62,7 +62,7 @@ def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, piece
         Drive at the knots, in volts.
     full_scale_V : float
         ``F``: the change of drive at ``x = 1``, in volts.
-    laps_before : int
+    warm_up_periods : int
         Warm-up periods before the recorded one: 0 starts from the demagnetised state; 1 settles a periodic drive.
     one_point : bool
         Remember only the last turning point; the first sample counts as one.
@@ -85,8 +85,8 @@ def branch_pieces(drive_V, full_scale_V, laps_before, one_point, memory_V, piece
         u = drive_V[0]
         memory_V[0] = u
         depth = 1
-    for lap in range(laps_before + 1):
-        recording = lap == laps_before
+    for period in range(warm_up_periods + 1):
+        recording = period == warm_up_periods
         # Segment -1 leads to the first sample: from 0 V when demagnetised, from the last sample when periodic.
         for segment in range(-1, n - 1):
             target = drive_V[segment + 1]

@@ -208,7 +208,7 @@ def fits_figure(rows: Sequence[Row]) -> Figure:
 def spectrum_figure(recordings: Sequence[ModelledRecording]) -> Figure:
     """Amplitude spectral densities of both models' residuals, pooled over a channel's recordings, and of the noise."""
     figure, axes = plotting.new_figure(WIDTH, 3.4)
-    frequency, base, after, noise = left_densities(recordings)
+    frequency, base, after, noise = residual_densities(recordings)
     scale, unit = next(((s, u) for s, u in ((1e6, "MHz"), (1e3, "kHz")) if frequency[-1] > 10 * s), (1.0, "Hz"))
     axes.plot(frequency / scale, noise, "--", color=NOISE, lw=1.2, label="noise, if white")
     axes.plot(frequency / scale, base, color=BASE, lw=1.3, label=LABELS["base"])
@@ -223,7 +223,7 @@ def spectrum_figure(recordings: Sequence[ModelledRecording]) -> Figure:
     return figure
 
 
-def left_densities(recordings: Sequence[ModelledRecording]) -> tuple[Real, Real, Real, Real]:
+def residual_densities(recordings: Sequence[ModelledRecording]) -> tuple[Real, Real, Real, Real]:
     """Frequencies in Hz, and amplitude spectral densities of both models' residuals and of white noise.
 
     Each is the square root of the mean power over all lines of all recordings in each of `BINS` frequency bins; empty

@@ -219,7 +219,7 @@ def spectrum_figure(recording: ModelledRecording, noise: NoiseModel | None) -> F
     """Amplitude spectral densities of a recording: measured, modelled, residual and noise model."""
     figure, axes = plotting.new_figure(10, 4.2)
     signals = (recording.drive_V, recording.measured, recording.modelled["base"], recording.residual())
-    frequency, drive, measured, modelled, left = amplitude_densities(recording, *signals)
+    frequency, drive, measured, modelled, residuals = amplitude_densities(recording, *signals)
     scale, unit = (1e3, "kHz") if frequency[-1] > 1e4 else (1.0, "Hz")
     excited = drive > POWER_SHOWN * drive[1:].max()
     excited[0] = False
@@ -227,7 +227,7 @@ def spectrum_figure(recording: ModelledRecording, noise: NoiseModel | None) -> F
     draw_line(axes, at, measured[excited], ls="none", marker="o", ms=4.5, color=MEASURED, label="measured")
     draw_line(axes, at, modelled[excited], ls="none", marker=".", ms=2.5, color=MODELLED, label="modelled")
     edges = np.unique(np.round(np.geomspace(1, frequency.size, 200)).astype(int))
-    mean = np.sqrt(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
+    mean = np.sqrt(np.add.reduceat(residuals**2, edges[:-1]) / np.diff(edges))
     axes.plot(frequency[edges[:-1]] / scale, mean, color=LEFT, lw=1.0, label="measured − modelled")
     if noise is not None:
         density = np.sqrt(noise.spectrum(frequency[1:], recording.step_s))

@@ -268,10 +268,10 @@ def parameter_rows(identification: Identification) -> list[tuple[str, str, str, 
     for channel, gain in identification.gains.items():
         if channel != "self_sensing":  # whose gain is b1
             rows.append(("gain", gain, f"{units[channel]}/V", f"{CHANNEL_WORDS[channel]}: per hysteretic volt"))
-    told = [(symbol, *interval_text(estimate), unit, meaning) for symbol, estimate, unit, meaning in rows]
+    table = [(symbol, *interval_text(estimate), unit, meaning) for symbol, estimate, unit, meaning in rows]
     for channel, offset in identification.offsets.items():
-        told.append(("offset", short(offset), "", units[channel], CHANNEL_WORDS[channel]))
-    return told
+        table.append(("offset", short(offset), "", units[channel], CHANNEL_WORDS[channel]))
+    return table
 
 
 def coefficient_rows(identification: Identification) -> list[tuple[int, str, str]]:

@@ -102,7 +102,12 @@ def test_readings_scatter_about_the_cost_as_the_errors_of_the_peaks_do():
 
 @pytest.mark.parametrize(
     "problem",
-    [TRAIN, LOT, Problem("noisy", measurement_noise_V=0.1), Problem("drop", cost=PeakCost(-50, 5, enough_V=4.0))],
+    [
+        TRAIN,
+        LOT,
+        Problem("noisy", measurement_noise_V=0.1),
+        Problem("drop", cost=PeakCost(-50, 5, target_height_V=4.0)),
+    ],
     ids=lambda problem: problem.name,
 )
 def test_settings_rebuild_what_is_new_in_a_problem(problem):

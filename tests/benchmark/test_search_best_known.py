@@ -95,7 +95,7 @@ def test_the_best_waveform_of_a_wanted_drop_reaches_its_height(name):
     """The weight of a missing volt outweighs what it saves elsewhere: the penalty is exact."""
     solved = problem(name)
     peaks_V = solved.respond(solved.bounds.to_unit(solved.best_known.waveform)).peaks_V
-    assert np.abs(peaks_V).max() >= solved.cost.enough_V - 1e-6
+    assert np.abs(peaks_V).max() >= solved.cost.target_height_V - 1e-6
 
 
 def test_what_is_read_with_errors_has_the_best_waveform_of_what_is_read_without():

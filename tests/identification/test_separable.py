@@ -89,8 +89,8 @@ def free_run_residual(values, fitted, channels):
     model = unpacked(values, channels)
     parts = []
     for f in fitted:
-        left = f.measurement.mean - model.predicted(f.measurement, f.basis, f.noise)
-        parts.append(f.whitened(left[:, None])[:, 0])
+        residuals = f.measurement.mean - model.predicted(f.measurement, f.basis, f.noise)
+        parts.append(f.whitened(residuals[:, None])[:, 0])
     return np.concatenate(parts)
 
 
@@ -132,12 +132,12 @@ def test_the_minimum_has_no_slope(fitted, solution):
     channels = channels_of(fitted)
     values = packed(solution.model, channels)
     slopes = slopes_of(values, fitted, channels)
-    left = free_run_residual(values, fitted, channels)
+    residuals = free_run_residual(values, fitted, channels)
     assert solution.converged
     # A step along the slope would promise less than 1e-3 of χ².
-    promise = left @ slopes @ np.linalg.solve(slopes.T @ slopes, slopes.T @ left)
+    promise = residuals @ slopes @ np.linalg.solve(slopes.T @ slopes, slopes.T @ residuals)
     assert promise < 1e-3
-    assert solution.chi_square == pytest.approx(left @ left, rel=1e-9)
+    assert solution.chi_square == pytest.approx(residuals @ residuals, rel=1e-9)
 
 
 def test_residuals_are_as_large_as_the_noise_says(solution):

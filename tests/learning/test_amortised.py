@@ -29,7 +29,7 @@ def test_learning_is_held_against_whoever_is_there_first_even_if_others_end_lowe
     soon, late = a_test("soon", np.r_[np.full(199, 9.0), np.full(1801, 4.0)]), a_test("late", np.linspace(10, 0, 2000))
     policy = a_test("policy", np.full(2000, 5.0), trained=95_000)
     assert break_even(policy, [late, soon], 50) == pytest.approx(95_000 / (200 - 50))
-    by_name = {row["name"]: row for row in amortised.told([late, soon, policy], np.random.default_rng(0))}
+    by_name = {row["name"]: row for row in amortised.summary_rows([late, soon, policy], np.random.default_rng(0))}
     assert by_name["policy"]["against"] == "soon"
 
 
@@ -41,7 +41,7 @@ def test_what_scratch_reaches_sooner_never_pays():
 def test_what_scratch_never_reaches_pays_from_so_many_heads_at_the_most():
     scratch, policy = a_test("cma-es", np.ones(2000)), a_test("policy", np.zeros(2000), trained=95_000)
     assert break_even(policy, [scratch], 50) == 0
-    row = amortised.told([scratch, policy], np.random.default_rng(0))[1]
+    row = amortised.summary_rows([scratch, policy], np.random.default_rng(0))[1]
     assert row["at_most_heads"] == pytest.approx(95_000 / (2001 - 50))
     assert amortised.heads_from(row["break_even_heads"], row["at_most_heads"]) == "≤ 49 (≤ 49 … ≤ 49)"
 
@@ -63,7 +63,7 @@ def test_break_even_has_an_interval_over_trainings_and_heads():
         """Of a policy that leaves as many volts as its training says, on every head."""
         left_V = np.tile(np.asarray(trainings_V)[:, None, None], (1, 40, 2000))
         policy = TuningResult("policy", left_V[..., 0], left_V, np.full(5, 95_000.0))
-        by_name = {one["name"]: one for one in amortised.told([scratch, policy], np.random.default_rng(1))}
+        by_name = {one["name"]: one for one in amortised.summary_rows([scratch, policy], np.random.default_rng(1))}
         assert "break_even_heads" not in by_name["cma-es"]
         even = by_name["policy"]["break_even_heads"]
         assert even["value"] == pytest.approx(break_even(policy, [scratch], 50))

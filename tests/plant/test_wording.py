@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from inkjet_env.plant.wording import percent, span_told, with_prefix
+from inkjet_env.plant.wording import percent, span_text, with_prefix
 
 
 def test_values_are_told_as_they_are_read_aloud():
@@ -48,6 +48,6 @@ def test_small_shares_are_told_in_parts_per_million():
 
 
 def test_a_stretch_names_a_shared_unit_once():
-    assert span_told(4e4, 1.2e5, "Hz") == "40 to 120 kHz"
-    assert span_told(900.0, 1500.0, "Hz") == "900 Hz to 1.5 kHz"
-    assert span_told(20.0, 20.0, "V") == "20 V"
+    assert span_text(4e4, 1.2e5, "Hz") == "40 to 120 kHz"
+    assert span_text(900.0, 1500.0, "Hz") == "900 Hz to 1.5 kHz"
+    assert span_text(20.0, 20.0, "V") == "20 V"

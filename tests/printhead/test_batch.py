@@ -31,7 +31,7 @@ def test_peaks_agree_with_an_80_digit_reference_and_none_is_missed_or_invented(i
 @pytest.mark.parametrize("initial_state", ["periodic", "demagnetised"])
 def test_compiled_costs_equal_the_plain_path(window_s, hysteresis, initial_state):
     rows = waveforms(120, seed=1)
-    for cost in (PeakCost(), PeakCost(-5, 1, "first"), PeakCost(-5, 5, 3.0), PeakCost(-50, 5, enough_V=3.0)):
+    for cost in (PeakCost(), PeakCost(-5, 1, "first"), PeakCost(-5, 5, 3.0), PeakCost(-50, 5, target_height_V=3.0)):
         compiled = batch.costs(rows, HEAD, cost, initial_state, window_s, hysteresis)
         plain = [
             HEAD.respond(Waveform.from_array(row), initial_state, window_s, hysteresis).cost(cost) for row in rows[::4]
@@ -112,7 +112,7 @@ def short_waveforms(count: int, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("period_s", [50e-6, 110e-6])
-@pytest.mark.parametrize("cost", [PeakCost(), PeakCost(-5, 1, "first"), PeakCost(-50, 5, enough_V=3.0)])
+@pytest.mark.parametrize("cost", [PeakCost(), PeakCost(-5, 1, "first"), PeakCost(-50, 5, target_height_V=3.0)])
 def test_a_repeated_waveform_costs_the_same_in_three_ways(period_s, cost):
     """Compiled, plain, and sampled with the steady state of its ringing."""
     for row in short_waveforms(25, seed=8):
@@ -138,7 +138,7 @@ def test_the_ringing_of_a_repeated_waveform_repeats():
     assert abs(response.sensor_V([0.0])[0]) > 1e-3
 
 
-@pytest.mark.parametrize("cost", [PeakCost(), PeakCost(-50, 5, enough_V=3.0)])
+@pytest.mark.parametrize("cost", [PeakCost(), PeakCost(-50, 5, target_height_V=3.0)])
 def test_gradient_of_a_repeated_waveform_equals_central_differences(cost):
     half_width, size = Bounds().half_width, 1e-6
     rows = short_waveforms(20, seed=11)

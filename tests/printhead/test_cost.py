@@ -33,10 +33,10 @@ def test_where_no_peak_reaches_the_threshold_all_have_weight_one():
 
 
 def test_beyond_enough_the_effective_peak_counts_no_further():
-    assert PeakCost(-50, 5, enough_V=4.0)([1.0, -3.0, 0.5]) == 1 - 150 + 2.5
-    assert PeakCost(-50, 5, enough_V=4.0)([1.0, -6.0, 0.5]) == 1 - 200 + 2.5
-    with pytest.raises(ValueError, match="enough_V must be a magnitude above 0 V, or infinite; got 0"):
-        PeakCost(enough_V=0)
+    assert PeakCost(-50, 5, target_height_V=4.0)([1.0, -3.0, 0.5]) == 1 - 150 + 2.5
+    assert PeakCost(-50, 5, target_height_V=4.0)([1.0, -6.0, 0.5]) == 1 - 200 + 2.5
+    with pytest.raises(ValueError, match="target_height_V must be a magnitude above 0 V, or infinite; got 0"):
+        PeakCost(target_height_V=0)
 
 
 def test_no_peaks_cost_nothing():

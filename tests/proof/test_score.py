@@ -166,7 +166,7 @@ def test_the_share_of_the_oracles_gain_is_of_all_heads_together(draws):
         for b, a, o in heads
     ]
     found = scored(cases)
-    assert found["worth"]["share"] == pytest.approx(4.2 / 5.4)
+    assert found["waveform_gain"]["share"] == pytest.approx(4.2 / 5.4)
     median = figure(found, "median fraction of the oracle's gain achieved, per head")
     assert median["of"] == 2  # a head without any possible gain has no fraction
     assert median["value"] == pytest.approx((1.0 + 0.5) / 2)
@@ -189,9 +189,9 @@ def test_peers_are_compared_by_their_median(draws):
             "same": True,
         },
     ]
-    peers = scored([case_of(draw, perfect(draw), baselines=row) for row in rows])["peers"]
-    assert peers["median_over_noise"] == {"base": None, "diagnosis": 1.1}
-    assert peers["judged"]["diagnosis"] == {"right": 2}
+    baselines_tried = scored([case_of(draw, perfect(draw), baselines=row) for row in rows])["peers"]
+    assert baselines_tried["median_over_noise"] == {"base": None, "diagnosis": 1.1}
+    assert baselines_tried["judged"]["diagnosis"] == {"right": 2}
 
 
 def test_the_order_of_the_cases_does_not_change_the_score(flawless):
@@ -280,8 +280,8 @@ def test_the_record_in_markdown_says_what_was_said_of_each(flawless, draws):
     drawn = next(d for d in draws if d.family == "effect" and d.strength == "strong" and not d.meagre)
     spoilt = with_answer(flawless, lambda draw: draw["number"] == drawn.number, verdict("named", "feedthrough"))
     won = {"base": -20.0, "augmented": -24.0, "oracle": -25.0, "waveforms": {}, "foretold": {}}
-    peers = {"over_noise": {"refit": 3.0}, "judged": {"refit": "nothing"}, "same": True}
-    spoilt = [*spoilt, case_of(drawn, perfect(drawn), reoptimised=won, baselines=peers)]
+    baselines_tried = {"over_noise": {"refit": 3.0}, "judged": {"refit": "nothing"}, "same": True}
+    spoilt = [*spoilt, case_of(drawn, perfect(drawn), reoptimised=won, baselines=baselines_tried)]
     text = document(json.loads(json_text(scored(spoilt))))
     assert f"| {drawn.effects[0]} | strong | named | feedthrough | 1 |" in text
     assert f"| {drawn.effects[0]} | 2 | 1 | feedthrough 1 |" in text

@@ -13,7 +13,7 @@ from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, HypothesisScore
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.printhead import Printhead
-from inkjet_env.reporting.diagnosis_figures import augmented, left_densities, models_of, proof_recording, zoom_of
+from inkjet_env.reporting.diagnosis_figures import augmented, models_of, proof_recording, residual_densities, zoom_of
 from inkjet_env.reporting.diagnosis_report import diagnosis_html, write_diagnosis_report
 from inkjet_env.reporting.diagnosis_tables import channel_rows, condition_rows, parameter_rows, view_tables
 from inkjet_env.reporting.formatting import engineering, short
@@ -355,7 +355,7 @@ def test_densities_hold_the_power_that_is_left(one):
     white = np.random.default_rng(3).normal(0, recording.noise_rms, recording.measured.size)
     after = recording.modelled["augmented"]
     loud = replace(recording, measured=after + white, modelled={"base": after + 3 * white, "augmented": after})
-    frequency, base, after, noise = left_densities([loud, loud])
+    frequency, base, after, noise = residual_densities([loud, loud])
     assert np.all(np.diff(frequency) > 0)
     high = frequency > 0.2 * frequency[-1]  # many lines a stretch
     assert np.mean(after[high]) == pytest.approx(np.mean(noise[high]), rel=0.05)

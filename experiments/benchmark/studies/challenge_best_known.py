@@ -126,14 +126,14 @@ def main(arguments: list[str] | None = None) -> int:
     found = attempts(chosen.problem or list(suite()), 60 * chosen.minutes, chosen.workers)
     if chosen.json is not None:
         tried = [asdict(one) | {"known_V": best_known_cost(one.problem), "gain": one.gain} for one in found]
-        told = {
+        record = {
             "format": FORMAT,
             "suite": VERSION,
             "minutes": chosen.minutes,
             "workers": chosen.workers,
             "attempts": tried,
         }
-        write_json(chosen.json, told)
+        write_json(chosen.json, record)
     print_table(
         ("problem", "best known, V", "method", "its best, V", "gain, %", "evaluations"),
         [

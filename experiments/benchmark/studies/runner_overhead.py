@@ -116,8 +116,8 @@ def seconds_of(command: Sequence[str], after_s: float | None = None) -> float:
         The command failed.
     """
     begin_s = time.perf_counter()
-    with tempfile.TemporaryFile() as told:
-        process = subprocess.Popen(command, stdout=told, stderr=told, start_new_session=True)
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
         try:
             code = process.wait(after_s)
         except subprocess.TimeoutExpired:
@@ -125,8 +125,8 @@ def seconds_of(command: Sequence[str], after_s: float | None = None) -> float:
             process.wait()
             return time.perf_counter() - begin_s
         if code:
-            told.seek(0)
-            raise RuntimeError(f"{' '.join(command)} failed:\n{told.read().decode(errors='replace')[-2000:]}")
+            output.seek(0)
+            raise RuntimeError(f"{' '.join(command)} failed:\n{output.read().decode(errors='replace')[-2000:]}")
     return time.perf_counter() - begin_s
 
 

@@ -119,11 +119,11 @@ def compared(campaign: Campaign, found: Diagnosis, seed: int) -> dict[str, Any]:
 def told_of(subject: Case | Path) -> dict[str, Any]:
     """Record a synthetic case, or read measured recordings of unknown truth; diagnose them and fit all baselines."""
     if isinstance(subject, Path):
-        return _told(read_campaign(subject), None, 0)
-    return _told(recorded(subject)[0], subject.effects, subject.seed)
+        return _scored(read_campaign(subject), None, 0)
+    return _scored(recorded(subject)[0], subject.effects, subject.seed)
 
 
-def _told(campaign: Campaign, truth: Sequence[str] | None, seed: int) -> dict[str, Any]:
+def _scored(campaign: Campaign, truth: Sequence[str] | None, seed: int) -> dict[str, Any]:
     found = diagnose(campaign, rng=seed, workers=1)
     row = compared(campaign, found, seed)
     groups = said([term for terms in row["terms"].values() for term in terms])
@@ -178,7 +178,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     if whole["cases"]:
         lines.append((f"median of {whole['cases']}", *(f"{whole['median'][p]:.3g}" for p in METHODS), "", ""))
     print("Held-out RMS over the noise, free run; if the noise is unknown, over the level of most fitted samples:")
-    print_table(("planted", *METHODS, "pysindy says", "diagnosis"), lines)
+    print_table(("concealed effect", *METHODS, "pysindy says", "diagnosis"), lines)
     for row in rows:
         if not row["noise_known"]:
             print(f"{row['name']}: 1 corresponds to {row['noise_rms']:.4g} {row['unit']} of the fast channel.")
@@ -190,18 +190,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     effects = [case.effects[0] for case in cases("single", 1) if case.strength == "strong"]
     names = ["nothing", *(name for name in effects if not effect_named(name).random)]
-    parser.add_argument("planted", nargs="*", metavar="EFFECT", help="effects to try; all, and no effect, unless given")
+    parser.add_argument("effects", nargs="*", metavar="EFFECT", help="effects to try; all, and no effect, unless given")
     parser.add_argument("--folder", type=Path, action="append", default=[], help="folder of measured recordings")
     parser.add_argument("--json", type=Path, help="write the table as JSON too")
     parser.add_argument("--workers", type=int, default=2, help="number of processes")
     given = parser.parse_args(arguments)
     if find_spec("pysindy") is None:
         parser.error('pysindy is not installed; it comes with the development extra: pip install -e ".[dev]".')
-    for name in given.planted:
+    for name in given.effects:
         if name not in names:
             parser.error(f"EFFECT must be one of {', '.join(names)}; got {name!r}.")
     subjects: list[Case | Path] = list(given.folder)
-    for name in given.planted or names:
+    for name in given.effects or names:
         subjects.append(Case("null", (), "none", 0) if name == "nothing" else Case("single", (name,), "strong", 0))
     rows = []
     with ProcessPoolExecutor(given.workers) as pool, shown_progress("cases", len(subjects)) as shown:

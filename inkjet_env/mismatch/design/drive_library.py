@@ -159,7 +159,7 @@ class Bench:
         samples = max(window, math.ceil((time_s[-1] + self.period_s) / self.step_s))
         before_s = min(0.2 * self.period_s, 0.02 * samples * self.step_s)
         drive = np.interp(self.step_s * np.arange(samples), before_s + np.array(time_s), drive_V)
-        return Proposal(f"under {train.words}{self._told(samples)}", self.excitation(drive), train)
+        return Proposal(f"under {train.words}{self._timing_words(samples)}", self.excitation(drive), train)
 
     def changed(self, train: Train, periods: float, height: float, times: Sequence[float]) -> Proposal | None:
         """A train with its height and times multiplied; None beyond the drives that the campaign has used.
@@ -188,7 +188,7 @@ class Bench:
             return None
         return self.pulses(train, periods)
 
-    def _told(self, samples: int) -> str:
+    def _timing_words(self, samples: int) -> str:
         if self.initial_state == "periodic":
             return f", repeated every {with_prefix(samples * self.step_s, 's')}"
         return f", once, recorded for {with_prefix(samples * self.step_s, 's')}"
@@ -265,20 +265,20 @@ def fast_library(bench: Bench) -> list[Proposal]:
     n = bench.samples(bench.settings.pulse_window)
     for level in levels:
         drive = np.interp(np.arange(n) * bench.step_s, [0.2 * period_s, 0.2 * period_s + usual], [0, level])
-        told = (
+        words = (
             f"under a step to {with_prefix(level, 'V')} in {with_prefix(usual, 's')}, held, from the demagnetised state"
         )
-        found.append(Proposal(told, bench.excitation(drive, "demagnetised")))
+        found.append(Proposal(words, bench.excitation(drive, "demagnetised")))
     silence = np.zeros(bench.samples(bench.settings.multisine_window))
-    told = f"with zero drive for {with_prefix(silence.size * bench.step_s, 's')}"
-    found.append(Proposal(told, bench.excitation(silence, "demagnetised")))
+    words = f"with zero drive for {with_prefix(silence.size * bench.step_s, 's')}"
+    found.append(Proposal(words, bench.excitation(silence, "demagnetised")))
     if bench.neighbour:
         pulse = bench.pulses(Train((most if bench.high_V else -most,), usual, 0.35 * period_s))
         alone = replace(
             pulse.excitation, drive_V=np.zeros(pulse.excitation.samples), neighbour_V=pulse.excitation.drive_V, cache={}
         )
-        told = f"with this channel at 0 V and the neighbouring channel {pulse.words}"
-        found.append(Proposal(told, alone))
+        words = f"with this channel at 0 V and the neighbouring channel {pulse.words}"
+        found.append(Proposal(words, alone))
     return found
 
 
@@ -292,21 +292,21 @@ def slow_library(bench: Bench) -> list[Proposal]:
     for turns in (1, 4, 16):
         drive = middle - half * np.cos(turns * phase)
         step_s = bench.step_s
-        told = (
+        words = (
             f"under a sine from {with_prefix(bench.low_V, 'V')} to {with_prefix(bench.high_V, 'V')} with a period of "
         )
-        found.append(Proposal(told + with_prefix(step_s * slow / turns, "s"), bench.excitation(drive, "periodic")))
+        found.append(Proposal(words + with_prefix(step_s * slow / turns, "s"), bench.excitation(drive, "periodic")))
     for level in (v for v in (bench.high_V, bench.low_V) if v):
         for height in (1.0, 0.5):
             drive = np.full(hold, height * level)
             drive[:10] = 0.0
             held_s = (hold - 10) * bench.step_s
-            told = f"under a step to {with_prefix(height * level, 'V')}, held for {with_prefix(held_s, 's')}"
-            found.append(Proposal(told, bench.excitation(drive, "demagnetised")))
+            words = f"under a step to {with_prefix(height * level, 'V')}, held for {with_prefix(held_s, 's')}"
+            found.append(Proposal(words, bench.excitation(drive, "demagnetised")))
     corners = np.array([0, bench.high_V, bench.low_V, bench.high_V, middle, bench.high_V, 0])
     nested = np.interp(np.linspace(0, corners.size - 1, slow), np.arange(corners.size), corners)
-    told = f"under nested loops up to {with_prefix(most, 'V')} in {with_prefix(slow * bench.step_s, 's')}"
-    found.append(Proposal(told, bench.excitation(nested, "demagnetised")))
+    words = f"under nested loops up to {with_prefix(most, 'V')} in {with_prefix(slow * bench.step_s, 's')}"
+    found.append(Proposal(words, bench.excitation(nested, "demagnetised")))
     silence_s = with_prefix(slow * bench.step_s, "s")
     found.append(Proposal(f"with zero drive for {silence_s}", bench.excitation(np.zeros(slow), "demagnetised")))
     return found
@@ -324,8 +324,8 @@ def _multisine(bench: Bench, peak_V: float, last: float) -> Proposal:
     spectrum[line] = np.exp(-1j * np.pi * np.arange(line.size) * np.arange(1, line.size + 1) / line.size)
     drive = np.fft.irfft(spectrum, n)
     lowest_Hz, highest_Hz = line[0] / (n * bench.step_s), line[-1] / (n * bench.step_s)
-    told = (
+    words = (
         f"under a multisine of {with_prefix(peak_V, 'V')} peak with lines from {with_prefix(lowest_Hz, 'Hz')} to "
         f"{with_prefix(highest_Hz, 'Hz')}, every {with_prefix(2 / (n * bench.step_s), 'Hz')}"
     )
-    return Proposal(told, bench.excitation(peak_V * drive / np.abs(drive).max(), "periodic"))
+    return Proposal(words, bench.excitation(peak_V * drive / np.abs(drive).max(), "periodic"))

@@ -67,7 +67,7 @@ class _Judged:
     differences: tuple[float, ...]
 
     @property
-    def worth(self) -> float:
+    def utility(self) -> float:
         """Sum of ln(1 + separation) over the pairs, so that no pair counts for everything."""
         return math.fsum(math.log1p(s) for s in self.separations)
 
@@ -116,7 +116,7 @@ def next_experiment(
         for proposal in library(bench)
         if (judged := judge.judged(proposal)) is not None
     ]
-    best = max(tried, key=lambda judged: judged.worth, default=None)
+    best = max(tried, key=lambda judged: judged.utility, default=None)
     if best is None:
         return _in_words(candidates, effects, observed)
     best = _refined(best, judge)
@@ -144,9 +144,9 @@ class _Judge:
         self.pairs = tuple(itertools.combinations(range(len(fits)), 2))
         seen = [o for o in observed if o.fitted]
         base = np.concatenate([noise.whitened(o, fits[0].head.sensitivities(o))[: o.fitted] for o in seen])
-        self.told: list[Real] = []
+        self.information: list[Real] = []
         for fit in fits:
-            self.told.append(np.asarray(np.linalg.qr(np.column_stack([base, fit.jacobian]), mode="r")))
+            self.information.append(np.asarray(np.linalg.qr(np.column_stack([base, fit.jacobian]), mode="r")))
 
     def recording(self, excitation: Excitation) -> ObservedRecording:
         """An excitation as a recording still to be taken."""
@@ -178,7 +178,7 @@ class _Judge:
             d = self.noise.whitened(o, difference)
             found = []
             for k in (i, j):
-                step, square = _adapted(self.told[k], white[k], d)
+                step, square = _adapted(self.information[k], white[k], d)
                 found.append((square, difference - columns[k] @ step))
             square, remains = min(found, key=lambda pair: pair[0])
             separations.append(0.5 * square)
@@ -206,7 +206,7 @@ class _Judge:
                 tuple(0.5 * float(d @ d) / noise_V**2 for d in apart),
                 tuple(float(np.abs(d).max()) for d in apart),
             )
-            if best is None or found.worth > best.worth:
+            if best is None or found.utility > best.utility:
                 best = found
         return best
 
@@ -216,15 +216,15 @@ class _Judge:
         return self.settings.monitor_noise * max(largest_V(o) for o in self.observed)
 
 
-def _adapted(told: Real, columns: Real, difference: Real) -> tuple[Real, float]:
+def _adapted(information: Real, columns: Real, difference: Real) -> tuple[Real, float]:
     """Step of a candidate's parameters towards its rival, shape (size,), and the squared distance that remains.
 
-    The campaign's information, the triangle ``told``, restrains the step; parameters on which it has none move freely.
+    The campaign's information, a triangular factor, restrains the step; parameters on which it has none move freely.
     """
-    rows = np.concatenate([told, columns])
+    rows = np.concatenate([information, columns])
     size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1.0
-    target = np.concatenate([np.zeros(len(told)), difference])
+    target = np.concatenate([np.zeros(len(information)), difference])
     step = np.linalg.lstsq(rows / size, target, rcond=1e-15)[0]
     remains = target - rows / size @ step
     return np.asarray(step / size), float(remains @ remains)
@@ -264,9 +264,9 @@ def _refined(best: _Judged, judge: _Judge) -> _Judged:
         judged = judge.judged(proposal) if proposal is not None else None
         if judged is None:
             return math.inf
-        if judged.worth > found.worth:
+        if judged.utility > found.utility:
             found = judged
-        return -judged.worth
+        return -judged.utility
 
     size = 4 if train.gap_s else 3
     simplex = np.vstack([np.zeros(size), settings.refining_step * np.diag([-1.0, *np.ones(size - 1)])])
@@ -317,5 +317,5 @@ def _in_words(
             unseen.setdefault(effect.shown_by, []).append(effect.id.replace("_", " "))
     if not unseen:
         return None
-    told = "; ".join(f"{way}, for {' and '.join(names)}" for way, names in unseen.items())
-    return NextExperiment(f"These recordings cannot show some effects. To test for them, record {told}.")
+    missing = "; ".join(f"{way}, for {' and '.join(names)}" for way, names in unseen.items())
+    return NextExperiment(f"These recordings cannot show some effects. To test for them, record {missing}.")

@@ -82,8 +82,8 @@ class FitCheckpoint:
                 self.folder.mkdir(parents=True, exist_ok=True)
                 write_json(self.folder / name, {"fit": None if fit is None else _as_json(fit)})
             else:
-                told = record["fit"]
-                fit = None if told is None else joint.again(*_from_json(told, active.effects))
+                written = record["fit"]
+                fit = None if written is None else joint.again(*_from_json(written, active.effects))
             yield fit
 
     def clear(self) -> None:
@@ -124,7 +124,7 @@ def _of_joint(joint: OutputErrorFit) -> bytes:
     parts = []
     for o in joint.observed:
         excitation = o.excitation
-        told = (
+        written = (
             o.name,
             o.channel,
             o.condition,
@@ -137,7 +137,7 @@ def _of_joint(joint: OutputErrorFit) -> bytes:
         signals = [o.measured, excitation.drive_V] + (
             [] if excitation.neighbour_V is None else [excitation.neighbour_V]
         )
-        parts += [repr(told).encode(), *(np.ascontiguousarray(signal).tobytes() for signal in signals)]
+        parts += [repr(written).encode(), *(np.ascontiguousarray(signal).tobytes() for signal in signals)]
     for key, model in sorted(joint.noise.models.items()):
         parts.append(repr((key, list(model.coefficients), model.innovation, model.colour)).encode())
     random_effects = [(effect.id, dict(values)) for effect, values in joint.random_effects]
@@ -160,10 +160,12 @@ def _head_json(head: Head) -> dict[str, Any]:
     }
 
 
-def _head(told: Mapping[str, Any]) -> Head:
-    law = tuple(told["coefficients"])
+def _head(written: Mapping[str, Any]) -> Head:
+    law = tuple(written["coefficients"])
     return Head(
-        Printhead(told["a0"], told["a1"], told["b1"], law, told["full_scale_V"]), told["gains"], told["offsets"]
+        Printhead(written["a0"], written["a1"], written["b1"], law, written["full_scale_V"]),
+        written["gains"],
+        written["offsets"],
     )
 
 
@@ -172,9 +174,9 @@ def _state_json(state: ModelState) -> dict[str, Any]:
     return {"head": _head_json(state.head), "point": [float(v) for v in state.active.theta], "states": states}
 
 
-def _state(told: Mapping[str, Any], effects: tuple[Effect, ...]) -> ModelState:
-    states = {name: (pair[0], pair[1]) for name, pair in told["states"].items()}
-    return ModelState(_head(told["head"]), ActiveEffects(effects, np.array(told["point"], dtype=float)), states)
+def _state(written: Mapping[str, Any], effects: tuple[Effect, ...]) -> ModelState:
+    states = {name: (pair[0], pair[1]) for name, pair in written["states"].items()}
+    return ModelState(_head(written["head"]), ActiveEffects(effects, np.array(written["point"], dtype=float)), states)
 
 
 def _as_json(fit: FitResult) -> dict[str, Any]:
@@ -187,7 +189,9 @@ def _as_json(fit: FitResult) -> dict[str, Any]:
     }
 
 
-def _from_json(told: Mapping[str, Any], effects: tuple[Effect, ...]) -> tuple[ModelState, ModelState, Head, bool, bool]:
-    started = _head(told["started"])
-    end, jacobian_at = _state(told["end"], effects), _state(told["sloped"], effects)
-    return end, jacobian_at, started, bool(told["converged"]), bool(told["whole"])
+def _from_json(
+    written: Mapping[str, Any], effects: tuple[Effect, ...]
+) -> tuple[ModelState, ModelState, Head, bool, bool]:
+    started = _head(written["started"])
+    end, jacobian_at = _state(written["end"], effects), _state(written["sloped"], effects)
+    return end, jacobian_at, started, bool(written["converged"]), bool(written["whole"])

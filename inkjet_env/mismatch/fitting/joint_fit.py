@@ -95,8 +95,8 @@ class OutputErrorFit:
         size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
         q, r = np.linalg.qr(columns / size)
-        told = np.abs(np.diag(r)) > 1e-10
-        return q[:, told], r[told] * size
+        identifiable = np.abs(np.diag(r)) > 1e-10
+        return q[:, identifiable], r[identifiable] * size
 
     def _sensitivities(self, o: ObservedRecording, on: Sequence[tuple[Effect, Values]]) -> Real:
         try:
@@ -111,15 +111,15 @@ class OutputErrorFit:
     def whitened(self, o: ObservedRecording, columns: Real, effects: Sequence[tuple[Effect, Values]] = ()) -> Real:
         """Columns of one recording, whitened, less what its own random-effect amplitudes explain; all samples."""
         white = self.noise.whitened(o, columns)
-        chance = self.chance(o, effects)
-        if chance is None:
+        amplitude_columns = self.amplitude_columns(o, effects)
+        if amplitude_columns is None:
             return white
         rows = o.fitted or o.excitation.samples  # the held-out end of a recording is not used
-        q, r = np.linalg.qr(chance[:rows])
+        q, r = np.linalg.qr(amplitude_columns[:rows])
         amplitudes = np.linalg.lstsq(r, q.T @ white[:rows], rcond=1e-12)[0]
-        return white - chance @ amplitudes
+        return white - amplitude_columns @ amplitudes
 
-    def chance(self, o: ObservedRecording, effects: Sequence[tuple[Effect, Values]] = ()) -> Real | None:
+    def amplitude_columns(self, o: ObservedRecording, effects: Sequence[tuple[Effect, Values]] = ()) -> Real | None:
         """Whitened columns, shape (n, j), with amplitudes of their own in each recording; None if there are none.
 
         They are the free ringing from an unknown initial state and the random-effect bases.

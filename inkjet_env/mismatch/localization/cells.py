@@ -58,7 +58,7 @@ class Rows:
         rows its error adds to it.
     key, record : ndarray of int, shape (rows,)
         Index of each row's noise model and of its recording.
-    told : ndarray, shape (keys,)
+    noise_degrees : ndarray, shape (keys,)
         Number of independent samples that each noise was estimated from.
     by_line : bool
         Whether rows are lines of a spectrum: then only a cell's share of the noise's samples determines its noise.
@@ -74,7 +74,7 @@ class Rows:
     expected: Real
     key: Whole
     record: Whole
-    told: Real
+    noise_degrees: Real
     by_line: bool
     smooth: Real
     axis: Real
@@ -111,19 +111,21 @@ class Rows:
         list of Cell
             Cells with enough degrees of freedom; see `LocalizationSettings`.
         """
-        count, keys = len(labels), self.told.size
+        count, keys = len(labels), self.noise_degrees.size
         seen = place >= 0
         flat = place[seen] * keys + self.key[seen]
         power = np.bincount(flat, self.power[seen], count * keys).reshape(count, keys)
         expected = np.bincount(flat, self.expected[seen], count * keys).reshape(count, keys)
-        told = np.broadcast_to(self.told, expected.shape)
+        noise_degrees = np.broadcast_to(self.noise_degrees, expected.shape)
         if self.by_line:
             every = np.bincount(self.key, self.expected, keys)
-            told = np.maximum(told * np.maximum(expected / np.maximum(every, 1e-300), self.smooth), 1.0)
+            noise_degrees = np.maximum(
+                noise_degrees * np.maximum(expected / np.maximum(every, 1e-300), self.smooth), 1.0
+            )
         total = expected.sum(axis=1)
         found = []
         for i in np.flatnonzero(total >= self.settings.least_degrees_of_freedom):
-            doubt = float(np.sum(expected[i] ** 2 / told[i])) / total[i] ** 2
+            doubt = float(np.sum(expected[i] ** 2 / noise_degrees[i])) / total[i] ** 2
             ratio = float(power[i].sum() / total[i])
             found.append(
                 Cell(
@@ -139,7 +141,7 @@ class Rows:
         return found
 
 
-def surplus(ratio: float, samples: float, told: float) -> float:
+def surplus(ratio: float, samples: float, noise_degrees: float) -> float:
     """Standard deviations by which a ratio of two variances is above 1.
 
     Paulson's normal approximation of Fisher's distribution (Ann. Math. Stat. 13, 1942).
@@ -148,10 +150,10 @@ def surplus(ratio: float, samples: float, told: float) -> float:
     ----------
     ratio : float
         Ratio of the variances.
-    samples, told : float
+    samples, noise_degrees : float
         Degrees of freedom of its numerator and of its denominator.
     """
-    a, b = 2 / (9 * samples), 2 / (9 * told)
+    a, b = 2 / (9 * samples), 2 / (9 * noise_degrees)
     root = ratio ** (1 / 3)
     return float(((1 - b) * root - (1 - a)) / np.sqrt(b * root**2 + a))
 
@@ -220,7 +222,7 @@ def _rows(
     key = np.repeat([keys.index(o.noise_key) for o in observed], sizes)
     record = np.repeat(np.arange(len(observed)), sizes)
     squares, alone = np.concatenate(power), np.concatenate(expected)
-    told = np.array([max(settings.independent_share * noise.samples[k], 1.0) for k in keys])
+    noise_degrees = np.array([max(settings.independent_share * noise.samples[k], 1.0) for k in keys])
     smooth = np.array([1 / (settings.smooth_spectrum * (1 + noise.models[k].lost)) for k in keys])
     for i, k in enumerate(keys):
         if noise.samples[k]:
@@ -228,8 +230,8 @@ def _rows(
         mine = key == i  # noise known from residuals alone: each cell is compared with all
         level = squares[mine].sum() / max(alone[mine].sum(), 1e-300)
         squares[mine] /= level or 1.0
-        told[i] = max(alone[mine].sum(), 1.0)
-    return Rows(squares, alone, key, record, told, by_line, smooth, axis, settings)
+        noise_degrees[i] = max(alone[mine].sum(), 1.0)
+    return Rows(squares, alone, key, record, noise_degrees, by_line, smooth, axis, settings)
 
 
 def taken_by_fit(
@@ -271,17 +273,17 @@ def taken_by_fit(
         taken = (own / size) @ back
         taken[: o.fitted] = q[at : at + o.fitted]
         at += o.fitted
-        free = _chance(o, noise, fit)
+        free = _amplitude_columns(o, noise, fit)
         if free is not None:
-            told = o.fitted or o.excitation.samples
+            noise_degrees = o.fitted or o.excitation.samples
             extra = np.zeros((o.excitation.samples, free.shape[1]))
-            extra[:told] = np.linalg.qr(free[:told])[0]
+            extra[:noise_degrees] = np.linalg.qr(free[:noise_degrees])[0]
             taken = np.column_stack([taken, extra])
         found.append(taken)
     return found
 
 
-def _chance(o: ObservedRecording, noise: Noise, fit: FitResult) -> Real | None:
+def _amplitude_columns(o: ObservedRecording, noise: Noise, fit: FitResult) -> Real | None:
     """Whitened columns, shape (n, j), with amplitudes fitted to each recording by itself; None if there are none."""
     if o.channel == "drive_monitor":
         return None

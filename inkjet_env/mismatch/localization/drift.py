@@ -87,13 +87,13 @@ def trends(
     }
     found = []
     for row, what in enumerate(("frequency", "damping")):
-        told = [o for o in mine if moved[o.name][row, 1] < settings.trend_error]
-        if len(told) < settings.trend_recordings:
+        precise = [o for o in mine if moved[o.name][row, 1] < settings.trend_error]
+        if len(precise) < settings.trend_recordings:
             continue
-        value = np.array([moved[o.name][row, 0] for o in told])
-        error = np.array([moved[o.name][row, 1] for o in told])
+        value = np.array([moved[o.name][row, 0] for o in precise])
+        error = np.array([moved[o.name][row, 1] for o in precise])
         for against, of in axes.items():
-            axis = np.array([of(o) for o in told])
+            axis = np.array([of(o) for o in precise])
             width = float(np.ptp(axis))
             if not width:
                 continue
@@ -102,7 +102,7 @@ def trends(
             spread = float(np.sum(weight * centred**2))
             slope = float(np.sum(weight * centred * value)) / spread
             level = float(np.sum(weight * value)) / weight.sum()
-            scatter = float(np.sum(((value - level - slope * centred) / error) ** 2)) / max(len(told) - 2, 1)
+            scatter = float(np.sum(((value - level - slope * centred) / error) ** 2)) / max(len(precise) - 2, 1)
             z = slope * np.sqrt(spread / max(scatter, 1.0))
             found.append(Trend(what, against, slope * width, float(z), float(np.mean((value / error) ** 2))))
     return found

@@ -20,7 +20,7 @@ from inkjet_env.mismatch.localization.drift import Trend, shifts, trends
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.localization.views import CHANNELS, MONITOR, largest_V, views
 from inkjet_env.mismatch.settings import LocalizationSettings
-from inkjet_env.plant.wording import percent, span_told, with_prefix
+from inkjet_env.plant.wording import percent, span_text, with_prefix
 from inkjet_env.typing import Real
 
 STANDING_OUT = {
@@ -68,21 +68,21 @@ def locate(
     lines_of_drift = trends(observed, moved, settings)
     tests = len(cells) + 2 * len(lines_of_drift)
     sure = NormalDist().inv_cdf(1 - settings.false_alarms / max(tests, 1))
-    told = [cell for cell in cells if cell.z > sure]
+    significant = [cell for cell in cells if cell.z > sure]
     drift = [trend for trend in lines_of_drift if abs(trend.z) > sure]
     tables = _tables(cells, lines_of_drift, moved)
-    if not told and not drift:
+    if not significant and not drift:
         return Location(tables=tables)
-    recordings = _recordings(told, settings.most_recordings)
+    recordings = _recordings(significant, settings.most_recordings)
     if not recordings and drift:
         strongest = sorted(moved, key=lambda name: -float(np.max(np.abs(moved[name][:, 0] / moved[name][:, 1]))))
         recordings = tuple(strongest[: settings.most_recordings])
-    drive_V = _drives(told, settings.weak_for_its_drive)
-    sentence = _sentence(observed, noise, fit, told, cells, drift, recordings, drive_V, settings)
+    drive_V = _drives(significant, settings.weak_for_its_drive)
+    sentence = _sentence(observed, noise, fit, significant, cells, drift, recordings, drive_V, settings)
     return Location(
         recordings,
-        _stretches([c for c in told if c.view == "time"], settings.strong),
-        _stretches([c for c in told if c.view == "frequency"], settings.strong),
+        _stretches([c for c in significant if c.view == "time"], settings.strong),
+        _stretches([c for c in significant if c.view == "frequency"], settings.strong),
         drive_V,
         sentence,
         tables,
@@ -118,10 +118,10 @@ def repeats(
     return found
 
 
-def _recordings(told: Sequence[Cell], most: int) -> tuple[str, ...]:
+def _recordings(significant: Sequence[Cell], most: int) -> tuple[str, ...]:
     """Names of the recordings that stand out, strongest first."""
     strength: dict[str, float] = {}
-    for cell in told:
+    for cell in significant:
         if cell.view in ("recording", "repeats"):
             for name in cell.names:
                 name = name.removesuffix(MONITOR)
@@ -129,12 +129,12 @@ def _recordings(told: Sequence[Cell], most: int) -> tuple[str, ...]:
     return tuple(sorted(strength, key=lambda name: (-strength[name], name))[:most])
 
 
-def _stretches(told: Sequence[Cell], strong_share: float) -> tuple[tuple[float, float], ...]:
+def _stretches(significant: Sequence[Cell], strong_share: float) -> tuple[tuple[float, float], ...]:
     """Intervals of the strongest cells, adjacent ones merged."""
-    if not told:
+    if not significant:
         return ()
-    least = strong_share * (max(c.power for c in told) - 1)
-    strong = sorted((c for c in told if c.power - 1 >= least), key=lambda c: (c.group, c.span))
+    least = strong_share * (max(c.power for c in significant) - 1)
+    strong = sorted((c for c in significant if c.power - 1 >= least), key=lambda c: (c.group, c.span))
     merged: list[tuple[str, float, float]] = []
     for c in strong:
         low, high = c.span
@@ -145,9 +145,9 @@ def _stretches(told: Sequence[Cell], strong_share: float) -> tuple[tuple[float, 
     return tuple((low, high) for _, low, high in merged)
 
 
-def _drives(told: Sequence[Cell], weak: float) -> tuple[tuple[float, float], ...]:
+def _drives(significant: Sequence[Cell], weak: float) -> tuple[tuple[float, float], ...]:
     """Range of the largest drive, in volts, on the channel that shows the mismatch most; empty if none does."""
-    mine = [c for c in told if c.view == "amplitude"]
+    mine = [c for c in significant if c.view == "amplitude"]
     if not mine:
         return ()
     strongest = max(mine, key=lambda c: c.power)
@@ -167,12 +167,12 @@ def _tables(
     for cell in cells:
         tables.setdefault(cell.view, []).append((cell.label, cell.power, cell.z))
     for trend in lines:
-        told = f"{trend.what} against {trend.against}: {percent(trend.change, signed=True)} in total"
-        tables.setdefault("drift", []).append((told, trend.power, trend.z))
+        significant = f"{trend.what} against {trend.against}: {percent(trend.change, signed=True)} in total"
+        tables.setdefault("drift", []).append((significant, trend.power, trend.z))
     for name, table in moved.items():
         for (value, error), what in zip(table, ("frequency", "damping"), strict=True):
-            told = f"{name}: {what} {percent(value, signed=True)} ± {percent(error, 1)}"
-            tables.setdefault("drift", []).append((told, float((value / error) ** 2), float(value / error)))
+            significant = f"{name}: {what} {percent(value, signed=True)} ± {percent(error, 1)}"
+            tables.setdefault("drift", []).append((significant, float((value / error) ** 2), float(value / error)))
     return {view: tuple(table) for view, table in tables.items()}
 
 
@@ -180,7 +180,7 @@ def _sentence(
     observed: Sequence[ObservedRecording],
     noise: Noise,
     fit: FitResult,
-    told: Sequence[Cell],
+    significant: Sequence[Cell],
     cells: Sequence[Cell],
     drift: Sequence[Trend],
     recordings: Sequence[str],
@@ -199,7 +199,7 @@ def _sentence(
         if most >= 0.99 * largest and any(0 < largest_V(other) < 0.99 * least for other in observed):
             start = f"with drives of {with_prefix(least, 'V')} and more, "
         elif 0 < most < 0.99 * largest:
-            start = f"with drives of {span_told(least, most, 'V')}, "
+            start = f"with drives of {span_text(least, most, 'V')}, "
         parts.append(f"{start}{CHANNELS[o.channel]} differs from the model{_amount(o, noise, fit)}")
     else:
         o = fast[0] if fast else observed[0]
@@ -207,16 +207,16 @@ def _sentence(
     several = len({other.channel for other in observed}) > 1
     prefix = f"{o.channel}: " if several else ""
     for view, words in STANDING_OUT.items():
-        stands = _standing_out(cells, told, view, o.channel, settings)
+        stands = _standing_out(cells, significant, view, o.channel, settings)
         if stands and (len(recordings) != 1 or view == "time in the waveform"):
             parts.append(words + stands.label.removeprefix(prefix))
-    bands = _stretches([c for c in told if c.view == "frequency"], settings.strong)
+    bands = _stretches([c for c in significant if c.view == "frequency"], settings.strong)
     if bands:
-        parts.append("at " + " and ".join(span_told(low, high, "Hz") for low, high in bands[:2]))
-    parity = [c for c in told if c.view == "distortion"]
+        parts.append("at " + " and ".join(span_text(low, high, "Hz") for low, high in bands[:2]))
+    parity = [c for c in significant if c.view == "distortion"]
     if parity and max(parity, key=lambda c: c.power).label.startswith("even"):
         parts.append("strongest at even multiples of the repetition rate, where this drive has no power")
-    growth = _growth(told, o.channel)
+    growth = _growth(significant, o.channel)
     if growth:
         parts.append(growth)
     if drift:
@@ -228,9 +228,9 @@ def _sentence(
     unknown = sorted({other.channel for other in observed if not noise.known(other)})
     if o.channel in unknown:
         parts.append("compared with the other residuals, because the noise is unknown")
-    times = _stretches([c for c in told if c.view == "time"], settings.strong)
+    times = _stretches([c for c in significant if c.view == "time"], settings.strong)
     if times and not recordings:
-        parts.append(f"{span_told(*times[0], 's')} after the start of the recordings")
+        parts.append(f"{span_text(*times[0], 's')} after the start of the recordings")
     sentence = ", ".join(parts)
     return sentence[0].upper() + sentence[1:] + "."
 
@@ -246,20 +246,20 @@ def _amount(o: ObservedRecording, noise: Noise, fit: FitResult) -> str:
 
 
 def _standing_out(
-    cells: Sequence[Cell], told: Sequence[Cell], view: str, channel: str, settings: LocalizationSettings
+    cells: Sequence[Cell], significant: Sequence[Cell], view: str, channel: str, settings: LocalizationSettings
 ) -> Cell | None:
     """The cell of a view whose surplus power is well above the next one's; None if there is no such cell."""
     mine = sorted((c for c in cells if c.view == view and c.group == channel), key=lambda c: -c.power)
     of_parts = view in ("time in the waveform", "pulse")
     apart = settings.part_stands_out if of_parts else settings.group_stands_out
-    if len(mine) < 2 or mine[0] not in told or mine[0].power - 1 < apart * max(mine[1].power - 1, 0.0):
+    if len(mine) < 2 or mine[0] not in significant or mine[0].power - 1 < apart * max(mine[1].power - 1, 0.0):
         return None
     return mine[0]
 
 
-def _growth(told: Sequence[Cell], channel: str) -> str:
+def _growth(significant: Sequence[Cell], channel: str) -> str:
     """How the mismatch grows with the largest drive, in words; empty if drives are too few or too similar."""
-    mine = [c for c in told if c.view == "amplitude" and c.group == channel and c.span[1] > 0]
+    mine = [c for c in significant if c.view == "amplitude" and c.group == channel and c.span[1] > 0]
     if len(mine) < 3 or mine[-1].span[1] < 1.5 * mine[0].span[1]:
         return ""
     drive = np.log([c.span[1] for c in mine])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.localization.cells import Cell, Rows
 from inkjet_env.mismatch.settings import LocalizationSettings
-from inkjet_env.plant.wording import span_told, with_prefix
+from inkjet_env.plant.wording import span_text, with_prefix
 
 Whole = NDArray[np.intp]
 
@@ -226,7 +226,7 @@ def _by_value(
     place = np.array([of.get(o.name, -1) for o in observed])[rows.record]
     spans = [(min(values[n] for n in names), max(values[n] for n in names)) for names in members]
     labels = [
-        _labelled(span_told(low, high, unit), c, several) for (c, _), (low, high) in zip(kinds, spans, strict=True)
+        _labelled(span_text(low, high, unit), c, several) for (c, _), (low, high) in zip(kinds, spans, strict=True)
     ]
     return rows.cells(view, place, labels, spans, [c for c, _ in kinds], [tuple(names) for names in members])
 

@@ -77,12 +77,12 @@ def _errors(columns: Real, directions: Real, unidentifiable: float) -> Real:
     ``columns`` (rows, p) is the Jacobian or its triangle, ``directions`` (k, p) are combinations of the parameters.
     """
     size = np.linalg.norm(columns, axis=0)
-    told = size > SINGULAR * size.max()
-    scaled, aims = columns[:, told] / size[told], directions[:, told] / size[told]
+    determined = size > SINGULAR * size.max()
+    scaled, aims = columns[:, determined] / size[determined], directions[:, determined] / size[determined]
     result: Real = np.linalg.norm(aims @ np.linalg.pinv(scaled, rcond=SINGULAR), axis=1)  # Eq. (2)
     _, values, axes = np.linalg.svd(scaled)
     least = SINGULAR * values.max(initial=0.0)
     across = axes[np.count_nonzero(values > least) :]  # directions that the columns do not determine, within rounding
     beyond = np.linalg.norm(aims @ across.T, axis=1) > unidentifiable * least
-    result[beyond | directions[:, ~told].any(axis=1) | ~directions.any(axis=1)] = np.inf
+    result[beyond | directions[:, ~determined].any(axis=1) | ~directions.any(axis=1)] = np.inf
     return result

@@ -72,5 +72,5 @@ def orthonormal(columns: Real) -> Real:
     """Orthonormal columns of the same span, shape (rows, rank)."""
     size = np.linalg.norm(columns, axis=0)
     q, r = np.linalg.qr(columns[:, size > 0] / size[size > 0])
-    told: Real = q[:, np.abs(np.diag(r)) > 1e-9]
-    return told
+    independent: Real = q[:, np.abs(np.diag(r)) > 1e-9]
+    return independent

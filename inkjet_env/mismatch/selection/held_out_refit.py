@@ -67,15 +67,15 @@ def explains_held_out_after_refit(joint: OutputErrorFit, chosen: Hypothesis, con
         Processes, random numbers, progress messages and checkpoint.
     """
     whole = _of_everything(joint)
-    found, told = signatures(whole, chosen.fit.active.effects, context), base_hypothesis(whole)
+    found, hypothesis = signatures(whole, chosen.fit.active.effects, context), base_hypothesis(whole)
     for effect in chosen.fit.active.effects:
-        beside = found.beside(told.columns)
-        told = next(iter(attribute(whole, told, [effect], beside, context)), told)
+        beside = found.beside(hypothesis.columns)
+        hypothesis = next(iter(attribute(whole, hypothesis, [effect], beside, context)), hypothesis)
     before = after = noise = 0.0
     for key in sorted({o.noise_key for o in joint.observed}):
         mine = [o for o in joint.observed if o.noise_key == key]
-        seen = np.concatenate([told.fit.residuals[o.name][o.rows(held_out=False)] for o in mine])
-        unseen = np.concatenate([told.fit.residuals[o.name][o.rows(held_out=True)] for o in mine])
+        seen = np.concatenate([hypothesis.fit.residuals[o.name][o.rows(held_out=False)] for o in mine])
+        unseen = np.concatenate([hypothesis.fit.residuals[o.name][o.rows(held_out=True)] for o in mine])
         before += sum(float(np.sum(whole.base.residuals[o.name][o.rows(held_out=True)] ** 2)) for o in mine)
         after += float(unseen @ unseen)
         noise += unseen.size * (float(seen @ seen) / seen.size if seen.size else 1.0)

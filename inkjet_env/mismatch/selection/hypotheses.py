@@ -134,16 +134,16 @@ class Hypothesis:
         q = self.joint.basis[0]
         jacobian = self.fit.jacobian[:, free]
         covariance = np.linalg.pinv(np.linalg.qr(jacobian - q @ (q.T @ jacobian), mode="r"), rcond=1e-9)
-        worth: dict[tuple[str, ...], float] = {}
+        net_gain: dict[tuple[str, ...], float] = {}
         for term in terms:
             mine = [int(np.flatnonzero(free == at[n])[0]) for n in term if at[n] in free]
             value = np.array([active.theta[at[n]] - rest(effect, effect.parameters[at[n] - first]) for n in term])
             value = value[[at[n] in free for n in term]]
             spread = covariance[mine] @ covariance[mine].T
-            worth[term] = 0.5 * float(value @ np.linalg.lstsq(spread, value, rcond=1e-12)[0])
-            worth[term] -= 0.5 * len(mine) * math.log(self.residuals.size)
-        least = min(worth, key=lambda term: worth[term], default=None)
-        return least if least is not None and worth[least] < 0 else None
+            net_gain[term] = 0.5 * float(value @ np.linalg.lstsq(spread, value, rcond=1e-12)[0])
+            net_gain[term] -= 0.5 * len(mine) * math.log(self.residuals.size)
+        least = min(net_gain, key=lambda term: net_gain[term], default=None)
+        return least if least is not None and net_gain[least] < 0 else None
 
 
 def conditions(joint: OutputErrorFit) -> list[NDArray[np.intp]]:

@@ -55,13 +55,13 @@ class Signatures:
         """The signatures with further orthonormal columns, shape (rows, q), projected out."""
         columns = self.columns - basis @ (basis.T @ self.columns)
         size = np.linalg.norm(columns, axis=0)
-        told = size > math.sqrt(LEAST_SHARE)
-        chosen = np.flatnonzero(told)
+        distinguishable = size > math.sqrt(LEAST_SHARE)
+        chosen = np.flatnonzero(distinguishable)
         return Signatures(
             tuple(self.effects[i] for i in chosen),
             tuple(self.starts[i] for i in chosen),
-            columns[:, told] / size[told],
-            self.sizes[told] * size[told],
+            columns[:, distinguishable] / size[distinguishable],
+            self.sizes[distinguishable] * size[distinguishable],
         )
 
     def p_value(self, score: float, rng: np.random.Generator, draws: int) -> float:

@@ -92,9 +92,9 @@ class MeniscusRefill(Effect):
             if values[name]:
                 change = "stiffer" if values[name] > 0 else "softer"
                 said.append(f"{after} the head is {percent(abs(values[name]))} {change}")
-        told = " and ".join(said) or "the head does not change"
+        change = " and ".join(said) or "the head does not change"
         recovery = with_prefix(values["recovery_s"], "s")
-        return f"{told[0].upper()}{told[1:]}; it recovers with a time constant of {recovery}."
+        return f"{change[0].upper()}{change[1:]}; it recovers with a time constant of {recovery}."
 
     def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
         change, flow = values["stiffness_change"], values["flow_change"]

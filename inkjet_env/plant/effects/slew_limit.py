@@ -106,7 +106,7 @@ def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0) ->
     ends = np.append(signal, signal[0]) if periodic else np.ascontiguousarray(signal)
     result = np.empty(ends.size)
 
-    def lap(start: float) -> float:
+    def after_a_period(start: float) -> float:
         if lag < FEWEST_STEPS:
             end: float = compiled_drive.slew_limited(ends, most, start, result)
         else:
@@ -114,14 +114,14 @@ def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0) ->
         return end
 
     start = float(ends[0])
-    end = lap(start)
+    end = after_a_period(start)
     if periodic and end != start:
-        start, end = end, lap(end)
+        start, end = end, after_a_period(end)
     if periodic and abs(end - start) > SETTLED * most:  # it would need many periods to catch up
         low, high = (start, float(ends.max())) if end > start else (float(ends.min()), start)
         for _ in range(HALVINGS):  # a period brings any two states closer: below the steady state it rises
             middle = 0.5 * (low + high)
-            if lap(middle) > middle:
+            if after_a_period(middle) > middle:
                 low = middle
             else:
                 high = middle

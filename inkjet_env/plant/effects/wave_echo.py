@@ -129,20 +129,20 @@ class WaveEcho(Effect):
 
     def description(self, values: Values, unit: str = "V") -> str:
         turned = ", inverted," if values["strength"] < 0 else ""
-        told = (
+        text = (
             f"A wave returns {with_prefix(values['delay_s'], 's')} later{turned} "
             f"with {percent(abs(values['strength']))} of its strength."
         )
         if values["second_reflection"]:
-            lap_s, kept = (
+            round_s, kept = (
                 values["delay_s"] + values["second_delay_s"],
                 values["reflection"] * values["second_reflection"],
             )
-            told += (
+            text += (
                 f" From the channel's other end it returns after {with_prefix(values['second_delay_s'], 's')}; a wave "
-                f"reflected at both ends keeps {percent(abs(kept))} of its strength every {with_prefix(lap_s, 's')}."
+                f"reflected at both ends keeps {percent(abs(kept))} of its strength every {with_prefix(round_s, 's')}."
             )
-        return told
+        return text
 
     def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
         if values["strength"] == 0:
