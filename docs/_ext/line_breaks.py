@@ -29,10 +29,12 @@ class UnitsStay(SphinxPostTransform):
 
 
 def break_long_words(app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document) -> None:
-    """Let a long word of code break after a slash, dot, underscore, bracket, sign or comma; the style sheet holds others together."""
+    """Let a long word of code break after a slash, dot, underscore, bracket, sign or comma; no other word breaks."""
     if "body" in context:
         context["body"] = WORD.sub(
-            lambda word: f'<span class="pre">{re.sub(r"(?<=[/._(=,+:])(?=[A-Za-z0-9])", "<wbr>", word.group(1))}</span>',
+            lambda word: (
+                f'<span class="pre">{re.sub(r"(?<=[/._(=,+:])(?=[A-Za-z0-9])", "<wbr>", word.group(1))}</span>'
+            ),
             context["body"],
         )
 

@@ -27,7 +27,7 @@ REPAIRS = (
 
 
 def mathml(node: nodes.math | nodes.math_block, display: str) -> str:
-    """The equation with the spaces that a typesetter gives it; a command that the converter does not know is a warning."""
+    """The equation, spaced as a typesetter would; a command that the converter does not know is a warning."""
     text = convert(node.astext(), display=display)
     if unknown := re.search(r"\\[A-Za-z|]+", text):
         LOGGER.warning("equation shows %s as it is written", unknown.group(), location=node, type="mathml")

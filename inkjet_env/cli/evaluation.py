@@ -18,10 +18,11 @@ from inkjet_env.plant.printhead_file import chosen_head
 from inkjet_env.recordings import read_campaign
 
 
-def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, Any]) -> dict[str, Any]:
-    """The ``evaluation/1`` of a printhead on the campaign in a folder; warnings go to standard error.
+def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+    """The ``evaluation/1`` of a printhead on the campaign in a folder, and the unit of its overall ``rms``.
 
     The overall ``rms`` is over all samples of the fast channel: self-sensing, else displacement, else the strain gauge.
+    Warnings go to standard error.
     """
     campaign = read_campaign(folder, **reading)
     head = chosen_head(head_file)
@@ -35,9 +36,11 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
         print(f"warning: the printhead file gives no gain for {channel}; it was fitted here.", file=sys.stderr)
     channels = {e.recording.channel for e in found}
     main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in channels)
-    left = np.concatenate([e.recording.sensor - e.modelled for e in found if e.recording.channel == main])
+    mine = [e for e in found if e.recording.channel == main]
+    residuals = np.concatenate([e.recording.sensor - e.modelled for e in mine])
     recordings = {e.recording.name: {"rms": e.rms, "output_rms": e.output_rms, "unit": e.recording.unit} for e in found}
-    return {"format": "evaluation/1", "recordings": recordings, "rms": float(np.sqrt(np.mean(left**2)))}
+    rms = float(np.sqrt(np.mean(residuals**2)))
+    return {"format": "evaluation/1", "recordings": recordings, "rms": rms}, mine[0].recording.unit
 
 
 def _gains(head_file: Path) -> dict[str, float]:

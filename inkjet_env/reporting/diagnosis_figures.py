@@ -36,7 +36,7 @@ MOST_CONDITIONS = 60
 """Largest number of conditions in a figure; the table has all."""
 BINS = 160
 """Number of frequency bins of a spectrum, equally wide on a logarithmic axis."""
-LABELS = {"base": "base model", "augmented": "augmented model", "corrected": "with flexible correction"}
+LABELS = {"base": "base model", "augmented": "augmented model", "corrected": "with discrepancy regression"}
 COLOURS = {"base": BASE, "augmented": AUGMENTED, "corrected": CORRECTED}
 
 

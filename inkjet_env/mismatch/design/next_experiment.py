@@ -292,7 +292,7 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
     said = f"{start} {judged.proposal.words}: {names} would differ {place}by up to {size}"
     least = judge.settings.separation
     if separation < least:
-        said += f"; take it {math.ceil(least / max(separation, 1e-300))} times"
+        said += f"; record it {math.ceil(least / max(separation, 1e-300))} times"
     drive = tuple(float(v) for v in excitation.drive_V)
     return NextExperiment(
         said + ".", excitation.channel, excitation.initial_state, excitation.step_s, drive, separation

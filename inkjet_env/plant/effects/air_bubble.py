@@ -39,17 +39,17 @@ class AirBubble(Effect):
         Parameter(
             "onset_order", "1", 1.0, 1e5, meaning="order of the first recording with the bubble", open_ended=True
         ),
-        Parameter("frequency_change", "1", -0.5, 0.5, meaning="of the head, relative, by the bubble"),
-        Parameter("damping_change", "1", -0.9, 5.0, meaning="of the head's damping ratio, relative, by the bubble"),
-        Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "of the bubble's mode"),
-        Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "of the bubble's mode"),
-        Parameter("bubble_strength", "1", -2.0, 2.0, meaning="static deflection by the bubble's mode over the head's"),
+        Parameter("frequency_change", "1", -0.5, 0.5, meaning="relative change of the head's frequency"),
+        Parameter("damping_change", "1", -0.9, 5.0, meaning="relative change of the head's damping ratio"),
+        Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "frequency of the bubble's mode"),
+        Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "damping ratio of the bubble's mode"),
+        Parameter("bubble_strength", "1", -2.0, 2.0, meaning="g: static deflection of its mode over the head's"),
     )
     strengths = ("frequency_change", "damping_change", "bubble_strength")
     terms = (("frequency_change", "bubble_strength"), ("damping_change",))
-    signature = "recordings before the onset fit the base model, those after it all show the same other resonances"
+    signature = "recordings before the onset fit the base model; all later ones show the same additional resonance"
     confusable_with = ("thermal_drift", "second_mode")
-    shown_by = "one recording repeated through the whole session"
+    shown_by = "one recording repeated throughout the session"
     depends_on_order = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -21,13 +21,13 @@ class AmplifierBandwidth(Effect):
     id = "amplifier_bandwidth"
     stage = "drive"
     sentence = "The amplifier low-passes the drive before it reaches the ceramic."
-    equation = "u + τ u' + q τ² u'' = u_asked"
+    equation = "u + τ u' + q τ² u'' = u_requested"
     source = "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapters 1 and 6: low-passes"
     parameters = (BANDWIDTH, SECOND_ORDER)
     strengths = ("bandwidth_Hz",)
-    signature = "edges of the drive are rounded and late, steep and gentle ones, small and large ones alike"
+    signature = "all edges of the drive are rounded and late, whatever their slope and height"
     confusable_with = ("sensor_bandwidth", "trigger_delay", "slew_limit")
-    shown_by = "the voltage at the head, recorded along (column drive_monitor_V)"
+    shown_by = "the voltage at the head, recorded as well (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         return low_pass_starts(printhead)

@@ -36,21 +36,31 @@ class AsymmetricHysteresis(Effect):
         "inversion for hysteresis compensation in micropositioning control, IEEE/ASME Trans. Mechatronics 16(4), 2011"
     )
     parameters = (
-        Parameter("asymmetry", "1", -0.5, 0.5, meaning="positive branches are this much steeper, negative ones less"),
         Parameter(
-            "knee_V", "V", 0.0, 1e3, meaning="hysteretic drive from which on they are", open_ended=True, plain=0.0
+            "asymmetry", "1", -0.5, 0.5, meaning="relative excess slope of positive branches, deficit of negative ones"
         ),
-        Parameter("bowing", "1", -0.5, 0.5, meaning="beyond it both are this much steeper: one-sided if as large"),
-        Parameter("bending", "1", -0.5, 0.5, meaning="even quadratic part, relative, at half the law's full scale"),
-        Parameter("arching", "1", -0.5, 0.5, meaning="the same of the drive, before it meets the hysteresis"),
-        Parameter("lean", "1", -0.5, 0.5, meaning="rising branches of plays are this much steeper, falling ones less"),
-        Parameter("tilt", "1", -1.0, 1.0, meaning="the same for a threshold of half the full scale, in proportion"),
+        Parameter(
+            "knee_V",
+            "V",
+            0.0,
+            1e3,
+            meaning="hysteretic drive beyond which the slopes differ",
+            open_ended=True,
+            plain=0.0,
+        ),
+        Parameter("bowing", "1", -0.5, 0.5, meaning="relative excess slope of both beyond the knee"),
+        Parameter("bending", "1", -0.5, 0.5, meaning="relative quadratic term at half the full scale"),
+        Parameter("arching", "1", -0.5, 0.5, meaning="the same for the drive, before the hysteresis"),
+        Parameter(
+            "lean", "1", -0.5, 0.5, meaning="relative excess slope of rising play branches, deficit of falling ones"
+        ),
+        Parameter("tilt", "1", -1.0, 1.0, meaning="the same in proportion to the threshold, at half the full scale"),
     )
     strengths = ("asymmetry", "bowing", "bending", "arching", "lean", "tilt")
     terms = (("asymmetry",), ("bowing", "knee_V"), ("bending",), ("arching",), ("lean",), ("tilt",))
-    signature = "even harmonics, at slow rates too; the answer to a drive turned upside down is not turned upside down"
+    signature = "even harmonics, also at low rates; inverting the drive does not invert the response"
     confusable_with = ("sensor_saturation",)
-    shown_by = "a pulse and the same one upside down, and a slow loop over the whole range"
+    shown_by = "a pulse and its inverse, and a slow loop over the whole range"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         off = dict.fromkeys(self.strengths, 0.0) | {"knee_V": 0.0}

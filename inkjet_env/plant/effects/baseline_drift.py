@@ -22,17 +22,19 @@ class BaselineDrift(Effect):
 
     id = "baseline_drift"
     stage = "sensing"
-    sentence = "The sensor's baseline is another in every recording and drifts slowly, whatever the drive."
-    equation = "y = y₀ + c₀ + c₁ t + … + cₙ tⁿ, with c of every recording its own"
+    sentence = (
+        "The sensor's baseline differs from recording to recording and drifts slowly, independently of the drive."
+    )
+    equation = "y = y₀ + c₀ + c₁ t + … + cₙ tⁿ, with its own coefficients c in every recording"
     source = "Bendat & Piersol, Random Data, 4th edition, Wiley, 2010: trends and their removal"
     parameters = (
-        Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "of the drift over a recording; 0 is none"),
-        Parameter("degree", "1", 1.0, 20.0, "linear", "n: the rougher the drift, the more", True, plain=2.0),
+        Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "amplitude of the drift over a recording; 0 is none"),
+        Parameter("degree", "1", 1.0, 20.0, "linear", "n: higher for a rougher drift", True, plain=2.0),
     )
     strengths = ("amplitude",)
-    signature = "there with zero drive; much slower than the resonance; repeats differ by it"
+    signature = "present with zero drive; much slower than the resonance; differs between repeats"
     confusable_with = ("mains_hum", "creep")
-    shown_by = "recordings of zero drive, some at the session's start and some at its end"
+    shown_by = "recordings of zero drive at the start and at the end of the session"
     random = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

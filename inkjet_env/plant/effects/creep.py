@@ -31,7 +31,7 @@ class Creep(Effect):
 
     id = "creep"
     stage = "hysteresis"
-    sentence = "Displacement goes on for long after the drive has changed, with the logarithm of time or nearly so."
+    sentence = "The displacement continues long after a change of drive, nearly with the logarithm of time."
     equation = "v(t) + ∫ γ lg(1 + (t - s) / t0) + c1 (1 - exp((s - t) / τ1)) + c2 (1 - exp((s - t) / τ2)) dv(s)"
     source = (
         "K. Kuhnen, Modeling, identification and compensation of complex hysteretic and log(t)-type creep "
@@ -39,19 +39,19 @@ class Creep(Effect):
         "Lakes, Viscoelastic Materials, Cambridge University Press, 2009"
     )
     parameters = (
-        Parameter("creep_per_decade", "1", -0.2, 0.2, meaning="of a change, once more in every decade of time"),
-        Parameter("onset_s", "s", 1e-4, 10.0, "log", "time after which creep is counted in decades", open_ended=True),
-        Parameter("retarded_1", "1", -0.2, 0.2, meaning="c1: of a change, once more in the long run"),
-        Parameter("time_1_s", "s", 1e-4, 100.0, "log", "τ1", open_ended=True, plain=0.1),
-        Parameter("retarded_2", "1", -0.2, 0.2, meaning="c2: the same of another element"),
-        Parameter("time_2_s", "s", 1e-4, 100.0, "log", "τ2", open_ended=True, plain=3.0),
+        Parameter("creep_per_decade", "1", -0.2, 0.2, meaning="γ: fraction of a change added in every decade of time"),
+        Parameter("onset_s", "s", 1e-4, 10.0, "log", "t0: time from which decades are counted", open_ended=True),
+        Parameter("retarded_1", "1", -0.2, 0.2, meaning="c1: fraction of a change that a viscoelastic element adds"),
+        Parameter("time_1_s", "s", 1e-4, 100.0, "log", "τ1: time constant of that element", open_ended=True, plain=0.1),
+        Parameter("retarded_2", "1", -0.2, 0.2, meaning="c2: the same for a second element"),
+        Parameter("time_2_s", "s", 1e-4, 100.0, "log", "τ2: time constant of that element", open_ended=True, plain=3.0),
     )
     strengths = ("creep_per_decade", "retarded_1", "retarded_2")
     plain_leaves = 0.025  # a logarithm that begins or ends within the records may leave this share unexplained
     terms = (("creep_per_decade",), ("retarded_1", "time_1_s"), ("retarded_2", "time_2_s"))
-    signature = "after a step the displacement follows a line over the logarithm of time, for decades"
+    signature = "after a step the displacement is linear in the logarithm of time, over decades"
     confusable_with = ("baseline_drift", "meniscus_refill", "rate_dependent_hysteresis")
-    shown_by = "a slow recording of a step that is held for three decades of time"
+    shown_by = "a slow recording of a step that is held over three decades of time"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         return [complete(self, creep_per_decade=0.02, onset_s=onset_s) for onset_s in (0.1, 0.01, 1.0)]

@@ -31,26 +31,32 @@ class Crosstalk(Effect):
 
     id = "crosstalk"
     stage = "sensing"
-    sentence = "The neighbouring channel's drive is heard."
+    sentence = "The drive of the neighbouring channel reaches the sensor."
     equation = (
-        "y = y₀ + c_m H[u_n] + c_e (1 µs) du_n/dt + c_d u_n, with H the head's own answer, "
-        "of a frequency and a damping ratio of the neighbour's: f (1 + detuning), ζ (1 + damping_change)"
+        "y = y₀ + c_m H[u_n] + c_e (1 µs) du_n/dt + c_d u_n, with H the response of the head, "
+        "at the neighbour's frequency f (1 + detuning) and damping ratio ζ (1 + damping_change)"
     )
     source = (
         "Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491(4-5), 2010: "
         "electrical, direct and acoustic cross-talk"
     )
     parameters = (
-        Parameter("mechanical", "1", -10.0, 10.0, "linear", "of the head's own answer, to the neighbour's drive"),
-        Parameter("electrical", "1", -1e6, 1e6, "linear", "sensor's units for a neighbour that rises by 1 V/µs"),
-        Parameter("direct", "1", -10.0, 10.0, "linear", "sensor's units for a neighbour at 1 V"),
-        Parameter("detuning", "1", -0.5, 0.5, meaning="of the neighbour, relative", open_ended=True, plain=0.0),
-        Parameter("damping_change", "1", -0.9, 5.0, meaning="of its damping ratio", open_ended=True, plain=0.0),
+        Parameter(
+            "mechanical", "1", -10.0, 10.0, "linear", "c_m: share of the head's response to the neighbour's drive"
+        ),
+        Parameter("electrical", "1", -1e6, 1e6, "linear", "c_e: signal for a neighbour's slope of 1 V/µs"),
+        Parameter("direct", "1", -10.0, 10.0, "linear", "c_d: signal for a neighbour at 1 V"),
+        Parameter(
+            "detuning", "1", -0.5, 0.5, meaning="relative frequency shift of the neighbour", open_ended=True, plain=0.0
+        ),
+        Parameter(
+            "damping_change", "1", -0.9, 5.0, meaning="relative change of its damping ratio", open_ended=True, plain=0.0
+        ),
     )
     strengths = ("mechanical", "electrical", "direct")
-    signature = "coherent with the neighbour's drive; there while the head's own drive rests"
+    signature = "coherent with the neighbour's drive; present while the head's own drive is constant"
     confusable_with = ("feedthrough",)
-    shown_by = "the neighbour alone driven, and both together (column neighbour_V)"
+    shown_by = "a drive of the neighbour alone, and of both channels together (column neighbour_V)"
     needs_neighbour = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
@@ -85,7 +91,7 @@ class Crosstalk(Effect):
             heard.append(f"with {with_prefix(10 * electrical, unit)} on an edge of 10 V/µs")
         if direct:
             heard.append(f"with {with_prefix(100 * direct, unit)} while it stands at 100 V")
-        return f"The neighbouring channel's drive is heard: {', '.join(heard)}."
+        return f"The drive of the neighbouring channel reaches the sensor: {', '.join(heard)}."
 
     def sensing(
         self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation

@@ -27,16 +27,18 @@ class CubicStiffness(Effect):
 
     id = "cubic_stiffness"
     stage = "resonator"
-    sentence = "The head's stiffness changes with the square of its deflection, so large strokes ring at another pitch."
+    sentence = (
+        "The stiffness changes with the square of the deflection, so the ringing frequency depends on the amplitude."
+    )
     equation = "x'' + a1 x' + a0 (x + k x³) = a0 v; in ring-down Δf/f = 3/8 k A²"
     source = "A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979, chapter 4"
     parameters = (
         Parameter(
-            "stiffening_per_V2", "1/V²", -1e3, 1e3, meaning="relative rise of stiffness, per square of deflection"
+            "stiffening_per_V2", "1/V²", -1e3, 1e3, meaning="k: relative increase of stiffness per squared deflection"
         ),
     )
     strengths = ("stiffening_per_V2",)
-    signature = "the frequency shifts with the square of the amplitude; damping stays; only odd harmonics of a sine"
+    signature = "the frequency shifts with the square of the amplitude; constant damping; only odd harmonics of a sine"
     confusable_with = ("ferroelastic_softening", "quadratic_damping")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 

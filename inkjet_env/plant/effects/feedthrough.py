@@ -23,23 +23,29 @@ class Feedthrough(Effect):
 
     id = "feedthrough"
     stage = "sensing"
-    sentence = "The capacitance compensation is imperfect: a part of the drive's own current reaches the sensor."
+    sentence = "The capacitance compensation is imperfect: part of the drive's capacitive current reaches the sensor."
     equation = "y = y₀ + k_C w' + k_R u, w + τ w' = u"
     source = (
         "Dosch, Inman & Garcia, A self-sensing piezoelectric actuator for collocated control, "
-        "J. Intell. Mater. Syst. Struct. 3(1), 1992: the bridge that is out of balance"
+        "J. Intell. Mater. Syst. Struct. 3(1), 1992: the unbalanced bridge"
     )
     parameters = (
-        Parameter("capacitive_s", "V s/V", -1.0, 1.0, "linear", "volts at the sensor for a drive that rises by 1 V/s"),
-        Parameter("lossy", "1", -10.0, 10.0, "linear", "volts at the sensor for a volt of drive"),
+        Parameter("capacitive_s", "V s/V", -1.0, 1.0, "linear", "k_C: signal for a slope of the drive of 1 V/s"),
+        Parameter("lossy", "1", -10.0, 10.0, "linear", "k_R: signal for a drive of 1 V"),
         Parameter(
-            "lag_s", "s", 0.0, 1.0, meaning="τ, of the capacitance with what is in series", open_ended=True, plain=0.0
+            "lag_s",
+            "s",
+            0.0,
+            1.0,
+            meaning="τ: time constant of the capacitance and its series resistance",
+            open_ended=True,
+            plain=0.0,
         ),
     )
     strengths = ("capacitive_s", "lossy")
-    signature = "on the edges of the drive only, a step as long as the edge; nothing of it rings on"
+    signature = "a step during each edge of the drive; nothing during the ring-down"
     confusable_with = ("crosstalk", "second_mode")
-    shown_by = "edges of several steepnesses at the same voltage, self-sensed"
+    shown_by = "self-sensing of edges with several slopes at the same voltage"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         own = [excitation for excitation in excitations if excitation.channel == "self_sensing"]

@@ -35,11 +35,11 @@ class FerroelasticSoftening(Effect):
     id = "ferroelastic_softening"
     stage = "resonator"
     sentence = (
-        "The ceramic softens and loses more in proportion to its swing, so pitch falls and damping rises with it."
+        "The ceramic softens and loses more in proportion to its amplitude, so frequency falls and damping rises."
     )
     equation = (
         "F = -2 s A x + 2 l A p - ∫ 2 rayleigh_per_V (r / 100 V)^power E_r[x] dr, A = √(x² + p²), p = x'/ω0, E_r plays "
-        "of the threshold r; in ring-down, of the first terms Δf/f = -s A, Δζ = l A"
+        "of threshold r; in ring-down, the first terms give Δf/f = -s A, Δζ = l A"
     )
     source = (
         "S. Leadenham, A. Erturk, Unified nonlinear electroelastic dynamics of a bimorph piezoelectric cantilever for "
@@ -48,13 +48,15 @@ class FerroelasticSoftening(Effect):
         "dynamic response, Journal of Applied Mechanics 33, 1966; D. Damjanovic, Rep. Prog. Phys. 61, 1998"
     )
     parameters = (
-        Parameter("softening_per_V", "1/V", -0.001, 10.0, meaning="relative fall of frequency, per amplitude"),
-        Parameter("loss_ratio", "1", 0.1, 10.0, "log", "rise of the damping ratio over the relative fall of frequency"),
-        Parameter("rayleigh_per_V", "1/V", -0.001, 10.0, meaning="relative fall of stiffness, per amplitude"),
-        Parameter("power", "1", -0.8, 4.0, meaning="of the slipping elements' density", open_ended=True, plain=0.0),
+        Parameter("softening_per_V", "1/V", -0.001, 10.0, meaning="s: relative decrease of frequency per amplitude"),
+        Parameter("loss_ratio", "1", 0.1, 10.0, "log", "increase of damping ratio over relative decrease of frequency"),
+        Parameter("rayleigh_per_V", "1/V", -0.001, 10.0, meaning="relative decrease of stiffness per amplitude"),
+        Parameter(
+            "power", "1", -0.8, 4.0, meaning="exponent of the density of slipping elements", open_ended=True, plain=0.0
+        ),
     )
     strengths = ("softening_per_V", "rayleigh_per_V")
-    signature = "frequency and damping both shift linearly with the amplitude, from the smallest swings on"
+    signature = "frequency and damping both shift linearly with the amplitude, even at the smallest amplitudes"
     confusable_with = ("cubic_stiffness", "quadratic_damping")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 

@@ -33,16 +33,16 @@ class MainsHum(Effect):
 
     id = "mains_hum"
     stage = "sensing"
-    sentence = "An interference at a fixed frequency is in the recordings; it is not locked to the trigger."
-    equation = "y = y₀ + Σₖ aₖ cos 2πkft + bₖ sin 2πkft, with a and b of every recording its own"
+    sentence = "The recordings contain interference at a fixed frequency that is not locked to the trigger."
+    equation = "y = y₀ + Σₖ aₖ cos 2πkft + bₖ sin 2πkft, with its own a and b in every recording"
     source = "Ott, Electromagnetic Compatibility Engineering, Wiley, 2009: pick-up of the mains and its harmonics"
     parameters = (
-        Parameter("frequency_Hz", "Hz", 0.01, 1e8, "log", "of the tone"),
-        Parameter("multiples", "1", 1.0, 20.0, "linear", "how many of it are heard; 1 is the tone alone", True),
-        Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "of the tone; 0 is none"),
+        Parameter("frequency_Hz", "Hz", 0.01, 1e8, "log", "f: frequency of the interference"),
+        Parameter("multiples", "1", 1.0, 20.0, "linear", "number of harmonics, 1 for the fundamental alone", True),
+        Parameter("amplitude", SENSOR_UNIT, 0.0, 1e6, "linear", "amplitude of the fundamental; 0 is none"),
     )
     strengths = ("amplitude",)
-    signature = "there with zero drive; its phase is another in every recording, so repeats differ by it"
+    signature = "present with zero drive; its phase is random, so repeats differ"
     confusable_with = ("baseline_drift",)
     shown_by = "a recording of zero drive over several periods of the mains"
     random = True

@@ -26,7 +26,7 @@ class MeniscusRefill(Effect):
 
     id = "meniscus_refill"
     stage = "resonator"
-    sentence = "The head's tuning depends on the pulses just before and recovers in the time after them."
+    sentence = "The resonance depends on the preceding pulses and recovers afterwards."
     equation = (
         "x'' + a1 x' + a0 (1 + k s + m n) x = a0 v; s' = -s / τ + |u'| / 100 V; "
         "n + τ n' + q τ² n'' = (|p| / 100 V)^power, p = x'/ω0 of the head without it"
@@ -37,13 +37,15 @@ class MeniscusRefill(Effect):
     )
     parameters = (
         Parameter("recovery_s", "s", 1e-9, 1e4, "log", "time constant of the refill"),
-        Parameter("stiffness_change", "1", -1.0, 1.0, meaning="relative, after edges of 100 V together"),
-        Parameter("flow_change", "1", -10.0, 10.0, meaning="of stiffness, relative, under a steady flow of 100 V"),
-        Parameter("power", "1", 1.0, 2.0, meaning="of the flow", open_ended=True, plain=1.0),
-        Parameter("second_order", "1", 0.0, 10.0, meaning="q: above 1/4 it swings back", open_ended=True, plain=0.0),
+        Parameter(
+            "stiffness_change", "1", -1.0, 1.0, meaning="k: relative change of stiffness after edges of 100 V in total"
+        ),
+        Parameter("flow_change", "1", -10.0, 10.0, meaning="m: relative change of stiffness at a steady flow of 100 V"),
+        Parameter("power", "1", 1.0, 2.0, meaning="exponent of the flow", open_ended=True, plain=1.0),
+        Parameter("second_order", "1", 0.0, 10.0, meaning="q: oscillates if above 1/4", open_ended=True, plain=0.0),
     )
     strengths = ("stiffness_change", "flow_change")
-    signature = "the same pulse rings at another pitch after a busy history than after a rest"
+    signature = "the same pulse rings at a different frequency after other pulses than after a rest"
     confusable_with = ("thermal_drift", "cubic_stiffness", "creep")
     shown_by = "pairs of equal pulses with several gaps between them"
 

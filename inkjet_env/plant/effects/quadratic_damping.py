@@ -28,14 +28,14 @@ class QuadraticDamping(Effect):
 
     id = "quadratic_damping"
     stage = "resonator"
-    sentence = "Damping grows with speed, so large strokes die away faster at first than small ones."
+    sentence = "Damping grows with speed, so large oscillations decay faster at first than small ones."
     equation = "x'' + a1 x' + a0 (x + c |p| p) = a0 v, p = x'/ω0; in ring-down Δζ = 4 c A / (3 π)"
     source = "A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979, chapter 3"
     parameters = (
-        Parameter("damping_per_V", "1/V", -0.01, 100.0, meaning="drag, over spring force, per scaled speed x'/ω0"),
+        Parameter("damping_per_V", "1/V", -0.01, 100.0, meaning="c: drag over spring force, per scaled speed x'/ω0"),
     )
     strengths = ("damping_per_V",)
-    signature = "the logarithmic decrement rises in proportion to the amplitude; the frequency stays"
+    signature = "the logarithmic decrement is proportional to the amplitude; the frequency is constant"
     confusable_with = ("ferroelastic_softening", "cubic_stiffness")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 

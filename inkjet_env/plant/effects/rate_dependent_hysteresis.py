@@ -43,19 +43,28 @@ class RateDependentHysteresis(Effect):
         "G. Bertotti, Hysteresis in Magnetism, Academic Press, 1998: operators that relax"
     )
     parameters = (
-        Parameter("growth", "1", -0.5, 2.0, meaning="of the thresholds, relative, for an e-fold rate"),
-        Parameter("widening_V", "V", -20.0, 20.0, meaning="of all thresholds alike, for an e-fold rate"),
-        Parameter("gain", "1", -0.5, 2.0, meaning="growth of the plays' weights, relative, for an e-fold rate"),
+        Parameter("growth", "1", -0.5, 2.0, meaning="relative growth of the thresholds per e-fold of the rate"),
+        Parameter("widening_V", "V", -20.0, 20.0, meaning="equal growth of all thresholds per e-fold of the rate"),
+        Parameter("gain", "1", -0.5, 2.0, meaning="relative growth of the weights per e-fold of the rate"),
         Parameter("relaxation_s", "s", 0.0, 1.0, meaning="lag with which a play follows its branch"),
-        Parameter("rate_V_s", "V/s", 1e-1, 1e9, "log", "rate at which growth begins", open_ended=True, plain=1.0),
         Parameter(
-            "settling_s", "s", AT_ONCE_S, 10.0, "log", "lag with which they notice it", open_ended=True, plain=AT_ONCE_S
+            "rate_V_s", "V/s", 1e-1, 1e9, "log", "ρ: rate at which the growth begins", open_ended=True, plain=1.0
+        ),
+        Parameter(
+            "settling_s",
+            "s",
+            AT_ONCE_S,
+            10.0,
+            "log",
+            "lag with which they respond to the rate",
+            open_ended=True,
+            plain=AT_ONCE_S,
         ),
     )
     strengths = ("growth", "widening_V", "gain", "relaxation_s")
-    signature = "loops of one amplitude are wider at a higher rate, beyond what the resonance does"
+    signature = "loops of the same amplitude widen with the rate, more than the resonance explains"
     confusable_with = ("creep", "quadratic_damping")
-    shown_by = "slow loops of one amplitude at rates over several decades"
+    shown_by = "slow loops of the same amplitude at rates over several decades"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         usual = []

@@ -39,19 +39,17 @@ class SecondMode(Effect):
     sentence = "The head rings in a second mode beside its main one."
     equation = "x + g x2 + e ω0 (x2' / ω2² - x' / ω0²), x2'' + 2 ζ2 ω2 x2' + ω2² x2 = ω2² v"
     source = (
-        "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010; modes that "
-        "damping couples: D. J. Ewins, Modal Testing, 2nd edition, Research Studies Press, 2000"
+        "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010; modes coupled "
+        "by damping: D. J. Ewins, Modal Testing, 2nd edition, Research Studies Press, 2000"
     )
     parameters = (
-        Parameter("frequency_Hz", "Hz", 1e-2, 1e8, "log", "of the second mode, undamped"),
-        Parameter("damping_ratio", "1", 0.002, 0.5, "log", "of the second mode"),
-        Parameter("strength", "1", -2.0, 2.0, meaning="g: deflection of the second mode over the first's, both static"),
-        Parameter(
-            "exchange", "1", -0.5, 0.5, meaning="e: of the modes by damping, which turns their phases", plain=0.0
-        ),
+        Parameter("frequency_Hz", "Hz", 1e-2, 1e8, "log", "undamped frequency of the second mode"),
+        Parameter("damping_ratio", "1", 0.002, 0.5, "log", "damping ratio of the second mode"),
+        Parameter("strength", "1", -2.0, 2.0, meaning="g: static deflection of the second mode over the first's"),
+        Parameter("exchange", "1", -0.5, 0.5, meaning="e: coupling of the modes by damping", plain=0.0),
     )
     strengths = ("strength",)
-    signature = "a second peak in the spectrum at every amplitude alike; it beats with the main one"
+    signature = "a second peak in the spectrum, the same at every amplitude; it beats with the main mode"
     confusable_with = ("wave_echo", "air_bubble")
     shown_by = "a multisine over many octaves, and a steep step with its whole ring-down"
 
@@ -83,7 +81,7 @@ class SecondMode(Effect):
         coupled = " Damping couples the two." if values["exchange"] else ""
         return (
             f"The head rings in a second mode at {with_prefix(values['frequency_Hz'], 'Hz', 3)} with a damping ratio "
-            f"of {values['damping_ratio']:.2g}; held still, it adds {percent(values['strength'])} to the deflection."
+            f"of {values['damping_ratio']:.2g}; it adds {percent(values['strength'])} to the static deflection."
             f"{coupled}"
         )
 

@@ -24,9 +24,9 @@ class SensorBandwidth(Effect):
     source = "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapters 1 and 6: low-passes"
     parameters = (BANDWIDTH, SECOND_ORDER)
     strengths = ("bandwidth_Hz",)
-    signature = "the sensor lags and is smoother, the same for every drive, amplitude and record"
+    signature = "the signal lags and is smoothed, equally for every drive, amplitude and recording"
     confusable_with = ("amplifier_bandwidth", "trigger_delay")
-    shown_by = "the voltage at the head, recorded along (column drive_monitor_V)"
+    shown_by = "the voltage at the head, recorded as well (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         return low_pass_starts(printhead)

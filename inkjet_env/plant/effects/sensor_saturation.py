@@ -37,12 +37,12 @@ class SensorSaturation(Effect):
         "Communications, 1991: the amplifier's limiter"
     )
     parameters = (
-        Parameter("limit", SENSOR_UNIT, 1e-9, math.inf, "reciprocal", "the rail that the signal never passes"),
-        Parameter("hardness", "1", 1.0, 100.0, "log", "1: from the first on; 20 and more: it clips", open_ended=True),
-        Parameter("skew", "1", -1.0, 1.0, meaning="1: above 0 alone, -1: below", open_ended=True, plain=0.0),
+        Parameter("limit", SENSOR_UNIT, 1e-9, math.inf, "reciprocal", "level that the signal cannot exceed"),
+        Parameter("hardness", "1", 1.0, 100.0, "log", "1: compresses gradually; 20 and more: clips", open_ended=True),
+        Parameter("skew", "1", -1.0, 1.0, meaning="1: limits only above 0; −1: only below", open_ended=True, plain=0.0),
     )
     strengths = ("limit",)
-    signature = "flat tops at one level whatever the drive; small signals are as they should be"
+    signature = "flat tops at one level whatever the drive; small signals are unchanged"
     confusable_with = ("quadratic_damping", "asymmetric_hysteresis")
     shown_by = "the same waveform at a third of the voltage and at full voltage"
 

@@ -39,19 +39,19 @@ class SlewLimit(Effect):
     id = "slew_limit"
     stage = "drive"
     sentence = "The amplifier cannot follow steep edges."
-    equation = "u' = S tanh((u_asked - u) / (S τ))"
+    equation = "u' = S tanh((u_requested - u) / (S τ))"
     source = (
         "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapter 4: slew rate; J. E. Solomon, The "
-        "monolithic op amp: a tutorial study, IEEE J. Solid-State Circuits 9(6), 1974: an input stage of tanh"
+        "monolithic op amp: a tutorial study, IEEE J. Solid-State Circuits 9(6), 1974: a tanh input stage"
     )
     parameters = (
-        Parameter("slew_rate_V_s", "V/s", 1.0, math.inf, "reciprocal", "steepest edge it follows"),
-        Parameter("lag_s", "s", 0.0, 1.0, meaning="τ, with which it follows gentler ones", open_ended=True, plain=0.0),
+        Parameter("slew_rate_V_s", "V/s", 1.0, math.inf, "reciprocal", "S: steepest edge that it follows"),
+        Parameter("lag_s", "s", 0.0, 1.0, meaning="τ: lag on gentler edges", open_ended=True, plain=0.0),
     )
     strengths = ("slew_rate_V_s",)
     signature = "only edges steeper than some slope are late; gentle ones at the same level are not"
     confusable_with = ("amplifier_bandwidth",)
-    shown_by = "trapezoids of one level with edges from gentle to as steep as can be asked for"
+    shown_by = "trapezoids of the same level with edges from gentle to as steep as possible"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         slopes = np.array(

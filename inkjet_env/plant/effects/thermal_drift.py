@@ -29,16 +29,14 @@ class ThermalDrift(Effect):
 
     id = "thermal_drift"
     stage = "resonator"
-    sentence = "The head's frequency and damping wander in the course of the session."
-    equation = (
-        "ω0 (1 + f), ζ (1 + z); f, z cubic splines (Catmull & Rom) over the order, nothing at the first recording"
-    )
+    sentence = "The head's frequency and damping drift in the course of the session."
+    equation = "ω0 (1 + f), ζ (1 + z); f, z cubic splines (Catmull & Rom) over the order, zero at the first recording"
     source = (
         "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010; any course: "
         "E. Catmull, R. Rom, A class of local interpolating splines, Computer Aided Geometric Design, 1974"
     )
     parameters = (
-        Parameter("last_order", "1", 1.0, 1e6, meaning="order at which the ninth place is", open_ended=True),
+        Parameter("last_order", "1", 1.0, 1e6, meaning="order of the last spline knot", open_ended=True),
         *(
             Parameter(f"frequency_{k}", "1", -0.5, 0.5, meaning=f"relative change of frequency after {k}/{KNOTS}")
             for k in range(1, KNOTS + 1)
@@ -50,9 +48,9 @@ class ThermalDrift(Effect):
     )
     strengths = tuple(parameter.name for parameter in parameters[1:])
     terms = (strengths[:KNOTS], strengths[KNOTS:])
-    signature = "width and pitch of the resonance follow the order of the recordings, whatever their drives"
+    signature = "frequency and width of the resonance follow the order of the recordings, whatever the drives"
     confusable_with = ("air_bubble", "meniscus_refill", "quadratic_damping")
-    shown_by = "one recording repeated through the whole session, amplitudes in random order"
+    shown_by = "one recording repeated throughout the session, amplitudes in random order"
     depends_on_order = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

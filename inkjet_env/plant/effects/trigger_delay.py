@@ -25,13 +25,13 @@ class TriggerDelay(Effect):
     id = "trigger_delay"
     stage = "drive"
     sentence = "Drive and sensor are not aligned in time."
-    equation = "u(t) = u_asked(t - delay)"
-    source = "Ljung, System Identification: Theory for the User, 2nd edition, 1999: the input's delay"
-    parameters = (Parameter("delay_s", "s", -1.0, 1.0, meaning="by which the drive reaches the ceramic late"),)
+    equation = "u(t) = u_requested(t - delay)"
+    source = "Ljung, System Identification: Theory for the User, 2nd edition, 1999: input delay"
+    parameters = (Parameter("delay_s", "s", -1.0, 1.0, meaning="delay with which the drive reaches the ceramic"),)
     strengths = ("delay_s",)
-    signature = "every drive's answer comes late or early by the same time, its shape unchanged"
+    signature = "every response is late or early by the same time, with the same shape"
     confusable_with = ("amplifier_bandwidth", "sensor_bandwidth")
-    shown_by = "a steep step, sampled as finely as the instrument can"
+    shown_by = "a steep step, sampled as finely as possible"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         step_s = min(

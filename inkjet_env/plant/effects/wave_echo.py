@@ -40,26 +40,28 @@ class WaveEcho(Effect):
 
     id = "wave_echo"
     stage = "resonator"
-    sentence = "A pressure wave is thrown back within the head and returns after a delay."
+    sentence = "A pressure wave is reflected within the head and returns after a delay."
     equation = (
-        "y + strength E y, E = (z1 + r2/r1 z2 + 2 r2 z1 z2) / (1 - r1 r2 z1 z2): a wave from between two ends of "
-        "reflections r1, r2; z1, z2 delays behind a lag of loss_s; r2 = 0: one return"
+        "y + strength E y, E = (z1 + r2/r1 z2 + 2 r2 z1 z2) / (1 - r1 r2 z1 z2): a wave between two ends of "
+        "reflections r1, r2; z1, z2 delays with a lag of loss_s; r2 = 0: a single return"
     )
     source = (
         "D. B. Bogy, F. E. Talke, Experimental and theoretical study of wave propagation phenomena in drop-on-demand "
         "ink jet devices, IBM Journal of Research and Development 28, 1984"
     )
     parameters = (
-        Parameter("delay_s", "s", 1e-9, 1e3, "log", "until the wave is back"),
-        Parameter("strength", "1", -0.9, 0.9, meaning="of the wave that is back, over the one that left"),
-        Parameter("second_delay_s", "s", 1e-9, 1e3, "log", "the same of the channel's other end", plain=1e-9),
-        Parameter("reflection", "1", -0.98, 0.98, meaning="r1, of the first end", open_ended=True, plain=0.98),
-        Parameter("second_reflection", "1", -0.98, 0.98, meaning="r2, of the other end", plain=0.0),
+        Parameter("delay_s", "s", 1e-9, 1e3, "log", "time until the wave returns"),
+        Parameter("strength", "1", -0.9, 0.9, meaning="amplitude of the returning wave over the outgoing one"),
+        Parameter("second_delay_s", "s", 1e-9, 1e3, "log", "the same for the other end of the channel", plain=1e-9),
+        Parameter(
+            "reflection", "1", -0.98, 0.98, meaning="r1: reflection of the first end", open_ended=True, plain=0.98
+        ),
+        Parameter("second_reflection", "1", -0.98, 0.98, meaning="r2: reflection of the other end", plain=0.0),
         Parameter("loss_s", "s", 0.0, 1.0, meaning="lag at each reflection", open_ended=True, plain=0.0),
     )
     strengths = ("strength",)
     terms = (("strength",), ("second_reflection", "second_delay_s", "reflection"))
-    signature = "every feature of a response comes back after the same delay; the spectrum is rippled at 1/delay"
+    signature = "every feature of a response returns after the same delay; the spectrum has ripples of period 1/delay"
     confusable_with = ("second_mode", "trigger_delay")
     shown_by = "one short steep pulse with a long quiet time after it"
 
