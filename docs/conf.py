@@ -36,6 +36,7 @@ extensions = [
     "myst_nb",
     "command_help",
     "effect_catalogue",
+    "line_breaks",
     "mathml",
     "module_map",
     "offline",
@@ -57,6 +58,7 @@ html_title = "inkjet-env"
 html_static_path = ["_static"]
 html_css_files = ["inkjet.css"]
 html_math_renderer = "mathml"
+html_sidebars = {"getting-started": []}  # a section of one page
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
@@ -85,5 +87,6 @@ nb_merge_streams = True
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
+toc_object_entries_show_parents = "hide"
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False

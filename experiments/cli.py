@@ -7,8 +7,12 @@ from experiments.commands.optimize import optimize
 from experiments.commands.prove import prove
 from inkjet_env.cli.app import app, main
 
-for command in (optimize, bench, prove):
-    app.command()(command)
+for command, summary in (
+    (optimize, "Search for the waveform with the lowest cost."),
+    (bench, "Compare the optimisers on the problem suite."),
+    (prove, "Prove the diagnosis on concealed effects, blind."),
+):
+    app.command(short_help=summary)(command)
 
 if __name__ == "__main__":
     main()

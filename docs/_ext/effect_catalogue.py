@@ -46,8 +46,9 @@ class EffectCatalogue(SphinxDirective):
             facts.insert(1, ("May be mistaken for", ", ".join(effect.confusable_with)))
         rows = nodes.definition_list()
         for term, text in facts:
+            sentence = f"{text if term == 'May be mistaken for' else text[:1].upper() + text[1:]}".rstrip(".") + "."
             rows += nodes.definition_list_item(
-                "", nodes.term(term, term), nodes.definition("", nodes.paragraph("", f"{text.rstrip('.')}."))
+                "", nodes.term(term, term), nodes.definition("", nodes.paragraph("", sentence))
             )
         section += rows
         return section

@@ -134,8 +134,9 @@ def _finish_optimize(
         write_json(json, found)
     if str(json) != "-":
         values = " ".join(f"{v:.6g}" for v in found["waveform"])
-        print(f"{plan.optimizer} on {plan.problem.name}, seed {plan.seed}: cost {run.best_cost:.6f} V")
-        print(f"after {run.evaluations} evaluations. Waveform (U1 U2 t1 t2 t3 t4 t5): {values}")
+        print(f"{plan.optimizer} on {plan.problem.name}, seed {plan.seed}, {run.evaluations} evaluations:")
+        print(f"cost {run.best_cost:.6f} V")
+        print(f"waveform U1 U2 t1 t2 t3 t4 t5: {values}")
         print(f"{out}: {time_s.size} samples at {sample_rate:g} Hz")
     if not run.complete:
         again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]

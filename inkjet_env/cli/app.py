@@ -45,8 +45,14 @@ def _inkjet(
     """
 
 
-for command in (simulate, record, identify, evaluate, diagnose):
-    app.command()(command)
+for command, summary in (
+    (simulate, "Simulate the response to a waveform or a sampled drive."),
+    (record, "Record a campaign with the virtual rig."),
+    (identify, "Identify a head from a campaign, with 90 % intervals."),
+    (evaluate, "Compare a given printhead with a campaign."),
+    (diagnose, "Find which physics the model lacks, and correct the model."),
+):
+    app.command(short_help=summary)(command)
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:

@@ -178,11 +178,11 @@ def evaluate(
     check_outputs((printhead, *files_of(folder)), json=json)
     register_own(effect)
     announce_compiling()
-    found = evaluation_json(folder, printhead, reading_options(channel, columns, initial_state))
+    found, unit = evaluation_json(folder, printhead, reading_options(channel, columns, initial_state))
     if json is not None:
         write_json(json, found)
     if str(json) != "-":
-        print_evaluation(found)
+        print_evaluation(found, unit)
 
 
 def _check_target(folder: Path, plan: bool) -> None:

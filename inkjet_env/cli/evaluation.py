@@ -18,10 +18,11 @@ from inkjet_env.plant.printhead_file import chosen_head
 from inkjet_env.recordings import read_campaign
 
 
-def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, Any]) -> dict[str, Any]:
-    """The ``evaluation/1`` of a printhead on the campaign in a folder; warnings go to standard error.
+def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+    """The ``evaluation/1`` of a printhead on the campaign in a folder, and the unit of its overall ``rms``.
 
     The overall ``rms`` is over all samples of the fast channel: self-sensing, else displacement, else the strain gauge.
+    Warnings go to standard error.
     """
     campaign = read_campaign(folder, **reading)
     head = chosen_head(head_file)

@@ -92,11 +92,11 @@ def print_identification(name: str, found: Identification) -> None:
         print(f"- {note}")
 
 
-def print_evaluation(found: dict[str, Any]) -> None:
-    """Print an ``evaluation/1``."""
+def print_evaluation(found: dict[str, Any], unit: str) -> None:
+    """Print an ``evaluation/1``; its overall RMS has that unit."""
     rows = [
         (name, f"{entry['rms']:.4g} {entry['unit']}", f"{entry['output_rms']:.4g} {entry['unit']}")
         for name, entry in found["recordings"].items()
     ]
     print_table(("recording", "residual (RMS)", "signal (RMS)"), rows)
-    print(f"RMS of the fast channel's residual: {found['rms']:.6g}")
+    print(f"RMS of the fast channel's residual: {found['rms']:.6g} {unit}")

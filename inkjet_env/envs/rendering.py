@@ -88,7 +88,7 @@ def draw_drive(axes: Axes, response: AnyResponse | None) -> None:
             [t * 1e6 for t in (*response.knot_times_s, time_s[-1])],
             [*response.knot_drive_V, response.knot_drive_V[-1]],
             color=DRIVE_COLOUR,
-            label="asked for",
+            label="requested",
         )
         axes.plot(time_s * 1e6, response.hysteretic_V(time_s), color=HYSTERETIC_COLOUR, label="after hysteresis")
         axes.margins(x=0.0, y=0.08)
@@ -110,7 +110,7 @@ def draw_loop(axes: Axes, response: AnyResponse | None) -> None:
 
 def draw_response(axes: Axes, response: AnyResponse | None, cost: PeakCost) -> None:
     """Draw the self-sensed signal and its peaks against time in µs; the effective peak and the next are highlighted."""
-    axes.set(title="Self-sensed response", xlabel="Time (µs); grey: driven", ylabel="Signal (V)")
+    axes.set(title="Self-sensed response", xlabel="Time (µs); grey: waveform", ylabel="Signal (V)")
     if response is None:
         return
     times_us, peaks_V = response.peak_times_s * 1e6, response.peaks_V

@@ -20,6 +20,7 @@ from inkjet_env.reporting.formatting import (
     share_text,
     short,
     unit_text,
+    with_minus,
 )
 from inkjet_env.reporting.plotting import svg_text
 from inkjet_env.storage import write_atomically
@@ -58,6 +59,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
     environment.filters |= {
         "svg": svg_text,
+        "minus": with_minus,
         "share": share_text,
         "hertz": hertz,
         "number": number,

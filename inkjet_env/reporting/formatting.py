@@ -11,6 +11,7 @@ FLOOR_V = 1e-6
 LONGEST_NAME = 24
 CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge", "displacement": "displacement"}
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+NEGATIVE = re.compile(r"(?<![\w.\-])-(?=\d)")
 PREFIXABLE = re.compile(r"(Hz|V|s|A|m|N|Pa|F|W|Ω)(?=$|[ /·])")
 
 
@@ -114,14 +115,25 @@ def number(value: float, decimals: int = 2) -> str:
 
     Examples
     --------
-    >>> number(-0.126), number(float("inf"), 0), number(float("nan")), number(3.2e9, 0)
-    ('−0.13', '∞', '–', '3.20e9')
+    >>> number(-0.126), number(-1e-9), number(float("inf"), 0), number(float("nan")), number(3.2e9, 0)
+    ('−0.13', '0.00', '∞', '–', '3.20e9')
     """
     if math.isnan(value):
         return "–"
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
-    return short(value) if abs(value) >= 1e6 else f"{value:.{decimals}f}".replace("-", "−")
+    return short(value) if abs(value) >= 1e6 else f"{value:z.{decimals}f}".replace("-", "−")
+
+
+def with_minus(text: str) -> str:
+    """The text with a true minus sign before every negative number.
+
+    Examples
+    --------
+    >>> with_minus("strain-gauge: -2.2 % between -1 and 2e-05 V")
+    'strain-gauge: −2.2 % between −1 and 2e-05 V'
+    """
+    return NEGATIVE.sub("−", text)
 
 
 def probability(p: float) -> str:
@@ -140,13 +152,13 @@ def share_text(share: float) -> str:
 
     Examples
     --------
-    >>> share_text(0.9312), share_text(0.9961), share_text(-0.02), share_text(float("nan"))
-    ('93 %', '99.6 %', '−2 %', '–')
+    >>> share_text(0.9312), share_text(0.9961), share_text(-0.02), share_text(-1e-4), share_text(float("nan"))
+    ('93 %', '99.6 %', '−2 %', '0 %', '–')
     """
     if not math.isfinite(share):
         return "–"
     decimals = 1 if 0.99 < share < 0.9995 else 0
-    return f"{100 * share:.{decimals}f} %".replace("-", "−")
+    return f"{100 * share:z.{decimals}f} %".replace("-", "−")
 
 
 def volts(value: float) -> str:

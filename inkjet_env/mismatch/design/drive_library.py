@@ -326,6 +326,6 @@ def _multisine(bench: Bench, peak_V: float, last: float) -> Proposal:
     lowest_Hz, highest_Hz = line[0] / (n * bench.step_s), line[-1] / (n * bench.step_s)
     words = (
         f"under a multisine of {with_prefix(peak_V, 'V')} peak with lines from {with_prefix(lowest_Hz, 'Hz')} to "
-        f"{with_prefix(highest_Hz, 'Hz')}, every {with_prefix(2 / (n * bench.step_s), 'Hz')}"
+        f"{with_prefix(highest_Hz, 'Hz')}, {with_prefix(2 / (n * bench.step_s), 'Hz')} apart"
     )
     return Proposal(words, bench.excitation(peak_V * drive / np.abs(drive).max(), "periodic"))

@@ -21,7 +21,7 @@ class AmplifierBandwidth(Effect):
     id = "amplifier_bandwidth"
     stage = "drive"
     sentence = "The amplifier low-passes the drive before it reaches the ceramic."
-    equation = "u + τ u' + q τ² u'' = u_asked"
+    equation = "u + τ u' + q τ² u'' = u_requested"
     source = "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapters 1 and 6: low-passes"
     parameters = (BANDWIDTH, SECOND_ORDER)
     strengths = ("bandwidth_Hz",)

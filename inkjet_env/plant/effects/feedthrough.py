@@ -27,7 +27,7 @@ class Feedthrough(Effect):
     equation = "y = y₀ + k_C w' + k_R u, w + τ w' = u"
     source = (
         "Dosch, Inman & Garcia, A self-sensing piezoelectric actuator for collocated control, "
-        "J. Intell. Mater. Syst. Struct. 3(1), 1992: the bridge that is out of balance"
+        "J. Intell. Mater. Syst. Struct. 3(1), 1992: the unbalanced bridge"
     )
     parameters = (
         Parameter("capacitive_s", "V s/V", -1.0, 1.0, "linear", "sensor voltage for a drive that rises by 1 V/s"),

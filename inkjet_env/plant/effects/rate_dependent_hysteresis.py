@@ -62,7 +62,7 @@ class RateDependentHysteresis(Effect):
     strengths = ("growth", "widening_V", "gain", "relaxation_s")
     signature = "loops of one amplitude are wider at a higher rate, by more than the resonance explains"
     confusable_with = ("creep", "quadratic_damping")
-    shown_by = "slow loops of one amplitude at rates over several decades"
+    shown_by = "slow loops of the same amplitude at rates over several decades"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         usual = []

@@ -39,8 +39,8 @@ class SecondMode(Effect):
     sentence = "The head rings in a second mode besides its main one."
     equation = "x + g x2 + e ω0 (x2' / ω2² - x' / ω0²), x2'' + 2 ζ2 ω2 x2' + ω2² x2 = ω2² v"
     source = (
-        "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010; modes that "
-        "damping couples: D. J. Ewins, Modal Testing, 2nd edition, Research Studies Press, 2000"
+        "H. Wijshoff, The dynamics of the piezo inkjet printhead operation, Physics Reports 491, 2010; modes coupled "
+        "by damping: D. J. Ewins, Modal Testing, 2nd edition, Research Studies Press, 2000"
     )
     parameters = (
         Parameter("frequency_Hz", "Hz", 1e-2, 1e8, "log", "undamped frequency of the second mode"),

@@ -39,10 +39,10 @@ class SlewLimit(Effect):
     id = "slew_limit"
     stage = "drive"
     sentence = "The amplifier cannot follow steep edges."
-    equation = "u' = S tanh((u_asked - u) / (S τ))"
+    equation = "u' = S tanh((u_requested - u) / (S τ))"
     source = (
         "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapter 4: slew rate; J. E. Solomon, The "
-        "monolithic op amp: a tutorial study, IEEE J. Solid-State Circuits 9(6), 1974: an input stage of tanh"
+        "monolithic op amp: a tutorial study, IEEE J. Solid-State Circuits 9(6), 1974: a tanh input stage"
     )
     parameters = (
         Parameter("slew_rate_V_s", "V/s", 1.0, math.inf, "reciprocal", "steepest slope that it can follow"),
