@@ -31,14 +31,16 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
     try:
         found, refitted = evaluate(campaign, head, gains)
     except FloatingPointError as error:
-        raise ValueError(f"{head_file}: the printhead cannot be simulated on these recordings: {error}") from None
+        raise ValueError(f"{head_file}: the head cannot follow these recordings: {error}") from None
     for channel in refitted:
         print(f"warning: the printhead file gives no gain for {channel}; it was fitted here.", file=sys.stderr)
     channels = {e.recording.channel for e in found}
     main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in channels)
-    residuals = np.concatenate([e.recording.sensor - e.modelled for e in found if e.recording.channel == main])
+    mine = [e for e in found if e.recording.channel == main]
+    residuals = np.concatenate([e.recording.sensor - e.modelled for e in mine])
     recordings = {e.recording.name: {"rms": e.rms, "output_rms": e.output_rms, "unit": e.recording.unit} for e in found}
-    return {"format": "evaluation/1", "recordings": recordings, "rms": float(np.sqrt(np.mean(residuals**2)))}
+    rms = float(np.sqrt(np.mean(residuals**2)))
+    return {"format": "evaluation/1", "recordings": recordings, "rms": rms}, mine[0].recording.unit
 
 
 def _gains(head_file: Path) -> dict[str, float]:
