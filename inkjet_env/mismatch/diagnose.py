@@ -20,9 +20,10 @@ from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, noise_
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
+from inkjet_env.mismatch.selection.amplitude_likelihood import without_amplitudes
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
-from inkjet_env.mismatch.selection.random_effects import RandomEffect, detect_random_effects, without
+from inkjet_env.mismatch.selection.random_effects import RandomEffect, detect_random_effects
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
 from inkjet_env.mismatch.selection.stepwise import Selection, leftover, select, supported
 from inkjet_env.mismatch.selection.truncated_law import fit_truncated_law
@@ -217,7 +218,7 @@ class _Work:
     ) -> dict[str, Real]:
         """Residuals without what these random effects can explain, in the channel's unit."""
         for one in random_effects:
-            residuals = without(one.effect, one.values, observed, residuals)
+            residuals = without_amplitudes(one.effect, one.values, observed, residuals)
         return residuals
 
     def with_random_effects(

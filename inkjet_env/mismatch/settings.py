@@ -57,7 +57,7 @@ class FittingSettings(_Settings):
     """Share of the fast recordings' variance. If the base model refitted from a given printhead leaves more
     unexplained, that printhead belongs to another head. Unit: 1. Source: tables."""
     nodes_per_period: int = 36
-    """Least number of simulation nodes per period of the resonance. Unit: nodes. Source: decision 6."""
+    """Least number of simulation nodes per period of the resonance. Unit: nodes. Source: tables."""
     most_substeps: int = 16
     """Largest number of simulation nodes per sampling step. Unit: nodes. Source: speed."""
     simulation_error: float = 0.5
@@ -272,7 +272,7 @@ class VerdictSettings(_Settings):
     Source: tables."""
     correction_standard_errors: float = 2.0
     """Amount by which the discrepancy regression must gain on held-out recordings to be offered as correction. Unit:
-    standard errors. Source: decision 6."""
+    standard errors. Source: tables."""
     most_listed: int = 24
     """Largest number of hypotheses that a diagnosis lists. Unit: hypotheses. Source: reader."""
 

@@ -15,8 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inkjet_env.identification.identification import Estimate
-from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, noise_seen
+from inkjet_env.mismatch.selection.amplitude_likelihood import (
+    amplitudes_nll,
+    noise_alone_nll,
+    white,
+    without_amplitudes,
+)
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import Parameter, coordinates, values_at
@@ -98,7 +103,7 @@ def detect_random_effects(
             mine,
             residuals,
             alone,
-            _noise_alone(mine, residuals, alone),
+            noise_alone_nll(mine, residuals, alone),
             _lines_Hz(mine, residuals, settings.selection.spectral_lines),
             settings,
         )
@@ -135,13 +140,13 @@ def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> floa
     if all(effect.random_effect_basis(values, o.excitation) is None for o in channel.observed):
         return 0.0
     less = _less(effect, values, channel)
-    gain = channel.before - _with_amplitudes(effect, values, channel.observed, channel.residuals, less)[0]
+    gain = channel.before - amplitudes_nll(effect, values, channel.observed, channel.residuals, less)[0]
     return gain if gain > channel.settings.selection.random_effect_gain else 0.0
 
 
 def _less(effect: Effect, values: dict[str, float], channel: _Channel) -> Noise:
     """The noise of the residuals without what the effect can explain."""
-    rest = without(effect, values, channel.observed, channel.residuals)
+    rest = without_amplitudes(effect, values, channel.observed, channel.residuals)
     models = dict(channel.noise.models)
     return noise_seen(channel.observed, rest, models, channel.settings.fitting, channel.noise.least)
 
@@ -162,8 +167,8 @@ def _at_rest(one: RandomEffect, channel: _Channel) -> bool:
     if not resting:
         return True
     less = _less(one.effect, one.values, channel)
-    before = _noise_alone(resting, channel.residuals, channel.noise)
-    gain = before - _with_amplitudes(one.effect, one.values, resting, channel.residuals, less)[0]
+    before = noise_alone_nll(resting, channel.residuals, channel.noise)
+    gain = before - amplitudes_nll(one.effect, one.values, resting, channel.residuals, less)[0]
     return gain > channel.settings.selection.random_effect_gain_at_rest
 
 
@@ -173,18 +178,6 @@ def _rounded(one: RandomEffect, channel: _Channel) -> bool:
     noise_rms = max(channel.noise.models[o.noise_key].rms for o in channel.observed)
     size = max(one.values[name] for name in one.effect.strengths)
     return size < step and noise_rms < channel.settings.selection.dithered * step
-
-
-def without(
-    effect: Effect, values: dict[str, float], observed: Sequence[ObservedRecording], residuals: dict[str, Real]
-) -> dict[str, Real]:
-    """Residuals of each recording after the effect's amplitudes have been fitted to it, in the channel's unit."""
-    result = dict(residuals)
-    for o in observed:
-        columns = None if o.channel == "drive_monitor" else effect.random_effect_basis(values, o.excitation)
-        if columns is not None:
-            result[o.name] = residuals[o.name] - columns @ np.linalg.lstsq(columns, residuals[o.name], rcond=None)[0]
-    return result
 
 
 def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffect | None:
@@ -201,9 +194,9 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffe
     ]
     # A loud tone shapes the noise model that is to judge it, so starts are ranked with white noise as well.
     tried: list[tuple[int, Noise]] = []
-    for judge in (noise, _white(noise)):
-        before = _noise_alone(observed, residuals, judge)
-        losses = [_with_amplitudes(effect, start, observed, residuals, judge)[0] for start in starts]
+    for judge in (noise, white(noise)):
+        before = noise_alone_nll(observed, residuals, judge)
+        losses = [amplitudes_nll(effect, start, observed, residuals, judge)[0] for start in starts]
         ranked = sorted(range(len(starts)), key=losses.__getitem__)[:2]
         fair = [k for k in ranked if before - losses[k] > channel.settings.selection.random_effect_refined]
         tried += [(k, judge) for k in fair if free or k not in [other for other, _ in tried]]
@@ -220,14 +213,14 @@ def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffe
             def worse(z: float, theta: Real = theta, place: int = place, judge: Noise = judge) -> float:
                 there = theta.copy()
                 there[place] = z
-                return _with_amplitudes(effect, values_at(effect, there), observed, residuals, judge)[0]
+                return amplitudes_nll(effect, values_at(effect, there), observed, residuals, judge)[0]
 
             bounds = (theta[place] - width, theta[place] + width)
             refined = minimize_scalar(worse, bounds=bounds, method="bounded", options={"xatol": 1e-3 * width})
             theta[place] = refined.x
             values = values_at(effect, theta)
         less = _less(effect, values, channel)
-        after, peaks = _with_amplitudes(effect, values, observed, residuals, less)
+        after, peaks = amplitudes_nll(effect, values, observed, residuals, less)
         size = _root_mean_square(peaks)
         for name in effect.strengths:
             values[name] = size.value
@@ -272,7 +265,7 @@ def _shapes_interval(
     """Profile-likelihood interval of a shape, 90 %, amplitudes at their optimum; its ends by bisection."""
     place = [p.name for p in effect.parameters].index(parameter.name)
     theta = coordinates(effect, values)
-    least = _with_amplitudes(effect, values, observed, residuals, noise)[0]
+    least = amplitudes_nll(effect, values, observed, residuals, noise)[0]
     longest = max(o.excitation.samples * o.excitation.step_s for o in observed)
     width = 1 / max(values[parameter.name] * longest, 1.0)
     ends = []
@@ -282,57 +275,12 @@ def _shapes_interval(
             middle = 0.5 * (inside + outside)
             there = theta.copy()
             there[place] += sign * middle
-            if _with_amplitudes(effect, values_at(effect, there), observed, residuals, noise)[0] - least < PROFILE_90:
+            if amplitudes_nll(effect, values_at(effect, there), observed, residuals, noise)[0] - least < PROFILE_90:
                 inside = middle
             else:
                 outside = middle
         ends.append(parameter.value(float(theta[place] + sign * outside)))
     return Estimate(values[parameter.name], min(ends), max(ends))
-
-
-def _white(noise: Noise) -> Noise:
-    """White noise of the same power."""
-    models = {key: NoiseModel(np.ones(1), m.rms, m.rms, m.source) for key, m in noise.models.items()}
-    return replace(noise, models=models)
-
-
-def _noise_alone(observed: Sequence[ObservedRecording], residuals: dict[str, Real], noise: Noise) -> float:
-    """Negative log-likelihood of the residuals as noise alone."""
-    total = 0.0
-    for o in observed:
-        white = noise.whitened(o, residuals[o.name])
-        total += o.excitation.samples * noise.log_scale(o) + 0.5 * float(white @ white)
-    return total
-
-
-def _with_amplitudes(
-    effect: Effect,
-    values: dict[str, float],
-    observed: Sequence[ObservedRecording],
-    residuals: dict[str, Real],
-    noise: Noise,
-) -> tuple[float, Real]:
-    """Negative log-likelihood with random amplitudes of the likeliest variance, and the peak in each recording."""
-    squares, sizes = [], []
-    explained = []
-    for o in observed:
-        columns = effect.random_effect_basis(values, o.excitation)
-        if columns is None:
-            continue
-        white = noise.whitened(o, np.column_stack([columns, residuals[o.name]]))
-        q, r = np.linalg.qr(white[:, :-1])
-        amplitudes = q.T @ white[:, -1]
-        squares.append(amplitudes**2)
-        sizes.append(np.full(amplitudes.size, float(np.mean(np.diag(r) ** 2))))
-        explained.append(columns @ np.linalg.lstsq(r, amplitudes, rcond=1e-12)[0])
-    total = _noise_alone(observed, residuals, noise)
-    if not squares:
-        return total, np.zeros(1)
-    a, size = np.concatenate(squares), np.concatenate(sizes)
-    variances = np.geomspace(1e-3, 1e9, 200) / float(np.median(size))
-    share = variances[:, None] * size
-    gains = 0.5 * np.sum(a * share / (1 + share) - np.log1p(share), axis=1)
-    return total - max(float(gains.max()), 0.0), np.array([np.max(np.abs(e)) for e in explained])
 
 
 def _lines_Hz(observed: Sequence[ObservedRecording], residuals: dict[str, Real], most: int) -> tuple[float, ...]:

@@ -8,7 +8,8 @@ import pytest
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, noise_seen
-from inkjet_env.mismatch.selection.random_effects import detect_random_effects, without
+from inkjet_env.mismatch.selection.amplitude_likelihood import without_amplitudes
+from inkjet_env.mismatch.selection.random_effects import detect_random_effects
 from inkjet_env.plant import Excitation
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig import StrainGauge
@@ -166,7 +167,7 @@ def test_a_hum_on_every_channel_has_the_frequency_that_the_longest_recordings_te
     best = look(observed, residuals, ("mains_hum",))[0]
     assert best.channel == "strain_gauge"
     assert best.values["frequency_Hz"] == pytest.approx(7.3, abs=0.01)
-    clean = without(best.effect, best.values, observed, residuals)
+    clean = without_amplitudes(best.effect, best.values, observed, residuals)
     assert np.std(np.concatenate(list(clean.values()))) == pytest.approx(RMS, rel=0.05)
 
 
@@ -186,10 +187,10 @@ def test_both_at_once_are_found_one_after_another(look, effects):
     observed = recordings()
     residuals = together(white(observed, rng), tone(observed, rng, 2e5, RMS), drift(observed, rng, 3 * RMS))
     best = look(observed, residuals)[0]
-    rest = without(best.effect, best.values, observed, residuals)
+    rest = without_amplitudes(best.effect, best.values, observed, residuals)
     after = look(observed, rest)[0]
     assert {best.effect.id, after.effect.id} == {"mains_hum", "baseline_drift"}
-    clean = without(after.effect, after.values, observed, rest)
+    clean = without_amplitudes(after.effect, after.values, observed, rest)
     assert np.std(np.concatenate(list(clean.values()))) == pytest.approx(RMS, rel=0.05)
     assert look(observed, clean) == []
 
