@@ -83,8 +83,8 @@ def diagnose(
     Raises
     ------
     ValueError
-        No base model can be identified from the recordings, the printhead belongs to another head, two effects share
-        an id, or ``workers`` is less than 1.
+        No base model can be identified from the recordings (then it is an `UnidentifiableError`), the printhead belongs
+        to another head, two effects share an id, or ``workers`` is less than 1.
     """
     catalogued = catalogue() if effects is None else tuple(effects)
     twice = [name for name, count in Counter(effect.id for effect in catalogued).items() if count > 1]
