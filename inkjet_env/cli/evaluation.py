@@ -31,7 +31,7 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
     try:
         found, refitted = evaluate(campaign, head, gains)
     except FloatingPointError as error:
-        raise ValueError(f"{head_file}: the head cannot follow these recordings: {error}") from None
+        raise ValueError(f"{head_file}: the printhead cannot be simulated on these recordings: {error}") from None
     for channel in refitted:
         print(f"warning: the printhead file gives no gain for {channel}; it was fitted here.", file=sys.stderr)
     channels = {e.recording.channel for e in found}

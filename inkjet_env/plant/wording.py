@@ -51,7 +51,7 @@ def span_text(low: float, high: float, unit: str) -> str:
 
     Examples
     --------
-    >>> span_told(4e4, 1.2e5, "Hz"), span_told(900.0, 1500.0, "Hz"), span_told(20.0, 20.0, "V")
+    >>> span_text(4e4, 1.2e5, "Hz"), span_text(900.0, 1500.0, "Hz"), span_text(20.0, 20.0, "V")
     ('40 to 120 kHz', '900 Hz to 1.5 kHz', '20 V')
     """
     first, last = with_prefix(low, unit), with_prefix(high, unit)

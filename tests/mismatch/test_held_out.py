@@ -86,7 +86,7 @@ def test_without_held_out_recordings_the_effect_is_named_all_the_same(recorded, 
 
 def test_all_held_out_is_refused(recorded, head):
     campaign = recorded()
-    with pytest.raises(ValueError, match="all recordings of campaign 'planted' are held out"):
+    with pytest.raises(ValueError, match="all recordings of campaign 'synthetic' are held out"):
         diagnose(campaign, head, held_out=[r.name for r in campaign.recordings], workers=1)
     gauge = [r.name for r in campaign.recordings if r.channel == "strain_gauge"]
     with pytest.raises(
