@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 SAMPLE_RATE_HZ = 100e6
 
 
-OPTIMIZERS_TOLD = "pso, pso-printed, cma-es, lbfgsb-multistart, random …; a wrong name lists them all"
+OPTIMIZER_HELP = "pso, pso-printed, cma-es, lbfgsb-multistart, random …; a wrong name lists them all"
 
 
 def optimize(
-    optimizer: Annotated[str | None, typer.Option(help=f"{OPTIMIZERS_TOLD} (pso)")] = None,
+    optimizer: Annotated[str | None, typer.Option(help=f"{OPTIMIZER_HELP} (pso)")] = None,
     problem: Annotated[str | None, typer.Option(help="name of a problem of the suite (nominal)")] = None,
     particles: Annotated[int | None, typer.Option(help="number of particles of pso and pso-printed (40)")] = None,
     generations: Annotated[int | None, typer.Option(help="number of generations of pso and pso-printed (50)")] = None,

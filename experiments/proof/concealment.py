@@ -20,7 +20,7 @@ the plant raises that type for all other errors too."""
 
 
 @dataclass(frozen=True)
-class Concealed:
+class PackedCase:
     """One concealed case.
 
     Attributes
@@ -41,7 +41,7 @@ class Concealed:
     attempt: int
 
 
-def conceal(draw: Draw, name: str, rig: str = RIG) -> Concealed:
+def conceal(draw: Draw, name: str, rig: str = RIG) -> PackedCase:
     """Draw, record and pack a case.
 
     Parameters
@@ -73,7 +73,7 @@ def conceal(draw: Draw, name: str, rig: str = RIG) -> Concealed:
             folder = Path(scratch) / name
             plant.write(folder, name)
             check_campaign_only(folder)
-            return Concealed(pack(folder), digest(folder), plant.truth(), attempt)
+            return PackedCase(pack(folder), digest(folder), plant.truth(), attempt)
     raise ProofError(f"{_described(draw)} was drawn {MOST_ATTEMPTS} times without success: {reason}")
 
 

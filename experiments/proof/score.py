@@ -62,7 +62,7 @@ def score(outcome: Outcome) -> dict[str, Any]:
         "closures": closures(cases),
         "parameters": parameters(cases),
         "waveform_gain": waveform_gains(cases),
-        "peers": baselines_tried(cases),
+        "baselines": baselines_tried(cases),
         "misses": misses(cases),
         "cpu_seconds": {"median": float(np.median(seconds)), "most": max(seconds), "sum": float(sum(seconds))},
     }

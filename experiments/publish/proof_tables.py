@@ -110,7 +110,7 @@ def misses_table(found: Mapping[str, Any]) -> str:
 
 def methods_table(found: Mapping[str, Any]) -> str:
     """Results of the baselines on the same heads."""
-    methods = found["peers"]
+    methods = found["baselines"]
     return markdown_table(
         ("method", "median held-out RMS over noise", "verdicts"),
         [
@@ -139,7 +139,7 @@ def document(found: Mapping[str, Any]) -> str:
         ("Detection against strength", curve_table(found)),
         ("Verdicts by concealed effect", said_table(found)),
         ("Waveform gain", waveform_gain_table(found)) if found["waveform_gain"]["heads"] else None,
-        ("Other methods", methods_table(found)) if found["peers"]["cases"] else None,
+        ("Other methods", methods_table(found)) if found["baselines"]["cases"] else None,
         ("Wrong names and sets", misses_table(found)),
     ]
     return "\n\n".join(f"## {section[0]}\n\n{section[1]}" for section in sections if section) + "\n"

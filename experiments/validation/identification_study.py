@@ -280,7 +280,9 @@ def _print_measured(folder: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("study", nargs="?", choices=("published", "heads", "peers", "measured", "all"), default="all")
+    parser.add_argument(
+        "study", nargs="?", choices=("published", "heads", "baselines", "measured", "all"), default="all"
+    )
     parser.add_argument("folder", nargs="?", type=Path, help="folder of the measured recordings")
     parser.add_argument("--count", type=int, default=HEADS, help="number of random heads")
     given = parser.parse_args(arguments)
@@ -290,7 +292,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _print_published()
     if given.study in ("heads", "all"):
         _print_heads(given.count)
-    if given.study in ("peers", "all"):
+    if given.study in ("baselines", "all"):
         _print_baselines()
     if given.folder is not None:
         _print_measured(given.folder)

@@ -145,7 +145,8 @@ def record_synthetic(
         noise: Real = np.asarray(sigma[excitation.channel] * rng.standard_normal(excitation.samples), dtype=np.float64)
         for effect, values in effects:
             noise = np.asarray(
-                noise + sigma[excitation.channel] * _by_chance(effect, values, excitation, rng), dtype=np.float64
+                noise + sigma[excitation.channel] * _drawn_random_effect(effect, values, excitation, rng),
+                dtype=np.float64,
             )
         monitor = None
         if monitored:
@@ -199,7 +200,9 @@ def _neighbour(line: DriveLine, rng: np.random.Generator) -> Real:
     return np.interp(np.arange(n), at, [0.0, 0.0, level, level, 0.0])
 
 
-def _by_chance(effect: Effect, values: Mapping[str, float], excitation: Excitation, rng: np.random.Generator) -> Real:
+def _drawn_random_effect(
+    effect: Effect, values: Mapping[str, float], excitation: Excitation, rng: np.random.Generator
+) -> Real:
     """Random-effect signal of one recording, in standard deviations of the noise, shape (n,); 0 for other effects."""
     columns = effect.random_effect_basis(values, excitation)
     if columns is None:

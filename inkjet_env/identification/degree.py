@@ -11,9 +11,9 @@ from inkjet_env.typing import Real
 
 HIGHEST_DEGREE = 12
 """Highest degree that is tried."""
-LEAST_SHARE = 0.05
+LEAST_IMPROVEMENT = 0.05
 """The error has flattened where one more degree explains less than this share of the excess over the noise."""
-CHANCE_F = 10.83
+F_QUANTILE_999 = 10.83
 """F statistic above which a gain is significant: at the level of 1 in 1,000 for one coefficient and many samples."""
 
 
@@ -74,8 +74,8 @@ def choose_degree(
     before = np.concatenate([[np.inf], errors[:-1]])
     gain = before - errors
     freedom = np.maximum(total - np.array(degrees) - nuisances, 1)
-    material = gain > correlation * CHANCE_F * np.maximum(errors / freedom, 1.0)
-    material &= gain >= LEAST_SHARE * np.maximum(before - total, 0.0)
+    material = gain > correlation * F_QUANTILE_999 * np.maximum(errors / freedom, 1.0)
+    material &= gain >= LEAST_IMPROVEMENT * np.maximum(before - total, 0.0)
     material[0] = True
     left_out = by_held_out = None
     if leave_out and len(blocks) >= 3:

@@ -11,7 +11,7 @@ import numpy as np
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.constrained import density_constraints
 from inkjet_env.identification.covariance import Solution
-from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE, DegreeChoice, choose_degree
+from inkjet_env.identification.degree import F_QUANTILE_999, HIGHEST_DEGREE, DegreeChoice, choose_degree
 from inkjet_env.identification.errors import UnidentifiableError
 from inkjet_env.identification.linearised import linearised_blocks
 from inkjet_env.identification.measurements import RepeatedMeasurement, least_noise, measurements, noise_of
@@ -124,10 +124,10 @@ class CampaignFit:
 
     @property
     def deviance(self) -> float:
-        """Minus twice the log-likelihood, up to a constant, plus a penalty of `CHANCE_F` for each power."""
+        """Minus twice the log-likelihood, up to a constant, plus a penalty of `F_QUANTILE_999` for each power."""
         fitted = self.fitted(self.train, 1)
         scale = sum(f.samples // len(f.measurement.signals) * math.log(f.noise.innovation) for f in fitted)
-        return self.solution.chi_square + 2 * scale + CHANCE_F * self.solution.model.weights.size
+        return self.solution.chi_square + 2 * scale + F_QUANTILE_999 * self.solution.model.weights.size
 
     def widen(self) -> None:
         """Refit with channels whose residual exceeds their noise weighted by the residual, which widens intervals."""

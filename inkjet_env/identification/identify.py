@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from inkjet_env.identification.degree import CHANCE_F, HIGHEST_DEGREE
+from inkjet_env.identification.degree import F_QUANTILE_999, HIGHEST_DEGREE
 from inkjet_env.identification.fit import CampaignFit
 from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.outcome import outcome_of
@@ -91,7 +91,7 @@ def identify(
             # The fast drives exceed those of the gauge: is the law straight beyond them, or does it go on bending?
             wider = begun(fit.reached_V)
             wider.solve(fit.solution.model)
-            if wider.deviance < fit.deviance - CHANCE_F:
+            if wider.deviance < fit.deviance - F_QUANTILE_999:
                 wider.notes.append(
                     f"The fast recordings show that the law is still curved above the strain gauge's "
                     f"{fit.full_scale_V:g} V; full scale is {wider.full_scale_V:g} V."
@@ -140,7 +140,7 @@ def _repeating(campaign: Campaign) -> Campaign:
     return replace(campaign, recordings=recordings)
 
 
-def _left(fit: CampaignFit) -> float:
+def _relative_residual(fit: CampaignFit) -> float:
     """Geometric mean of the fast recordings' RMS residuals, each relative to the standard deviation of its signal."""
     shares = [fit.misfit[m.channel] * fit.noise[m.noise_key].rms / float(np.std(m.mean)) for m in fit.fast]
     return math.exp(float(np.mean(np.log(shares))))
@@ -149,7 +149,7 @@ def _left(fit: CampaignFit) -> float:
 def _doubt(fit: CampaignFit, again: CampaignFit) -> str | None:
     """Warning if a fit of repeated drives, not solved yet, explains more than one of unknown states; otherwise None."""
     again.solve(fit.solution.model)
-    ratio = _left(fit) / _left(again)
+    ratio = _relative_residual(fit) / _relative_residual(again)
     if ratio < CLOSER:
         return None
     return (

@@ -12,7 +12,7 @@ from inkjet_env.estimate import Estimate
 from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.covariance import Solution
-from inkjet_env.identification.degree import CHANCE_F
+from inkjet_env.identification.degree import F_QUANTILE_999
 from inkjet_env.identification.errors import UnidentifiableError
 from inkjet_env.identification.fit import CampaignFit
 from inkjet_env.identification.identification import Identification
@@ -48,7 +48,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
     richer = fit.richer()
     gain = _gain_of_reference(fit, richer.model)
     model = replace(richer.model, weights=coefficients * gain)
-    if _chi_square(fit, model) > fit.solution.chi_square + 2 * CHANCE_F:
+    if _chi_square(fit, model) > fit.solution.chi_square + 2 * F_QUANTILE_999:
         # These recordings do not determine the swing of the law, only the product of law and gains.
         model, gain = fit.solution.model, swing
     gains = _gains(fit, model, richer, gain)

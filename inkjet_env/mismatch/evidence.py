@@ -86,7 +86,7 @@ def closure_of(recordings: Sequence[ModelledRecording], settings: VerdictSetting
     return (before - after) / (before - samples)
 
 
-def share_left(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> float:
+def unexplained_share(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> float:
     """Share of the base model's mismatch that remains beyond noise; 0 if none remains significantly.
 
     Parameters
@@ -227,7 +227,7 @@ def _signal_unit(joint: OutputErrorFit) -> str:
     return next((o.unit for o in joint.observed if o.excitation.fast), joint.observed[0].unit)
 
 
-def chance_of(gain: float, parameters: int, tried: int) -> float:
+def p_value_bound(gain: float, parameters: int, tried: int) -> float:
     """Upper bound of the probability that the best of several tries gains as much from noise alone.
 
     Wilks's chi-square with Bonferroni's bound.
@@ -283,7 +283,7 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
                 ends = [-math.inf, math.inf]
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
         gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[mine]))
-        p_value = selection.p_values.get(effect.id, chance_of(gain, free, len(selection.compared)))
+        p_value = selection.p_values.get(effect.id, p_value_bound(gain, free, len(selection.compared)))
         unit = _signal_unit(joint)
         sentence = effect.description(_surely(effect, values, estimates), unit)
         if not chosen.fit.converged:

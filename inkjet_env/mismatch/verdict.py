@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from inkjet_env.mismatch.design.next_experiment import next_experiment
 from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, NamedEffect
 from inkjet_env.mismatch.evidence import (
-    chance_of,
     closest,
     closure_of,
     compared,
     modelled_recordings,
     named_effects,
-    share_left,
+    p_value_bound,
+    unexplained_share,
 )
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.fit_result import FitResult
@@ -98,7 +98,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     bare = joint.anew(head=joint.base.head, random_effects=()) if found.random_effects else joint
     recordings = modelled_recordings(bare, joint, chosen, found.discrepancy)
     closure = closure_of(recordings, settings.verdict)
-    share = share_left(base_hypothesis(bare), chosen, found.discrepancy)
+    share = unexplained_share(base_hypothesis(bare), chosen, found.discrepancy)
     groups, anything = found.groups, bool(chosen.ids or found.random_effects)
     refuted = (
         bool(chosen.ids)
@@ -154,7 +154,7 @@ def _named(found: Findings) -> list[NamedEffect]:
     drawn = [
         NamedEffect(
             s.effect, s.effect.description(s.values, units[s.channel]), s.gain,
-            chance_of(s.gain, len(s.values), longest), s.estimates, s.values, units[s.channel],
+            p_value_bound(s.gain, len(s.values), longest), s.estimates, s.values, units[s.channel],
         )
         for s in found.random_effects
     ]  # fmt: skip

@@ -76,7 +76,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         heldout=[r.name for r in diagnosis.recordings if r.held_out and r.channel == diagnosis.main_channel],
         catalogue={effect.id: effect for effect in known_effects()},
         uncertain={effect_id for group in diagnosis.candidates for effect_id in group},
-        told={a.ids[0]: a for a in diagnosis.attributions if len(a.ids) == 1},
+        single_effects={a.ids[0]: a for a in diagnosis.attributions if len(a.ids) == 1},
         found_ids={e.effect.id for e in diagnosis.effects},
         stages=sorted(diagnosis.stages.items(), key=lambda item: -item[1]),
         **tables,

@@ -114,7 +114,7 @@ def headline(identification: Identification) -> str:
             f"the model does not explain the {theirs}: its residual there is {ratios[worst]:.3g} times their noise, "
             f"{share}"
         )
-    loud = [channel for channel in identification.misfit if left_unexplained(identification, channel)]
+    loud = [channel for channel in identification.misfit if has_unexplained_residual(identification, channel)]
     if loud:
         misfits = " and ".join(f"{identification.misfit[c]:.3g} times that of {CHANNEL_WORDS[c]}" for c in loud)
         return found + (
@@ -124,7 +124,7 @@ def headline(identification: Identification) -> str:
     return found + f"the model explains the {whose} to {ratios[worst]:.2f} times their noise"
 
 
-def left_unexplained(identification: Identification, channel: str) -> bool:
+def has_unexplained_residual(identification: Identification, channel: str) -> bool:
     """Whether a note says that the model does not explain a channel."""
     return any(note.startswith(f"{channel}: the residual is") for note in identification.notes)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch import DiagnosisSettings
-from inkjet_env.mismatch.evidence import share_left
+from inkjet_env.mismatch.evidence import unexplained_share
 from inkjet_env.mismatch.fitting.dataset import Noise
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
@@ -38,7 +38,7 @@ def louder(hypothesis, factors):
 
 
 def share(chosen):
-    return share_left(base_hypothesis(chosen.joint), chosen, discrepancy_regression(chosen))
+    return unexplained_share(base_hypothesis(chosen.joint), chosen, discrepancy_regression(chosen))
 
 
 def fast(chosen):
@@ -72,4 +72,4 @@ def test_where_nothing_was_chosen_only_the_sum_counts(recorded, fitted):
     joint = hardly_told(fitted(recorded("feedthrough")))
     base = base_hypothesis(joint)
     assert base.excess > 0.1 * base.residuals.size
-    assert share_left(base, base, discrepancy_regression(base)) == 0
+    assert unexplained_share(base, base, discrepancy_regression(base)) == 0

@@ -189,7 +189,7 @@ def test_peers_are_compared_by_their_median(draws):
             "same": True,
         },
     ]
-    baselines_tried = scored([case_of(draw, perfect(draw), baselines=row) for row in rows])["peers"]
+    baselines_tried = scored([case_of(draw, perfect(draw), baselines=row) for row in rows])["baselines"]
     assert baselines_tried["median_over_noise"] == {"base": None, "diagnosis": 1.1}
     assert baselines_tried["judged"]["diagnosis"] == {"right": 2}
 

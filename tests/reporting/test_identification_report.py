@@ -16,9 +16,9 @@ from inkjet_env.reporting.identification_figures import amplitude_densities, deg
 from inkjet_env.reporting.identification_report import (
     branches,
     broadest_recording,
+    has_unexplained_residual,
     headline,
     identification_html,
-    left_unexplained,
     loop_recordings,
     measured_branches,
     noise_of,
@@ -141,9 +141,9 @@ def test_a_residual_that_has_the_noises_size_but_not_its_spectrum_is_told(everyt
 
 
 def test_headline_and_notes_agree_on_what_is_not_explained(everything, one_displacement):
-    assert not any(left_unexplained(everything, channel) for channel in everything.gains)
-    assert left_unexplained(one_displacement, "displacement")
-    assert not left_unexplained(replace(one_displacement, notes=()), "displacement")
+    assert not any(has_unexplained_residual(everything, channel) for channel in everything.gains)
+    assert has_unexplained_residual(one_displacement, "displacement")
+    assert not has_unexplained_residual(replace(one_displacement, notes=()), "displacement")
 
 
 def test_noise_that_only_the_fit_shows_proves_nothing(everything):

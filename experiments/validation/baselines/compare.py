@@ -116,7 +116,7 @@ def compared(campaign: Campaign, found: Diagnosis, seed: int) -> dict[str, Any]:
     }
 
 
-def told_of(subject: Case | Path) -> dict[str, Any]:
+def scored_of(subject: Case | Path) -> dict[str, Any]:
     """Record a synthetic case, or read measured recordings of unknown truth; diagnose them and fit all baselines."""
     if isinstance(subject, Path):
         return _scored(read_campaign(subject), None, 0)
@@ -205,7 +205,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         subjects.append(Case("null", (), "none", 0) if name == "nothing" else Case("single", (name,), "strong", 0))
     rows = []
     with ProcessPoolExecutor(given.workers) as pool, shown_progress("cases", len(subjects)) as shown:
-        for row in pool.map(told_of, subjects):
+        for row in pool.map(scored_of, subjects):
             rows.append(row)
             shown(len(rows), row["name"])
     print_rows(rows)

@@ -21,7 +21,7 @@ from inkjet_env.plant import Effect
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
-LEAST_SHARE = 1e-9
+LEAST_OWN_POWER = 1e-9
 """Share of a signature's power that the base parameters must leave for it to be distinguishable from them."""
 
 
@@ -55,7 +55,7 @@ class Signatures:
         """The signatures with further orthonormal columns, shape (rows, q), projected out."""
         columns = self.columns - basis @ (basis.T @ self.columns)
         size = np.linalg.norm(columns, axis=0)
-        distinguishable = size > math.sqrt(LEAST_SHARE)
+        distinguishable = size > math.sqrt(LEAST_OWN_POWER)
         chosen = np.flatnonzero(distinguishable)
         return Signatures(
             tuple(self.effects[i] for i in chosen),
@@ -131,7 +131,7 @@ def signatures(
             continue
         projected = found - q @ (q.T @ found)  # s_i of Eq. (1)
         size = float(np.linalg.norm(projected))
-        if size > math.sqrt(LEAST_SHARE) * float(np.linalg.norm(found)) and size > 1e-9:
+        if size > math.sqrt(LEAST_OWN_POWER) * float(np.linalg.norm(found)) and size > 1e-9:
             shown.append(task)
             columns.append(projected / size)
             sizes.append(size)

@@ -29,7 +29,7 @@ LATEST = 64
 """Longest of these delays, in steps."""
 REFLECTIONS = (-0.7, -0.35, 0.35, 0.7)
 """Reflection coefficients in the starts."""
-LAPS = 6
+ROUND_TRIPS = 6
 """Number of returns from each end that the starts include."""
 SHORTEST = 0.15
 """Shortest delay, in periods of the head; a wave that returns sooner is indistinguishable from a bandwidth."""
@@ -94,7 +94,7 @@ class WaveEcho(Effect):
         weights = []
         for r1, r2 in itertools.product(REFLECTIONS, repeat=2):
             rows, places, values = [], [], []
-            for j, k in itertools.product(range(LAPS), repeat=2):
+            for j, k in itertools.product(range(ROUND_TRIPS), repeat=2):
                 if abs(j - k) <= 1 and j + k:
                     at = pairs @ (j, k)
                     heard = at <= copies
