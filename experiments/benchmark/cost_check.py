@@ -18,7 +18,7 @@ compilations."""
 
 
 def first_other_cost(
-    problem: Problem, points: Real, told_V: Real, seed: int, evaluations: NDArray[np.int64] | None = None
+    problem: Problem, points: Real, recorded_V: Real, seed: int, evaluations: NDArray[np.int64] | None = None
 ) -> str:
     """The first recorded cost that a run with that seed would not report for its point, in words; empty if none.
 
@@ -28,7 +28,7 @@ def first_other_cost(
         Problem of the run.
     points : ndarray, shape (n, 7)
         Evaluated points in ``[-1, 1]``.
-    told_V : ndarray, shape (n,)
+    recorded_V : ndarray, shape (n,)
         Reported costs, in volts.
     seed : int
         Seed of the run.
@@ -36,13 +36,13 @@ def first_other_cost(
         Number of each evaluation, from 1; consecutive from 1 unless given.
     """
     if evaluations is None:
-        counts, again = np.arange(1, len(told_V) + 1), problem.read(points, seed)
+        counts, again = np.arange(1, len(recorded_V) + 1), problem.read(points, seed)
     elif problem.measurement_noise_V:
         counts = evaluations
         again = np.array([problem.read(x, seed, int(k) - 1)[0] for x, k in zip(points, counts, strict=True)])
     else:
         counts, again = evaluations, problem.evaluate(points)
-    return first_other(again, told_V, points, counts, lambda x, k: problem.read(x, seed, k - 1))
+    return first_other(again, recorded_V, points, counts, lambda x, k: problem.read(x, seed, k - 1))
 
 
 def first_other(

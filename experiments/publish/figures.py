@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.benchmark.regret_figure import draw_regrets
 from experiments.benchmark.report import RANKING_FORMAT
 from experiments.benchmark.studies.figure7 import GENERATIONS, reproduce
 from experiments.validation.identification_study import published_loop
@@ -48,7 +49,7 @@ def comparison() -> Figure:
             quality = row["quality"]
             if row["optimizer"] in found and quality["value"] is not None:
                 found[row["optimizer"]].append((int(budget), quality["low"], quality["value"], quality["high"]))
-    return plotting.draw_regrets({name: np.array(rows).T for name, rows in found.items() if rows})
+    return draw_regrets({name: np.array(rows).T for name, rows in found.items() if rows})
 
 
 def published_hysteresis() -> Figure:

@@ -33,11 +33,11 @@ class VerdictRecord:
     @property
     def allowed(self) -> frozenset[str]:
         """The named effects, each replaced by the hidden one if its group contains that."""
-        records = self.found
+        names = self.found
         for group in self.candidates:
-            if records & group and self.truth & group:
-                records = (records - group) | (self.truth & group)
-        return records
+            if names & group and self.truth & group:
+                names = (names - group) | (self.truth & group)
+        return names
 
     @property
     def judged(self) -> str:

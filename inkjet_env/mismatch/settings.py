@@ -21,12 +21,13 @@ from numbers import Integral, Real
 import numpy as np
 
 
+@dataclass(frozen=True)
 class _Settings:
     """Settings that are all numbers, or tuples of numbers, finite and positive."""
 
     def __post_init__(self) -> None:
         """Raise ValueError at the first field that is not."""
-        for one in fields(self):  # type: ignore[arg-type]
+        for one in fields(self):
             value, whole = getattr(self, one.name), isinstance(one.default, int)
             for number in value if isinstance(value, tuple) else (value,):
                 kind = isinstance(number, Integral if whole else Real) and not isinstance(number, bool)
