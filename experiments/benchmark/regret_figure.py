@@ -53,13 +53,7 @@ def draw_regrets(curves: Mapping[str, Real]) -> Figure:
 
 
 def spread(heights: Sequence[float], apart: float) -> Real:
-    """Heights in ascending order, moved as little as possible to be at least ``apart`` from each other.
-
-    Examples
-    --------
-    >>> spread([0.0, 0.0, 1.0], 0.5).tolist()
-    [-0.25, 0.25, 1.0]
-    """
+    """Heights in ascending order, moved as little as possible to be at least ``apart`` from each other."""
     from scipy.optimize import isotonic_regression
 
     steps = apart * np.arange(len(heights))

@@ -24,6 +24,10 @@ def test_labels_move_on_the_average_by_nothing_and_where_there_is_room_not_at_al
         np.testing.assert_allclose(moved, heights, atol=1e-12)
 
 
+def test_two_labels_at_one_height_move_apart_by_equal_parts():
+    assert spread([0.0, 0.0, 1.0], 0.5).tolist() == [-0.25, 0.25, 1.0]
+
+
 def test_every_curve_is_named_at_its_own_end():
     budgets = np.array([50.0, 150.0, 2000.0])
     curves = {
