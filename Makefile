@@ -15,7 +15,7 @@ help:                ## print this list
 
 setup: $(READY)      ## make .venv with the pinned packages and compile the simulator
 
-$(READY): requirements.lock pyproject.toml
+$(READY): requirements.lock pyproject.toml setup.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "Python 3.11 or newer is needed; $(PYTHON) is $$($(PYTHON) --version). Try: make PYTHON=python3.11"; exit 2; }
 	$(PYTHON) -m venv .venv
@@ -35,7 +35,10 @@ test: $(READY)       ## run the tests
 lint: $(READY)       ## check lint, format and types
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/mypy
+	@rm -rf build/typed && mkdir -p build/typed/inkjet_env
+	@ln -s $(abspath $(wildcard inkjet_env/*) optimizers experiments) build/typed/inkjet_env/
+	@ln -s $(abspath experiments) build/typed/experiments  # the concealed plant imports itself by this name
+	cd build/typed && ../../.venv/bin/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache
 
 check: lint test     ## check lint, format and types, and run the tests
 
@@ -47,20 +50,20 @@ format: $(READY)     ## format the code and apply automatic fixes (ruff)
 	.venv/bin/ruff format .
 
 figures: $(READY)    ## draw the figures of README and docs
-	$(PY) -m experiments.publish.figures
+	$(PY) -m inkjet_env.experiments.publish.figures
 
 speed: $(READY)      ## measure the speed of evaluations (against SciPy), environments (against Gymnasium) and plant
-	$(PY) -m experiments.validation.simulator_speed
-	$(PY) -m experiments.validation.plant_speed
+	$(PY) -m inkjet_env.experiments.validation.simulator_speed
+	$(PY) -m inkjet_env.experiments.validation.plant_speed
 
 accuracy: $(READY)   ## compare the closed form with an 80-digit reference
-	$(PY) -m experiments.validation.closed_form_accuracy
+	$(PY) -m inkjet_env.experiments.validation.closed_form_accuracy
 
 identification: $(READY)  ## study the identification: errors, coverage, alternatives (ARGS="all FOLDER" with measured data)
-	$(PY) -m experiments.validation.identification_study $(ARGS)
+	$(PY) -m inkjet_env.experiments.validation.identification_study $(ARGS)
 
 diagnosis: $(READY)  ## study the diagnosis: no effect, each effect, pairs, withheld effects (ARGS="null --seeds 3")
-	$(PY) -m experiments.validation.diagnosis_study $(ARGS)
+	$(PY) -m inkjet_env.experiments.validation.diagnosis_study $(ARGS)
 
 lock: $(READY)       ## write requirements.lock from the packages in .venv
 	{ echo "# The environment in which the tests pass. Written by \`make lock\`; pyproject.toml states the requirements and their reasons."; \

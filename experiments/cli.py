@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from experiments.commands.bench import bench
-from experiments.commands.optimize import optimize
-from experiments.commands.prove import prove
 from inkjet_env.cli.app import app, main
+from inkjet_env.experiments.commands.bench import bench
+from inkjet_env.experiments.commands.optimize import optimize
+from inkjet_env.experiments.commands.prove import prove
 
 for command, summary in (
     (optimize, "Search for the waveform with the lowest cost."),

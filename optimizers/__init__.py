@@ -1,7 +1,7 @@
-"""Optimisers with one ask-and-tell interface, created by name and run by `optimizers.loop.minimise`."""
+"""Optimisers with one ask-and-tell interface, created by name and run by `inkjet_env.optimizers.loop.minimise`."""
 
-from optimizers.base import Optimizer
-from optimizers.registry import (
+from inkjet_env.optimizers.base import Optimizer
+from inkjet_env.optimizers.registry import (
     UnavailableOptimizerError,
     UnknownOptimizerError,
     availability,

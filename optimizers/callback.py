@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from greenlet import GreenletExit, getcurrent, greenlet
 
-from optimizers.base import Optimizer, Real
+from inkjet_env.optimizers.base import Optimizer, Real
 
 
 class CallbackOptimizer(Optimizer):

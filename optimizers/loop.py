@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, Real, checked_count
 
 
 class Objective(Protocol):

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 import nevergrad
 import numpy as np
 
-from optimizers.base import Optimizer, Real, checked_count
-from optimizers.nevergrad_threads import repeatable_nevergrad
-from optimizers.process_randomness import OwnRandomness
+from inkjet_env.optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.nevergrad_threads import repeatable_nevergrad
+from inkjet_env.optimizers.process_randomness import OwnRandomness
 
 
 class Nevergrad(Optimizer):

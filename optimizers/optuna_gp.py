@@ -6,7 +6,7 @@ import numpy as np
 import optuna
 from threadpoolctl import threadpool_limits
 
-from optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, Real, checked_count
 
 
 class OptunaGp(Optimizer):

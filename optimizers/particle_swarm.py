@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, Real, checked_count
 
 
 class ParticleSwarm(Optimizer):

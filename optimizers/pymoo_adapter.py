@@ -11,7 +11,7 @@ from pymoo.core.algorithm import Algorithm
 from pymoo.core.problem import Problem
 from pymoo.core.termination import NoTermination
 
-from optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, Real, checked_count
 
 
 class _Pymoo(Optimizer):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from optimizers.base import Optimizer
+from inkjet_env.optimizers.base import Optimizer
 
 # Name → module and class of this package. The rest of a name that begins with NEVERGRAD is one of nevergrad's registry.
 CLASSES: dict[str, tuple[str, str]] = {
@@ -78,7 +78,7 @@ def make(name: str, dimension: int = 7, budget: int = 2000, seed: int = 0, **opt
     if name not in CLASSES and not name.startswith(NEVERGRAD):
         raise UnknownOptimizerError(_unknown(name, CLASSES))
     try:
-        made = getattr(import_module(f"optimizers.{module}"), class_name)
+        made = getattr(import_module(f"inkjet_env.optimizers.{module}"), class_name)
     except ModuleNotFoundError as error:
         raise UnavailableOptimizerError(f"{name} needs the package {error.name!r}, which is not installed.") from None
     known = [p.name for p in inspect.signature(made).parameters.values() if p.kind is p.KEYWORD_ONLY]
@@ -97,7 +97,7 @@ def uses_gradient(name: str) -> bool:
     """Whether an optimiser needs gradients; False if it is not available."""
     module, class_name = CLASSES.get(name, CLASSES["nevergrad-NGOpt"])
     try:
-        return bool(getattr(import_module(f"optimizers.{module}"), class_name).uses_gradient)
+        return bool(getattr(import_module(f"inkjet_env.optimizers.{module}"), class_name).uses_gradient)
     except ModuleNotFoundError:
         return False
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from optimizers.base import Optimizer, Real
+from inkjet_env.optimizers.base import Optimizer, Real
 
 BATCH = 64
 

@@ -12,9 +12,9 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from optimizers.base import Real, checked_count
-from optimizers.callback import CallbackOptimizer
-from optimizers.process_randomness import OwnRandomness
+from inkjet_env.optimizers.base import Real, checked_count
+from inkjet_env.optimizers.callback import CallbackOptimizer
+from inkjet_env.optimizers.process_randomness import OwnRandomness
 
 
 class OneStepEnvs(VecEnv):

@@ -6,8 +6,8 @@ from typing import Any
 
 from scipy import optimize
 
-from optimizers.base import Real, checked_count
-from optimizers.callback import CallbackOptimizer
+from inkjet_env.optimizers.base import Real, checked_count
+from inkjet_env.optimizers.callback import CallbackOptimizer
 
 ENDLESS = 10**9
 

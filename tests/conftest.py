@@ -1,6 +1,6 @@
 import pytest
 
-from experiments import cli
+from inkjet_env.experiments import cli
 from tests.processes import started, wait_until, written_json
 
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.benchmark.mean_ranks import (
+from inkjet_env.estimate import Estimate
+from inkjet_env.experiments.benchmark.mean_ranks import (
     ENOUGH_PROBLEMS,
     RESOLUTION_V,
     MeanRank,
@@ -23,7 +24,7 @@ from experiments.benchmark.mean_ranks import (
     mean_ranks,
     median_interval,
 )
-from experiments.benchmark.metrics import (
+from inkjet_env.experiments.benchmark.metrics import (
     SignedRank,
     bayesian_signed_rank,
     expected_running_time,
@@ -32,11 +33,10 @@ from experiments.benchmark.metrics import (
     running_time_distribution,
     stratified_bootstrap,
 )
-from experiments.benchmark.regret import best_known_cost, regrets_V, scale_V
-from experiments.benchmark.run_files import RunResult
-from experiments.benchmark.settings import BenchOutcome
-from experiments.benchmark.suite import family_of
-from inkjet_env.estimate import Estimate
+from inkjet_env.experiments.benchmark.regret import best_known_cost, regrets_V, scale_V
+from inkjet_env.experiments.benchmark.run_files import RunResult
+from inkjet_env.experiments.benchmark.settings import BenchOutcome
+from inkjet_env.experiments.benchmark.suite import family_of
 from inkjet_env.typing import Real
 
 BUDGETS = (50, 150, 2000, 20_000)

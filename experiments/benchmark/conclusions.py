@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import optimizers
-from experiments.benchmark.analysis import REFERENCE, Comparison, Row, Standings
-from experiments.benchmark.entrants import entrant
+from inkjet_env import optimizers
 from inkjet_env.estimate import Estimate
+from inkjet_env.experiments.benchmark.analysis import REFERENCE, Comparison, Row, Standings
+from inkjet_env.experiments.benchmark.entrants import entrant
 
 GRADIENT_COUNTS = {3: "by computing time here", 8: "the cost of finite differences"}
 """Numbers of evaluations as which a value with its gradient could count, with the reason."""

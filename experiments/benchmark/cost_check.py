@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.benchmark.problem import Problem
+from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.typing import Real
 
 BESIDE = 1e-12

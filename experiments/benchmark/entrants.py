@@ -1,8 +1,8 @@
 """The entrants of a comparison: an optimiser with its defaults, or with tuned settings.
 
 ``pso`` is the optimiser of that name. ``pso-tuned`` is the same with the options that
-`experiments.benchmark.studies.tune_optimizers` found on heads outside the suite and stored in `tuned.json` with the
-evaluations that the tuning took."""
+`inkjet_env.experiments.benchmark.studies.tune_optimizers` found on heads outside the suite and stored in `tuned.json`
+with the evaluations that the tuning took."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import json
 from dataclasses import dataclass, field
 from typing import Any
 
-from experiments.benchmark.data import data_file
+from inkjet_env.experiments.benchmark.data import data_file
 
 TUNED = "-tuned"
 TUNED_FILE = "tuned.json"
@@ -51,7 +51,7 @@ class Entrant:
 
     def made(self, budget: int, seed: int) -> Any:
         """A new instance of the optimiser."""
-        import optimizers
+        from inkjet_env import optimizers
 
         return optimizers.make(self.optimizer, budget=budget, seed=seed, **self.options)
 
@@ -80,7 +80,7 @@ def tuned_settings() -> dict[str, dict[str, Any]]:
 
 def entrants() -> tuple[str, ...]:
     """Names of all entrants: every optimiser, and the tuned variant of those with tuned settings."""
-    import optimizers
+    from inkjet_env import optimizers
 
     return (*optimizers.names(), *(name + TUNED for name in tuned_settings()))
 
@@ -93,7 +93,7 @@ def entrant(name: str) -> Entrant:
     UnknownOptimizerError, ValueError
         No optimiser has the name, or no settings were found for it.
     """
-    import optimizers
+    from inkjet_env import optimizers
 
     of = name.removesuffix(TUNED)
     if of not in optimizers.names():
@@ -103,6 +103,6 @@ def entrant(name: str) -> Entrant:
     if of not in tuned_settings():
         raise ValueError(
             f"there are no tuned settings for {of!r}; there are for {', '.join(tuned_settings()) or 'none'}. "
-            f"Find some with: python -m experiments.benchmark.studies.tune_optimizers {of}"
+            f"Find some with: python -m inkjet_env.experiments.benchmark.studies.tune_optimizers {of}"
         )
     return Entrant(name, of, tuned_settings()[of]["options"])

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmark.analysis import REFERENCE, SOLVED, Comparison
-from experiments.benchmark.conclusions import ranking_sentences, standings_sentences
-from experiments.benchmark.entrants import entrant
-from experiments.benchmark.jetting import jetting
-from experiments.benchmark.metrics import performance_profile
-from experiments.benchmark.regret import best_known_cost, regret_quartiles_V, scale_V
-from experiments.benchmark.run_files import RunKey, RunResult, read_seconds
-from experiments.benchmark.suite import VERSION, family_of, problem
-from experiments.execution.provenance import versions
+from inkjet_env.experiments.benchmark.analysis import REFERENCE, SOLVED, Comparison
+from inkjet_env.experiments.benchmark.conclusions import ranking_sentences, standings_sentences
+from inkjet_env.experiments.benchmark.entrants import entrant
+from inkjet_env.experiments.benchmark.jetting import jetting
+from inkjet_env.experiments.benchmark.metrics import performance_profile
+from inkjet_env.experiments.benchmark.regret import best_known_cost, regret_quartiles_V, scale_V
+from inkjet_env.experiments.benchmark.run_files import RunKey, RunResult, read_seconds
+from inkjet_env.experiments.benchmark.suite import VERSION, family_of, problem
+from inkjet_env.experiments.execution.provenance import versions
 
 LEVELS = np.logspace(-5, 1, 121)
 GRID = 90
@@ -41,7 +41,9 @@ def page(compared: Comparison, run: RunKey, waveforms: str) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from plotly.offline import get_plotlyjs
 
-    environment = Environment(loader=PackageLoader("experiments.benchmark"), autoescape=True, undefined=StrictUndefined)
+    environment = Environment(
+        loader=PackageLoader("inkjet_env.experiments.benchmark"), autoescape=True, undefined=StrictUndefined
+    )
     return environment.get_template("comparison.html").render(
         sentences=ranking_sentences(compared),
         run=run,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from experiments.benchmark.data import data_file
+from inkjet_env.experiments.benchmark.data import data_file
 from inkjet_env.naming import check_name
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import printhead_of

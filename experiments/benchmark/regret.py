@@ -15,9 +15,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from experiments.benchmark.problem import Problem
-from experiments.benchmark.run_files import RunResult
-from experiments.benchmark.suite import problem
+from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.experiments.benchmark.run_files import RunResult
+from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.typing import Real
 
 RANDOM_POINTS, RANDOM_DRAWS = 50, 200
@@ -29,7 +29,7 @@ def best_known_cost(name: str) -> float:
     if known is None:
         raise ValueError(
             f"problem {name!r} has no best known cost on record. "
-            f"Run: python -m experiments.benchmark.studies.search_best_known --problem {name}"
+            f"Run: python -m inkjet_env.experiments.benchmark.studies.search_best_known --problem {name}"
         )
     return known.cost
 

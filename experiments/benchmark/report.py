@@ -14,11 +14,11 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
-from experiments.benchmark import page
-from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.conclusions import ranking_sentences, standings_sentences
-from experiments.benchmark.run_files import RunResult
-from experiments.benchmark.suite import VERSION, problem
+from inkjet_env.experiments.benchmark import page
+from inkjet_env.experiments.benchmark.analysis import Comparison
+from inkjet_env.experiments.benchmark.conclusions import ranking_sentences, standings_sentences
+from inkjet_env.experiments.benchmark.run_files import RunResult
+from inkjet_env.experiments.benchmark.suite import VERSION, problem
 from inkjet_env.reporting import plotting
 from inkjet_env.reporting.waveform_figures import draw_before_after
 from inkjet_env.storage import json_text, write_atomically

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from experiments.benchmark.cost_check import first_other, first_other_cost
-from experiments.benchmark.suite import problem
-from experiments.execution.provenance import first_difference
+from inkjet_env.experiments.benchmark.cost_check import first_other, first_other_cost
+from inkjet_env.experiments.benchmark.suite import problem
+from inkjet_env.experiments.execution.provenance import first_difference
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.storage import json_text, write_atomically
 from inkjet_env.typing import Real

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from experiments.benchmark.run_files import RunKey
-from experiments.benchmark.suite import problem
+from inkjet_env.experiments.benchmark.run_files import RunKey
+from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.typing import Real
 
 

@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmark.entrants import entrant
-from experiments.benchmark.run_files import RunKey, RunResult, label_of, read_run, run_path, write_run
-from experiments.benchmark.run_objective import ObjectiveFailedError, RunObjective
-from experiments.benchmark.settings import LEFT_OUT, SOURCES, BenchOutcome, BenchSettings
-from experiments.benchmark.suite import problem
-from experiments.execution.cluster import run_each, worker_count, workers_of
-from experiments.execution.provenance import code_digest, first_difference, versions
+from inkjet_env.experiments.benchmark.entrants import entrant
+from inkjet_env.experiments.benchmark.run_files import RunKey, RunResult, label_of, read_run, run_path, write_run
+from inkjet_env.experiments.benchmark.run_objective import ObjectiveFailedError, RunObjective
+from inkjet_env.experiments.benchmark.settings import LEFT_OUT, SOURCES, BenchOutcome, BenchSettings
+from inkjet_env.experiments.benchmark.suite import problem
+from inkjet_env.experiments.execution.cluster import run_each, worker_count, workers_of
+from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import json_text, remove_unfinished, write_atomically
 
@@ -115,7 +115,7 @@ def run_bench(
     KeyboardInterrupt
         On Ctrl-C; finished runs are kept.
     """
-    import optimizers
+    from inkjet_env import optimizers
 
     open_folder(folder, settings)
     reasons = optimizers.availability(entrant(name).optimizer for name in settings.optimizers)
@@ -148,7 +148,7 @@ def run_bench(
 
 def applies(optimizer: str, name: str) -> bool:
     """Whether an optimiser can be used on a problem: the problem has gradients if the optimiser needs them."""
-    import optimizers
+    from inkjet_env import optimizers
 
     return problem(name).has_gradient or not optimizers.uses_gradient(entrant(optimizer).optimizer)
 
@@ -262,7 +262,7 @@ def perform(key: RunKey, settings: BenchSettings) -> Ended:
     ObjectiveFailedError
         The objective failed, not the optimiser.
     """
-    from optimizers.loop import ObjectiveError, minimise
+    from inkjet_env.optimizers.loop import ObjectiveError, minimise
 
     seed = key.seed(settings.seed)
     first = RunObjective(key, seed)  # so that no run's time includes loading the compiled code

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.benchmark.entrants import entrant
-from experiments.benchmark.problem import MAX_BUDGET
-from experiments.benchmark.run_files import RunResult
-from experiments.benchmark.suite import BENCHED, problem
-from experiments.execution.provenance import code_digest, versions
+from inkjet_env.experiments.benchmark.entrants import entrant
+from inkjet_env.experiments.benchmark.problem import MAX_BUDGET
+from inkjet_env.experiments.benchmark.run_files import RunResult
+from inkjet_env.experiments.benchmark.suite import BENCHED, problem
+from inkjet_env.experiments.execution.provenance import code_digest, versions
 
 BENCH_FORMAT = "bench/1"
 DEFAULT_BUDGET = 2000  # 40 particles × 50 generations
@@ -74,7 +74,7 @@ class BenchSettings:
     @classmethod
     def default(cls, **changes: Any) -> BenchSettings:
         """The default problems and all optimisers except `LEFT_OUT`; ``changes`` replace fields by name."""
-        import optimizers
+        from inkjet_env import optimizers
 
         compared = tuple(name for name in optimizers.names() if name not in LEFT_OUT)
         return cls(**{"problems": BENCHED, "optimizers": compared, **changes})

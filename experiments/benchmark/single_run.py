@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.benchmark.cost_check import first_other_cost
-from experiments.benchmark.problem import MAX_BUDGET, Problem
+from inkjet_env.experiments.benchmark.cost_check import first_other_cost
+from inkjet_env.experiments.benchmark.problem import MAX_BUDGET, Problem
 from inkjet_env.plant.registry import UnregisteredEffectError
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import archive_bytes, write_atomically
 from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
-    from optimizers.loop import Run
+    from inkjet_env.optimizers.loop import Run
 
 
 RECORD_FORMAT = "evaluations/1"
@@ -69,8 +69,8 @@ class Optimisation:
         ValueError
             The optimiser is unknown or unavailable, an option is unknown, or the record does not fit.
         """
-        import optimizers
-        from optimizers.loop import Interrupted, minimise
+        from inkjet_env import optimizers
+        from inkjet_env.optimizers.loop import Interrupted, minimise
 
         optimizer = optimizers.make(self.optimizer, budget=self.budget, seed=self.seed, **self.options)
         done = 0 if recorded is None else len(recorded.costs if hasattr(recorded, "costs") else recorded[1])
@@ -112,7 +112,7 @@ def write_record(path: Path, optimisation: Optimisation, run: Run) -> None:
 
 
 def read_record(path: Path) -> tuple[Optimisation, tuple]:
-    """The optimisation in a record, and its evaluations in the form that `optimizers.loop.minimise` takes.
+    """The optimisation in a record, and its evaluations in the form that `inkjet_env.optimizers.loop.minimise` takes.
 
     Raises
     ------

@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 
-from experiments.benchmark.augmented_heads import HEADS, augmented_head
-from experiments.benchmark.problem import Problem, Spread
+from inkjet_env.experiments.benchmark.augmented_heads import HEADS, augmented_head
+from inkjet_env.experiments.benchmark.problem import Problem, Spread
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, check_name
 
 VERSION = 2
@@ -40,7 +40,7 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
     ``train``
         Drops at a jetting frequency, in the steady state: each waveform starts in the ringing of those before it.
     ``augmented``
-        Heads with an effect, as a diagnosis found them; see `experiments.benchmark.augmented_heads`.
+        Heads with an effect, as a diagnosis found them; see `inkjet_env.experiments.benchmark.augmented_heads`.
     """
     published = Printhead.published()
     varied = published.varied

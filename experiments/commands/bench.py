@@ -40,8 +40,8 @@ def bench(
 
     inkjet bench --optimizers pso,pso-printed,cma-es --problems nominal --repeats 5 --results results/quick
     """
-    from experiments.benchmark.runner import run_bench
-    from experiments.benchmark.settings import BenchSettings
+    from inkjet_env.experiments.benchmark.runner import run_bench
+    from inkjet_env.experiments.benchmark.settings import BenchSettings
 
     check_outputs(json=json)
     if workers is not None and workers < 1:
@@ -56,11 +56,11 @@ def bench(
         if names is not None
     }
     if chosen.get("optimizers") == ("all",):
-        from experiments.benchmark.entrants import entrants
+        from inkjet_env.experiments.benchmark.entrants import entrants
 
         chosen["optimizers"] = entrants()
     if chosen.get("problems") == ("all",):
-        from experiments.benchmark.suite import suite
+        from inkjet_env.experiments.benchmark.suite import suite
 
         chosen["problems"] = tuple(suite())
     settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
@@ -70,15 +70,15 @@ def bench(
     except KeyboardInterrupt:
         print(f"Interrupted; finished runs are kept in {results}. Run the same command to resume.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
-    from experiments.benchmark.analysis import Comparison
-    from experiments.benchmark.report import write_report
+    from inkjet_env.experiments.benchmark.analysis import Comparison
+    from inkjet_env.experiments.benchmark.report import write_report
     from inkjet_env.storage import write_json
 
     page, ranking = write_report(Comparison(outcome))
     if json is not None:
         write_json(json, ranking)
     if str(json) != "-":
-        from experiments.benchmark.ranking_tables import print_ranking
+        from inkjet_env.experiments.benchmark.ranking_tables import print_ranking
 
         print_ranking(ranking)
         print(f"Report: {page}")

@@ -26,8 +26,8 @@ from inkjet_env.cli.own_effects import register_own
 from inkjet_env.progress import announce_compiling
 
 if TYPE_CHECKING:
-    from experiments.benchmark.problem import Problem
-    from optimizers.loop import Run
+    from inkjet_env.experiments.benchmark.problem import Problem
+    from inkjet_env.optimizers.loop import Run
 
 SAMPLE_RATE_HZ = 100e6
 
@@ -70,7 +70,7 @@ def optimize(
     """
     from dataclasses import replace
 
-    from experiments.benchmark.single_run import Optimisation, read_record
+    from inkjet_env.experiments.benchmark.single_run import Optimisation, read_record
     from inkjet_env.plant.printhead_file import chosen_head
 
     check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
@@ -111,8 +111,8 @@ def _finish_optimize(
     plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None, own: list[str] | None
 ) -> None:
     """Write and print the result of an optimisation, complete or interrupted."""
-    from experiments.benchmark.single_run import write_record
     from inkjet_env.cli.drive_csv import sampled_waveform, write_columns
+    from inkjet_env.experiments.benchmark.single_run import write_record
     from inkjet_env.printhead import Waveform
     from inkjet_env.storage import write_json
 
@@ -162,7 +162,7 @@ def chosen_problem(name: str | None, cost: CostGiven, window_s: float | None, in
     """The problem of that name with the requested changes; if there are any, it is called "custom"."""
     from dataclasses import replace
 
-    from experiments.benchmark.suite import problem
+    from inkjet_env.experiments.benchmark.suite import problem
     from inkjet_env.printhead.hysteresis import periods_before_recording
     from inkjet_env.printhead.window import check_window
 
@@ -182,7 +182,7 @@ def swarm_options(
     name: str, particles: int | None, generations: int | None, budget: int | None
 ) -> tuple[dict[str, Any], int]:
     """Options of the optimiser and its budget, from the command-line options."""
-    from experiments.benchmark.problem import MAX_BUDGET
+    from inkjet_env.experiments.benchmark.problem import MAX_BUDGET
 
     for label, value in (("--particles", particles), ("--generations", generations), ("--budget", budget)):
         if value is not None and value < 1:

@@ -57,8 +57,8 @@ def prove(
     time runs "inkjet diagnose". The answers are hashed, the truth is unsealed, and everything is scored. The same
     command resumes a stopped proof. The exit status is 1 if a criterion of a first-rate diagnosis is not met.
     """
-    from experiments.proof.corpus import DEVELOPMENT_SEED, PUBLISHED_SEED
-    from experiments.proof.sealing import Settings
+    from inkjet_env.experiments.proof.corpus import DEVELOPMENT_SEED, PUBLISHED_SEED
+    from inkjet_env.experiments.proof.sealing import Settings
 
     check_outputs(json=json, report=report)
     for name, value, least in (("workers", workers, 1), ("reoptimise", reoptimise, 0), ("baselines", baselines, 0)):
@@ -102,13 +102,13 @@ def _proved(
     report: Path,
 ) -> int:
     """Run the proof, write and print its score; return the exit status."""
-    from experiments.execution import cluster
-    from experiments.proof.judge import judge_case, questions
-    from experiments.proof.printing import print_score
-    from experiments.proof.protocol import Steps, answer_case, conceal_case, prove
-    from experiments.proof.report import write_page
-    from experiments.proof.score import score
-    from experiments.proof.sealing import open_folder
+    from inkjet_env.experiments.execution import cluster
+    from inkjet_env.experiments.proof.judge import judge_case, questions
+    from inkjet_env.experiments.proof.printing import print_score
+    from inkjet_env.experiments.proof.protocol import Steps, answer_case, conceal_case, prove
+    from inkjet_env.experiments.proof.report import write_page
+    from inkjet_env.experiments.proof.score import score
+    from inkjet_env.experiments.proof.sealing import open_folder
     from inkjet_env.storage import json_text, write_atomically, write_json
 
     steps = Steps(conceal_case, answer_case, judge_case)

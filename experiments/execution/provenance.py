@@ -9,6 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from inkjet_env.installation import PACKAGES
+
 DECISIVE_PACKAGES = (
     "inkjet-env",
     "numpy",
@@ -40,27 +42,36 @@ def code_digest(patterns: Iterable[str]) -> str:
     Parameters
     ----------
     patterns : iterable of str
-        Glob patterns, relative to the folder that holds the packages.
+        Glob patterns that begin with a package's folder in the repository; installed files have the same digest.
 
     Raises
     ------
     ValueError
         A pattern matches no file: the files it was meant for would silently be missing from the digest.
     """
-    root = Path(__file__).resolve().parents[2]
-    found: set[Path] = set()
+    found: dict[str, Path] = {}
     for pattern in patterns:
-        matching = {file for file in root.glob(pattern) if file.is_file()}
+        folder, _, inner = pattern.partition("/")
+        matching = {
+            f"{folder}/{file.relative_to(PACKAGES[folder]).as_posix()}": file
+            for file in PACKAGES[folder].glob(inner)
+            if file.is_file() and _owner(file) == folder
+        }
         if not matching:
             raise ValueError(
-                f"code_digest: the pattern {pattern!r} matches no file below {root}. "
+                f"code_digest: the pattern {pattern!r} matches no file in {PACKAGES[folder]}. "
                 "Correct the pattern if a file was moved or renamed."
             )
         found |= matching
     total = sha256()
-    for file in sorted(found):
-        total.update(f"{file.relative_to(root).as_posix()}\0{sha256(file.read_bytes()).hexdigest()}\0".encode())
+    for name, file in sorted(found.items(), key=lambda item: item[0].split("/")):
+        total.update(f"{name}\0{sha256(file.read_bytes()).hexdigest()}\0".encode())
     return total.hexdigest()
+
+
+def _owner(file: Path) -> str:
+    """Which package a file belongs to; once installed, two of them lie within the third."""
+    return max((name for name in PACKAGES if file.is_relative_to(PACKAGES[name])), key=lambda n: len(PACKAGES[n].parts))
 
 
 def first_difference(stored: Any, asked: Any, place: str = "") -> str:

@@ -5,7 +5,8 @@ an unseen head gets its waveform at once, or a warm start. Four learning methods
 compared by the number of evaluations: every evaluation of a waveform counts, including those of training; one with its
 gradient counts as one. Everything that learns is trained several times.
 
-``python -m experiments.learning.amortised`` trains, tests and prints the results; results in its folder are reused.
+``python -m inkjet_env.experiments.learning.amortised`` trains, tests and prints the results; results in its folder are
+reused.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmark.metrics import Places, crossed_bootstrap
-from experiments.learning.heads import TEST_SEED, Heads, drawn
-from experiments.learning.learners import LEARNERS, Begun, Table, one_waveform, table_of, tuned_costs_V
-from experiments.learning.repeated_training import (
+from inkjet_env.experiments.benchmark.metrics import Places, crossed_bootstrap
+from inkjet_env.experiments.learning.heads import TEST_SEED, Heads, drawn
+from inkjet_env.experiments.learning.learners import LEARNERS, Begun, Table, one_waveform, table_of, tuned_costs_V
+from inkjet_env.experiments.learning.repeated_training import (
     RESAMPLES,
     Arrays,
     best_costs_V,
@@ -41,7 +42,7 @@ from experiments.learning.repeated_training import (
 from inkjet_env.storage import json_text, write_atomically
 from inkjet_env.typing import Real
 
-MODULE = "experiments.learning.amortised"
+MODULE = "inkjet_env.experiments.learning.amortised"
 FORMAT = "amortised/3"
 TITLE = "Learning over heads"
 BUDGETS = (50, 150, 2000)

@@ -1,9 +1,9 @@
 """A few tries on an unknown head: the tuning strategies compared on ``inkjet_env/TuneWaveform-v0``.
 
-``python -m experiments.learning.few_shot`` compares optimisers that spend the tries from scratch, one waveform for all
-heads, CMA-ES started from it, a fixed list of waveforms, unchanged or stretched to the ringing period measured after a
-pulse, and a trained agent that observes the peaks; all on the same unseen heads. The cost of learning is counted in
-evaluations; everything that learns is trained several times. A folder stores policies and results."""
+``python -m inkjet_env.experiments.learning.few_shot`` compares optimisers that spend the tries from scratch, one
+waveform for all heads, CMA-ES started from it, a fixed list of waveforms, unchanged or stretched to the ringing period
+measured after a pulse, and a trained agent that observes the peaks; all on the same unseen heads. The cost of learning
+is counted in evaluations; everything that learns is trained several times. A folder stores policies and results."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.learning.few_shot_tuners import (
+from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
+from inkjet_env.experiments.learning.few_shot_tuners import (
     SCRATCH,
     Agent,
     TuningStrategy,
@@ -24,8 +25,8 @@ from experiments.learning.few_shot_tuners import (
     scratch,
     trained_agent,
 )
-from experiments.learning.heads import TEST_SEED, Heads
-from experiments.learning.repeated_training import (
+from inkjet_env.experiments.learning.heads import TEST_SEED, Heads
+from inkjet_env.experiments.learning.repeated_training import (
     Arrays,
     best_costs_V,
     each,
@@ -39,11 +40,10 @@ from experiments.learning.repeated_training import (
     spread_of,
     with_interval,
 )
-from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
 from inkjet_env.storage import json_text, write_atomically
 from inkjet_env.typing import Real
 
-MODULE = "experiments.learning.few_shot"
+MODULE = "inkjet_env.experiments.learning.few_shot"
 FORMAT = "few-tries/3"
 TITLE = "A few tries on an unknown head"
 AGENT, FOR_ALL, LISTS = "sb3-ppo", "one for all", "lists"

@@ -9,12 +9,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.learning.heads import TRAIN_SEED, Heads, drawn, stretched, the_task
-from experiments.learning.learners import HIDDEN, labelled, let_learn
-from experiments.learning.policies import Policy, policy_of_sb3
 from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_UPPER
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.envs.waveform_tuning_task import TIME_SCALE_S
+from inkjet_env.experiments.learning.heads import TRAIN_SEED, Heads, drawn, stretched, the_task
+from inkjet_env.experiments.learning.learners import HIDDEN, labelled, let_learn
+from inkjet_env.experiments.learning.policies import Policy, policy_of_sb3
 from inkjet_env.typing import Real
 
 MIDDLE = np.zeros((1, 4))
@@ -64,7 +64,7 @@ class Optimisers:
     """
 
     def __init__(self, name: str, count: int, tries: int, seed: int, **options: Any) -> None:
-        import optimizers
+        from inkjet_env import optimizers
 
         self.each = [optimizers.make(name, budget=tries, seed=seed + k, **options) for k in range(count)]
         self.asked: list[Real] = [np.empty((0, 7))] * count
@@ -188,7 +188,7 @@ def best_list(observations: Real, points: Real, count: int, stretch: bool) -> tu
 
 def one_for_all(seed: int, heads: int = 64, waveforms: int = 3000) -> tuple[Real, int]:
     """The waveform with the lowest mean cost over many heads, found by CMA-ES, and the evaluations that it took."""
-    import optimizers
+    from inkjet_env import optimizers
 
     many = Heads(drawn(heads, TRAIN_SEED + seed))
     search = optimizers.make("bipop-cma-es", budget=waveforms, seed=seed)

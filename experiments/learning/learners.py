@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from experiments.learning.heads import TRAIN_SEED, Heads, OneHead, descended, drawn, stretched
-from experiments.learning.policies import Policy, policy_of_layers, policy_of_sb3
+from inkjet_env.experiments.learning.heads import TRAIN_SEED, Heads, OneHead, descended, drawn, stretched
+from inkjet_env.experiments.learning.policies import Policy, policy_of_layers, policy_of_sb3
 from inkjet_env.typing import Real
 
 HIDDEN = (128, 128)
@@ -176,8 +176,8 @@ def tuned_costs_V(
         (heads, further): costs in volts of the best waveform after each further evaluation; ``learning``, shape ():
         evaluations that learning took.
     """
-    import optimizers
-    from optimizers.loop import minimise
+    from inkjet_env import optimizers
+    from inkjet_env.optimizers.loop import minimise
 
     count = len(heads.observations)
     begin = None if begun is None else begun.act(heads.observations)

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.benchmark.metrics import Places, crossed_bootstrap
-from experiments.execution.cluster import ClusterError, run_each, workers_of
-from experiments.execution.provenance import code_digest, first_difference, versions
-from experiments.learning.heads import Heads, descended
-from experiments.learning.policies import Policy, PolicyFileError
 from inkjet_env.envs.task import CONTEXT_NAMES
+from inkjet_env.experiments.benchmark.metrics import Places, crossed_bootstrap
+from inkjet_env.experiments.execution.cluster import ClusterError, run_each, workers_of
+from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
+from inkjet_env.experiments.learning.heads import Heads, descended
+from inkjet_env.experiments.learning.policies import Policy, PolicyFileError
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import archive_bytes, remove_unfinished, write_atomically
 from inkjet_env.typing import Real

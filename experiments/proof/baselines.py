@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.proof.campaign_files import unpack
+from inkjet_env.experiments.proof.campaign_files import unpack
 
 
 def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -> dict[str, Any]:
@@ -30,8 +30,8 @@ def baselines(packed: bytes, truth: Sequence[str], verdict: Mapping[str, Any]) -
         ``over_noise`` and ``judged`` by baseline, the groups that ``pysindy`` names, and whether the diagnosis gave the
         ``same`` verdict again.
     """
-    from experiments.validation.baselines.compare import METHODS, compared, verdict_on
-    from experiments.validation.baselines.sindy import said
+    from inkjet_env.experiments.validation.baselines.compare import METHODS, compared, verdict_on
+    from inkjet_env.experiments.validation.baselines.sindy import said
     from inkjet_env.mismatch import diagnose
     from inkjet_env.recordings import read_campaign
 

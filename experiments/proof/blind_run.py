@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.execution.cluster import ONE_THREAD, WorkLostError
-from experiments.proof.campaign_files import ProofError, digest, unpack
-from experiments.proof.sandbox import PARENT, SEEN
+from inkjet_env.experiments.execution.cluster import ONE_THREAD, WorkLostError
+from inkjet_env.experiments.proof.campaign_files import ProofError, digest, unpack
+from inkjet_env.experiments.proof.sandbox import PARENT, SEEN
 
 ANSWER_FORMAT = "proof-answer/1"
 TIME_LIMIT_S = 3600.0
@@ -81,7 +81,7 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
 
 def _inkjet(scratch: Path, seen: set[str], *arguments: str) -> tuple[int, str]:
     """Run the command in the sandbox; its exit status and, if that is not 0, its last line on standard error."""
-    command = [sys.executable, "-m", "experiments.proof.sandbox", *arguments]
+    command = [sys.executable, "-m", "inkjet_env.experiments.proof.sandbox", *arguments]
     try:
         done = subprocess.run(
             command,

@@ -6,14 +6,13 @@ import re
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from experiments.proof.campaign_files import ProofError, check_campaign_only, digest, pack
-from experiments.proof.corpus import MOST_ATTEMPTS, Draw
+from inkjet_env.experiments.concealed_plant import RIG, import_rig
+from inkjet_env.experiments.proof.campaign_files import ProofError, check_campaign_only, digest, pack
+from inkjet_env.experiments.proof.corpus import MOST_ATTEMPTS, Draw
 
-RIG = "experiments.concealed_rig"
 OUT_OF_REACH = re.compile(r" does not reach rho | cannot be as faint as rho |: no strength gives rho ")
 """Matches the message of the plant's ValueError if no strength within an effect's bounds gives the requested mismatch;
 the plant raises that type for all other errors too."""
@@ -83,13 +82,13 @@ def _described(draw: Draw) -> str:
 
 def families(rig: str = RIG) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Families of effects that the plant has and no catalogue contains, and the plant's own hysteresis laws."""
-    module = import_module(f"{rig}.case")
+    module = import_rig(f"{rig}.case")
     return tuple(module.OUTSIDE), tuple(module.BASES)
 
 
 def plant_of(draw: Draw, attempt: int, rig: str = RIG) -> Any:
     """The concealed plant of a case; the same at every call."""
-    module = import_module(rig)
+    module = import_rig(rig)
     case = module.Case(
         number=draw.number,
         seed=draw.case_seed(attempt),

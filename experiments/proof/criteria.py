@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.validation.verdict_scores import share
+from inkjet_env.experiments.validation.verdict_scores import share
 
 CONFIDENCE = 0.9
 RESAMPLES = 2000

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.proof.corpus import STAGES
-from experiments.validation.verdict_scores import OUTCOMES
+from inkjet_env.experiments.proof.corpus import STAGES
+from inkjet_env.experiments.validation.verdict_scores import OUTCOMES
 from inkjet_env.reporting import plotting
 
 if TYPE_CHECKING:

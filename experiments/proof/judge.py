@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from experiments.execution.provenance import code_digest
-from experiments.proof.campaign_files import ProofError
-from experiments.proof.concealment import plant_of
-from experiments.proof.corpus import Draw
-from experiments.proof.sealing import JUDGE_SOURCES
+from inkjet_env.experiments.execution.provenance import code_digest
+from inkjet_env.experiments.proof.campaign_files import ProofError
+from inkjet_env.experiments.proof.concealment import plant_of
+from inkjet_env.experiments.proof.corpus import Draw
+from inkjet_env.experiments.proof.sealing import JUDGE_SOURCES
 
 COMPARED = {
     ("amplifier_bandwidth", "bandwidth_Hz"): ("bandwidth_Hz", ("first_order",)),
@@ -48,7 +48,7 @@ def questions(draws: Sequence[Draw], reoptimise: int, baselines: int) -> dict[in
         Number of heads whose waveform is re-optimised, and of campaigns on which the baselines are tried; both are
         chosen in turn from all strong effects that fresh drives show.
     """
-    from experiments.proof.fresh_drive_error import UNPREDICTABLE
+    from inkjet_env.experiments.proof.fresh_drive_error import UNPREDICTABLE
 
     turns: Counter[str] = Counter()
     shown = []
@@ -100,18 +100,18 @@ def judge_case(
     found = nothing | {"parameters": parameters(verdict, truth), "location": located(verdict, truth)}
     plant = plant_of(draw, case["attempt"], rig)
     if draw.family in ("effect", "pair", "outside", "base"):
-        from experiments.proof.fresh_drive_error import UNPREDICTABLE, closure, model_of
+        from inkjet_env.experiments.proof.fresh_drive_error import UNPREDICTABLE, closure, model_of
 
         base, augmented = model_of(answer["base"]), model_of(answer["augmented"])
         if not set(draw.effects) & set(UNPREDICTABLE):
             found["fresh"] = closure(base, augmented, plant, draw.case_seed(case["attempt"]))
             found["closure"] = found["fresh"]["closure"]
         if asked.get("reoptimise"):
-            from experiments.proof.waveform_gain import reoptimised_costs
+            from inkjet_env.experiments.proof.waveform_gain import reoptimised_costs
 
             found["reoptimised"] = reoptimised_costs(base.head, augmented.head, plant, draw.number)
     if asked.get("baselines"):
-        from experiments.proof.baselines import baselines
+        from inkjet_env.experiments.proof.baselines import baselines
 
         found["baselines"] = baselines(packed, draw.effects, verdict)
     return found

@@ -12,13 +12,13 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from experiments.execution.cluster import run_each
-from experiments.execution.provenance import code_digest
-from experiments.proof.blind_run import diagnose_blind
-from experiments.proof.campaign_files import ProofError, digest, pack, unpack
-from experiments.proof.concealment import conceal, families
-from experiments.proof.corpus import Draw, corpus, opaque_name
-from experiments.proof.sealing import (
+from inkjet_env.experiments.execution.cluster import run_each
+from inkjet_env.experiments.execution.provenance import code_digest
+from inkjet_env.experiments.proof.blind_run import diagnose_blind
+from inkjet_env.experiments.proof.campaign_files import ProofError, digest, pack, unpack
+from inkjet_env.experiments.proof.concealment import conceal, families
+from inkjet_env.experiments.proof.corpus import Draw, corpus, opaque_name
+from inkjet_env.experiments.proof.sealing import (
     JUDGE_SOURCES,
     SOURCES,
     Settings,

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from experiments.proof import figures
-from experiments.proof.printing import figure_text, interval_text
+from inkjet_env.experiments.proof import figures
+from inkjet_env.experiments.proof.printing import figure_text, interval_text
 from inkjet_env.reporting.plotting import svg_text
 from inkjet_env.storage import write_atomically
 
@@ -29,7 +29,9 @@ def page_html(found: Mapping[str, Any]) -> str:
     """The report as HTML text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(loader=PackageLoader("experiments.proof"), autoescape=True, undefined=StrictUndefined)
+    environment = Environment(
+        loader=PackageLoader("inkjet_env.experiments.proof"), autoescape=True, undefined=StrictUndefined
+    )
     environment.filters["figure"] = figure_text
     environment.filters["interval"] = interval_text
     heads = found["waveform_gain"]["heads"][:MOST_HEADS_SHOWN]

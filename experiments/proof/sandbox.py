@@ -1,8 +1,8 @@
 """The process of a blind diagnosis: the usual ``inkjet``, but monitored, and unable to import the concealed plant.
 
-``python -m experiments.proof.sandbox diagnose head-… --json verdict.json``. In addition to the command's output, the
-current folder receives `SEEN`: every path and address that Python opened or listed outside the installation and that
-folder.
+``python -m inkjet_env.experiments.proof.sandbox diagnose head-… --json verdict.json``. In addition to the command's
+output, the current folder receives `SEEN`: every path and address that Python opened or listed outside the installation
+and that folder.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-FORBIDDEN = ("experiments",)
-ALLOWED = ("experiments", "experiments.proof", "experiments.proof.sandbox")
-PACKAGES = ("inkjet_env", "optimizers", "experiments")
+from inkjet_env.installation import PACKAGES
+
+FORBIDDEN = ("experiments", "inkjet_env.experiments")
+ALLOWED = tuple(f"inkjet_env.experiments{part}" for part in ("", ".proof", ".proof.sandbox"))
 SYSTEM = ("/dev", "/proc", "/sys", "/etc", "/usr", "/bin", "/lib", "/lib64", "/opt")
 SEEN = "seen.json"
 PARENT = "INKJET_PROOF_PARENT"
@@ -45,8 +46,7 @@ def watch(seen: set[str]) -> None:
 
 def outside(seen: set[str], scratch: Path) -> list[str]:
     """The entries of ``seen`` that are neither in the installation nor in the scratch folder."""
-    root = Path(__file__).resolve().parents[2]
-    own = [sys.prefix, sys.base_prefix, *SYSTEM, str(scratch), *(str(root / package) for package in PACKAGES)]
+    own = [sys.prefix, sys.base_prefix, *SYSTEM, str(scratch), *map(str, PACKAGES.values())]
     roots = {os.path.abspath(p) for p in own} | {os.path.realpath(p) for p in own}
 
     def inside(path: str) -> bool:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.execution.provenance import code_digest, versions
-from experiments.proof.corpus import STAGES
-from experiments.proof.criteria import Figure, counted, estimated, finite
-from experiments.proof.sealing import JUDGE_SOURCES
-from experiments.validation.verdict_scores import OUTCOMES, VerdictRecord, confusion, f1
+from inkjet_env.experiments.execution.provenance import code_digest, versions
+from inkjet_env.experiments.proof.corpus import STAGES
+from inkjet_env.experiments.proof.criteria import Figure, counted, estimated, finite
+from inkjet_env.experiments.proof.sealing import JUDGE_SOURCES
+from inkjet_env.experiments.validation.verdict_scores import OUTCOMES, VerdictRecord, confusion, f1
 
 if TYPE_CHECKING:
-    from experiments.proof.protocol import Outcome
+    from inkjet_env.experiments.proof.protocol import Outcome
 
 SCORE_FORMAT = "proof-score/1"
 ALARMS = ("named", "set", "unknown")

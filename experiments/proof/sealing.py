@@ -20,10 +20,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from experiments.execution.provenance import code_digest, first_difference, versions
-from experiments.proof.campaign_files import ProofError, check_campaign_only, digest
-from experiments.proof.concealment import RIG
-from experiments.proof.corpus import PUBLISHED_SEED, STAGES, VERSION
+from inkjet_env.experiments.concealed_plant import RIG
+from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
+from inkjet_env.experiments.proof.campaign_files import ProofError, check_campaign_only, digest
+from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, STAGES, VERSION
 from inkjet_env.storage import UNFINISHED, json_text, remove_unfinished, write_atomically
 
 SETTINGS, MANIFEST, ANSWERS = "proof.json", "manifest.json", "answers.json"

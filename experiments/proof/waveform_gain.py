@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from experiments.benchmark.problem import Problem
+from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Bounds, Printhead
 from inkjet_env.typing import Real
@@ -78,8 +78,8 @@ def searched(objective: Objective, seed: int, known: Sequence[Real]) -> Real:
     """Best point of several searches, refined by a simplex search from it and from each known point; shape (7,)."""
     from scipy.optimize import minimize
 
-    import optimizers
-    from optimizers.loop import minimise
+    from inkjet_env import optimizers
+    from inkjet_env.optimizers.loop import minimise
 
     ends = list(known)
     for start in range(STARTS):

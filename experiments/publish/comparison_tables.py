@@ -1,7 +1,8 @@
 """Tables of a comparison in Markdown, for the record in ``docs``.
 
-``python -m experiments.publish.comparison_tables FOLDER`` prints the tables of a bench's ranking.json and of the other
-results in the folder: beating.json (the challenge of the best known costs), amortised.json and few_tries.json."""
+``python -m inkjet_env.experiments.publish.comparison_tables FOLDER`` prints the tables of a bench's ranking.json and of
+the other results in the folder: beating.json (the challenge of the best known costs), amortised.json and
+few_tries.json."""
 
 from __future__ import annotations
 
@@ -14,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmark.jetting import jetting
-from experiments.benchmark.ranking_tables import standings_table
-from experiments.benchmark.regret import scale_V
-from experiments.benchmark.report import RANKING_FORMAT
-from experiments.benchmark.studies import challenge_best_known
-from experiments.benchmark.suite import family_of, suite
-from experiments.learning import amortised, few_shot
+from inkjet_env.experiments.benchmark.jetting import jetting
+from inkjet_env.experiments.benchmark.ranking_tables import standings_table
+from inkjet_env.experiments.benchmark.regret import scale_V
+from inkjet_env.experiments.benchmark.report import RANKING_FORMAT
+from inkjet_env.experiments.benchmark.studies import challenge_best_known
+from inkjet_env.experiments.benchmark.suite import family_of, suite
+from inkjet_env.experiments.learning import amortised, few_shot
 from inkjet_env.reporting.tables import markdown_table
 
 Content = Mapping[str, Any]
@@ -107,7 +108,9 @@ def _read(file: Path, expected: str) -> dict[str, Any] | None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.publish.comparison_tables", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m inkjet_env.experiments.publish.comparison_tables", description=__doc__
+    )
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     folder = parser.parse_args(arguments).folder
     try:

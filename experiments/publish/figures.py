@@ -1,4 +1,4 @@
-"""Figures of README and docs: ``python -m experiments.publish.figures`` draws ``docs/figures/*.png``."""
+"""Figures of README and docs: ``python -m inkjet_env.experiments.publish.figures`` draws ``docs/figures/*.png``."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.benchmark.regret_figure import draw_regrets
-from experiments.benchmark.report import RANKING_FORMAT
-from experiments.benchmark.studies.figure7 import GENERATIONS, reproduce
-from experiments.validation.identification_study import published_loop
+from inkjet_env.experiments.benchmark.regret_figure import draw_regrets
+from inkjet_env.experiments.benchmark.report import RANKING_FORMAT
+from inkjet_env.experiments.benchmark.studies.figure7 import GENERATIONS, reproduce
+from inkjet_env.experiments.validation.identification_study import published_loop
 from inkjet_env.reporting import plotting
 from inkjet_env.reporting.waveform_figures import draw_before_after
 
@@ -87,7 +87,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 
 def main() -> None:
     """Draw the chosen figures."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.publish.figures", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m inkjet_env.experiments.publish.figures", description=__doc__)
     parser.add_argument(
         "names", nargs="*", metavar="name", help=f"one or more of {', '.join(FIGURES)}; all unless given"
     )

@@ -1,7 +1,8 @@
 """Tables of a proof in Markdown, for the record in ``docs``.
 
-``python -m experiments.publish.proof_tables FOLDER`` prints them, and draws the figures with ``--figures``. The stored
-judgements of a folder are counted again after both commitments have been checked; the campaigns may be absent."""
+``python -m inkjet_env.experiments.publish.proof_tables FOLDER`` prints them, and draws the figures with ``--figures``.
+The stored judgements of a folder are counted again after both commitments have been checked; the campaigns may be
+absent."""
 
 from __future__ import annotations
 
@@ -11,12 +12,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.proof.campaign_files import ProofError
-from experiments.proof.corpus import STAGES
-from experiments.proof.printing import figure_text, interval_text
-from experiments.proof.protocol import as_judged
-from experiments.proof.score import SCORE_FORMAT, score
-from experiments.proof.sealing import read_json
+from inkjet_env.experiments.proof.campaign_files import ProofError
+from inkjet_env.experiments.proof.corpus import STAGES
+from inkjet_env.experiments.proof.printing import figure_text, interval_text
+from inkjet_env.experiments.proof.protocol import as_judged
+from inkjet_env.experiments.proof.score import SCORE_FORMAT, score
+from inkjet_env.experiments.proof.sealing import read_json
 from inkjet_env.reporting.tables import markdown_table
 from inkjet_env.storage import write_json
 
@@ -80,7 +81,7 @@ def said_table(found: Mapping[str, Any]) -> str:
 
 def waveform_gain_table(found: Mapping[str, Any]) -> str:
     """Fraction of the oracle's gain achieved, by effect, where the oracle has a gain."""
-    from experiments.proof.score import LEAST_ORACLE
+    from inkjet_env.experiments.proof.score import LEAST_ORACLE
 
     heads = [h for h in found["waveform_gain"]["heads"] if h["base"] - h["oracle"] > LEAST_ORACLE * abs(h["base"])]
     by_effect: dict[str, list[Mapping[str, Any]]] = {}
@@ -147,7 +148,12 @@ def document(found: Mapping[str, Any]) -> str:
 
 def draw(found: Mapping[str, Any], folder: Path) -> None:
     """Draw the figures of a score as PNG files in a folder."""
-    from experiments.proof.figures import closures_figure, confusion_figure, curve_figure, waveform_gain_figure
+    from inkjet_env.experiments.proof.figures import (
+        closures_figure,
+        confusion_figure,
+        curve_figure,
+        waveform_gain_figure,
+    )
 
     folder.mkdir(parents=True, exist_ok=True)
     drawn = {
@@ -162,7 +168,7 @@ def draw(found: Mapping[str, Any], folder: Path) -> None:
 
 def main() -> None:
     """Print the tables of a score."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.publish.proof_tables", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m inkjet_env.experiments.publish.proof_tables", description=__doc__)
     parser.add_argument("score", type=Path, metavar="FOLDER", help="folder of a judged proof, or a score.json")
     parser.add_argument("--out", type=Path, help="file for the score: score.json")
     parser.add_argument("--figures", type=Path, help="folder for the figures")

@@ -1,7 +1,8 @@
 """Peaks of the closed form compared with an 80-digit reference that shares no formula with it.
 
-``python -m experiments.validation.closed_form_accuracy`` draws waveforms (ordinary, with durations from 0.1 ns to 1 ms,
-and degenerate ones), finds every extremum of the response in a second way, and prints the largest differences.
+``python -m inkjet_env.experiments.validation.closed_form_accuracy`` draws waveforms (ordinary, with durations from 0.1
+ns to 1 ms, and degenerate ones), finds every extremum of the response in a second way, and prints the largest
+differences.
 
 The reference writes dv/du of the bipolar trapezoid edge by edge, solves each piece as a particular polynomial plus
 ring-down in mpmath, scans y' on a grid of thousands of points per edge (in 80-bit floats) and refines each change of

@@ -1,4 +1,6 @@
-"""How well the diagnosis distinguishes its own effects: python -m experiments.validation.diagnosis_study [PART ...].
+"""How well the diagnosis distinguishes its own effects.
+
+``python -m inkjet_env.experiments.validation.diagnosis_study [PART ...]``.
 
 Parts: null (no effect), single (each effect, strong and medium), pairs (two effects of different stages), withheld
 (each effect present but removed from the catalogue), summary. Every case is one line of results/diagnosis/cases.jsonl;
@@ -19,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.execution.provenance import code_digest, first_difference, versions
-from experiments.validation.synthetic_campaigns import (
+from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
+from inkjet_env.experiments.validation.synthetic_campaigns import (
     MEDIUM,
     STRONG,
     effect_named,
@@ -28,7 +30,7 @@ from experiments.validation.synthetic_campaigns import (
     record_synthetic,
     synthetic_values,
 )
-from experiments.validation.verdict_scores import OUTCOMES, VerdictRecord, confusion, f1, share
+from inkjet_env.experiments.validation.verdict_scores import OUTCOMES, VerdictRecord, confusion, f1, share
 from inkjet_env.identification import UnidentifiableError
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import diagnose

@@ -1,4 +1,4 @@
-"""Performance of the identification in figures: ``python -m experiments.validation.identification_study``.
+"""Performance of the identification in figures: ``python -m inkjet_env.experiments.validation.identification_study``.
 
 ``published``: the published head's hysteresis from one 90 V loop, as in the paper's section 3.1.
 ``heads``: random heads at 40 dB; errors, coverage of the intervals, seconds per head.

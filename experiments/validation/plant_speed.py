@@ -1,10 +1,10 @@
 """Speed of the plant on one core: compared with SciPy's integrators at the same accuracy, and the cost of effects.
 
-``python -m experiments.validation.plant_speed`` prints both. All methods compute the same quantity: the velocity of a
-head with a cubic spring at the samples of a bipolar pulse, from rest, with a given hysteretic drive that is linear
-between nodes. Errors are relative to SciPy's integrator at the tightest tolerance; a baseline's tolerance is the
-loosest of a ladder with which it is as accurate as the plant. It integrates from corner to corner of the drive, which
-suits it best; its equation is in Python, as users write it."""
+``python -m inkjet_env.experiments.validation.plant_speed`` prints both. All methods compute the same quantity: the
+velocity of a head with a cubic spring at the samples of a bipolar pulse, from rest, with a given hysteretic drive that
+is linear between nodes. Errors are relative to SciPy's integrator at the tightest tolerance; a baseline's tolerance is
+the loosest of a ladder with which it is as accurate as the plant. It integrates from corner to corner of the drive,
+which suits it best; its equation is in Python, as users write it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.validation.simulator_speed import best_seconds
+from inkjet_env.experiments.validation.simulator_speed import best_seconds
 from inkjet_env.plant import Excitation, Plant, Resonance
 from inkjet_env.plant.effects.cubic_stiffness import CubicStiffness
 from inkjet_env.plant.effects.second_mode import SecondMode
@@ -122,7 +122,9 @@ def costs(head: Printhead) -> dict[str, float]:
 
 def main() -> None:
     """Print the tables."""
-    argparse.ArgumentParser(prog="python -m experiments.validation.plant_speed", description=__doc__).parse_args()
+    argparse.ArgumentParser(
+        prog="python -m inkjet_env.experiments.validation.plant_speed", description=__doc__
+    ).parse_args()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     if hasattr(os, "sched_setaffinity"):

@@ -1,9 +1,9 @@
 """Speed as ratios to the alternatives that a user would choose, each measured in one run on one core.
 
-``python -m experiments.validation.simulator_speed`` prints three tables: hysteresis by branch law compared with play
-operators, evaluations of the cost compared with two SciPy pipelines, and steps of the environments. Every figure is the
-best of several repetitions in which the alternatives take turns, so that other load on the machine does not affect
-only one of them."""
+``python -m inkjet_env.experiments.validation.simulator_speed`` prints three tables: hysteresis by branch law compared
+with play operators, evaluations of the cost compared with two SciPy pipelines, and steps of the environments. Every
+figure is the best of several repetitions in which the alternatives take turns, so that other load on the machine does
+not affect only one of them."""
 
 from __future__ import annotations
 
@@ -238,7 +238,9 @@ def _register_idle() -> None:
 
 def main() -> None:
     """Print the tables."""
-    argparse.ArgumentParser(prog="python -m experiments.validation.simulator_speed", description=__doc__).parse_args()
+    argparse.ArgumentParser(
+        prog="python -m inkjet_env.experiments.validation.simulator_speed", description=__doc__
+    ).parse_args()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     _register_idle()

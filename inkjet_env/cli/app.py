@@ -27,9 +27,9 @@ app = typer.Typer(
 
 def _print_version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
+        from inkjet_env import __version__
 
-        print(version("inkjet-env"))
+        print(__version__)
         raise typer.Exit
 
 

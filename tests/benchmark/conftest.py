@@ -2,9 +2,9 @@
 
 import pytest
 
-from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.report import write_report
-from experiments.benchmark.runner import run_bench
+from inkjet_env.experiments.benchmark.analysis import Comparison
+from inkjet_env.experiments.benchmark.report import write_report
+from inkjet_env.experiments.benchmark.runner import run_bench
 from tests.benchmark.small_bench import small_settings
 
 

@@ -1,6 +1,6 @@
 """Settings of a bench that takes seconds, and the bytes of its runs."""
 
-from experiments.benchmark.settings import BenchSettings
+from inkjet_env.experiments.benchmark.settings import BenchSettings
 
 
 def small_settings(**changes):

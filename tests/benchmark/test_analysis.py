@@ -4,13 +4,13 @@ import re
 import numpy as np
 import pytest
 
-from experiments.benchmark import analysis
-from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.conclusions import standings_sentences
-from experiments.benchmark.regret import scale_V
-from experiments.benchmark.run_files import RunKey, RunResult
-from experiments.benchmark.settings import BenchOutcome, BenchSettings
-from experiments.benchmark.suite import problem, suite
+from inkjet_env.experiments.benchmark import analysis
+from inkjet_env.experiments.benchmark.analysis import Comparison
+from inkjet_env.experiments.benchmark.conclusions import standings_sentences
+from inkjet_env.experiments.benchmark.regret import scale_V
+from inkjet_env.experiments.benchmark.run_files import RunKey, RunResult
+from inkjet_env.experiments.benchmark.settings import BenchOutcome, BenchSettings
+from inkjet_env.experiments.benchmark.suite import problem, suite
 
 PROBLEMS = ("nominal", "stiff-head", "soft-head")
 

@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from experiments.benchmark.regret import best_known_cost, scale_V
-from experiments.benchmark.studies import challenge_best_known
+from inkjet_env.experiments.benchmark.regret import best_known_cost, scale_V
+from inkjet_env.experiments.benchmark.studies import challenge_best_known
 
 
 def test_a_record_that_is_too_high_is_beaten(monkeypatch, capsys, tmp_path):

@@ -3,16 +3,16 @@ from pathlib import Path
 
 import pytest
 
-from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.entrants import entrant
-from experiments.benchmark.regret import best_known_cost
-from experiments.benchmark.report import write_report
-from experiments.benchmark.runner import run_bench
-from experiments.benchmark.settings import BenchSettings
-from experiments.benchmark.studies import challenge_best_known
-from experiments.benchmark.suite import families, problem
-from experiments.learning import amortised, few_shot
-from experiments.publish import comparison_tables
+from inkjet_env.experiments.benchmark.analysis import Comparison
+from inkjet_env.experiments.benchmark.entrants import entrant
+from inkjet_env.experiments.benchmark.regret import best_known_cost
+from inkjet_env.experiments.benchmark.report import write_report
+from inkjet_env.experiments.benchmark.runner import run_bench
+from inkjet_env.experiments.benchmark.settings import BenchSettings
+from inkjet_env.experiments.benchmark.studies import challenge_best_known
+from inkjet_env.experiments.benchmark.suite import families, problem
+from inkjet_env.experiments.learning import amortised, few_shot
+from inkjet_env.experiments.publish import comparison_tables
 
 
 @pytest.fixture(scope="module")

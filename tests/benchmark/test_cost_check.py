@@ -3,8 +3,8 @@ import itertools
 import numpy as np
 import pytest
 
-from experiments.benchmark.cost_check import first_other_cost
-from experiments.benchmark.suite import problem
+from inkjet_env.experiments.benchmark.cost_check import first_other_cost
+from inkjet_env.experiments.benchmark.suite import problem
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from experiments.benchmark.single_run import Optimisation, read_record, write_record
-from experiments.benchmark.suite import problem
+from inkjet_env.experiments.benchmark.single_run import Optimisation, read_record, write_record
+from inkjet_env.experiments.benchmark.suite import problem
+from inkjet_env.optimizers.loop import Run
 from inkjet_env.storage import archive_bytes
-from optimizers.loop import Run
 
 PLAN = Optimisation(problem("nominal"), "pso", 80, 3)
 

@@ -6,18 +6,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.benchmark import runner
-from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.problem import Problem
-from experiments.benchmark.report import write_report
-from experiments.benchmark.run_files import RunKey
-from experiments.benchmark.runner import perform, run_bench
-from optimizers.base import Optimizer
+from inkjet_env.experiments.benchmark import runner
+from inkjet_env.experiments.benchmark.analysis import Comparison
+from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.experiments.benchmark.report import write_report
+from inkjet_env.experiments.benchmark.run_files import RunKey
+from inkjet_env.experiments.benchmark.runner import perform, run_bench
+from inkjet_env.optimizers.base import Optimizer
 from tests.benchmark.small_bench import contents, small_settings
 
 
 def test_an_optimiser_that_breaks_down_is_reported_and_not_scored(tmp_path, monkeypatch):
-    import optimizers
+    from inkjet_env import optimizers
 
     monkeypatch.setattr(
         optimizers, "availability", lambda names: {name: "too old" if name == "pso" else None for name in names}
@@ -37,9 +37,9 @@ def here(monkeypatch):
         for name, arguments in jobs.items():
             keep(name, function(*arguments()))
 
-    monkeypatch.setattr("experiments.benchmark.runner.workers_of", lambda *_: contextlib.nullcontext())
-    monkeypatch.setattr("experiments.benchmark.runner.worker_count", lambda _: 1)
-    monkeypatch.setattr("experiments.benchmark.runner.run_each", one_by_one)
+    monkeypatch.setattr("inkjet_env.experiments.benchmark.runner.workers_of", lambda *_: contextlib.nullcontext())
+    monkeypatch.setattr("inkjet_env.experiments.benchmark.runner.worker_count", lambda _: 1)
+    monkeypatch.setattr("inkjet_env.experiments.benchmark.runner.run_each", one_by_one)
 
 
 class Broken(Optimizer):

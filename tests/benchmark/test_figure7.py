@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.benchmark.studies.figure7 import (
+from inkjet_env.experiments.benchmark.studies.figure7 import (
     CLAIMS,
     GENERATIONS,
     Reproduction,
@@ -9,7 +9,7 @@ from experiments.benchmark.studies.figure7 import (
     reproduce,
     table,
 )
-from experiments.benchmark.suite import problem
+from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.printhead import Waveform
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from scipy.stats import trim_mean
 
-from experiments.benchmark.run_files import RunKey, label_of, read_run
+from inkjet_env.experiments.benchmark.run_files import RunKey, label_of, read_run
 
 DOCS = Path(__file__).parents[2] / "docs" / "comparison"
 RANKING = json.loads((DOCS / "ranking.json").read_text(encoding="utf-8"))

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from experiments.benchmark import mean_ranks
-from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.conclusions import ranking_sentences
-from experiments.benchmark.regret import regret_quartiles_V
-from experiments.benchmark.run_files import RunKey, RunResult
-from experiments.benchmark.settings import BenchOutcome, BenchSettings
-from experiments.benchmark.suite import problem
 from inkjet_env.estimate import Estimate
+from inkjet_env.experiments.benchmark import mean_ranks
+from inkjet_env.experiments.benchmark.analysis import Comparison
+from inkjet_env.experiments.benchmark.conclusions import ranking_sentences
+from inkjet_env.experiments.benchmark.regret import regret_quartiles_V
+from inkjet_env.experiments.benchmark.run_files import RunKey, RunResult
+from inkjet_env.experiments.benchmark.settings import BenchOutcome, BenchSettings
+from inkjet_env.experiments.benchmark.suite import problem
 
 
 def a_result(optimizer, regrets, repeat, name="nominal"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu, t
 
-from experiments.benchmark import metrics
+from inkjet_env.experiments.benchmark import metrics
 
 RNG = np.random.default_rng
 

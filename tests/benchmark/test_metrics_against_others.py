@@ -10,7 +10,7 @@ import pytest
 import scikit_posthocs
 from scipy.stats import mannwhitneyu, trim_mean
 
-from experiments.benchmark import mean_ranks, metrics
+from inkjet_env.experiments.benchmark import mean_ranks, metrics
 
 RUNS, EVALUATIONS = 9, 300
 

@@ -5,11 +5,11 @@ import re
 
 import pytest
 
-from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.entrants import entrant
-from experiments.benchmark.report import write_report
-from experiments.benchmark.runner import run_bench
-from experiments.benchmark.settings import BenchSettings
+from inkjet_env.experiments.benchmark.analysis import Comparison
+from inkjet_env.experiments.benchmark.entrants import entrant
+from inkjet_env.experiments.benchmark.report import write_report
+from inkjet_env.experiments.benchmark.runner import run_bench
+from inkjet_env.experiments.benchmark.settings import BenchSettings
 from tests import browser
 
 PROBLEMS = ("nominal", "stiff-head", "reading-200mV")

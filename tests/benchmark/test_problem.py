@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.benchmark.data import data_file
-from experiments.benchmark.problem import BEST_KNOWN_FILE, Problem, Spread
-from experiments.benchmark.single_run import Optimisation
-from experiments.benchmark.suite import VERSION, suite
+from inkjet_env.experiments.benchmark.data import data_file
+from inkjet_env.experiments.benchmark.problem import BEST_KNOWN_FILE, Problem, Spread
+from inkjet_env.experiments.benchmark.single_run import Optimisation
+from inkjet_env.experiments.benchmark.suite import VERSION, suite
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
 
 POINTS = np.random.default_rng(0).uniform(-1, 1, (40, 7))

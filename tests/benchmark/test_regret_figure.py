@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.benchmark.regret_figure import draw_regrets, spread
+from inkjet_env.experiments.benchmark.regret_figure import draw_regrets, spread
 
 HEIGHTS = st.lists(st.floats(0, 1), min_size=1, max_size=12).map(sorted)
 

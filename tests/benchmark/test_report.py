@@ -2,8 +2,8 @@
 
 import json
 
-from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.report import ranking_csv, ranking_json
+from inkjet_env.experiments.benchmark.analysis import Comparison
+from inkjet_env.experiments.benchmark.report import ranking_csv, ranking_json
 
 
 def test_tables_for_machines_agree_with_each_other(finished):

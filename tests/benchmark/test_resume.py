@@ -8,12 +8,12 @@ import time
 
 import pytest
 
-from experiments.benchmark.runner import run_bench
-from experiments.benchmark.settings import BenchSettings
+from inkjet_env.experiments.benchmark.runner import run_bench
+from inkjet_env.experiments.benchmark.settings import BenchSettings
 from tests.benchmark.small_bench import contents, small_settings
 from tests.processes import wait_until, worker
 
-COMMAND = [sys.executable, "-m", "experiments.cli", "bench", "--workers", "1"]
+COMMAND = [sys.executable, "-m", "inkjet_env.experiments.cli", "bench", "--workers", "1"]
 SMALL = ["--problems", "nominal,stiff-head", "--optimizers", "cma-es,pso,random", "--repeats", "4", "--budget", "1500"]
 
 
@@ -57,7 +57,7 @@ def test_the_runs_of_a_killed_worker_are_done_again(start, scheduler, tmp_path):
 
 
 def test_a_finished_bench_is_not_run_again(finished, monkeypatch):
-    monkeypatch.setattr("experiments.benchmark.runner._perform_all", lambda *_: pytest.fail("ran again"))
+    monkeypatch.setattr("inkjet_env.experiments.benchmark.runner._perform_all", lambda *_: pytest.fail("ran again"))
     again = run_bench(small_settings(), finished.folder)
     assert [r.to_bytes({}) for r in again.results] == [r.to_bytes({}) for r in finished.results]
 
@@ -103,7 +103,7 @@ def test_a_bench_is_extended_and_narrowed_and_its_runs_are_those_of_a_new_one(tm
     assert len(outcomes[0].results) == 12
     assert with_settings(grown) == with_settings(new)
     assert all((grown / "runs" / name).stat().st_mtime_ns == at for name, at in first.items())
-    monkeypatch.setattr("experiments.benchmark.runner._perform_all", lambda *_: pytest.fail("ran again"))
+    monkeypatch.setattr("inkjet_env.experiments.benchmark.runner._perform_all", lambda *_: pytest.fail("ran again"))
     capsys.readouterr()
     narrowed = run_bench(small_settings(optimizers=("random",)), grown)
     assert f"10 runs in {grown} were not requested" in capsys.readouterr().err

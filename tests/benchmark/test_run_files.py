@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from experiments.benchmark.run_files import (
+from inkjet_env.experiments.benchmark.run_files import (
     LABELLED,
     DamagedResultError,
     RunKey,
@@ -15,7 +15,7 @@ from experiments.benchmark.run_files import (
     run_path,
     runs_table,
 )
-from experiments.benchmark.runner import run_bench
+from inkjet_env.experiments.benchmark.runner import run_bench
 from tests.benchmark.small_bench import small_settings
 
 

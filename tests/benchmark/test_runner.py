@@ -7,14 +7,14 @@ import sys
 import numpy as np
 import pytest
 
-from experiments.benchmark.analysis import Comparison
-from experiments.benchmark.conclusions import ranking_sentences
-from experiments.benchmark.page import page_data
-from experiments.benchmark.report import write_report
-from experiments.benchmark.run_files import RunKey, label_of
-from experiments.benchmark.runner import perform, perform_some, run_bench
-from experiments.benchmark.settings import LONGEST, BenchOutcome
-from experiments.benchmark.suite import problem
+from inkjet_env.experiments.benchmark.analysis import Comparison
+from inkjet_env.experiments.benchmark.conclusions import ranking_sentences
+from inkjet_env.experiments.benchmark.page import page_data
+from inkjet_env.experiments.benchmark.report import write_report
+from inkjet_env.experiments.benchmark.run_files import RunKey, label_of
+from inkjet_env.experiments.benchmark.runner import perform, perform_some, run_bench
+from inkjet_env.experiments.benchmark.settings import LONGEST, BenchOutcome
+from inkjet_env.experiments.benchmark.suite import problem
 from tests.benchmark.small_bench import small_settings
 
 
@@ -33,12 +33,12 @@ def test_whatever_of_ours_a_run_uses_is_in_the_code_that_it_is_labelled_with():
     script = """if True:
         import sys
         from pathlib import Path
-        import experiments
-        import optimizers
-        from experiments.benchmark.run_files import RunKey
-        from experiments.benchmark.runner import applies, perform
-        from experiments.benchmark.settings import SOURCES, BenchSettings
-        from experiments.benchmark.suite import families
+        from inkjet_env import experiments
+        from inkjet_env import optimizers
+        from inkjet_env.experiments.benchmark.run_files import RunKey
+        from inkjet_env.experiments.benchmark.runner import applies, perform
+        from inkjet_env.experiments.benchmark.settings import SOURCES, BenchSettings
+        from inkjet_env.experiments.benchmark.suite import families
 
         for problems in families().values():
             name = problems[0].name
@@ -83,7 +83,7 @@ def test_an_optimizer_of_shorter_runs_is_compared_as_far_as_they_go(monkeypatch,
 
 
 def test_a_worker_of_other_code_or_packages_does_nothing(monkeypatch):
-    monkeypatch.setattr("experiments.benchmark.runner.perform", lambda *_: pytest.fail("ran"))
+    monkeypatch.setattr("inkjet_env.experiments.benchmark.runner.perform", lambda *_: pytest.fail("ran"))
     told = small_settings().to_json()
     keys = [RunKey("pso", "nominal", 0)]
     with pytest.raises(ValueError, match="the code differs, here or at a worker"):

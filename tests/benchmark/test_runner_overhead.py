@@ -2,8 +2,8 @@ import pandas
 import psutil
 import pytest
 
-from experiments.benchmark.regret import best_known_cost
-from experiments.benchmark.studies import runner_overhead
+from inkjet_env.experiments.benchmark.regret import best_known_cost
+from inkjet_env.experiments.benchmark.studies import runner_overhead
 from tests.processes import wait_until
 
 

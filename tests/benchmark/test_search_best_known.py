@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.benchmark.problem import Problem
-from experiments.benchmark.studies.search_best_known import plain, polished, settled, valley_polished
-from experiments.benchmark.suite import BENCHED, families, family_of, problem, suite
+from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.experiments.benchmark.studies.search_best_known import plain, polished, settled, valley_polished
+from inkjet_env.experiments.benchmark.suite import BENCHED, families, family_of, problem, suite
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Waveform
 

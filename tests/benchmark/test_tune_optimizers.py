@@ -3,16 +3,16 @@ import json
 import numpy as np
 import pytest
 
-from experiments.benchmark import entrants
-from experiments.benchmark.data import data_file
-from experiments.benchmark.regret import best_known_cost, scale_V
-from experiments.benchmark.run_files import RunKey, label_of
-from experiments.benchmark.runner import perform
-from experiments.benchmark.settings import BenchSettings
-from experiments.benchmark.studies import tune_optimizers
-from experiments.benchmark.suite import suite
-from optimizers import UnknownOptimizerError, make, uses_gradient
-from optimizers.loop import minimise
+from inkjet_env.experiments.benchmark import entrants
+from inkjet_env.experiments.benchmark.data import data_file
+from inkjet_env.experiments.benchmark.regret import best_known_cost, scale_V
+from inkjet_env.experiments.benchmark.run_files import RunKey, label_of
+from inkjet_env.experiments.benchmark.runner import perform
+from inkjet_env.experiments.benchmark.settings import BenchSettings
+from inkjet_env.experiments.benchmark.studies import tune_optimizers
+from inkjet_env.experiments.benchmark.suite import suite
+from inkjet_env.optimizers import UnknownOptimizerError, make, uses_gradient
+from inkjet_env.optimizers.loop import minimise
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def test_an_entrant_with_found_settings_is_the_optimizer_made_with_them(found):
     settings = BenchSettings(("nominal",), ("pso", "pso-tuned"), repeats=1, budget=64)
     key = RunKey("pso-tuned", "nominal", 0)
     result = perform(key, settings)[1]
-    from experiments.benchmark.suite import problem
+    from inkjet_env.experiments.benchmark.suite import problem
 
     again = minimise(problem("nominal"), make("pso", 7, 64, key.seed(0), particles=8), 64)
     assert result.costs_V[-1] == again.best_cost

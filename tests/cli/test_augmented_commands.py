@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from experiments.benchmark.problem import Problem
-from experiments.benchmark.single_run import Optimisation, read_record, write_record
+from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.experiments.benchmark.single_run import Optimisation, read_record, write_record
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead, Waveform

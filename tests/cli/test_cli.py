@@ -12,7 +12,7 @@ import pytest
 from inkjet_env.cli.exit_status import INTERRUPTED
 
 OPTIMUM = ["100", "-100", "1e-6", "10.481e-6", "13.769e-6", "9.613e-6", "20e-6"]
-COMMAND = [sys.executable, "-m", "experiments.cli"]
+COMMAND = [sys.executable, "-m", "inkjet_env.experiments.cli"]
 
 
 def a_drive(path, rows=("0,0", "1e-6,100", "2e-6,-50", "4e-6,0"), header="time_s,drive_V"):
@@ -233,7 +233,7 @@ def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, 
     files = ["--sample-rate", "2.5e7", "--plot"]
     assert inkjet(*arguments, *files, "whole.png", "--out", "whole.csv", "--json", "whole.json")[0] == 0
 
-    from experiments.benchmark.problem import Problem
+    from inkjet_env.experiments.benchmark.problem import Problem
 
     evaluate, batches = Problem.evaluate, []
 
@@ -339,7 +339,7 @@ def test_every_command_explains_itself_with_an_example(inkjet, command):
 
 def test_help_imports_nothing_that_costs():
     code = (
-        "import sys, experiments.cli, inkjet_env.cli.app\n"
+        "import sys, inkjet_env.experiments.cli, inkjet_env.cli.app\n"
         "try: inkjet_env.cli.app.main(['--help'])\n"
         "except SystemExit: pass\n"
         "print([m for m in ('numba', 'scipy', 'torch', 'nevergrad', 'matplotlib', 'pandas') if m in sys.modules])"

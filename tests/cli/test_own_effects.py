@@ -156,7 +156,7 @@ def test_simulate_shows_it(augmented, tmp_path):
 
 
 def test_the_command_in_a_process_of_its_own_finds_the_current_folder(augmented, folder, tmp_path):
-    command = "from experiments.cli import main; main()"
+    command = "from inkjet_env.experiments.cli import main; main()"
     given = [*map(str, WAVEFORM), "--printhead", "augmented.json", "--effect", OWN, "--json", str(tmp_path / "s.json")]
     # -P: as with the installed command, the current folder is not searched to begin with
     ran = subprocess.run(
@@ -171,8 +171,8 @@ def test_the_command_in_a_process_of_its_own_finds_the_current_folder(augmented,
 
 
 def test_optimize_finds_a_waveform_for_it_and_goes_on_from_a_record(augmented, tmp_path, capsys):
-    from experiments.benchmark.problem import Problem
-    from experiments.benchmark.single_run import Optimisation, write_record
+    from inkjet_env.experiments.benchmark.problem import Problem
+    from inkjet_env.experiments.benchmark.single_run import Optimisation, write_record
 
     found, out = tmp_path / "optimum.json", tmp_path / "optimum.csv"
     small = ("--particles", 4, "--generations", 2, "--window", 2e-4)

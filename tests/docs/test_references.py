@@ -8,7 +8,7 @@ from urllib.parse import unquote
 import pytest
 import typer
 
-from experiments.cli import app
+from inkjet_env.experiments.cli import app
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.execution.provenance import code_digest, first_difference
+from inkjet_env.experiments.execution.provenance import code_digest, first_difference
 
 
 def test_first_difference_names_the_place():

@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from experiments.learning import amortised
-from experiments.learning.amortised import TuningResult, break_even
-from experiments.learning.learners import by_imitation
-from experiments.learning.repeated_training import KeptFileError, each
+from inkjet_env.experiments.learning import amortised
+from inkjet_env.experiments.learning.amortised import TuningResult, break_even
+from inkjet_env.experiments.learning.learners import by_imitation
+from inkjet_env.experiments.learning.repeated_training import KeptFileError, each
 
 
 def a_test(name, medians, trained=0):

@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from experiments.learning import few_shot, few_shot_tuners
-from experiments.learning.few_shot import heads_on_the_bench
-from experiments.learning.few_shot_tuners import (
+from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
+from inkjet_env.experiments.learning import few_shot, few_shot_tuners
+from inkjet_env.experiments.learning.few_shot import heads_on_the_bench
+from inkjet_env.experiments.learning.few_shot_tuners import (
     MIDDLE,
     PULSE,
     Agent,
@@ -17,9 +18,8 @@ from experiments.learning.few_shot_tuners import (
     best_list,
     kept_costs_V,
 )
-from experiments.learning.heads import Heads, drawn, stretched
-from experiments.learning.policies import Policy
-from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
+from inkjet_env.experiments.learning.heads import Heads, drawn, stretched
+from inkjet_env.experiments.learning.policies import Policy
 
 SEED = 5
 

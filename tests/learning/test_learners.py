@@ -5,8 +5,17 @@ import tempfile
 import numpy as np
 import pytest
 
-from experiments.learning import learners
-from experiments.learning.heads import TEST_SEED, TRAIN_SEED, Heads, OneHead, descended, drawn, stretched, the_task
+from inkjet_env.experiments.learning import learners
+from inkjet_env.experiments.learning.heads import (
+    TEST_SEED,
+    TRAIN_SEED,
+    Heads,
+    OneHead,
+    descended,
+    drawn,
+    stretched,
+    the_task,
+)
 from inkjet_env.printhead import Waveform
 
 

@@ -4,8 +4,8 @@ import json
 import numpy as np
 import pytest
 
-from experiments.learning.policies import Policy, policy_of_sb3
 from inkjet_env.envs.sb3 import BipolarWaveformVecEnv
+from inkjet_env.experiments.learning.policies import Policy, policy_of_sb3
 from inkjet_env.storage import archive_bytes
 
 OBSERVATIONS = np.random.default_rng(0).uniform(-1, 1, (9, 4)).astype(np.float32)

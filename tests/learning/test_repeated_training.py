@@ -6,12 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from experiments.execution.cluster import ClusterError
-from experiments.learning import few_shot, repeated_training
-from experiments.learning.heads import TEST_SEED, TRAIN_SEED, drawn
-from experiments.learning.repeated_training import KeptFileError, each, kept_arrays, kept_policy, over, seeds
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.envs.vector import BipolarWaveformVectorEnv
+from inkjet_env.experiments.execution.cluster import ClusterError
+from inkjet_env.experiments.learning import few_shot, repeated_training
+from inkjet_env.experiments.learning.heads import TEST_SEED, TRAIN_SEED, drawn
+from inkjet_env.experiments.learning.repeated_training import KeptFileError, each, kept_arrays, kept_policy, over, seeds
 from tests.learning.test_policies import a_policy
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.validation.synthetic_campaigns import largest_signal_V, record_synthetic, synthetic_values
+from inkjet_env.experiments.validation.synthetic_campaigns import largest_signal_V, record_synthetic, synthetic_values
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import DiagnosisSettings, diagnose
 from inkjet_env.mismatch.fitting.base_parameters import Head

@@ -6,8 +6,8 @@ import tempfile
 import numpy as np
 import pytest
 
-import optimizers
-from optimizers.loop import Interrupted, NonFiniteCostError, ReplayMismatchError, minimise
+from inkjet_env import optimizers
+from inkjet_env.optimizers.loop import Interrupted, NonFiniteCostError, ReplayMismatchError, minimise
 
 NAMES = [name for name, reason in optimizers.availability().items() if reason is None]
 # At this budget NGOpt chooses a method that draws nothing; test_nevergrad.py looks at it at the usual budget.

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import optimizers
-from optimizers.base import Optimizer
-from optimizers.loop import Interrupted, NonFiniteCostError, PointOutsideBoxError, minimise
+from inkjet_env import optimizers
+from inkjet_env.optimizers.base import Optimizer
+from inkjet_env.optimizers.loop import Interrupted, NonFiniteCostError, PointOutsideBoxError, minimise
 
 
 class Sphere:
@@ -162,7 +162,7 @@ def test_a_run_interrupted_before_its_first_cost_is_empty():
 
 
 def test_an_interrupt_within_a_library_is_an_interrupt_of_the_run(monkeypatch):
-    from optimizers import scipy_global
+    from inkjet_env.optimizers import scipy_global
 
     def interrupted(self, point):
         self.evaluate(point[None, :])

@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-import optimizers
-from optimizers import nevergrad_threads
+from inkjet_env import optimizers
+from inkjet_env.optimizers import nevergrad_threads
 
 
 def bumpy(points):

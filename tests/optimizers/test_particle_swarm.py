@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import optimizers
-from optimizers.loop import minimise
+from inkjet_env import optimizers
+from inkjet_env.optimizers.loop import minimise
 
 
 class Ripples:

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-import optimizers
-from optimizers import registry
-from optimizers.particle_swarm import ParticleSwarm
+from inkjet_env import optimizers
+from inkjet_env.optimizers import registry
+from inkjet_env.optimizers.particle_swarm import ParticleSwarm
 
 
 @pytest.fixture
@@ -64,8 +64,8 @@ def test_a_broken_optimizer_is_reported_with_its_reason_and_the_others_are_not(m
 
 
 def test_a_missing_package_is_the_reason(monkeypatch, fresh_probes):
-    monkeypatch.setitem(sys.modules, "optimizers.cma_es", None)  # importing it raises ModuleNotFoundError
-    monkeypatch.delitem(sys.modules, "optimizers.cma_es")
+    monkeypatch.setitem(sys.modules, "inkjet_env.optimizers.cma_es", None)  # importing it raises ModuleNotFoundError
+    monkeypatch.delitem(sys.modules, "inkjet_env.optimizers.cma_es")
     monkeypatch.setitem(sys.modules, "cma", None)
     reason = optimizers.availability(["cma-es"])["cma-es"]
     assert reason == "cma-es needs the package 'cma', which is not installed."
@@ -75,6 +75,6 @@ def test_a_missing_package_is_the_reason(monkeypatch, fresh_probes):
 
 def test_importing_the_package_imports_nothing_heavy():
     heavy = "scipy,numba,nevergrad,torch,stable_baselines3,cma,matplotlib,pandas,gymnasium,sklearn"
-    code = f"import sys, optimizers, optimizers.loop; print([m for m in {heavy!r}.split(',') if m in sys.modules])"
+    code = f"import sys, inkjet_env.optimizers.loop; print([m for m in {heavy!r}.split(',') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import optimizers
-from optimizers.callback import CallbackOptimizer
-from optimizers.loop import minimise
+from inkjet_env import optimizers
+from inkjet_env.optimizers.callback import CallbackOptimizer
+from inkjet_env.optimizers.loop import minimise
 
 
 class Sphere:

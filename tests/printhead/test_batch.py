@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from experiments.validation.closed_form_accuracy import compare, draw_waveforms
+from inkjet_env.experiments.validation.closed_form_accuracy import compare, draw_waveforms
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform, batch, respond_sampled
 
 HEAD = Printhead.published()

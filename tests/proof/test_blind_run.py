@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from experiments.execution.cluster import WorkLostError
-from experiments.proof import blind_run, sandbox
-from experiments.proof.blind_run import clean_environment, diagnose_blind
-from experiments.proof.campaign_files import ProofError, digest, pack
+from inkjet_env.experiments.execution.cluster import WorkLostError
+from inkjet_env.experiments.proof import blind_run, sandbox
+from inkjet_env.experiments.proof.blind_run import clean_environment, diagnose_blind
+from inkjet_env.experiments.proof.campaign_files import ProofError, digest, pack
 
 
 @pytest.fixture
@@ -20,10 +20,8 @@ def campaign(finished):
 
 def run_watched(scratch, code):
     """Python code in a process that is watched as a blind one; what it said, and what was noted."""
-    begin = (
-        f"from experiments.proof.sandbox import watch, outside; from pathlib import Path; s = set(); watch(s)\n{code}\n"
-    )
-    script = begin + "import json; print(json.dumps(outside(s, Path.cwd())))"
+    begin = "from inkjet_env.experiments.proof.sandbox import watch, outside; from pathlib import Path\n"
+    script = f"{begin}s = set(); watch(s)\n{code}\nimport json; print(json.dumps(outside(s, Path.cwd())))"
     return subprocess.run(
         [sys.executable, "-c", script], cwd=scratch, env=clean_environment(scratch), capture_output=True, text=True
     )
@@ -104,7 +102,8 @@ def test_a_command_that_breaks_down_is_told_by_its_last_line(campaign, monkeypat
 
 
 def test_a_watched_process_ends_with_the_one_that_started_it():
-    code = "import os, time; from experiments.proof.sandbox import end_with_parent; end_with_parent(os.getppid())"
+    imports = "import os, time; from inkjet_env.experiments.proof.sandbox import end_with_parent"
+    code = f"{imports}; end_with_parent(os.getppid())"
     begin = f"subprocess.Popen([sys.executable, '-c', {f'{code}; time.sleep(60)'!r}], stdout=subprocess.DEVNULL)"
     script = f"import subprocess, sys, time; print({begin}.pid); time.sleep(1)"
     environment = os.environ | {"PYTHONPATH": str(Path(sandbox.__file__).parents[2])}

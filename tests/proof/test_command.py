@@ -2,9 +2,9 @@ import json
 
 import pytest
 
-from experiments.execution import cluster
-from experiments.proof import protocol
-from experiments.proof.corpus import PUBLISHED_SEED, Draw
+from inkjet_env.experiments.execution import cluster
+from inkjet_env.experiments.proof import protocol
+from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, Draw
 
 
 @pytest.mark.parametrize(

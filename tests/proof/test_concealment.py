@@ -5,10 +5,10 @@ import re
 import pytest
 
 from experiments.concealed_rig.strength import solved_strength
-from experiments.proof import concealment
-from experiments.proof.campaign_files import ProofError
-from experiments.proof.concealment import OUT_OF_REACH, conceal
-from experiments.proof.corpus import MOST_ATTEMPTS, Draw
+from inkjet_env.experiments.proof import concealment
+from inkjet_env.experiments.proof.campaign_files import ProofError
+from inkjet_env.experiments.proof.concealment import OUT_OF_REACH, conceal
+from inkjet_env.experiments.proof.corpus import MOST_ATTEMPTS, Draw
 
 DRAW = Draw(3, "effect", ("creep",), "strong", False, 1)
 

@@ -2,7 +2,7 @@ from collections import Counter
 
 import pytest
 
-from experiments.proof.corpus import PUBLISHED_SEED, STAGES, Draw, corpus, opaque_name
+from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, STAGES, Draw, corpus, opaque_name
 from inkjet_env.plant import catalogue
 
 OUTSIDE, BASES = ("friction", "backlash", "jitter"), ("bouc_wen", "preisach")

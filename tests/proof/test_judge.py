@@ -3,10 +3,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.proof.corpus import corpus
-from experiments.proof.fresh_drive_error import LEAST_CLOSURE, Model, closure, model_of
-from experiments.proof.judge import located, parameters, questions
-from experiments.proof.waveform_gain import searched
+from inkjet_env.experiments.proof.corpus import corpus
+from inkjet_env.experiments.proof.fresh_drive_error import LEAST_CLOSURE, Model, closure, model_of
+from inkjet_env.experiments.proof.judge import located, parameters, questions
+from inkjet_env.experiments.proof.waveform_gain import searched
 from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead

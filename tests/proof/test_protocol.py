@@ -8,9 +8,9 @@ from unittest.mock import Mock
 
 import pytest
 
-from experiments.execution import cluster
-from experiments.proof import judge, protocol
-from experiments.proof.campaign_files import ProofError, digest
+from inkjet_env.experiments.execution import cluster
+from inkjet_env.experiments.proof import judge, protocol
+from inkjet_env.experiments.proof.campaign_files import ProofError, digest
 from tests.processes import wait_until, worker
 
 SECONDS = 0.06

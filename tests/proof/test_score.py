@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.proof.corpus import STAGES, corpus
-from experiments.proof.criteria import Figure, counted, estimated
-from experiments.proof.fresh_drive_error import LEAST_CLOSURE
-from experiments.proof.printing import print_score
-from experiments.proof.protocol import Outcome, as_judged
-from experiments.proof.report import headline, page_html, sentences
-from experiments.proof.score import score, verdict_record
-from experiments.publish.proof_tables import document
+from inkjet_env.experiments.proof.corpus import STAGES, corpus
+from inkjet_env.experiments.proof.criteria import Figure, counted, estimated
+from inkjet_env.experiments.proof.fresh_drive_error import LEAST_CLOSURE
+from inkjet_env.experiments.proof.printing import print_score
+from inkjet_env.experiments.proof.protocol import Outcome, as_judged
+from inkjet_env.experiments.proof.report import headline, page_html, sentences
+from inkjet_env.experiments.proof.score import score, verdict_record
+from inkjet_env.experiments.publish.proof_tables import document
 from inkjet_env.storage import json_text
 
 OUTSIDE, BASES = ("friction", "backlash"), ("bouc_wen",)

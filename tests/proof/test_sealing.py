@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.proof import sealing
-from experiments.proof.campaign_files import ProofError, digest, pack, unpack
-from experiments.proof.sealing import (
+from inkjet_env.experiments.proof import sealing
+from inkjet_env.experiments.proof.campaign_files import ProofError, digest, pack, unpack
+from inkjet_env.experiments.proof.sealing import (
     Settings,
     canonical,
     check_answer,

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.validation.baselines.base_fit import base_fit, over_noise, put_aside
-from experiments.validation.baselines.compare import METHODS, main, summary, verdict_on
-from experiments.validation.baselines.narx import with_network
-from experiments.validation.baselines.sindy import said, sparse_force
-from experiments.validation.diagnosis_study import head_of
-from experiments.validation.synthetic_campaigns import GAUGE_GAIN, LINES, effect_named, record_synthetic
+from inkjet_env.experiments.validation.baselines.base_fit import base_fit, over_noise, put_aside
+from inkjet_env.experiments.validation.baselines.compare import METHODS, main, summary, verdict_on
+from inkjet_env.experiments.validation.baselines.narx import with_network
+from inkjet_env.experiments.validation.baselines.sindy import said, sparse_force
+from inkjet_env.experiments.validation.diagnosis_study import head_of
+from inkjet_env.experiments.validation.synthetic_campaigns import GAUGE_GAIN, LINES, effect_named, record_synthetic
 from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
@@ -102,7 +102,7 @@ def test_where_nothing_is_left_out_nothing_is_added():
 
 
 def test_the_network_learns_what_the_base_model_leaves(cubic, monkeypatch):
-    monkeypatch.setattr("experiments.validation.baselines.narx.MOST_EPOCHS", 30)
+    monkeypatch.setattr("inkjet_env.experiments.validation.baselines.narx.MOST_EPOCHS", 30)
     base, found = cubic.modelled(cubic.base), with_network(cubic, "self_sensing", 0)
     fit, aside = put_aside(cubic, "self_sensing")
     assert set(found) == {o.name for o in cubic.observed if o.channel == "self_sensing"}
@@ -111,7 +111,7 @@ def test_the_network_learns_what_the_base_model_leaves(cubic, monkeypatch):
 
 
 def test_no_peer_sees_what_is_held_out(cubic, force, monkeypatch):
-    monkeypatch.setattr("experiments.validation.baselines.narx.MOST_EPOCHS", 3)
+    monkeypatch.setattr("inkjet_env.experiments.validation.baselines.narx.MOST_EPOCHS", 3)
     changed = [o if o.fitted else replace(o, measured=o.measured + 1) for o in cubic.observed]
     other = OutputErrorFit(changed, cubic.noise, cubic.start, SETTINGS, base=cubic.base)
     np.testing.assert_array_equal(sparse_force(other, "self_sensing").coefficients, force.coefficients)

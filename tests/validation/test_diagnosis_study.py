@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from experiments.validation import diagnosis_study
-from experiments.validation.diagnosis_study import STRENGTHS, Case, cases, head_of, recorded
-from experiments.validation.synthetic_campaigns import largest_signal_V, synthetic_values
+from inkjet_env.experiments.validation import diagnosis_study
+from inkjet_env.experiments.validation.diagnosis_study import STRENGTHS, Case, cases, head_of, recorded
+from inkjet_env.experiments.validation.synthetic_campaigns import largest_signal_V, synthetic_values
 from inkjet_env.identification import UnidentifiableError
 from inkjet_env.plant import catalogue
 
@@ -19,7 +19,7 @@ def test_every_part_has_its_cases_each_of_its_own_name(part, count):
 
 
 def test_pairs_are_of_different_stages():
-    from experiments.validation.synthetic_campaigns import effect_named
+    from inkjet_env.experiments.validation.synthetic_campaigns import effect_named
 
     for case in cases("pairs", 1):
         assert len({effect_named(name).stage for name in case.effects}) == 2

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.validation.identification_study import (
+from inkjet_env.experiments.validation.identification_study import (
     PARAMETERS,
     held_out_errors,
     identified_heads,

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from experiments.validation.verdict_scores import VerdictRecord, confusion, f1, share
+from inkjet_env.experiments.validation.verdict_scores import VerdictRecord, confusion, f1, share
 
 
 def told(truth, verdict, found=(), *groups):

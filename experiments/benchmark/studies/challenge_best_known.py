@@ -1,9 +1,9 @@
 """Challenge of the best known waveforms with three methods and seeds other than those that found them.
 
-``python -m experiments.benchmark.studies.challenge_best_known --minutes 60`` divides the time among all problems and
-three methods. The exit status is 1 if one of them finds a waveform whose cost is lower by more than a thousandth. The
-cost must be lower for any rounding: a waveform on a discontinuity is counted with the cost beyond it
-(`experiments.benchmark.studies.search_best_known.settled`)."""
+``python -m inkjet_env.experiments.benchmark.studies.challenge_best_known --minutes 60`` divides the time among all
+problems and three methods. The exit status is 1 if one of them finds a waveform whose cost is lower by more than a
+thousandth. The cost must be lower for any rounding: a waveform on a discontinuity is counted with the cost beyond it
+(`inkjet_env.experiments.benchmark.studies.search_best_known.settled`)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from experiments.benchmark.regret import best_known_cost, scale_V
-from experiments.benchmark.suite import VERSION, problem, suite
+from inkjet_env.experiments.benchmark.regret import best_known_cost, scale_V
+from inkjet_env.experiments.benchmark.suite import VERSION, problem, suite
 from inkjet_env.progress import shown_progress
 from inkjet_env.reporting.tables import print_table
 from inkjet_env.storage import write_json
@@ -68,9 +68,9 @@ def attempt(name: str, method: str, seconds: float) -> Attempt:
 
     import numpy as np
 
-    import optimizers
-    from experiments.benchmark.studies.search_best_known import polished, settled
-    from optimizers.loop import minimise
+    from inkjet_env import optimizers
+    from inkjet_env.experiments.benchmark.studies.search_best_known import polished, settled
+    from inkjet_env.optimizers.loop import minimise
 
     of = replace(problem(name), measurement_noise_V=0.0)  # the optimum does not depend on measurement noise
     if optimizers.uses_gradient(method) and not of.has_gradient:
@@ -107,7 +107,7 @@ def attempts(names: list[str], seconds: float, workers: int) -> list[Attempt]:
 def main(arguments: list[str] | None = None) -> int:
     """Challenge the chosen problems and print the results; the exit status is 1 if any was beaten."""
     parser = argparse.ArgumentParser(
-        prog="python -m experiments.benchmark.studies.challenge_best_known", description=__doc__
+        prog="python -m inkjet_env.experiments.benchmark.studies.challenge_best_known", description=__doc__
     )
     parser.add_argument(
         "--problem",
@@ -146,7 +146,7 @@ def main(arguments: list[str] | None = None) -> int:
     for one in beaten:
         print(
             f"{one.problem} has a lower cost by {one.method}: {one.cost_V:.9f} V. "
-            "Run python -m experiments.benchmark.studies.search_best_known."
+            "Run python -m inkjet_env.experiments.benchmark.studies.search_best_known."
         )
     if not beaten:
         most = max(found, key=lambda one: one.gain)

@@ -1,8 +1,8 @@
 """Reproduction of Fig. 7 of the paper: how a particle swarm changes the response within 50 generations.
 
-``python -m experiments.benchmark.studies.figure7`` runs ``pso`` (40 particles, 50 generations) on the default problem
-with 20 seeds and prints in how many of them each of the figure's claims holds. The paper shows one run and no numbers;
-`CLAIMS` states how its words are interpreted."""
+``python -m inkjet_env.experiments.benchmark.studies.figure7`` runs ``pso`` (40 particles, 50 generations) on the
+default problem with 20 seeds and prints in how many of them each of the figure's claims holds. The paper shows one run
+and no numbers; `CLAIMS` states how its words are interpreted."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.benchmark.problem import Problem
-from experiments.benchmark.suite import problem
+from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.printhead import PeakCost, Response
 from inkjet_env.typing import Real
 
@@ -82,8 +82,8 @@ def effective_and_later(response: Response, cost: PeakCost) -> tuple[float, floa
 
 def reproduce(seed: int, problem_name: str = "nominal") -> Reproduction:
     """Run a swarm of the paper's size once."""
-    from optimizers import make
-    from optimizers.loop import minimise
+    from inkjet_env.optimizers import make
+    from inkjet_env.optimizers.loop import minimise
 
     solved = problem(problem_name)
     budget = PARTICLES * GENERATIONS
@@ -109,7 +109,9 @@ def table(runs: Iterable[Reproduction]) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.benchmark.studies.figure7", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m inkjet_env.experiments.benchmark.studies.figure7", description=__doc__
+    )
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="number of seeds, from 0 (default 20)")
     seeds = parser.parse_args().seeds
     if seeds < 1:

@@ -1,7 +1,7 @@
 """Creation of the suite's heads with effects.
 
-``python -m experiments.benchmark.studies.make_augmented_heads`` draws concealed heads, records a campaign of each,
-diagnoses it blind, and stores the resulting printheads in ``data/augmented_heads.json``.
+``python -m inkjet_env.experiments.benchmark.studies.make_augmented_heads`` draws concealed heads, records a campaign of
+each, diagnoses it blind, and stores the resulting printheads in ``data/augmented_heads.json``.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from experiments.benchmark.augmented_heads import FILE, FORMAT, HEADS, HeadDraw
-from experiments.benchmark.data import data_file
+from inkjet_env.experiments.benchmark.augmented_heads import FILE, FORMAT, HEADS, HeadDraw
+from inkjet_env.experiments.benchmark.data import data_file
 from inkjet_env.storage import write_json
 
 
@@ -25,7 +25,7 @@ def found(draw: HeadDraw) -> dict[str, Any]:
     """
     import numpy as np
 
-    from experiments.concealed_rig import Case, build
+    from inkjet_env.experiments.concealed_plant import Case, build
     from inkjet_env.mismatch import diagnose
     from inkjet_env.recordings import read_campaign
 

@@ -1,9 +1,10 @@
 """The comparison's runner against nevergrad's own, on the same job: time, and the results left after a kill.
 
-``python -m experiments.benchmark.studies.runner_overhead`` gives both the same job: three nevergrad optimisers, some
-problems, the same number of runs of 2,000 evaluations each, and the same number of processes. First both run to the
-end; then both are started again and killed half-way. nevergrad's runner (`nevergrad.benchmark.core`) is used unchanged;
-its collection of test functions, which needs dozens of packages that are not installed, is not loaded."""
+``python -m inkjet_env.experiments.benchmark.studies.runner_overhead`` gives both the same job: three nevergrad
+optimisers, some problems, the same number of runs of 2,000 evaluations each, and the same number of processes. First
+both run to the end; then both are started again and killed half-way. nevergrad's runner (`nevergrad.benchmark.core`) is
+used unchanged; its collection of test functions, which needs dozens of packages that are not installed, is not
+loaded."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ from typing import Any
 
 import pandas
 
-from experiments.benchmark.suite import BENCHED, problem
+from inkjet_env.experiments.benchmark.suite import BENCHED, problem
 from inkjet_env.reporting.tables import print_table
 
 METHODS = ("TwoPointsDE", "OnePlusOne", "PSO")
@@ -89,7 +90,16 @@ def run_theirs(file: Path, job: Job) -> None:
 def ours(folder: Path, job: Job) -> list[str]:
     """The command that does the job with this project's runner."""
     named = ",".join(f"nevergrad-{method}" for method in METHODS)
-    command = [sys.executable, "-m", "experiments.cli", "bench", "--optimizers", named, "--results", str(folder)]
+    command = [
+        sys.executable,
+        "-m",
+        "inkjet_env.experiments.cli",
+        "bench",
+        "--optimizers",
+        named,
+        "--results",
+        str(folder),
+    ]
     return command + job.arguments
 
 
@@ -100,7 +110,7 @@ def theirs(file: Path, job: Job) -> list[str]:
         "-W",
         "ignore",
         "-m",
-        "experiments.benchmark.studies.runner_overhead",
+        "inkjet_env.experiments.benchmark.studies.runner_overhead",
         "--theirs",
         str(file),
         *job.arguments,
@@ -140,7 +150,7 @@ def kept(place: Path) -> int:
 def main(arguments: list[str] | None = None) -> None:
     """Time both runners, kill both, and print the comparison."""
     parser = argparse.ArgumentParser(
-        prog="python -m experiments.benchmark.studies.runner_overhead", description=__doc__
+        prog="python -m inkjet_env.experiments.benchmark.studies.runner_overhead", description=__doc__
     )
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--budget", type=int, default=2000)

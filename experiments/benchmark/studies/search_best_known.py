@@ -1,11 +1,11 @@
 """Search for the best known waveform of each problem: a long multi-start search, with the exact gradient if available.
 
-``python -m experiments.benchmark.studies.search_best_known`` writes `best_known.json`, against which the comparison's
-regrets are measured. The cost has many local optima and is discontinuous where a peak appears, so gradient descent
-alone stops at the discontinuities. The best of its end points are polished by random steps and by CMA-ES, neither of
-which needs a gradient, and so are the end points of complete runs of BIPOP-CMA-ES; the number of these that end near
-the best shows how certain it is. Heads with effects have no gradients: CMA-ES replaces the descents there. They are a
-hundred times slower and lots ten times, so fewer points are polished for both."""
+``python -m inkjet_env.experiments.benchmark.studies.search_best_known`` writes `best_known.json`, against which the
+comparison's regrets are measured. The cost has many local optima and is discontinuous where a peak appears, so gradient
+descent alone stops at the discontinuities. The best of its end points are polished by random steps and by CMA-ES,
+neither of which needs a gradient, and so are the end points of complete runs of BIPOP-CMA-ES; the number of these that
+end near the best shows how certain it is. Heads with effects have no gradients: CMA-ES replaces the descents there.
+They are a hundred times slower and lots ten times, so fewer points are polished for both."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 
-import optimizers
-from experiments.benchmark.data import data_file
-from experiments.benchmark.problem import BEST_KNOWN_FILE, Problem
-from experiments.benchmark.regret import best_of_random_V
-from experiments.benchmark.suite import VERSION, problem, suite
+from inkjet_env import __version__, optimizers
+from inkjet_env.experiments.benchmark.data import data_file
+from inkjet_env.experiments.benchmark.problem import BEST_KNOWN_FILE, Problem
+from inkjet_env.experiments.benchmark.regret import best_of_random_V
+from inkjet_env.experiments.benchmark.suite import VERSION, problem, suite
+from inkjet_env.optimizers.loop import minimise
 from inkjet_env.storage import write_json
 from inkjet_env.typing import Real
-from optimizers.loop import minimise
 
 ROUNDING = 1e-11
 MOST_PASSES, GAINED_V = 5, 1e-7
@@ -258,10 +258,9 @@ def search(
 
 def main(arguments: list[str] | None = None) -> None:
     """Search the chosen problems, starting also from their best known waveforms unless the problems have changed."""
-    from importlib.metadata import version
 
     parser = argparse.ArgumentParser(
-        prog="python -m experiments.benchmark.studies.search_best_known", description=__doc__
+        prog="python -m inkjet_env.experiments.benchmark.studies.search_best_known", description=__doc__
     )
     parser.add_argument(
         "--problem", action="append", choices=list(suite()), help="name of a problem; all of the suite unless given"
@@ -284,7 +283,7 @@ def main(arguments: list[str] | None = None) -> None:
             entries = json.loads(file.read_text(encoding="utf-8"))["problems"]
         entries[name] = entry
         written = {
-            "format": "best_known/1", "version": version("inkjet-env"), "suite": VERSION, "problems": entries
+            "format": "best_known/1", "version": __version__, "suite": VERSION, "problems": entries
         }  # fmt: skip
         write_json(file, written)
 

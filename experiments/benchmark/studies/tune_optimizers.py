@@ -1,9 +1,9 @@
 """Tuning of the optimisers' settings on heads outside the suite; every evaluation is counted.
 
 A comparison at defaults shows how good an optimiser is as supplied; one with tuned settings, how good it can be made.
-``python -m experiments.benchmark.studies.tune_optimizers`` gives all optimisers the same effort: Optuna's sampler tries
-the same number of settings for each, on the same heads and seeds; the best few and the defaults are run again on other
-heads with other seeds, and the best of those, defaults included, is stored in `tuned.json`."""
+``python -m inkjet_env.experiments.benchmark.studies.tune_optimizers`` gives all optimisers the same effort: Optuna's
+sampler tries the same number of settings for each, on the same heads and seeds; the best few and the defaults are run
+again on other heads with other seeds, and the best of those, defaults included, is stored in `tuned.json`."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.benchmark.data import data_file
-from experiments.benchmark.entrants import TUNED_FILE, tuned_settings
-from experiments.benchmark.metrics import interquartile_mean
-from experiments.benchmark.problem import Problem
-from experiments.benchmark.regret import best_of_random_V
+from inkjet_env.experiments.benchmark.data import data_file
+from inkjet_env.experiments.benchmark.entrants import TUNED_FILE, tuned_settings
+from inkjet_env.experiments.benchmark.metrics import interquartile_mean
+from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.experiments.benchmark.regret import best_of_random_V
+from inkjet_env.optimizers.loop import minimise
 from inkjet_env.printhead import Printhead
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import write_json
-from optimizers.loop import minimise
 
 if TYPE_CHECKING:
     from optuna.trial import Trial
@@ -120,7 +120,7 @@ def training_problems(seed: int, heads: int = HEADS) -> tuple[Problem, ...]:
 @functools.cache
 def best_and_scale_V(problem: Problem) -> tuple[float, float]:
     """Best cost in volts of a long search on a training problem, and mean regret of the best of 50 random waveforms."""
-    import optimizers
+    from inkjet_env import optimizers
 
     search = optimizers.make("lbfgsb-multistart", 7, REFERENCE_BUDGET, 0)
     best_V = minimise(problem, search, REFERENCE_BUDGET).best_cost
@@ -129,7 +129,7 @@ def best_and_scale_V(problem: Problem) -> tuple[float, float]:
 
 def quality(name: str, options: dict[str, Any], problems: Sequence[Problem], seed: int, budget: int = BUDGET) -> float:
     """Interquartile mean of the final regrets in the problems' scales, over `REPEATS` runs on each problem."""
-    import optimizers
+    from inkjet_env import optimizers
 
     regrets = np.empty((REPEATS, len(problems)))
     for k, problem in enumerate(problems):
@@ -186,7 +186,7 @@ def tune(name: str, trials: int = TRIALS, budget: int = BUDGET, heads: int = HEA
 def main(arguments: list[str] | None = None) -> None:
     """Tune the chosen optimisers and store their settings."""
     parser = argparse.ArgumentParser(
-        prog="python -m experiments.benchmark.studies.tune_optimizers", description=__doc__
+        prog="python -m inkjet_env.experiments.benchmark.studies.tune_optimizers", description=__doc__
     )
     parser.add_argument(
         "names", nargs="*", metavar="optimizer", help=f"one or more of {', '.join(SPACES)}; all unless given"

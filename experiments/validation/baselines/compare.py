@@ -1,4 +1,4 @@
-"""Baselines for a mismatch compared on the same cases: python -m experiments.validation.baselines.compare.
+"""Baselines for a mismatch compared on the same cases: python -m inkjet_env.experiments.validation.baselines.compare.
 
 Each baseline is fitted to the recordings that the diagnosis fits, runs freely, and is judged on the recordings that
 the diagnosis holds out, by the RMS of its residuals in standard deviations of the noise, over all channels.
@@ -51,11 +51,11 @@ from typing import Any
 
 import numpy as np
 
-from experiments.validation.baselines.base_fit import base_fit, base_of, over_noise, put_aside
-from experiments.validation.baselines.narx import with_network
-from experiments.validation.baselines.sindy import said, sparse_force
-from experiments.validation.diagnosis_study import Case, cases, recorded, verdict_record
-from experiments.validation.synthetic_campaigns import effect_named
+from inkjet_env.experiments.validation.baselines.base_fit import base_fit, base_of, over_noise, put_aside
+from inkjet_env.experiments.validation.baselines.narx import with_network
+from inkjet_env.experiments.validation.baselines.sindy import said, sparse_force
+from inkjet_env.experiments.validation.diagnosis_study import Case, cases, recorded, verdict_record
+from inkjet_env.experiments.validation.synthetic_campaigns import effect_named
 from inkjet_env.mismatch import Diagnosis, diagnose
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.hypotheses import base_hypothesis

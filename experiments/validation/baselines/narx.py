@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.validation.baselines.base_fit import put_aside
+from inkjet_env.experiments.validation.baselines.base_fit import put_aside
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.typing import Real

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.validation.baselines.base_fit import ASIDE_EVERY, over_noise, put_aside
+from inkjet_env.experiments.validation.baselines.base_fit import ASIDE_EVERY, over_noise, put_aside
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.plant import Excitation, Resonance

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.validation.synthetic_campaigns import record_synthetic, synthetic_values
+from inkjet_env.experiments.validation.synthetic_campaigns import record_synthetic, synthetic_values
 from inkjet_env.mismatch import DiagnosisSettings, diagnose
 from inkjet_env.mismatch.fitting.base_model import base_model
 from inkjet_env.mismatch.fitting.base_parameters import Head

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from fake_steps import STEPS
 
-from experiments.execution.cluster import workers_of
-from experiments.proof.protocol import prove
-from experiments.proof.sealing import Settings
+from inkjet_env.experiments.execution.cluster import workers_of
+from inkjet_env.experiments.proof.protocol import prove
+from inkjet_env.experiments.proof.sealing import Settings
 
 if __name__ == "__main__":
     folder, scheduler = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else None

@@ -8,8 +8,8 @@ import zipfile
 from io import BytesIO
 from pathlib import Path
 
-from experiments.proof.corpus import STAGES
-from experiments.proof.protocol import Steps, conceal_case
+from inkjet_env.experiments.proof.corpus import STAGES
+from inkjet_env.experiments.proof.protocol import Steps, conceal_case
 
 
 def answer(name, packed, sealed_digest, code):
