@@ -5,8 +5,10 @@ from inkjet_env.optimizers.registry import (
     UnavailableOptimizerError,
     UnknownOptimizerError,
     availability,
+    installed,
     make,
     names,
+    provenance,
     uses_gradient,
 )
 
@@ -15,7 +17,9 @@ __all__ = [
     "UnavailableOptimizerError",
     "UnknownOptimizerError",
     "availability",
+    "installed",
     "make",
     "names",
+    "provenance",
     "uses_gradient",
 ]

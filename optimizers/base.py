@@ -6,9 +6,8 @@ import operator
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]  # not from inkjet_env, so that an optimiser alone does not import Gymnasium
+from inkjet_env.typing import Real
 
 
 class Optimizer:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from greenlet import GreenletExit, getcurrent, greenlet
 
-from inkjet_env.optimizers.base import Optimizer, Real
+from inkjet_env.optimizers.base import Optimizer
+from inkjet_env.typing import Real
 
 
 class CallbackOptimizer(Optimizer):

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import cma
 import numpy as np
 
-from inkjet_env.optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, checked_count
+from inkjet_env.typing import Real
 
 STEP = 0.5
 """Initial step size of a search from a random start, in half widths of the box."""

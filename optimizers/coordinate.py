@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from inkjet_env.optimizers.base import Real, checked_count
+from inkjet_env.optimizers.base import checked_count
 from inkjet_env.optimizers.callback import CallbackOptimizer
+from inkjet_env.typing import Real
 
 FINEST = 1e-3
 """Smallest half width of a scan, as a fraction of the box's: below it a generator's display shows no difference."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from scipy import optimize
 
-from inkjet_env.optimizers.base import Real
 from inkjet_env.optimizers.callback import CallbackOptimizer
+from inkjet_env.typing import Real
 
 
 class LbfgsbMultistart(CallbackOptimizer):

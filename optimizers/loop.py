@@ -11,7 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inkjet_env.optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, checked_count
+from inkjet_env.typing import Real
 
 
 class Objective(Protocol):

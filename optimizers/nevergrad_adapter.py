@@ -9,9 +9,10 @@ from contextlib import contextmanager
 import nevergrad
 import numpy as np
 
-from inkjet_env.optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, checked_count
 from inkjet_env.optimizers.nevergrad_threads import repeatable_nevergrad
 from inkjet_env.optimizers.process_randomness import OwnRandomness
+from inkjet_env.typing import Real
 
 
 class Nevergrad(Optimizer):

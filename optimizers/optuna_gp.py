@@ -6,7 +6,8 @@ import numpy as np
 import optuna
 from threadpoolctl import threadpool_limits
 
-from inkjet_env.optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, checked_count
+from inkjet_env.typing import Real
 
 
 class OptunaGp(Optimizer):

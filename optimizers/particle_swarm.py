@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, checked_count
+from inkjet_env.typing import Real
 
 
 class ParticleSwarm(Optimizer):

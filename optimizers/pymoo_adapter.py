@@ -11,7 +11,8 @@ from pymoo.core.algorithm import Algorithm
 from pymoo.core.problem import Problem
 from pymoo.core.termination import NoTermination
 
-from inkjet_env.optimizers.base import Optimizer, Real, checked_count
+from inkjet_env.optimizers.base import Optimizer, checked_count
+from inkjet_env.typing import Real
 
 
 class _Pymoo(Optimizer):

@@ -1,16 +1,20 @@
-"""The optimisers by name. A third-party package is imported only when one of its optimisers is requested."""
+"""The optimisers by name. A third-party package is imported only when one of its optimisers is requested.
+
+Besides the names listed here, `make` takes those that other packages offer as entry points of the group
+``inkjet_env.optimizers``, and ``module:Class`` for a class of your own; see `inkjet_env.plugins`."""
 
 from __future__ import annotations
 
 import functools
 import inspect
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from inkjet_env import plugins
 from inkjet_env.optimizers.base import Optimizer
 
 # Name → module and class of this package. The rest of a name that begins with NEVERGRAD is one of nevergrad's registry.
@@ -49,8 +53,19 @@ class UnavailableOptimizerError(ValueError):
 
 
 def names() -> tuple[str, ...]:
-    """Names of the optimisers that are compared. `make` also accepts any other ``nevergrad-<name of its registry>``."""
+    """Names of this package's optimisers. `make` also accepts any other ``nevergrad-<name of its registry>``."""
     return tuple(CLASSES)
+
+
+def installed() -> tuple[str, ...]:
+    """Names of the optimisers that other installed packages offer."""
+    return tuple(plugins.installed(plugins.OPTIMIZERS, CLASSES))
+
+
+def provenance(name: str) -> dict[str, str] | None:
+    """Place, code and package of an optimiser that is not this package's own; None for one that is."""
+    found = _plugin(name)
+    return None if found is None else found.provenance()
 
 
 def make(name: str, dimension: int = 7, budget: int = 2000, seed: int = 0, **options: Any) -> Optimizer:
@@ -59,7 +74,7 @@ def make(name: str, dimension: int = 7, budget: int = 2000, seed: int = 0, **opt
     Parameters
     ----------
     name : str
-        One of `names`, or ``nevergrad-`` followed by any name of nevergrad's registry.
+        One of `names` or `installed`, ``nevergrad-`` followed by any name of nevergrad's registry, or ``module:Class``.
     dimension, budget, seed : int
         See `Optimizer`.
     **options
@@ -72,15 +87,9 @@ def make(name: str, dimension: int = 7, budget: int = 2000, seed: int = 0, **opt
     UnavailableOptimizerError
         Its package is not installed, or it is known not to work.
     ValueError
-        It has no such option, or a number is out of range.
+        It has no such option, a number is out of range, or a class of your own is not an `Optimizer`.
     """
-    module, class_name = CLASSES.get(name, CLASSES["nevergrad-NGOpt"])
-    if name not in CLASSES and not name.startswith(NEVERGRAD):
-        raise UnknownOptimizerError(_unknown(name, CLASSES))
-    try:
-        made = getattr(import_module(f"inkjet_env.optimizers.{module}"), class_name)
-    except ModuleNotFoundError as error:
-        raise UnavailableOptimizerError(f"{name} needs the package {error.name!r}, which is not installed.") from None
+    made = _class_of(name)
     known = [p.name for p in inspect.signature(made).parameters.values() if p.kind is p.KEYWORD_ONLY]
     if name.startswith(NEVERGRAD):
         known.remove("method")
@@ -95,11 +104,42 @@ def make(name: str, dimension: int = 7, budget: int = 2000, seed: int = 0, **opt
 
 def uses_gradient(name: str) -> bool:
     """Whether an optimiser needs gradients; False if it is not available."""
-    module, class_name = CLASSES.get(name, CLASSES["nevergrad-NGOpt"])
     try:
-        return bool(getattr(import_module(f"inkjet_env.optimizers.{module}"), class_name).uses_gradient)
-    except ModuleNotFoundError:
+        return bool(_class_of(name).uses_gradient)
+    except UnavailableOptimizerError:
         return False
+
+
+def _class_of(name: str) -> type[Optimizer]:
+    if name in CLASSES or name.startswith(NEVERGRAD):
+        module, class_name = CLASSES.get(name, CLASSES["nevergrad-NGOpt"])
+        try:
+            return getattr(import_module(f"inkjet_env.optimizers.{module}"), class_name)
+        except ModuleNotFoundError as error:
+            raise UnavailableOptimizerError(
+                f"{name} needs the package {error.name!r}, which is not installed."
+            ) from None
+    found = _plugin(name)
+    if found is None:
+        raise UnknownOptimizerError(_unknown(name, [*CLASSES, *installed()]))
+    try:
+        made = found.load()
+    except ValueError as error:
+        raise UnknownOptimizerError(f"optimiser {name}: {error}") from None
+    if not (isinstance(made, type) and issubclass(made, Optimizer)):
+        raise UnknownOptimizerError(
+            f"optimiser {name}: it must be a subclass of inkjet_env.optimizers.Optimizer; got {made!r}."
+        )
+    return made
+
+
+def _plugin(name: str) -> plugins.Plugin | None:
+    if name in CLASSES or name.startswith(NEVERGRAD):
+        return None
+    try:
+        return plugins.plugin(plugins.OPTIMIZERS, name, CLASSES)
+    except ValueError as error:
+        raise UnknownOptimizerError(f"optimiser {name}: {error}") from None
 
 
 def availability(of: Iterable[str] | None = None) -> dict[str, str | None]:
@@ -143,14 +183,15 @@ def _check_nevergrad(name: str) -> None:
 
     method, registry = name.removeprefix(NEVERGRAD), nevergrad.optimizers.registry
     if method not in registry:
-        raise UnknownOptimizerError(_unknown(name, [*CLASSES, *(NEVERGRAD + known for known in registry)]))
+        raise UnknownOptimizerError(_unknown(name, CLASSES, [*CLASSES, *(NEVERGRAD + known for known in registry)]))
     if re.search("BO(?!BYQA)", method):
         raise UnavailableOptimizerError(
             f"{name} is refused: nevergrad's Bayesian optimisers depend on outdated libraries and hang."
         )
 
 
-def _unknown(name: str, known: Iterable[str]) -> str:
+def _unknown(name: str, known: Collection[str], similar: Iterable[str] | None = None) -> str:
     from inkjet_env.naming import nearest_name
 
-    return f"there is no optimiser {name!r}.{nearest_name(name, known)} Known: {', '.join(CLASSES)}."
+    nearest = nearest_name(name, known if similar is None else similar)
+    return f"there is no optimiser {name!r}.{nearest} Known: {', '.join(known)}."

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from inkjet_env.optimizers.base import Optimizer, Real
+from inkjet_env.optimizers.base import Optimizer
+from inkjet_env.typing import Real
 
 BATCH = 64
 

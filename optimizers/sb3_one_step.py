@@ -12,9 +12,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from inkjet_env.optimizers.base import Real, checked_count
+from inkjet_env.optimizers.base import checked_count
 from inkjet_env.optimizers.callback import CallbackOptimizer
 from inkjet_env.optimizers.process_randomness import OwnRandomness
+from inkjet_env.typing import Real
 
 
 class OneStepEnvs(VecEnv):

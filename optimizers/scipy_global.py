@@ -6,8 +6,9 @@ from typing import Any
 
 from scipy import optimize
 
-from inkjet_env.optimizers.base import Real, checked_count
+from inkjet_env.optimizers.base import checked_count
 from inkjet_env.optimizers.callback import CallbackOptimizer
+from inkjet_env.typing import Real
 
 ENDLESS = 10**9
 

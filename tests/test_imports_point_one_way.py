@@ -7,11 +7,8 @@ import pytest
 from tests.modules import MODULES
 
 GROUND = (
-    "inkjet_env.storage",
-    "inkjet_env.naming",
-    "inkjet_env.typing",
-    "inkjet_env.estimate",
-    "inkjet_env.installation",
+    *("inkjet_env.storage", "inkjet_env.naming", "inkjet_env.typing", "inkjet_env.estimate"),
+    *("inkjet_env.installation", "inkjet_env.plugins"),
 )
 PRINTHEAD = (*GROUND, "inkjet_env.printhead")
 PLANT = (*PRINTHEAD, "inkjet_env.plant")
@@ -43,7 +40,9 @@ ALLOWED = {
     "inkjet_env.typing": (),
     "inkjet_env.estimate": (),
     "inkjet_env.installation": (),
+    "inkjet_env.plugins": ("inkjet_env.naming",),
     "inkjet_env.progress": PRINTHEAD,
+    "inkjet_env.testing": PLANT,
     "inkjet_env.printhead": GROUND,
     "inkjet_env.plant": PRINTHEAD,
     "inkjet_env.recordings": PRINTHEAD,

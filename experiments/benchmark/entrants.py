@@ -79,10 +79,10 @@ def tuned_settings() -> dict[str, dict[str, Any]]:
 
 
 def entrants() -> tuple[str, ...]:
-    """Names of all entrants: every optimiser, and the tuned variant of those with tuned settings."""
+    """Names of all entrants: every optimiser, the tuned variant of those with tuned settings, and those of plug-ins."""
     from inkjet_env import optimizers
 
-    return (*optimizers.names(), *(name + TUNED for name in tuned_settings()))
+    return (*optimizers.names(), *(name + TUNED for name in tuned_settings()), *optimizers.installed())
 
 
 def entrant(name: str) -> Entrant:
@@ -97,7 +97,7 @@ def entrant(name: str) -> Entrant:
 
     of = name.removesuffix(TUNED)
     if of not in optimizers.names():
-        optimizers.make(of).close()  # raises the error that suggests the nearest name
+        optimizers.uses_gradient(of)  # raises the error that suggests the nearest name
     if of == name:
         return Entrant(name, name)
     if of not in tuned_settings():

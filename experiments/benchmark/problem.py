@@ -115,6 +115,8 @@ class Problem:
     measurement_noise_V : float
         Standard deviation in volts of the error of each peak height that an optimiser receives; see `read`. `evaluate`
         is free of it.
+    known : BestKnown, optional
+        The best known waveform of a problem that is not of the suite, from which a comparison counts regrets.
     """
 
     name: str
@@ -126,6 +128,7 @@ class Problem:
     jetting_Hz: float = 0.0
     spread: Spread | None = None
     measurement_noise_V: float = 0.0
+    known: BestKnown | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if isinstance(self.printhead, AugmentedPrinthead) and (
@@ -244,7 +247,9 @@ class Problem:
 
     @property
     def best_known(self) -> BestKnown | None:
-        """The best known waveform (see `studies.search_best_known`); None outside the suite."""
+        """The best known waveform: `known`, or that of the suite (see `studies.search_best_known`); None if unknown."""
+        if self.known is not None:
+            return self.known
         entry = _best_known_entries().get(self.name)
         if entry is None or entry["problem"] != self.settings():
             return None

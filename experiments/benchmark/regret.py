@@ -24,11 +24,11 @@ RANDOM_POINTS, RANDOM_DRAWS = 50, 200
 
 
 def best_known_cost(name: str) -> float:
-    """Best known cost of a problem of the suite, in volts; ``ValueError`` if none is on record."""
+    """Best known cost of a problem, in volts; ``ValueError`` if none is on record."""
     known = problem(name).best_known
     if known is None:
         raise ValueError(
-            f"problem {name!r} has no best known cost on record. "
+            f"problem {name!r} has no best known cost on record, from which regrets are counted. "
             f"Run: python -m inkjet_env.experiments.benchmark.studies.search_best_known --problem {name}"
         )
     return known.cost

@@ -56,7 +56,7 @@ class RunKey:
     @property
     def file_stem(self) -> str:
         """Name of the run's files without ending."""
-        return f"{self.problem}--{self.optimizer}--{self.repeat:03d}"
+        return f"{self.problem}--{self.optimizer}--{self.repeat:03d}".replace(":", ".")
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +136,8 @@ def label_of(key: RunKey, settings: Mapping[str, Any]) -> dict[str, Any]:
         Settings of the bench, from `BenchSettings.to_json`.
     """
     of = json.dumps(settings["problems"][key.problem], sort_keys=True)
+    elsewhere = settings.get("plugins", {})
+    used = {name: elsewhere[name] for name in (key.optimizer, key.problem) if name in elsewhere}
     return {
         "format": RUN_FORMAT,
         "optimizer": key.optimizer,
@@ -147,6 +149,7 @@ def label_of(key: RunKey, settings: Mapping[str, Any]) -> dict[str, Any]:
         "budget": settings["shorter"].get(key.optimizer, settings["budget"]),
         "code": settings["code"],
         "versions": settings["versions"],
+        **({"plugins": used} if used else {}),
     }
 
 
@@ -234,6 +237,7 @@ def runs_table(folder: str | os.PathLike[str]) -> Any:
             f"optimizer {label['optimizer']}": {name: label[name] for name in ("options", "budget")},
             f"problem {label['problem']}": {"problem_sha256": label["problem_sha256"]},
         }
+        decisive |= {f"plugin {name}": entries for name, entries in label.get("plugins", {}).items()}
         for of, entries in decisive.items():
             known, its = first.setdefault(of, (path, entries))
             if difference := first_difference(its, entries, of):

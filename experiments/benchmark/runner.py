@@ -84,6 +84,9 @@ def _decisive(settings: Mapping[str, Any], others: Mapping[str, Any]) -> dict[st
         "shorter": {name: settings.get("shorter", {}).get(name) for name in sorted(common["optimizers"])},
         "options": {name: settings.get("options", {}).get(name) for name in sorted(common["optimizers"])},
         "problems": {name: settings["problems"][name] for name in sorted(common["problems"])},
+        "plugins": {
+            name: settings.get("plugins", {}).get(name) for part in ("optimizers", "problems") for name in common[part]
+        },
     }
     return whole | of_names
 
@@ -205,16 +208,22 @@ def _perform_all(
 
 
 def _job(keys: Sequence[RunKey], settings: BenchSettings, described: Mapping[str, Any]) -> tuple[Any, ...]:
-    return tuple(keys), settings, described["code"], described["versions"]
+    return tuple(keys), settings, described["code"], described["versions"], described.get("plugins", {})
 
 
-def perform_some(keys: Sequence[RunKey], settings: BenchSettings, code: str, packages: Mapping[str, str]) -> Batch:
+def perform_some(
+    keys: Sequence[RunKey],
+    settings: BenchSettings,
+    code: str,
+    packages: Mapping[str, str],
+    plugins: Mapping[str, Mapping[str, str]],
+) -> Batch:
     """Do these runs at a worker with `perform`; if one raises an exception, the runs before it are still returned.
 
     Raises
     ------
     ValueError
-        The worker has other code, or another version of a package.
+        The worker has other code, another version of a package, or another plug-in of a name.
     """
     if _own_code() != code:
         raise ValueError(
@@ -224,6 +233,11 @@ def perform_some(keys: Sequence[RunKey], settings: BenchSettings, code: str, pac
     if difference := first_difference(dict(packages), _own_versions()):
         raise ValueError(
             f"a worker's packages differ from those with which this bench was started: {difference}. Install the same "
+            "on all machines, restart the workers and repeat the command."
+        )
+    if difference := first_difference(dict(plugins), settings.plugins()):
+        raise ValueError(
+            f"a worker's plug-ins differ from those with which this bench was started: {difference}. Install the same "
             "on all machines, restart the workers and repeat the command."
         )
     ended: list[Ended] = []

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from inkjet_env.experiments.benchmark import suite
 from inkjet_env.experiments.benchmark.entrants import entrant
 from inkjet_env.experiments.benchmark.problem import MAX_BUDGET
+from inkjet_env.experiments.benchmark.regret import best_known_cost
 from inkjet_env.experiments.benchmark.run_files import RunResult
 from inkjet_env.experiments.benchmark.suite import BENCHED, problem
 from inkjet_env.experiments.execution.provenance import code_digest, versions
@@ -37,7 +39,8 @@ class BenchSettings:
     Parameters
     ----------
     problems, optimizers : tuple of str
-        Names of problems of the suite and of entrants, without duplicates.
+        Names of problems and of entrants, without duplicates; also of those of other packages, see
+        `inkjet_env.plugins`.
     repeats, budget : int
         Runs of each pair, and evaluations of each run; at least 1.
     seed : int
@@ -52,7 +55,7 @@ class BenchSettings:
 
     def __post_init__(self) -> None:
         for name in self.problems:
-            problem(name)
+            best_known_cost(name)
         for name in self.optimizers:
             entrant(name)
         for label, names in (("problems", self.problems), ("optimizers", self.optimizers)):
@@ -85,6 +88,7 @@ class BenchSettings:
 
     def to_json(self) -> dict[str, Any]:
         """Everything that determines the results, as plain JSON values."""
+        elsewhere = self.plugins()
         return {
             "format": BENCH_FORMAT,
             "budget": self.budget,
@@ -96,7 +100,16 @@ class BenchSettings:
             "problems": {name: problem(name).settings() for name in self.problems},
             "code": code_digest(SOURCES),
             "versions": versions(),
+            **({"plugins": elsewhere} if elsewhere else {}),
         }
+
+    def plugins(self) -> dict[str, dict[str, str]]:
+        """Place, code and package of every optimiser and problem that is not this package's own, by name."""
+        from inkjet_env import optimizers
+
+        of_optimizers = {name: optimizers.provenance(entrant(name).optimizer) for name in self.optimizers}
+        of_problems = {name: suite.provenance(name) for name in self.problems}
+        return {name: found for name, found in (of_problems | of_optimizers).items() if found is not None}
 
 
 @dataclass(frozen=True)

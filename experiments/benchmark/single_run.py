@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import zipfile
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from inkjet_env.experiments.benchmark import suite
 from inkjet_env.experiments.benchmark.cost_check import first_other_cost
 from inkjet_env.experiments.benchmark.problem import MAX_BUDGET, Problem
+from inkjet_env.experiments.execution.provenance import first_difference
 from inkjet_env.plant.registry import UnregisteredEffectError
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import archive_bytes, write_atomically
@@ -59,7 +62,16 @@ class Optimisation:
             "options": self.options,
             "budget": self.budget,
             "seed": self.seed,
+            **({"plugins": plugins} if (plugins := self.plugins()) else {}),
         }
+
+    def plugins(self) -> dict[str, dict[str, str]]:
+        """Place, code and package of the optimiser and of the problem, as far as they are not this package's own."""
+        from inkjet_env import optimizers
+
+        name = self.problem.name
+        found = {self.optimizer: optimizers.provenance(self.optimizer), name: suite.provenance(name)}
+        return {name: where for name, where in found.items() if where is not None}
 
     def carry_out(self, recorded: Run | tuple | None = None) -> Run:
         """Run it, resuming after ``recorded``; Ctrl-C returns the run so far, with ``complete`` False.
@@ -111,8 +123,15 @@ def write_record(path: Path, optimisation: Optimisation, run: Run) -> None:
     write_atomically(path, archive_bytes(arrays))
 
 
-def read_record(path: Path) -> tuple[Optimisation, tuple]:
+def read_record(path: Path, trusted: Collection[str] = ()) -> tuple[Optimisation, tuple]:
     """The optimisation in a record, and its evaluations in the form that `inkjet_env.optimizers.loop.minimise` takes.
+
+    Parameters
+    ----------
+    path : Path
+        File of the record.
+    trusted : collection of str
+        Optimisers and problems of other packages whose code may be run: a record alone never imports any.
 
     Raises
     ------
@@ -130,8 +149,14 @@ def read_record(path: Path) -> tuple[Optimisation, tuple]:
         for name, kind in (("problem", str), ("optimizer", str), ("budget", int), ("seed", int), ("options", dict)):
             if type(label[name]) is not kind:
                 raise ValueError(f"its {name} is {label[name]!r}")
-        problem = Problem.from_settings(label["problem"], label["settings"])
+        for option in ("problem", "optimizer"):
+            if (name := label[option]) in label.get("plugins", {}) and name not in trusted:
+                raise ValueError(f"it is of {name}, whose code is run only if you name it: add --{option} {name}")
+        named = label["problem"]
+        problem = suite.problem(named) if named in trusted else Problem.from_settings(named, label["settings"])
         optimisation = Optimisation(problem, label["optimizer"], label["budget"], label["seed"], label["options"])
+        if difference := first_difference(label.get("plugins", {}), optimisation.plugins()):
+            raise ValueError(f"the code of a plug-in has changed since: {difference}")
         _check_evaluations(optimisation, *recorded)
     except UnregisteredEffectError as error:
         raise ValueError(f"{path}: {error}") from None

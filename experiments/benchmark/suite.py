@@ -1,10 +1,15 @@
-"""The problems on which optimisers are compared: named instances in families, versioned."""
+"""The problems on which optimisers are compared: named instances in families, versioned.
+
+Besides these, `problem` takes those that other packages offer as entry points of the group ``inkjet_env.problems``, and
+``module:name`` for one of your own; see `inkjet_env.plugins`."""
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Mapping
 
+from inkjet_env import plugins
 from inkjet_env.experiments.benchmark.augmented_heads import HEADS, augmented_head
 from inkjet_env.experiments.benchmark.problem import Problem, Spread
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, check_name
@@ -80,11 +85,65 @@ def suite() -> dict[str, Problem]:
 
 
 def problem(name: str) -> Problem:
-    """The instance of that name; an unknown name raises a ``ValueError`` that suggests the nearest."""
-    check_name("problem", name, suite())
-    return suite()[name]
+    """The problem of that name.
+
+    Parameters
+    ----------
+    name : str
+        One of `suite` or `installed`; or ``module:name`` of a `Problem`, or of something that returns one when called.
+
+    Raises
+    ------
+    ValueError
+        There is no such problem; the message suggests the nearest name.
+    """
+    if name in suite():
+        return suite()[name]
+    return _problem_elsewhere(name)
+
+
+@functools.cache
+def _problem_elsewhere(name: str) -> Problem:
+    found = _plugin(name)
+    if found is None:
+        check_name("problem", name, [*suite(), *installed()])
+    assert found is not None
+    try:
+        made = found.load()
+        if callable(made):
+            made = made()
+    except Exception as error:
+        reason = error if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+        raise ValueError(f"problem {name}: {reason}") from error
+    if not isinstance(made, Problem):
+        raise ValueError(
+            f"problem {name}: it must be an inkjet_env.experiments.benchmark.problem.Problem; got {made!r}."
+        )
+    named = copy.copy(made)
+    object.__setattr__(named, "name", name)  # a subclass may have another constructor than `dataclasses.replace` needs
+    return named
+
+
+def _plugin(name: str) -> plugins.Plugin | None:
+    try:
+        return plugins.plugin(plugins.PROBLEMS, name, suite())
+    except ValueError as error:
+        raise ValueError(f"problem {name}: {error}") from None
+
+
+def installed() -> tuple[str, ...]:
+    """Names of the problems that other installed packages offer."""
+    return tuple(plugins.installed(plugins.PROBLEMS, suite()))
+
+
+def provenance(name: str) -> dict[str, str] | None:
+    """Place, code and package of a problem that is not of the suite; None for one that is."""
+    if name in suite():
+        return None
+    found = _plugin(name)
+    return None if found is None else found.provenance()
 
 
 def family_of(name: str) -> str:
-    """The family of an instance."""
-    return next(family for family, problems in families().items() if any(one.name == name for one in problems))
+    """The family of an instance; "own" for a problem that is not of the suite."""
+    return next((family for family, problems in families().items() if any(p.name == name for p in problems)), "own")

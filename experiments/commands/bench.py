@@ -19,10 +19,14 @@ def bench(
         "results/bench"
     ),
     problems: Annotated[
-        str | None, typer.Option(help='names separated by commas, or "all"; the five default problems unless given')
+        str | None,
+        typer.Option(help='names separated by commas, module:name for your own, or "all"; five problems unless given'),
     ] = None,
     optimizers: Annotated[
-        str | None, typer.Option(help='names separated by commas, or "all"; all but the slowest unless given')
+        str | None,
+        typer.Option(
+            help='names separated by commas, module:Class for your own, or "all"; all but the slowest unless given'
+        ),
     ] = None,
     repeats: Annotated[int, typer.Option(help="number of runs of each optimiser on each problem")] = 15,
     budget: Annotated[int, typer.Option(help="number of evaluations in each run")] = 2000,
@@ -39,6 +43,8 @@ def bench(
     """Compare the optimisers on the problem suite; the same command resumes where it was stopped.
 
     inkjet bench --optimizers pso,pso-printed,cma-es --problems nominal --repeats 5 --results results/quick
+
+    inkjet bench --optimizers pso,my_lab:Annealing --problems nominal,my_lab:tall_drop --repeats 5 --results results/lab
     """
     from inkjet_env.experiments.benchmark.runner import run_bench
     from inkjet_env.experiments.benchmark.settings import BenchSettings
@@ -60,9 +66,9 @@ def bench(
 
         chosen["optimizers"] = entrants()
     if chosen.get("problems") == ("all",):
-        from inkjet_env.experiments.benchmark.suite import suite
+        from inkjet_env.experiments.benchmark.suite import installed, suite
 
-        chosen["problems"] = tuple(suite())
+        chosen["problems"] = (*suite(), *installed())
     settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
     announce_compiling()
     try:

@@ -32,12 +32,12 @@ if TYPE_CHECKING:
 SAMPLE_RATE_HZ = 100e6
 
 
-OPTIMIZER_HELP = "pso, pso-printed, cma-es, lbfgsb-multistart, random …; a wrong name lists them all"
+OPTIMIZER_HELP = "pso, pso-printed, cma-es, lbfgsb-multistart, random …, or module:Class; a wrong name lists them all"
 
 
 def optimize(
     optimizer: Annotated[str | None, typer.Option(help=f"{OPTIMIZER_HELP} (pso)")] = None,
-    problem: Annotated[str | None, typer.Option(help="name of a problem of the suite (nominal)")] = None,
+    problem: Annotated[str | None, typer.Option(help="name of a problem, or module:name (nominal)")] = None,
     particles: Annotated[int | None, typer.Option(help="number of particles of pso and pso-printed (40)")] = None,
     generations: Annotated[int | None, typer.Option(help="number of generations of pso and pso-printed (50)")] = None,
     budget: Annotated[int | None, typer.Option(help="number of evaluations, for any optimiser (2000)")] = None,
@@ -92,14 +92,16 @@ def optimize(
     }
     recorded: Any = None
     if resume is not None:
-        if given := [name for name, value in settings.items() if value is not None]:
+        plan, recorded = read_record(resume, [name for name in (optimizer, problem) if name is not None])
+        trusted = [name for name in (optimizer, problem) if name in plan.plugins()]
+        if given := [name for name, value in settings.items() if value is not None and value not in trusted]:
             raise ValueError(f"--resume takes all settings from {resume}; leave out {', '.join(given)}.")
-        plan, recorded = read_record(resume)
     else:
         name = "pso" if optimizer is None else optimizer
         options, evaluations = swarm_options(name, particles, generations, budget)
         chosen = chosen_problem(problem, (cost_a, cost_b, effective), window, initial_state)
         if printhead is not None:
+            check_changeable(chosen)
             chosen = replace(chosen, name="custom", printhead=chosen_head(printhead))
         plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
     announce_compiling()
@@ -142,6 +144,8 @@ def _finish_optimize(
         again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]
         if sample_rate != SAMPLE_RATE_HZ:
             again += ["--sample-rate", f"{sample_rate:.12g}"]
+        parts = (("--optimizer", plan.optimizer), ("--problem", plan.problem.name))
+        again += [word for option, name in parts if name in plan.plugins() for word in (option, name)]
         for option, value in (("--plot", plot), ("--json", json), *(("--effect", name) for name in own or ())):
             if value is not None:
                 again += [option, value]
@@ -175,7 +179,17 @@ def chosen_problem(name: str | None, cost: CostGiven, window_s: float | None, in
     if initial_state is not None:
         periods_before_recording(initial_state)  # raises if the name is unknown
         changes["initial_state"] = initial_state
+    if changes:
+        check_changeable(base)
     return replace(base, name="custom", **changes) if changes else base
+
+
+def check_changeable(problem: Problem) -> None:
+    """Raise ``ValueError`` if a problem's numbers may depend on code that options cannot change."""
+    from inkjet_env.experiments.benchmark.suite import provenance
+
+    if provenance(problem.name) is not None:
+        raise ValueError(f"{problem.name} is a problem of another package: options cannot change it. Change its code.")
 
 
 def swarm_options(

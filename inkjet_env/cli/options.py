@@ -17,7 +17,7 @@ OwnEffects = Annotated[
         "--effect",
         metavar="MODULE:CLASS",
         help="an effect of your own, such as my_effects:QuadraticStiffness for a class in my_effects.py in the current "
-        "folder; its code is run; may be repeated",
+        "folder, or the name of an effect that an installed package offers; its code is run; may be repeated",
     ),
 ]
 CostA = Annotated[float | None, typer.Option("--cost-a", help="weight of the effective peak (-5)")]

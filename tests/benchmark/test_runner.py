@@ -87,10 +87,12 @@ def test_a_worker_of_other_code_or_packages_does_nothing(monkeypatch):
     told = small_settings().to_json()
     keys = [RunKey("pso", "nominal", 0)]
     with pytest.raises(ValueError, match="the code differs, here or at a worker"):
-        perform_some(keys, small_settings(), "0" * 64, told["versions"])
+        perform_some(keys, small_settings(), "0" * 64, told["versions"], {})
     others = told["versions"] | {"numpy": "1.0"}
     with pytest.raises(ValueError, match=r"packages differ .* numpy is 1\.0 there and .* here\. Install the same"):
-        perform_some(keys, small_settings(), told["code"], others)
+        perform_some(keys, small_settings(), told["code"], others, {})
+    with pytest.raises(ValueError, match=r"plug-ins differ .* mine is missing here\. Install the same"):
+        perform_some(keys, small_settings(), told["code"], told["versions"], {"mine": {"code": "1"}})
 
 
 def test_what_was_read_is_told_apart_from_what_it_costs(tmp_path):

@@ -239,7 +239,12 @@ def test_without_the_option_a_command_refuses_the_file_in_one_sentence(augmented
 @pytest.mark.parametrize(
     ("named", "message"),
     [
-        ("my_effects", "must have the form module:Class, such as my_effects:QuadraticStiffness"),
+        (
+            "my_effects",
+            "no installed package offers an effect of this name. Offered: none. For a class in a file, give",
+        ),
+        (":QuadraticStiffness", "must have the form module:Class, such as my_lab:Annealing"),
+        ("creep", "it is in the catalogue, whose effects are always looked for"),
         ("my_effects.py:QuadraticStiffness", "there is no module my_effects.py in"),
         ("nowhere:Own", "there is no module nowhere in"),
         ("nowhere.at.all:Own", "there is no module nowhere.at.all in"),
@@ -252,7 +257,7 @@ def test_without_the_option_a_command_refuses_the_file_in_one_sentence(augmented
         ("unclosed:Own", "the module unclosed cannot be imported: SyntaxError: "),
         ("needy:Own", "the module needy cannot be imported: ModuleNotFoundError: No module named 'not_installed' ("),
         ("leaving:Own", "the module leaving cannot be imported: SystemExit: 3 ("),
-        ("json:Own", "it has no effect"),
+        ("json:Own", "json/__init__.py; it defines dump"),
     ],
 )
 def test_an_effect_that_cannot_be_had_is_refused_in_one_sentence(tmp_path, monkeypatch, capsys, named, message):
