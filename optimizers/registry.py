@@ -62,6 +62,11 @@ def installed() -> tuple[str, ...]:
     return tuple(plugins.installed(plugins.OPTIMIZERS, CLASSES))
 
 
+def modules(of: Iterable[str]) -> set[str]:
+    """Modules of this package that hold these optimisers, to be imported before they are needed."""
+    return {f"{__package__}.{CLASSES[name][0]}" for name in of if name in CLASSES}
+
+
 def provenance(name: str) -> dict[str, str] | None:
     """Place, code and package of an optimiser that is not this package's own; None for one that is."""
     found = _plugin(name)

@@ -166,6 +166,8 @@ def _perform_all(
     scheduler: str | None,
 ) -> dict[str, str]:
     """Do the missing runs in parallel and store each as it ends; return the optimisers that failed, with the reason."""
+    from inkjet_env import optimizers
+
     described = settings.to_json()
     # Compile once in this process: the workers find the compiled code on disk.
     problem("nominal").evaluate_with_gradient([[0.0] * 7])
@@ -177,7 +179,10 @@ def _perform_all(
         batches.setdefault(part, []).append(key)
     jobs = {part: functools.partial(_job, keys, settings, described) for part, keys in batches.items()}
     useful_s = 0.0
-    with shown_progress("bench", total, done) as progress, workers_of(scheduler, workers) as client:
+    methods = {entrant(key.optimizer).optimizer for key in missing}
+    preload = ["inkjet_env.experiments.benchmark.preloaded", *sorted(optimizers.modules(methods))]
+    start_s = time.perf_counter()
+    with shown_progress("bench", total, done) as progress, workers_of(scheduler, workers, preload) as client:
         begin_s = time.perf_counter()
 
         def keep(_: str, batch: Batch) -> None:
@@ -200,8 +205,9 @@ def _perform_all(
     if at_work_s:
         elsewhere = 100 * (1 - useful_s / at_work_s)
         print(
-            f"Optimisers and objective took {100 - elsewhere:.0f} % of the workers' time; the other {elsewhere:.0f} % "
-            "was spent on starting, storing and waiting for the last runs.",
+            f"The workers started within {begin_s - start_s:.1f} s. Optimisers and objective took "
+            f"{100 - elsewhere:.0f} % of their time; the other {elsewhere:.0f} % was spent on sending, storing and "
+            "waiting for the last runs.",
             file=sys.stderr,
         )
     return failures
@@ -225,12 +231,12 @@ def perform_some(
     ValueError
         The worker has other code, another version of a package, or another plug-in of a name.
     """
-    if _own_code() != code:
+    if own_code() != code:
         raise ValueError(
             "the code differs, here or at a worker, from the code with which this bench was started. Restore that code "
             "on all machines, restart the workers and repeat the command, or give another folder."
         )
-    if difference := first_difference(dict(packages), _own_versions()):
+    if difference := first_difference(dict(packages), own_versions()):
         raise ValueError(
             f"a worker's packages differ from those with which this bench was started: {difference}. Install the same "
             "on all machines, restart the workers and repeat the command."
@@ -251,13 +257,14 @@ def perform_some(
 
 
 @functools.cache
-def _own_code() -> str:
+def own_code() -> str:
     """Digest of the code that this process has loaded; computed once."""
     return code_digest(SOURCES)
 
 
 @functools.cache
-def _own_versions() -> dict[str, str]:
+def own_versions() -> dict[str, str]:
+    """Versions of the packages that this process has loaded; read once."""
     return versions()
 
 

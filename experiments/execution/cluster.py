@@ -1,23 +1,20 @@
-"""Execution of jobs on a Dask cluster, local or remote; the work of a lost worker is repeated."""
+"""Execution of jobs on a Dask cluster, or by processes on this machine; the work of a lost worker is repeated."""
 
 from __future__ import annotations
 
 import math
 import os
-import signal
 import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
-)
-TRIES = 5
-"""Number of times that a job is started before it is taken to kill its workers."""
+from inkjet_env.experiments.execution.jobs import ONE_THREAD, TRIES, ClusterError, WorkLostError
+from inkjet_env.experiments.execution.local_processes import LocalProcesses
+
 IN_FLIGHT_A_WORKER = 2
 POLL_S = 0.1
 COUNT_EVERY_S = 0.5
@@ -25,17 +22,9 @@ SAY_WAITING_AFTER_S = 10.0
 CONNECT_S = 15.0
 
 
-class ClusterError(ValueError):
-    """The cluster cannot do the work; finished jobs are kept."""
-
-
-class WorkLostError(RuntimeError):
-    """A process was killed from outside; its work must be repeated."""
-
-
 @contextmanager
-def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
-    """A Dask client of the cluster at an address, or of processes on this machine, which end with the block.
+def workers_of(scheduler: str | None, workers: int | None, preload: Sequence[str] = ()) -> Iterator[Any]:
+    """A Dask client of the cluster at an address, or processes on this machine, which end with the block.
 
     Parameters
     ----------
@@ -43,14 +32,20 @@ def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         Address of the cluster, such as ``tcp://host:8786``; None for local processes.
     workers : int or None
         Number of local processes if there is no scheduler; the number of cores if None.
+    preload : sequence of str
+        Modules that local processes have imported when they start, where the system can copy processes.
 
     Raises
     ------
     ClusterError
         No scheduler answers at the address.
     """
+    if scheduler is None:
+        with LocalProcesses(workers or os.cpu_count() or 1, preload) as processes:
+            yield processes
+        return
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
     from distributed.comm import get_address_host_port
 
     settings = {
@@ -60,42 +55,16 @@ def workers_of(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
     }
     with dask.config.set(settings):
-        if scheduler is not None:
-            try:
-                # connect first: a client without a scheduler keeps trying even after it is discarded
-                socket.create_connection(get_address_host_port(scheduler), CONNECT_S).close()
-                client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-            except (OSError, ValueError) as error:
-                raise ClusterError(
-                    f"no Dask scheduler answers at {scheduler} ({error}). Start one, or leave out --scheduler."
-                ) from None
-            with client:
-                yield client
-            return
-        with _deaf_to_ctrl_c():
-            cluster = LocalCluster(
-                n_workers=workers or os.cpu_count() or 1,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address="127.0.0.1:0",
-                memory_limit=0,
-                silence_logs="CRITICAL",
-            )
-        with cluster, Client(cluster, set_as_default=False) as client:
+        try:
+            # connect first: a client without a scheduler keeps trying even after it is discarded
+            socket.create_connection(get_address_host_port(scheduler), CONNECT_S).close()
+            client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise ClusterError(
+                f"no Dask scheduler answers at {scheduler} ({error}). Start one, or leave out --scheduler."
+            ) from None
+        with client:
             yield client
-
-
-@contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Processes started within this context ignore Ctrl-C and leave it to this one."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def run_each(
@@ -104,12 +73,12 @@ def run_each(
     jobs: Mapping[str, Callable[[], tuple[Any, ...]]],
     keep: Callable[[str, Any], None],
 ) -> None:
-    """Call a function for every job on the cluster, and keep each result as it arrives.
+    """Call a function for every job, and keep each result as it arrives.
 
     Parameters
     ----------
-    client : distributed.Client
-        Client of the cluster, as from `workers_of`.
+    client : distributed.Client or LocalProcesses
+        What `workers_of` gives.
     function : callable
         Function of a module that the workers can import.
     jobs : mapping of str to callable
@@ -125,6 +94,9 @@ def run_each(
         Any exception of the function except `WorkLostError`, whose job is repeated. The results that other jobs have
         returned by then are kept first.
     """
+    if isinstance(client, LocalProcesses):
+        client.run_each(function, jobs, keep)
+        return
     from distributed import as_completed
 
     waiting = list(jobs)[::-1]
@@ -182,7 +154,9 @@ def run_each(
 
 
 def worker_count(client: Any) -> int:
-    """Number of worker threads of a cluster."""
+    """Number of local processes, or of worker threads of a cluster."""
+    if isinstance(client, LocalProcesses):
+        return client.count
     try:
         workers = client.scheduler_info(n_workers=-1)["workers"]
     except OSError:

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from inkjet_env.envs.task import CONTEXT_NAMES
 from inkjet_env.experiments.benchmark.metrics import Places, crossed_bootstrap
-from inkjet_env.experiments.execution.cluster import ClusterError, run_each, workers_of
+from inkjet_env.experiments.execution.cluster import run_each, workers_of
+from inkjet_env.experiments.execution.jobs import ClusterError
 from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
 from inkjet_env.experiments.learning.heads import Heads, descended
 from inkjet_env.experiments.learning.policies import Policy, PolicyFileError

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from inkjet_env.experiments.execution.cluster import ONE_THREAD, WorkLostError
+from inkjet_env.experiments.execution.jobs import ONE_THREAD, WorkLostError
 from inkjet_env.experiments.proof.campaign_files import ProofError, digest, unpack
 from inkjet_env.experiments.proof.sandbox import PARENT, SEEN
 

@@ -8,7 +8,7 @@ import pytest
 
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.envs.vector import BipolarWaveformVectorEnv
-from inkjet_env.experiments.execution.cluster import ClusterError
+from inkjet_env.experiments.execution.jobs import ClusterError
 from inkjet_env.experiments.learning import few_shot, repeated_training
 from inkjet_env.experiments.learning.heads import TEST_SEED, TRAIN_SEED, drawn
 from inkjet_env.experiments.learning.repeated_training import KeptFileError, each, kept_arrays, kept_policy, over, seeds

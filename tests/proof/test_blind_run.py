@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from inkjet_env.experiments.execution.cluster import WorkLostError
+from inkjet_env.experiments.execution.jobs import WorkLostError
 from inkjet_env.experiments.proof import blind_run, sandbox
 from inkjet_env.experiments.proof.blind_run import clean_environment, diagnose_blind
 from inkjet_env.experiments.proof.campaign_files import ProofError, digest, pack

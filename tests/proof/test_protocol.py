@@ -8,7 +8,8 @@ from unittest.mock import Mock
 
 import pytest
 
-from inkjet_env.experiments.execution import cluster
+from inkjet_env.experiments.execution import cluster, local_processes
+from inkjet_env.experiments.execution.jobs import ClusterError
 from inkjet_env.experiments.proof import judge, protocol
 from inkjet_env.experiments.proof.campaign_files import ProofError, digest
 from tests.processes import wait_until, worker
@@ -121,7 +122,7 @@ def test_what_other_jobs_returned_is_kept_before_an_exception_of_one_is_raised(p
 def test_a_scheduler_that_is_not_there_is_told_in_one_sentence(monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
     with (
-        pytest.raises(cluster.ClusterError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"),
+        pytest.raises(ClusterError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"),
         cluster.workers_of("tcp://127.0.0.1:9", None),
     ):
         pass
@@ -140,10 +141,10 @@ def test_a_worker_of_other_code_does_nothing():
 def test_a_case_that_kills_every_worker_is_told(fakes, monkeypatch):
     import fake_steps
 
-    monkeypatch.setattr(cluster, "TRIES", 2)
+    monkeypatch.setattr(local_processes, "TRIES", 2)
     jobs = {"case": lambda: ("case",)}
     with (
         cluster.workers_of(None, 1) as client,
-        pytest.raises(cluster.ClusterError, match="case was started 2 times and never ended"),
+        pytest.raises(ClusterError, match="case was started 2 times and never ended"),
     ):
         cluster.run_each(client, fake_steps.deadly, jobs, print)
