@@ -92,9 +92,12 @@ def optimize(
     }
     recorded: Any = None
     if resume is not None:
+        named = ("--optimizer", "--problem")  # names of plug-ins, whose code a record alone does not import
+        if given := [name for name, value in settings.items() if value is not None and name not in named]:
+            raise ValueError(f"--resume takes all settings from {resume}; leave out {', '.join(given)}.")
         plan, recorded = read_record(resume, [name for name in (optimizer, problem) if name is not None])
         trusted = [name for name in (optimizer, problem) if name in plan.plugins()]
-        if given := [name for name, value in settings.items() if value is not None and value not in trusted]:
+        if given := [name for name in named if settings[name] is not None and settings[name] not in trusted]:
             raise ValueError(f"--resume takes all settings from {resume}; leave out {', '.join(given)}.")
     else:
         name = "pso" if optimizer is None else optimizer
