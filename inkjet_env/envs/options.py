@@ -12,8 +12,16 @@ from inkjet_env.envs.task import make_task
 from inkjet_env.naming import nearest_name
 
 
+class UnknownOptionError(TypeError, ValueError):
+    """An environment was given an option that it does not have.
+
+    It is a ``TypeError`` as well, with Python's words for an unknown keyword: TorchRL tries options of other
+    environments, and takes them back at that.
+    """
+
+
 def check_option_names(constructor: Callable[..., Any], options: Iterable[str], fixed: Iterable[str] = ()) -> None:
-    """Raise ``ValueError`` if an option is neither an argument of the environment's constructor nor one of its task.
+    """Raise `UnknownOptionError` for an option that neither the environment's constructor nor its task has.
 
     Parameters
     ----------
@@ -30,7 +38,10 @@ def check_option_names(constructor: Callable[..., Any], options: Iterable[str], 
     for name in options:
         if name not in known:
             nearest = nearest_name(name, [*known, *sorted(of_gymnasium - {name})])
-            raise ValueError(f"the environment has no option {name!r}.{nearest} Its options are {', '.join(known)}.")
+            raise UnknownOptionError(
+                f"unexpected keyword argument {name!r}: the environment has no option of this name.{nearest} "
+                f"Its options are {', '.join(known)}."
+            )
 
 
 def _arguments(function: Callable[..., Any]) -> list[str]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from inkjet_env.envs.bipolar_waveform import check_no_options
-from inkjet_env.envs.single_view import SingleView
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.envs.vector import BipolarWaveformVectorEnv
 
@@ -23,7 +22,6 @@ class _HeadsVecEnv(VecEnv):
         if vector_env.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError("autoreset_mode cannot be given: Stable-Baselines3 restarts episodes in the same step.")
         self.vector_env = vector_env
-        self.environments = [SingleView(vector_env, row) for row in range(vector_env.num_envs)]
         super().__init__(vector_env.num_envs, vector_env.single_observation_space, vector_env.single_action_space)
         self._actions: NDArray[Any] | None = None
 
@@ -71,16 +69,16 @@ class _HeadsVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Attribute of each requested environment."""
-        return [getattr(self.environments[i], attr_name) for i in self._get_indices(indices)]
+        return [getattr(self.vector_env.environments[i], attr_name) for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set an attribute of each requested environment; ``AttributeError`` for what all of them share."""
         for i in self._get_indices(indices):
-            setattr(self.environments[i], attr_name, value)
+            setattr(self.vector_env.environments[i], attr_name, value)
 
     def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
         """Call a method of each requested environment, such as ``reset``, ``step`` or ``render``."""
-        methods = [getattr(self.environments[i], method_name) for i in self._get_indices(indices)]
+        methods = [getattr(self.vector_env.environments[i], method_name) for i in self._get_indices(indices)]
         return [method(*method_args, **method_kwargs) for method in methods]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:

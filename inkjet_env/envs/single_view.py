@@ -92,4 +92,4 @@ class SingleView(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         if self.render_mode is None:
             warn_of_no_render_mode()
             return None
-        return self.vector_env.render()[self.row]
+        return self.vector_env._picture(self.row)

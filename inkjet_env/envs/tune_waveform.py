@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import gymnasium
@@ -73,7 +74,7 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        _check_option_names(TuneWaveformEnv, options)
+        _check_option_names(TuneWaveformEnv.__init__, options)
         self.render_mode = _only_arrays(render_mode)
         self.tuning = WaveformTuningTask(1, tries, peaks, noise=noise, **options)
         self.action_space = self.tuning.action_space()
@@ -105,7 +106,7 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         if self.render_mode is None:
             warn_of_no_render_mode()
             return None
-        return _pictures(self.tuning)[0]
+        return _picture(self.tuning, 0)
 
 
 class TuneWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
@@ -147,7 +148,7 @@ class TuneWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[Any],
         threads: int | None = 1,
         **options: Any,
     ) -> None:
-        _check_option_names(TuneWaveformVectorEnv, options)
+        _check_option_names(TuneWaveformVectorEnv.__init__, options)
         super().__init__(num_envs, render_mode, autoreset_mode, threads)
         self.tuning = WaveformTuningTask(self.num_envs, tries, peaks, threads, noise=noise, **options)
         self._set_spaces(self.tuning.action_space(), self.tuning.observation_space())
@@ -162,12 +163,8 @@ class TuneWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[Any],
     def _observations(self) -> NDArray[np.float32]:
         return self.tuning.observations()
 
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One picture per head of its last try; the axes are empty before the first."""
-        if self.render_mode is None:
-            warn_of_no_render_mode()
-            return None
-        return _pictures(self.tuning)
+    def _picture(self, row: int) -> NDArray[np.uint8]:
+        return _picture(self.tuning, row)
 
 
 def _only_arrays(render_mode: str | None) -> str | None:
@@ -176,16 +173,13 @@ def _only_arrays(render_mode: str | None) -> str | None:
     return render_mode
 
 
-def _check_option_names(environment: type, options: dict[str, Any]) -> None:
+def _check_option_names(constructor: Callable[..., Any], options: dict[str, Any]) -> None:
     """As `check_option_names`; ``context`` is left to `WaveformTuningTask`, which says why it cannot be given."""
-    check_option_names(environment.__init__, [name for name in options if name != "context"], fixed=["context"])  # type: ignore[misc]
+    check_option_names(constructor, [name for name in options if name != "context"], fixed=["context"])
 
 
-def _pictures(tuning: WaveformTuningTask) -> tuple[NDArray[np.uint8], ...]:
+def _picture(tuning: WaveformTuningTask, row: int) -> NDArray[np.uint8]:
     from inkjet_env.envs.rendering import picture
 
-    rows = zip(tuning.task.bounds.from_unit(tuning.fired), tuning.done, tuning.contexts, strict=True)
-    return tuple(
-        picture(tuning.task.respond(waveform if done else None, context), tuning.task.cost)
-        for waveform, done, context in rows
-    )
+    waveform = tuning.task.bounds.from_unit(tuning.fired[row]) if tuning.done[row] else None
+    return picture(tuning.task.respond(waveform, tuning.contexts[row]), tuning.task.cost)

@@ -8,7 +8,6 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from inkjet_env.envs.bipolar_waveform import warn_of_no_render_mode
 from inkjet_env.envs.options import check_option_names
 from inkjet_env.envs.task import make_task
 from inkjet_env.envs.vector_of_heads import Fired, Rows, VectorOfHeads
@@ -91,14 +90,8 @@ class BipolarWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[An
     def _observations(self) -> NDArray[np.float32]:
         return self._contexts.copy()
 
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One picture per head of the waveform fired last; the axes are empty before the first step."""
-        if self.render_mode is None:
-            warn_of_no_render_mode()
-            return None
+    def _picture(self, row: int) -> NDArray[np.uint8]:
         from inkjet_env.envs.rendering import picture
 
-        return tuple(
-            picture(self.task.respond(None if np.isnan(waveform[0]) else waveform, context), self.task.cost)
-            for waveform, context in zip(self._shown, self._shown_contexts, strict=True)
-        )
+        fired = None if np.isnan(self._shown[row, 0]) else self._shown[row]
+        return picture(self.task.respond(fired, self._shown_contexts[row]), self.task.cost)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,8 +15,14 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from inkjet_env.envs.bipolar_waveform import BipolarWaveformEnv, check_no_options, check_render_mode
+from inkjet_env.envs.bipolar_waveform import (
+    BipolarWaveformEnv,
+    check_no_options,
+    check_render_mode,
+    warn_of_no_render_mode,
+)
 from inkjet_env.envs.parallel import check_threads
+from inkjet_env.envs.single_view import SingleView
 from inkjet_env.naming import check_name
 from inkjet_env.typing import Real
 
@@ -29,7 +36,7 @@ class VectorOfHeads:
     """N heads with a random stream each, whose ended episodes are restarted as ``autoreset_mode`` says.
 
     An environment derives from this class and from `gymnasium.vector.VectorEnv` itself, which some libraries look for
-    among the direct base classes. It provides `_begin`, `_fire` and `_observations`.
+    among the direct base classes. It provides `_begin`, `_fire`, `_observations` and `_picture`.
 
     Parameters
     ----------
@@ -85,6 +92,42 @@ class VectorOfHeads:
     def _observations(self) -> NDArray[np.float32]:
         """A new array of what is observed of every head, one row each."""
         raise NotImplementedError
+
+    def _picture(self, row: int) -> NDArray[np.uint8]:
+        """Picture of the waveform fired last on one head, shape (640, 960, 3)."""
+        raise NotImplementedError
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """One picture per head of the waveform fired last; the axes are empty before the first step."""
+        if self.render_mode is None:
+            warn_of_no_render_mode()
+            return None
+        return tuple(self._picture(row) for row in range(self.num_envs))
+
+    @cached_property
+    def environments(self) -> tuple[SingleView, ...]:
+        """The environments as single ones."""
+        return tuple(SingleView(self, row) for row in range(self.num_envs))
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method of each single environment, or read an attribute, as Gymnasium's ``SyncVectorEnv``."""
+        found = [getattr(one, name) for one in self.environments]
+        return tuple(one(*args, **kwargs) if callable(one) else one for one in found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Attribute of each single environment."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of each single environment: a list or tuple with a value for each, or one value for all.
+
+        ``AttributeError`` for what all of them share, ``ValueError`` for a wrong number of values.
+        """
+        each = values if isinstance(values, (list, tuple)) else [values] * self.num_envs
+        if len(each) != self.num_envs:
+            raise ValueError(f"values must be one for each of {self.num_envs} environments; got {len(each)}.")
+        for one, value in zip(self.environments, each, strict=True):
+            setattr(one, name, value)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -193,6 +236,8 @@ def _checked_mode(given: AutoresetMode | str) -> AutoresetMode:
 
 def _placed(values: NDArray[Any], rows: Rows) -> NDArray[Any]:
     """An array with one entry for every head: the values of the chosen ones, and zeros."""
+    if len(values) == len(rows):
+        return values
     placed = np.zeros((len(rows), *values.shape[1:]), dtype=values.dtype)
     placed[rows] = values
     return placed

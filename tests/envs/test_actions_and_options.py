@@ -102,11 +102,11 @@ def test_a_render_mode_that_is_not_offered_is_refused():
         (
             inkjet_env.ENV_ID,
             "contxt",
-            "no option 'contxt'. Did you mean 'context'. Its options are render_mode, .*noise",
+            "'contxt': .* has no option of this name. Did you mean 'context'. Its options are render_mode, .*noise",
         ),
-        (inkjet_env.TUNE_ID, "peeks", "no option 'peeks'. Did you mean 'peaks'. Its options are tries, peaks, noise"),
+        (inkjet_env.TUNE_ID, "peeks", "'peeks': .* Did you mean 'peaks'. Its options are tries, peaks, noise"),
         (inkjet_env.ENV_ID, "max_episode_step", "Did you mean 'max_episode_steps'"),
-        (inkjet_env.TUNE_ID, "qqq", "no option 'qqq'. Its options are"),
+        (inkjet_env.TUNE_ID, "qqq", "'qqq': the environment has no option of this name. Its options are"),
     ],
 )
 def test_a_misspelt_option_is_told_with_the_nearest_and_the_list(name, misspelt, told):
@@ -128,6 +128,11 @@ def test_a_misspelt_option_of_the_vector_form_is_told_with_the_nearest():
     ):
         with pytest.raises(ValueError, match=sentence):
             gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=2, **options)
+
+
+def test_an_unknown_option_can_be_tried_and_taken_back():  # as TorchRL does, by error and words
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'"):
+        gymnasium.make(inkjet_env.ENV_ID, frameskip=1)
 
 
 def test_an_unknown_reset_option_is_refused():

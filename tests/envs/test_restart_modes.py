@@ -114,6 +114,26 @@ def test_the_action_of_a_head_that_restarts_is_ignored_and_a_refused_one_changes
     assert (rewards[0], rewards[1]) == (0, -infos["cost"][1])
 
 
+@pytest.mark.parametrize(("name", "options"), CASES)
+def test_single_environments_are_called_and_read_as_gymnasiums(name, options):
+    ours, theirs = both(name, AutoresetMode.DISABLED, options)
+    actions = np.random.default_rng(0).uniform(-1, 1, (HEADS, 7))
+    for envs in (ours, theirs):
+        envs.reset(seed=3)
+        envs.set_attr("label", ["a", "b", "c", "d"])
+        envs.set_attr("difficulty", 2)
+    for attribute in ("label", "difficulty", "np_random_seed", "action_space", "observation_space"):
+        assert ours.get_attr(attribute) == theirs.get_attr(attribute)
+    for call, arguments in (("step", (actions[0],)), ("reset", ()), ("render", ())):
+        assert data_equivalence(ours.call(call, *arguments), theirs.call(call, *arguments), exact=True)
+    for sentence, error, values in (
+        ("values must be one for each of 4 environments; got 2", ValueError, [1, 2]),
+        ("task is shared by all environments|tuning is shared", AttributeError, 3),
+    ):
+        with pytest.raises(error, match=sentence):
+            ours.set_attr("task" if hasattr(ours, "task") else "tuning", values)
+
+
 @pytest.mark.parametrize("kind", [BipolarWaveformVectorEnv, TuneWaveformVectorEnv])
 def test_libraries_recognise_a_vector_environment(kind):
     assert VectorEnv in kind.__bases__  # skrl looks there
