@@ -70,7 +70,7 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
     >>> env = gymnasium.make("inkjet_env/BipolarWaveform-v0")
     >>> _ = env.reset(seed=0)
     >>> _, reward, terminated, truncated, info = env.step(env.action_space.sample())
-    >>> terminated, truncated, reward == -info["cost"]
+    >>> terminated, truncated, bool(reward == -info["cost"])
     (True, False, True)
     """
 

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
@@ -32,11 +32,11 @@ Fired = tuple[Real, Rows, dict[str, Real]]
 """Of the heads that were fired: rewards in volts, whether the episode is over, and infos; one row each."""
 
 
-class VectorOfHeads:
+class VectorOfHeads(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     """N heads with a random stream each, whose ended episodes are restarted as ``autoreset_mode`` says.
 
-    An environment derives from this class and from `gymnasium.vector.VectorEnv` itself, which some libraries look for
-    among the direct base classes. It provides `_begin`, `_fire`, `_observations` and `_picture`.
+    An environment derives from this class and once more from `gymnasium.vector.VectorEnv`, which some libraries look
+    for among the direct base classes. It provides `_begin`, `_fire`, `_observations` and `_picture`.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class VectorOfHeads:
         Largest number of threads that simulate; None is the number of cores.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
         **BipolarWaveformEnv.metadata,
         "render_modes": ["rgb_array"],
         "autoreset_mode": AutoresetMode.SAME_STEP,
@@ -194,8 +194,8 @@ class VectorOfHeads:
             raise ValueError("reset_mask must be true for at least one head; all of it is false.")
         return mask
 
-    @property
-    def np_random(self) -> tuple[np.random.Generator, ...]:
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generator of each head; one that was never seeded gets a random seed."""
         for i, generator in enumerate(self._generators):
             if generator is None:
@@ -203,7 +203,7 @@ class VectorOfHeads:
         return tuple(self._generators)  # type: ignore[arg-type]
 
     @property
-    def np_random_seed(self) -> tuple[int, ...]:
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each head's generator."""
         _ = self.np_random
         return tuple(self._seeds)  # type: ignore[arg-type]

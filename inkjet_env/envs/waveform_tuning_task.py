@@ -103,7 +103,7 @@ class WaveformTuningTask:
         ValueError
             The actions have another shape than ``shape``, are NaN or outside the box; nothing is fired.
         """
-        waveforms = self.task.waveforms(actions, shape, None if rows is EVERY else rows)[rows]
+        waveforms = self.task.waveforms(actions, shape, rows if isinstance(rows, np.ndarray) else None)[rows]
         readings = self.task.read(waveforms, self._heads[rows], generators if self.task.noise else (), self.threads)
         fired = np.clip(np.array(actions, dtype=np.float64).reshape(-1, 7)[rows], -1.0, 1.0)
         self.done[rows] += 1
