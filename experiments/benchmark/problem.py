@@ -173,7 +173,7 @@ class Problem:
         return fired | {"waveforms": waveforms, "heads": heads, "cost": self.cost}
 
     def evaluate(self, points: ArrayLike) -> Real:
-        """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7)."""
+        """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7); a point outside is clipped to the box."""
         from inkjet_env.printhead import batch
 
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
@@ -186,6 +186,8 @@ class Problem:
     def evaluate_with_gradient(self, points: ArrayLike) -> tuple[Real, Real]:
         """Costs in volts, shape (n,), and their exact gradients in volts per unit of the box, shape (n, 7).
 
+        A point outside the box is clipped to it, as in `evaluate`, and the gradient is that of the clipped function:
+        zero in a clipped coordinate, on which the cost does not depend. On a face of the box it is that of the inside.
         If the worst of several heads counts, the gradient is that head's; if two are equally bad, the first one's.
         """
         from inkjet_env.printhead import batch
@@ -195,10 +197,11 @@ class Problem:
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
         costs, gradients = batch.costs_and_gradients(**self._fired(waveforms))
         costs, gradients = costs.reshape(-1, len(waveforms)), gradients.reshape(-1, *waveforms.shape)
+        slope = self.bounds.slope(np.atleast_2d(points))
         if self._by_mean:
-            return costs.mean(axis=0), gradients.mean(axis=0) * self.bounds.half_width
+            return costs.mean(axis=0), gradients.mean(axis=0) * slope
         worst, each = costs.argmax(axis=0), np.arange(len(waveforms))
-        return costs[worst, each], gradients[worst, each] * self.bounds.half_width
+        return costs[worst, each], gradients[worst, each] * slope
 
     @property
     def _by_mean(self) -> bool:

@@ -68,18 +68,21 @@ class Heads:
         return the_task().heads(self.observations)
 
     def evaluate(self, points: Real) -> Real:
-        """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7)."""
+        """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7); a point outside is clipped to the box."""
         from inkjet_env.printhead import batch
 
         return batch.costs(the_task().bounds.from_unit(points), self.rows)
 
     def evaluate_with_gradient(self, points: Real) -> tuple[Real, Real]:
-        """Costs in volts, shape (n,), and their gradients in volts per unit of the box, shape (n, 7)."""
+        """Costs in volts, shape (n,), and their gradients in volts per unit of the box, shape (n, 7).
+
+        In a clipped coordinate the gradient is zero.
+        """
         from inkjet_env.printhead import batch
 
         bounds = the_task().bounds
         costs, gradients = batch.costs_and_gradients(bounds.from_unit(points), self.rows)
-        return costs, gradients * bounds.half_width
+        return costs, gradients * bounds.slope(points)
 
     def one(self, k: int) -> OneHead:
         """Head k as a separate problem."""

@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from inkjet_env.envs.options import check_option_names
 from inkjet_env.envs.task import make_task
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead, check_name
@@ -69,13 +70,14 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
     >>> env = gymnasium.make("inkjet_env/BipolarWaveform-v0")
     >>> _ = env.reset(seed=0)
     >>> _, reward, terminated, truncated, info = env.step(env.action_space.sample())
-    >>> terminated, truncated, reward == -info["cost"]
+    >>> terminated, truncated, bool(reward == -info["cost"])
     (True, False, True)
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 4}  # type: ignore[misc]
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
+        check_option_names(BipolarWaveformEnv.__init__, options)
         self.render_mode = check_render_mode(render_mode)
         self.task = make_task(**options)
         self.action_space = self.task.action_space()
@@ -116,7 +118,7 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         self._fired = waveforms[0]
         if self.render_mode == "human":
             self.render()
-        info = {"waveform": waveforms[0].copy(), "cost": float(costs[0])}
+        info = {"waveform": waveforms[0].copy(), "cost": costs[0]}
         return self._context.copy(), -float(read[0]), True, False, info
 
     @property

@@ -10,17 +10,20 @@ import numpy as np
 from inkjet_env.printhead import compiled, compiled_edges
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
+EDGE = 1.0 + 4.0 * float(np.spacing(np.float32(1.0)))
+"""Largest magnitude that is still the bound: 4 roundings in single precision, as rescaling makes, beyond 1."""
+
 _jit = kernel_jit(__file__)
 
 
 @_jit
 def waveforms_of_actions(points, lower, upper, waveforms):
-    """Fill waveforms (n, 7) from points (n, 7), as `Bounds.from_unit`; False if one is NaN or outside [-1, 1]."""
+    """Fill waveforms (n, 7) from points (n, 7), as `Bounds.from_unit`; False if one is NaN or beyond `EDGE`."""
     for i in range(points.shape[0]):
         for k in range(points.shape[1]):
-            point = points[i, k]
-            if not abs(point) <= 1.0:
+            if not abs(points[i, k]) <= EDGE:
                 return False
+            point = min(max(points[i, k], -1.0), 1.0)
             value = ((1.0 - point) * lower[k] + (1.0 + point) * upper[k]) / 2.0
             waveforms[i, k] = min(max(value, lower[k]), upper[k])
     return True

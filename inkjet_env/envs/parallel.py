@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inkjet_env.typing import Real
 
@@ -21,6 +22,46 @@ PARTS_WORTH_A_THREAD = 4
 def available_cores() -> int:
     """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def check_threads(threads: int | None) -> int | None:
+    """Return the number of threads; ``ValueError`` unless it is a whole number of at least 1, or None."""
+    whole = isinstance(threads, (int, np.integer)) and not isinstance(threads, bool)
+    if threads is not None and not (whole and threads >= 1):
+        raise ValueError(
+            f"threads must be a whole number of at least 1, or None for the number of cores; got {threads!r}."
+        )
+    return threads
+
+
+def in_parts(fill: Callable[[slice], None], rows: int, threads: int | None) -> None:
+    """Call ``fill`` with slices that cover all rows.
+
+    Parameters
+    ----------
+    fill : callable
+        Works on one slice of the rows, independently of the others.
+    rows : int
+        Number of rows.
+    threads : int, optional
+        Largest number of threads; by default the number of cores. Few rows are one slice on one thread.
+    """
+    threads = min(threads or available_cores(), rows // (ROWS_A_PART * PARTS_WORTH_A_THREAD))
+    if threads < 2:
+        fill(slice(None))
+        return
+    parts = iter([slice(start, start + ROWS_A_PART) for start in range(0, rows, ROWS_A_PART)])
+
+    def fill_parts() -> None:
+        for part in parts:
+            fill(part)
+
+    # A new pool each time: a persistent one would not survive a fork.
+    with ThreadPoolExecutor(threads - 1) as pool:
+        others = [pool.submit(fill_parts) for _ in range(threads - 1)]
+        fill_parts()
+        for other in others:
+            other.result()
 
 
 def simulated_costs(waveforms: Real, heads: Real, settings: tuple, capacity: int, threads: int | None = None) -> Real:
@@ -46,22 +87,50 @@ def simulated_costs(waveforms: Real, heads: Real, settings: tuple, capacity: int
 
     costs = np.empty(len(waveforms))
 
-    def fill(parts: Iterator[slice]) -> None:
-        for part in parts:
-            room = capacity
-            own_heads = heads[part] if len(heads) > 1 else heads
-            while not batch_costs(waveforms[part], own_heads, *settings, room, costs[part]):
-                room *= 2
+    def fill(part: slice) -> None:
+        room = capacity
+        own_heads = heads[part] if len(heads) > 1 else heads
+        while not batch_costs(waveforms[part], own_heads, *settings, room, costs[part]):
+            room *= 2
 
-    threads = min(threads or available_cores(), len(waveforms) // (ROWS_A_PART * PARTS_WORTH_A_THREAD))
-    if threads < 2:
-        fill(iter([slice(None)]))
-        return costs
-    parts = iter([slice(start, start + ROWS_A_PART) for start in range(0, len(waveforms), ROWS_A_PART)])
-    # A new pool each time: a persistent one would not survive a fork.
-    with ThreadPoolExecutor(threads - 1) as pool:
-        others = [pool.submit(fill, parts) for _ in range(threads - 1)]
-        fill(parts)
-        for other in others:
-            other.result()
+    in_parts(fill, len(waveforms), threads)
     return costs
+
+
+def simulated_peaks(
+    waveforms: Real, heads: Real, settings: tuple, capacity: int, threads: int | None = None
+) -> tuple[Real, Real, NDArray[np.int64], Real]:
+    """Times in seconds and signed heights in volts of peaks, (n, capacity or more) each, of waveforms (n, 7) on heads.
+
+    Parameters
+    ----------
+    waveforms, heads, threads
+        As in `simulated_costs`.
+    settings, capacity
+        Further arguments of `inkjet_env.envs.compiled_episodes.batch_peaks`, and the columns to begin with.
+
+    Returns
+    -------
+    times_s, heights_V : ndarray, shape (n, columns)
+        Peaks in time order, then zeros.
+    counts : ndarray of int, shape (n,)
+        Number of peaks.
+    tails_V : ndarray, shape (n,)
+        Summed magnitude beyond them, in volts.
+    """
+    from inkjet_env.envs.compiled_episodes import batch_peaks
+
+    n = len(waveforms)
+    counts, tails_V = np.zeros(n, dtype=np.int64), np.empty(n)
+    while True:
+        times_s, heights_V = np.zeros((2, n, capacity))
+        enough: list[bool] = []
+
+        def fill(part: slice, filled: tuple = (times_s, heights_V, counts, tails_V), enough: list = enough) -> None:
+            own_heads = heads[part] if len(heads) > 1 else heads
+            enough.append(batch_peaks(waveforms[part], own_heads, *settings, *(array[part] for array in filled)))
+
+        in_parts(fill, n, threads)
+        if all(enough):
+            return times_s, heights_V, counts, tails_V
+        capacity *= 2

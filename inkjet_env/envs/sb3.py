@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -18,6 +19,8 @@ class _HeadsVecEnv(VecEnv):
     """A vector environment of this package with Stable-Baselines3's interface."""
 
     def __init__(self, vector_env: Any) -> None:
+        if vector_env.autoreset_mode is not AutoresetMode.SAME_STEP:
+            raise ValueError("autoreset_mode cannot be given: Stable-Baselines3 restarts episodes in the same step.")
         self.vector_env = vector_env
         super().__init__(vector_env.num_envs, vector_env.single_observation_space, vector_env.single_action_space)
         self._actions: NDArray[Any] | None = None
@@ -41,16 +44,14 @@ class _HeadsVecEnv(VecEnv):
             raise RuntimeError("step_wait() needs actions: call step_async(actions) first.")
         actions, self._actions = self._actions, None
         observations, rewards, dones, _, infos = self.vector_env.step(actions)
-        columns = {
-            name: values if values.ndim > 1 else values.tolist() for name, values in self._reported(infos).items()
-        }
         step_infos: list[dict[str, Any]] = [
-            {name: values[i] for name, values in columns.items()} | {"TimeLimit.truncated": False}
+            {name: values[i] for name, values in self._reported(infos).items()} | {"TimeLimit.truncated": False}
             for i in range(self.num_envs)
         ]
         if "final_obs" in infos:
-            for info, final in zip(step_infos, infos["final_obs"], strict=True):
-                info["terminal_observation"] = final
+            for info, final, ended in zip(step_infos, infos["final_obs"], infos["_final_obs"], strict=True):
+                if ended:
+                    info["terminal_observation"] = final
         return observations, rewards.astype(np.float32), dones, step_infos
 
     @staticmethod
@@ -67,17 +68,18 @@ class _HeadsVecEnv(VecEnv):
         return self.vector_env.render() or [None] * self.num_envs
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Attribute of the vector environment, once for each requested environment; all of them share it."""
-        value = getattr(self.vector_env, attr_name)
-        return [value for _ in self._get_indices(indices)]
+        """Attribute of each requested environment."""
+        return [getattr(self.vector_env.environments[i], attr_name) for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refuse: the environments are one object, whose task is fixed when it is made."""
-        raise NotImplementedError(f"{attr_name} cannot be set: pass the option when making the environment.")
+        """Set an attribute of each requested environment; ``AttributeError`` for what all of them share."""
+        for i in self._get_indices(indices):
+            setattr(self.vector_env.environments[i], attr_name, value)
 
     def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
-        """Refuse: there are no single environments to call."""
-        raise NotImplementedError(f"{method_name} cannot be called: the environments are one object, `vector_env`.")
+        """Call a method of each requested environment, such as ``reset``, ``step`` or ``render``."""
+        methods = [getattr(self.vector_env.environments[i], method_name) for i in self._get_indices(indices)]
+        return [method(*method_args, **method_kwargs) for method in methods]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """False for each requested environment."""

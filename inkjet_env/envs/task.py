@@ -16,7 +16,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from inkjet_env.envs.parallel import simulated_costs
+from inkjet_env.envs.parallel import simulated_costs, simulated_peaks
 from inkjet_env.plant.augmented import AugmentedPrinthead, AugmentedResponse
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Response, Waveform, check_name
@@ -265,8 +265,11 @@ class WaveformTask:
             Waveform.from_array(waveform), self.initial_state, self.window_s, self.hysteresis
         )
 
-    def waveforms(self, actions: ArrayLike, shape: tuple[int, ...]) -> Real:
+    def waveforms(self, actions: ArrayLike, shape: tuple[int, ...], rows: NDArray[np.bool_] | None = None) -> Real:
         """Physical parameters (V, V, s …), shape (n, 7), of actions in [-1, 1].
+
+        A value outside by no more than four roundings in single precision, as wrappers that rescale actions make, is
+        the bound itself.
 
         Parameters
         ----------
@@ -274,6 +277,8 @@ class WaveformTask:
             Scaled waveform parameters.
         shape : tuple
             Required shape of the actions: (7,) or (n, 7).
+        rows : ndarray of bool, shape (n,), optional
+            Which actions count; the others may be anything, and their waveforms are those of zeros.
 
         Returns
         -------
@@ -293,16 +298,19 @@ class WaveformTask:
             raise ValueError(f"action must be numbers of shape {shape}: U1 U2 t1 t2 t3 t4 t5 in [-1, 1].") from None
         if points.shape != shape:
             raise ValueError(f"action must have shape {shape}: U1 U2 t1 t2 t3 t4 t5; got shape {points.shape}.")
-        rows = points.reshape(-1, 7)
-        waveforms = np.empty_like(rows)
-        if not waveforms_of_actions(rows, *self._box, waveforms):
+        if rows is not None and not rows.all():
+            points = np.where(rows[:, None], points, 0.0)
+        waveforms = np.empty((points.size // 7, 7))
+        if not waveforms_of_actions(points.reshape(-1, 7), *self._box, waveforms):
             waveforms_of_actions(self._clipped(points).reshape(-1, 7), *self._box, waveforms)
         return waveforms
 
     def _clipped(self, points: Real) -> Real:
+        from inkjet_env.envs.compiled_episodes import EDGE
+
         for broken, rule, fix in (
             (np.isnan(points), "must be a number", "Look for the policy or optimiser that produced it."),
-            (np.abs(points) > 1, "must be within [-1, 1]", "Scale it, or pass clip_actions=True."),
+            (np.abs(points) > EDGE, "must be within [-1, 1]", "Scale it, or pass clip_actions=True."),
         ):
             if broken.any() and not (self.clip_actions and rule.endswith("]")):
                 at = tuple(int(i) for i in np.argwhere(broken)[0])
@@ -311,34 +319,43 @@ class WaveformTask:
                 raise ValueError(f"action {name} {rule}; got {points[at]:.9g}{place}. {fix}")
         return np.clip(points, -1.0, 1.0)
 
-    def measure(self, waveforms: Real, heads: Real, generators: Sequence[np.random.Generator]) -> tuple[Real, Real]:
+    def measure(
+        self,
+        waveforms: Real,
+        heads: Real,
+        generators: Sequence[np.random.Generator],
+        threads: int | None = None,
+    ) -> tuple[Real, Real]:
         """Fire waveforms (n, 7) on heads (1 or n rows); return costs of the readings and noise-free costs, in volts.
 
-        Without noise both are the same array, and no generator is used.
+        Without noise both are the same array, and no generator is used. ``threads`` is the largest number of threads,
+        by default the number of cores; a printhead with effects is simulated on one.
         """
         if isinstance(self.printhead, AugmentedPrinthead):
             return self._measure_with_effects(waveforms, generators)
         settings, capacity = self._prepared
         if self.noise == 0:
-            costs = simulated_costs(waveforms, heads, settings, capacity)
+            costs = simulated_costs(waveforms, heads, settings, capacity, threads)
             return costs, costs
-        readings = self.read(waveforms, heads, generators)
+        readings = self.read(waveforms, heads, generators, threads)
         return readings.read_V, readings.costs_V
 
-    def read(self, waveforms: Real, heads: Real, generators: Sequence[np.random.Generator]) -> Readings:
+    def read(
+        self,
+        waveforms: Real,
+        heads: Real,
+        generators: Sequence[np.random.Generator],
+        threads: int | None = None,
+    ) -> Readings:
         """Fire waveforms (n, 7) on heads without effects (1 or n rows) and read every peak, each with an error.
 
-        There is one generator per row; without noise none is used.
+        There is one generator per row; without noise none is used. ``threads`` is as in `measure`.
         """
-        from inkjet_env.envs.compiled_episodes import batch_peaks, costs_of_readings
+        from inkjet_env.envs.compiled_episodes import costs_of_readings
 
         (warm_up_periods, one_point, window_s, _, *cost), capacity = self._prepared
-        counts, tails = np.zeros(len(waveforms), dtype=np.int64), np.empty(len(waveforms))
-        while True:
-            times, peaks = np.zeros((2, len(waveforms), capacity))
-            if batch_peaks(waveforms, heads, warm_up_periods, one_point, window_s, times, peaks, counts, tails):
-                break
-            capacity *= 2
+        settings = warm_up_periods, one_point, window_s
+        times, peaks, counts, tails = simulated_peaks(waveforms, heads, settings, capacity, threads)
         costs, read = np.empty(len(waveforms)), np.empty(len(waveforms))
         costs_of_readings(peaks, counts, tails, *cost, costs)
         if self.noise == 0:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from inkjet_env.envs.bipolar_waveform import check_no_options, check_render_mode, warn_of_no_render_mode
-from inkjet_env.envs.lockstep_vector_env import LockstepVectorEnv
+from inkjet_env.envs.options import check_option_names
+from inkjet_env.envs.vector_of_heads import Fired, Rows, VectorOfHeads
 from inkjet_env.envs.waveform_tuning_task import WaveformTuningTask
 
 TRIES, PEAKS, NOISE_V = 10, 8, 0.05
@@ -73,6 +74,7 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
+        _check_option_names(TuneWaveformEnv.__init__, options)
         self.render_mode = _only_arrays(render_mode)
         self.tuning = WaveformTuningTask(1, tries, peaks, noise=noise, **options)
         self.action_space = self.tuning.action_space()
@@ -94,23 +96,24 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         if not self._awaits_action:
             raise ResetNeeded("All tries are made, or reset() was never called: call reset() first.")
         rewards, reported = self.tuning.fire(action, (7,), (self.np_random,))
-        self._awaits_action = not self.tuning.over
-        info = {name: values[0].copy() if values.ndim > 1 else float(values[0]) for name, values in reported.items()}
-        return self.tuning.observations()[0], float(rewards[0]), self.tuning.over, False, info
+        over = bool(self.tuning.over[0])
+        self._awaits_action = not over
+        info = {name: values[0] for name, values in reported.items()}
+        return self.tuning.observations()[0], float(rewards[0]), over, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Picture of the last try's drive, hysteresis loop, response and peaks, shape (640, 960, 3)."""
         if self.render_mode is None:
             warn_of_no_render_mode()
             return None
-        return _pictures(self.tuning)[0]
+        return _picture(self.tuning, 0)
 
 
-class TuneWaveformVectorEnv(LockstepVectorEnv):
+class TuneWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     """Vector of N single environments, with identical numbers; see `TuneWaveformEnv` and `BipolarWaveformVectorEnv`.
 
-    All episodes end in the same step, in which the next ones start. ``infos["final_obs"]`` and ``infos["final_info"]``
-    exist only in such a step.
+    All episodes end in the same step, unless single heads were restarted by a ``reset_mask``. ``infos["final_obs"]``
+    and ``infos["final_info"]`` exist only in the mode ``SAME_STEP``, in a step that ends an episode.
 
     Parameters
     ----------
@@ -120,6 +123,11 @@ class TuneWaveformVectorEnv(LockstepVectorEnv):
         See `TuneWaveformEnv`.
     render_mode : {None, "rgb_array"}
         Rendering: none, or one picture per head.
+    autoreset_mode : gymnasium.vector.AutoresetMode or {"SameStep", "NextStep", "Disabled"}
+        When an ended episode is restarted; see `BipolarWaveformVectorEnv`.
+    threads : int, optional
+        Largest number of threads that simulate; None is the number of cores. No number depends on it, and fewer than
+        512 heads are simulated on one.
 
     Examples
     --------
@@ -136,52 +144,27 @@ class TuneWaveformVectorEnv(LockstepVectorEnv):
         peaks: int = PEAKS,
         noise: float = NOISE_V,
         render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        threads: int | None = 1,
         **options: Any,
     ) -> None:
-        super().__init__(num_envs, render_mode)
-        self.tuning = WaveformTuningTask(self.num_envs, tries, peaks, noise=noise, **options)
-        self.single_action_space = self.tuning.action_space()
-        self.single_observation_space = self.tuning.observation_space()
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._is_reset = False
+        _check_option_names(TuneWaveformVectorEnv.__init__, options)
+        super().__init__(num_envs, render_mode, autoreset_mode, threads)
+        self.tuning = WaveformTuningTask(self.num_envs, tries, peaks, threads, noise=noise, **options)
+        self._set_spaces(self.tuning.action_space(), self.tuning.observation_space())
 
-    def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start N episodes with other heads. ``seed`` is that of the first head, or one per head; no ``options``."""
-        check_no_options(options)
-        self._seed_all(seed)
-        self.tuning.begin(self.np_random)
-        self._is_reset = True
-        return self.tuning.observations(), {}
+    def _begin(self, rows: Rows, in_same_step: bool) -> None:
+        self.tuning.begin(self._generators_of(rows), rows)
 
-    def step(
-        self, actions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Fire N waveforms; after the last try, the observations are those of the next heads."""
-        if not self._is_reset:
-            raise ResetNeeded("Call reset() before the first step().")
-        rewards, reported = self.tuning.fire(actions, (self.num_envs, 7), self.np_random)
-        over = self.tuning.over
-        infos: dict[str, Any] = self._infos(**reported)
-        if over:
-            infos |= {
-                "final_obs": np.fromiter(self.tuning.observations(), dtype=object, count=self.num_envs),
-                "_final_obs": np.ones(self.num_envs, dtype=np.bool_),
-                "final_info": self._infos(**{name: values.copy() for name, values in reported.items()}),
-                "_final_info": np.ones(self.num_envs, dtype=np.bool_),
-            }
-            self.tuning.begin(self.np_random)
-        ended = np.full(self.num_envs, over)
-        return self.tuning.observations(), rewards, ended, np.zeros(self.num_envs, dtype=np.bool_), infos
+    def _fire(self, actions: NDArray[Any], rows: Rows) -> Fired:
+        rewards, reported = self.tuning.fire(actions, (self.num_envs, 7), self._generators_of(rows), rows)
+        return rewards, self.tuning.over[rows], reported
 
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One picture per head of its last try; the axes are empty before the first."""
-        if self.render_mode is None:
-            warn_of_no_render_mode()
-            return None
-        return _pictures(self.tuning)
+    def _observations(self) -> NDArray[np.float32]:
+        return self.tuning.observations()
+
+    def _picture(self, row: int) -> NDArray[np.uint8]:
+        return _picture(self.tuning, row)
 
 
 def _only_arrays(render_mode: str | None) -> str | None:
@@ -190,11 +173,13 @@ def _only_arrays(render_mode: str | None) -> str | None:
     return render_mode
 
 
-def _pictures(tuning: WaveformTuningTask) -> tuple[NDArray[np.uint8], ...]:
+def _check_option_names(constructor: Callable[..., Any], options: dict[str, Any]) -> None:
+    """As `check_option_names`; ``context`` is left to `WaveformTuningTask`, which says why it cannot be given."""
+    check_option_names(constructor, [name for name in options if name != "context"], fixed=["context"])
+
+
+def _picture(tuning: WaveformTuningTask, row: int) -> NDArray[np.uint8]:
     from inkjet_env.envs.rendering import picture
 
-    waveforms = tuning.task.bounds.from_unit(np.clip(tuning.fired, -1.0, 1.0)) if tuning.done else [None] * tuning.count
-    return tuple(
-        picture(tuning.task.respond(waveform, context), tuning.task.cost)
-        for waveform, context in zip(waveforms, tuning.contexts, strict=True)
-    )
+    waveform = tuning.task.bounds.from_unit(tuning.fired[row]) if tuning.done[row] else None
+    return picture(tuning.task.respond(waveform, tuning.contexts[row]), tuning.task.cost)

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.error import ResetNeeded
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from inkjet_env.envs.bipolar_waveform import check_no_options, warn_of_no_render_mode
-from inkjet_env.envs.lockstep_vector_env import LockstepVectorEnv
+from inkjet_env.envs.options import check_option_names
 from inkjet_env.envs.task import make_task
-from inkjet_env.typing import Real
+from inkjet_env.envs.vector_of_heads import Fired, Rows, VectorOfHeads
 
 
-class BipolarWaveformVectorEnv(LockstepVectorEnv):
+class BipolarWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     """N single environments with identical numbers: a seed ``s`` stands for N environments seeded ``s … s + N − 1``.
 
-    Every step ends all episodes and starts the next ones (autoreset in the same step). As usual in Gymnasium, the ended
-    episodes are in ``infos["final_obs"]`` and ``infos["final_info"]``; ``infos["waveform"]``, shape (N, 7), and
-    ``infos["cost"]``, shape (N,), repeat them under the names of the single environment.
+    Every step ends all episodes. In which step the next ones start is ``autoreset_mode``, with the meaning of
+    Gymnasium's ``SyncVectorEnv``: ``SAME_STEP`` returns the observations of the next episodes at once; ``NEXT_STEP``
+    ignores the actions of the following step and returns them then; ``DISABLED`` waits for
+    ``reset(options={"reset_mask": terminations | truncations})``.
+
+    In the mode ``SAME_STEP`` the ended episodes are, as usual, in ``infos["final_obs"]`` and ``infos["final_info"]``;
+    ``infos["waveform"]``, shape (N, 7), and ``infos["cost"]``, shape (N,), repeat them under the names of the single
+    environment.
 
     Parameters
     ----------
@@ -29,6 +31,11 @@ class BipolarWaveformVectorEnv(LockstepVectorEnv):
         Number of heads, N.
     render_mode : {None, "rgb_array"}
         Rendering: none, or one picture per head.
+    autoreset_mode : gymnasium.vector.AutoresetMode or {"SameStep", "NextStep", "Disabled"}
+        When an ended episode is restarted.
+    threads : int, optional
+        Largest number of threads that simulate; by default the number of cores. No number depends on it, and fewer
+        than 512 heads are simulated on one.
     **options
         Options of the task; see `inkjet_env.envs.task.make_task`.
 
@@ -47,64 +54,44 @@ class BipolarWaveformVectorEnv(LockstepVectorEnv):
     ((3, 4), (3,))
     """
 
-    def __init__(self, num_envs: int = 1, render_mode: str | None = None, **options: Any) -> None:
-        super().__init__(num_envs, render_mode)
+    def __init__(
+        self,
+        num_envs: int = 1,
+        render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        threads: int | None = None,
+        **options: Any,
+    ) -> None:
+        check_option_names(BipolarWaveformVectorEnv.__init__, options)
+        super().__init__(num_envs, render_mode, autoreset_mode, threads)
         self.task = make_task(**options)
-        self.single_action_space = self.task.action_space()
-        self.single_observation_space = self.task.observation_space()
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self._set_spaces(self.task.action_space(), self.task.observation_space())
         self._contexts = np.tile(self.task.fixed_context, (self.num_envs, 1))
         self._heads = self.task.heads(self._contexts)
-        self._is_reset = False
-        self._fired: tuple[Real, NDArray[np.float32]] | None = None
+        self._shown = np.full((self.num_envs, 7), np.nan)
+        self._shown_contexts = self._contexts
 
-    def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start N episodes. ``seed`` is that of the first head, or one per head; there are no ``options``."""
-        check_no_options(options)
-        self._seed_all(seed)
-        self._begin()
-        self._is_reset = True
-        self._fired = None
-        return self._contexts.copy(), {}
-
-    def _begin(self) -> None:
+    def _begin(self, rows: Rows, in_same_step: bool) -> None:
         if self.task.context == "random":
-            self._contexts = self.task.contexts(self.np_random)
+            self._contexts = self._contexts.copy()
+            self._contexts[rows] = self.task.contexts(self._generators_of(rows))
             self._heads = self.task.heads(self._contexts)
+        if not in_same_step:
+            self._shown[rows], self._shown_contexts = np.nan, self._contexts
 
-    def step(
-        self, actions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Fire N waveforms, which ends N episodes; the observations are those of the next ones."""
-        if not self._is_reset:
-            raise ResetNeeded("Call reset() before the first step().")
-        waveforms = self.task.waveforms(actions, (self.num_envs, 7))
-        read, costs = self.task.measure(waveforms, self._heads, self.np_random if self.task.noise else ())
-        ended = self._contexts.copy()
-        self._fired = waveforms.copy(), self._contexts
-        self._begin()
-        infos = {
-            **self._infos(waveform=waveforms, cost=costs),
-            "final_obs": np.fromiter(ended, dtype=object, count=self.num_envs),
-            "_final_obs": np.ones(self.num_envs, dtype=np.bool_),
-            "final_info": self._infos(waveform=waveforms.copy(), cost=costs.copy()),
-            "_final_info": np.ones(self.num_envs, dtype=np.bool_),
-        }
-        terminations, truncations = np.ones(self.num_envs, dtype=np.bool_), np.zeros(self.num_envs, dtype=np.bool_)
-        return self._contexts.copy(), -read, terminations, truncations, infos
+    def _fire(self, actions: NDArray[Any], rows: Rows) -> Fired:
+        waveforms = self.task.waveforms(actions, (self.num_envs, 7), rows)[rows]
+        heads = self._heads[rows] if self.task.context == "random" else self._heads
+        generators = self._generators_of(rows) if self.task.noise else ()
+        read, costs = self.task.measure(waveforms, heads, generators, self.threads)
+        self._shown[rows], self._shown_contexts = waveforms, self._contexts
+        return -read, np.ones(len(read), dtype=np.bool_), {"waveform": waveforms, "cost": costs}
 
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One picture per head of the waveform fired last; the axes are empty before the first step."""
-        if self.render_mode is None:
-            warn_of_no_render_mode()
-            return None
+    def _observations(self) -> NDArray[np.float32]:
+        return self._contexts.copy()
+
+    def _picture(self, row: int) -> NDArray[np.uint8]:
         from inkjet_env.envs.rendering import picture
 
-        waveforms, contexts = self._fired or ([None] * self.num_envs, self._contexts)
-        return tuple(
-            picture(self.task.respond(waveform, context), self.task.cost)
-            for waveform, context in zip(waveforms, contexts, strict=True)
-        )
+        fired = None if np.isnan(self._shown[row, 0]) else self._shown[row]
+        return picture(self.task.respond(fired, self._shown_contexts[row]), self.task.cost)

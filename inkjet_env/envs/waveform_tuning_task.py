@@ -24,6 +24,8 @@ LARGEST = 10.0
 """Magnitude at which observations are clipped."""
 MOST_TRIES, MOST_PEAKS = 10_000, 1000
 """Largest numbers of tries and peaks accepted."""
+EVERY = slice(None)
+"""The rows of every head."""
 
 
 class WaveformTuningTask:
@@ -37,26 +39,26 @@ class WaveformTuningTask:
         Number of waveforms that may be fired on each head.
     peaks : int
         Number of peaks of the last response in an observation, counted from the first.
+    threads : int, optional
+        Largest number of threads that simulate; None is the number of cores. No number depends on it.
     **options
         Options of the task; see `inkjet_env.envs.task.make_task`. ``context`` is "random" and cannot be given.
     """
 
-    def __init__(self, count: int, tries: int, peaks: int, **options: Any) -> None:
+    def __init__(self, count: int, tries: int, peaks: int, threads: int | None = 1, **options: Any) -> None:
         if "context" in options:
             raise ValueError('context cannot be given: a head to be tuned is always drawn, as by context="random".')
         self.tries = _counted("tries", tries, MOST_TRIES)
         self.peaks = _counted("peaks", peaks, MOST_PEAKS)
         self.task: WaveformTask = make_task(context="random", **options)
         self.count = count
-        self._clear()
-
-    def _clear(self) -> None:
-        n = self.count
-        self.done = 0
-        self.contexts = np.zeros((n, 4), dtype=np.float32)
-        self.fired, self.kept = np.zeros((n, 7)), np.zeros((n, 7))
-        self.heights_V, self.times_s = np.zeros((n, self.peaks)), np.zeros((n, self.peaks))
-        self.kept_read_V, self.kept_cost_V = np.zeros(n), np.zeros(n)
+        self.threads = threads
+        self.contexts = np.zeros((count, 4), dtype=np.float32)
+        self._heads = self.task.heads(self.contexts)
+        self.done = np.zeros(count, dtype=np.int64)
+        self.fired, self.kept = np.zeros((2, count, 7))
+        self.heights_V, self.times_s = np.zeros((2, count, self.peaks))
+        self.kept_read_V, self.kept_cost_V = np.zeros((2, count))
 
     def action_space(self) -> spaces.Box:
         """Space of the seven waveform parameters, scaled to [-1, 1]."""
@@ -75,52 +77,65 @@ class WaveformTuningTask:
             *(f"peak_{k}_time" for k in numbered),
         )  # fmt: skip
 
-    def begin(self, generators: Sequence[np.random.Generator]) -> None:
-        """Replace the heads on the bench by unknown ones."""
-        self._clear()
-        self.contexts = self.task.contexts(generators)
+    def begin(self, generators: Sequence[np.random.Generator], rows: NDArray[np.bool_] | slice = EVERY) -> None:
+        """Replace heads on the bench by unknown ones: those of ``rows``, with one generator each."""
+        for table in (
+            self.done, self.fired, self.kept, self.heights_V, self.times_s, self.kept_read_V, self.kept_cost_V
+        ):  # fmt: skip
+            table[rows] = 0
+        self.contexts = self.contexts.copy()
+        self.contexts[rows] = self.task.contexts(generators)
         self._heads = self.task.heads(self.contexts)
 
     def fire(
-        self, actions: NDArray[Any], shape: tuple[int, ...], generators: Sequence[np.random.Generator]
+        self,
+        actions: NDArray[Any],
+        shape: tuple[int, ...],
+        generators: Sequence[np.random.Generator],
+        rows: NDArray[np.bool_] | slice = EVERY,
     ) -> tuple[Real, dict[str, Real]]:
-        """One try on each head: rewards in volts, shape (n,), and the contents of ``info``, one row per head.
+        """One try on the heads of ``rows``: rewards in volts, shape (n,), and the contents of ``info``, one row each.
+
+        There is one generator per row. The actions have an entry for every head; those of the others are ignored.
 
         Raises
         ------
         ValueError
             The actions have another shape than ``shape``, are NaN or outside the box; nothing is fired.
         """
-        waveforms = self.task.waveforms(actions, shape)
-        readings = self.task.read(waveforms, self._heads, generators if self.task.noise else ())
-        self.done += 1
-        self.fired = np.array(actions, dtype=np.float64).reshape(-1, 7)
+        waveforms = self.task.waveforms(actions, shape, rows if isinstance(rows, np.ndarray) else None)[rows]
+        readings = self.task.read(waveforms, self._heads[rows], generators if self.task.noise else (), self.threads)
+        fired = np.clip(np.array(actions, dtype=np.float64).reshape(-1, 7)[rows], -1.0, 1.0)
+        self.done[rows] += 1
+        self.fired[rows] = fired
         shown = np.arange(self.peaks) < readings.counts[:, None]
         width = min(self.peaks, readings.heights_V.shape[1])
         for table, found in ((self.heights_V, readings.heights_V), (self.times_s, readings.times_s)):
-            table[:] = 0.0
-            table[:, :width] = np.where(shown[:, :width], found[:, :width], 0.0)
-        better = readings.read_V < self.kept_read_V
-        rewards = np.where(better, self.kept_cost_V - readings.costs_V, 0.0)
-        self.kept[better] = self.fired[better]
-        self.kept_read_V = np.where(better, readings.read_V, self.kept_read_V)
-        self.kept_cost_V = np.where(better, readings.costs_V, self.kept_cost_V)
+            entries = np.zeros(shown.shape)
+            entries[:, :width] = np.where(shown[:, :width], found[:, :width], 0.0)
+            table[rows] = entries
+        kept_V = self.kept_cost_V[rows]
+        better = readings.read_V < self.kept_read_V[rows]
+        rewards = np.where(better, kept_V - readings.costs_V, 0.0)
+        self.kept[rows] = np.where(better[:, None], fired, self.kept[rows])
+        self.kept_read_V[rows] = np.where(better, readings.read_V, self.kept_read_V[rows])
+        self.kept_cost_V[rows] = np.where(better, readings.costs_V, kept_V)
         reported = {
             "waveform": waveforms,
             "cost": readings.costs_V.copy(),
             "reading": readings.read_V.copy(),
-            "kept_cost": self.kept_cost_V.copy(),
+            "kept_cost": self.kept_cost_V[rows].copy(),
         }
         return rewards, reported
 
     @property
-    def over(self) -> bool:
-        """Whether all tries have been made."""
+    def over(self) -> NDArray[np.bool_]:
+        """Whether all tries on each head have been made, shape (N,)."""
         return self.done >= self.tries
 
     def observations(self) -> NDArray[np.float32]:
         """Observation of each head, shape (n, 16 + 2 peaks)."""
-        share = np.full((self.count, 1), self.done / self.tries)
+        share = self.done[:, None] / self.tries
         parts = (
             share, self.kept_read_V[:, None] / COST_SCALE_V, self.fired, self.kept,
             self.heights_V / PEAK_SCALE_V, self.times_s / TIME_SCALE_S,

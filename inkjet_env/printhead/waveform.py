@@ -197,6 +197,14 @@ class Bounds:
             raise ValueError(f"points must have shape (7,) or (n, 7); got shape {points.shape}.")
         return np.clip(((1 - points) * self._low + (1 + points) * self._high) / 2, self._low, self._high)
 
+    def slope(self, points: ArrayLike) -> Real:
+        """Derivative of `from_unit` in each coordinate, V or s per unit, shape (7,) or (n, 7), as the points.
+
+        It is half the width of the box, and zero outside [-1, 1], where `from_unit` is constant; at ±1 exactly it is
+        that of the inside.
+        """
+        return np.where(np.abs(np.asarray(points, dtype=np.float64)) > 1.0, 0.0, self.half_width)
+
     def to_unit(self, waveforms: ArrayLike) -> Real:
         """Points in [-1, 1] of physical parameters, shape (7,) or (n, 7); an axis of zero width maps to 0."""
         offset = np.asarray(waveforms, dtype=np.float64) - (self._low + self._high) / 2

@@ -62,6 +62,35 @@ def test_gradients_of_several_drops_or_heads_equal_differences(problem):
     assert np.mean(right) > 0.9  # where a peak appears, or another drop or head becomes the worse one, the cost breaks
 
 
+@pytest.mark.parametrize(
+    "problem", [Problem("one"), TRAIN, LOT, replace(LOT, spread=Spread(0.05, 8, "mean"))], ids=lambda p: p.name
+)
+def test_outside_the_box_the_cost_and_its_gradient_are_those_of_the_clipped_point(problem):
+    rng = np.random.default_rng(1)
+    outside = np.where(rng.random(POINTS.shape) < 0.4, np.sign(POINTS) * rng.uniform(1.01, 3, POINTS.shape), POINTS)
+    clipped = np.clip(outside, -1, 1)
+    costs, gradients = problem.evaluate_with_gradient(outside)
+    np.testing.assert_array_equal(problem.evaluate(outside), problem.evaluate(clipped))
+    np.testing.assert_array_equal(costs, problem.evaluate_with_gradient(clipped)[0])
+    assert (gradients[outside != clipped] == 0).all()
+    size, right = 1e-6, []
+    for point, gradient in zip(outside, gradients, strict=True):
+        ups, downs = (problem.evaluate(point + sign * size * np.eye(7)) for sign in (1, -1))
+        right.append(np.allclose((ups - downs) / (2 * size), gradient, rtol=1e-3, atol=1e-3))
+    assert np.mean(right) > 0.9  # as above: elsewhere the cost breaks
+    one = problem.evaluate_with_gradient(outside[0])
+    np.testing.assert_array_equal(one[1][0], gradients[0])
+
+
+def test_on_a_face_of_the_box_the_gradient_is_that_of_the_inside():
+    face = np.clip(POINTS * [1, 1, 1, 1, 1e6, 1, 1], -1, 1)
+    _, gradients = Problem("one").evaluate_with_gradient(face)
+    inner = face - 1e-6 * np.sign(face) * np.eye(7)[4]
+    change = (Problem("one").evaluate(face) - Problem("one").evaluate(inner)) / 1e-6 * np.sign(face[:, 4])
+    assert np.mean(np.isclose(change, gradients[:, 4], rtol=1e-3, atol=1e-3)) > 0.9
+    assert (gradients[:, 4] != 0).mean() > 0.9
+
+
 def test_a_reading_hangs_on_the_run_and_the_number_of_the_evaluation_alone():
     noisy = Problem("noisy", measurement_noise_V=0.2)
     together = noisy.read(POINTS, seed=5)

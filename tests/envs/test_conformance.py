@@ -107,9 +107,20 @@ def test_a_refused_action_leaves_the_episode_open():
 def test_reward_and_flags_are_native_python_values():
     env = gymnasium.make(inkjet_env.ENV_ID, noise=0.1)
     env.reset(seed=0)
-    _, reward, terminated, truncated, info = env.step(env.action_space.sample())
-    assert [type(v) for v in (reward, terminated, truncated, info["cost"])] == [float, bool, bool, float]
+    _, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+    assert [type(v) for v in (reward, terminated, truncated)] == [float, bool, bool]
     assert (terminated, truncated) == (True, False)
+
+
+@pytest.mark.parametrize("name", [inkjet_env.ENV_ID, inkjet_env.TUNE_ID])
+def test_infos_are_numpy_values(name):  # TorchRL reads their dtype
+    env, envs = gymnasium.make(name), gymnasium.make_vec(name, num_envs=2)
+    env.reset(seed=0)
+    envs.reset(seed=0)
+    info, infos = env.step(env.action_space.sample())[4], envs.step(envs.action_space.sample())[4]
+    assert {key: value.dtype for key, value in info.items()} == dict.fromkeys(info, np.float64)
+    assert all(infos[key].dtype == np.float64 and infos[f"_{key}"].dtype == np.bool_ for key in info)
+    assert isinstance(info["cost"], float)
 
 
 def test_the_vector_environment_tells_its_autoreset_mode():
