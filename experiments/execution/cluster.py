@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from inkjet_env.experiments.execution.jobs import ONE_THREAD, TRIES, ClusterError, WorkLostError
+from inkjet_env.experiments.execution.jobs import TRIES, ClusterError, WorkLostError
 from inkjet_env.experiments.execution.local_processes import LocalProcesses
 
 IN_FLIGHT_A_WORKER = 2
@@ -50,9 +50,7 @@ def workers_of(scheduler: str | None, workers: int | None, preload: Sequence[str
 
     settings = {
         "distributed.scheduler.allowed-failures": 0,  # `run_each` restarts jobs itself, and counts
-        "distributed.worker.daemon": False,
         "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
-        "distributed.nanny.pre-spawn-environ": ONE_THREAD,
     }
     with dask.config.set(settings):
         try:
