@@ -36,9 +36,10 @@ def extra(name: str, what: str) -> Iterator[None]:
     Examples
     --------
     >>> with extra("cli", "a figure"):
-    ...     from figures_of_nobody import Figure
+    ...     import nosuch
     Traceback (most recent call last):
-    inkjet_env.extras.MissingExtraError: a figure needs figures_of_nobody, ...'inkjet-env[cli]'
+        ...
+    inkjet_env.extras.MissingExtraError: a figure needs nosuch, which is not installed: pip install 'inkjet-env[cli]'
     """
     try:
         yield
