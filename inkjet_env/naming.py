@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+LEAST_LIKENESS = 0.55
+"""Least share of letters in common for a name to be suggested."""
+
 
 def nearest_name(given: str, known: Iterable[str]) -> str:
     """Return " Did you mean 'x'?" for the known name nearest to the given one, or an empty string."""
-    from rapidfuzz import fuzz, process
+    from difflib import SequenceMatcher
 
-    match = process.extractOne(given, list(known), scorer=fuzz.ratio, processor=str.lower, score_cutoff=55)
-    return f" Did you mean {match[0]!r}?" if match else ""
+    def likeness(name: str) -> float:
+        return SequenceMatcher(None, name.lower(), given.lower(), autojunk=False).ratio()
+
+    match = max(known, key=likeness, default="")
+    return f" Did you mean {match!r}?" if likeness(match) >= LEAST_LIKENESS else ""
 
 
 def check_name(label: str, given: object, known: Iterable[str]) -> None:

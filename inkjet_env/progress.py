@@ -1,4 +1,4 @@
-"""Progress on standard error: a bar on a terminal, an occasional plain line elsewhere."""
+"""Progress on standard error: a bar on a terminal if rich is installed, an occasional plain line elsewhere."""
 
 from __future__ import annotations
 
@@ -6,10 +6,16 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Protocol
 
 PLAIN_LINE_EVERY_S = 10.0
 """Shortest time between two plain progress lines, in seconds."""
+
+
+def _drawn() -> bool:
+    """Whether progress is drawn in place rather than printed line by line."""
+    return sys.stderr.isatty() and find_spec("rich") is not None
 
 
 class Progress(Protocol):
@@ -22,7 +28,7 @@ class Progress(Protocol):
 @contextmanager
 def shown_progress(label: str, total: int, done: int = 0) -> Iterator[Progress]:
     """Show progress from ``done`` to ``total`` while the block runs."""
-    if sys.stderr.isatty():
+    if _drawn():
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
         from rich.progress import Progress as Bar
@@ -54,7 +60,7 @@ def shown_progress(label: str, total: int, done: int = 0) -> Iterator[Progress]:
 @contextmanager
 def shown_steps(label: str) -> Iterator[Callable[[str], None]]:
     """Show the current step of work of unknown duration; without a terminal, an occasional plain line."""
-    if sys.stderr.isatty():
+    if _drawn():
         from rich.console import Console
 
         with Console(stderr=True).status(label) as status:
@@ -71,11 +77,3 @@ def shown_steps(label: str) -> Iterator[Callable[[str], None]]:
             print(f"{label}: {step}", file=sys.stderr, flush=True)
 
     yield plain
-
-
-def announce_compiling() -> None:
-    """Explain on standard error why the first command on a machine takes a minute."""
-    from inkjet_env.printhead import batch
-
-    if not batch.is_compiled():
-        print("compiling the simulator once …", file=sys.stderr, flush=True)

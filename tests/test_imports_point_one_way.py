@@ -8,7 +8,7 @@ from tests.modules import MODULES
 
 GROUND = (
     *("inkjet_env.storage", "inkjet_env.naming", "inkjet_env.typing", "inkjet_env.estimate"),
-    *("inkjet_env.installation", "inkjet_env.plugins"),
+    *("inkjet_env.installation", "inkjet_env.plugins", "inkjet_env.extras"),
 )
 PRINTHEAD = (*GROUND, "inkjet_env.printhead")
 PLANT = (*PRINTHEAD, "inkjet_env.plant")
@@ -41,6 +41,7 @@ ALLOWED = {
     "inkjet_env.estimate": (),
     "inkjet_env.installation": (),
     "inkjet_env.plugins": ("inkjet_env.naming",),
+    "inkjet_env.extras": (),
     "inkjet_env.progress": PRINTHEAD,
     "inkjet_env.testing": PLANT,
     "inkjet_env.printhead": GROUND,
@@ -71,6 +72,7 @@ ALLOWED = {
     "inkjet_env.experiments.proof": PROOF,
     "inkjet_env.experiments.publish": (*PROOF, *LEARNING, *STUDIES, "inkjet_env.experiments.publish"),
     "inkjet_env.experiments.commands": (*PROOF, "inkjet_env.experiments.commands"),
+    "inkjet_env.experiments.entry": ("inkjet_env.experiments.cli", *GROUND),
     "inkjet_env.experiments.cli": ("inkjet_env.experiments.commands", "inkjet_env.cli"),
 }
 WHOLE = {"inkjet_env.plant": "its effects are of it", "inkjet_env.experiments.concealed_rig": "its effects are of it"}

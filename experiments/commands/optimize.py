@@ -23,7 +23,6 @@ from inkjet_env.cli.options import (
     Window,
 )
 from inkjet_env.cli.own_effects import register_own
-from inkjet_env.progress import announce_compiling
 
 if TYPE_CHECKING:
     from inkjet_env.experiments.benchmark.problem import Problem
@@ -107,7 +106,6 @@ def optimize(
             check_changeable(chosen)
             chosen = replace(chosen, name="custom", printhead=chosen_head(printhead))
         plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
-    announce_compiling()
     run = plan.carry_out(recorded)
     _finish_optimize(plan, run, out, sample_rate, plot, json, effect)
 

@@ -11,6 +11,7 @@ import typer
 from inkjet_env.cli.arguments import check_outputs
 from inkjet_env.cli.exit_status import CHECK_FAILED, INTERRUPTED
 from inkjet_env.cli.options import JsonFile
+from inkjet_env.extras import check_installed
 
 REPORT = "report.html"
 
@@ -60,6 +61,7 @@ def prove(
     from inkjet_env.experiments.proof.corpus import DEVELOPMENT_SEED, PUBLISHED_SEED
     from inkjet_env.experiments.proof.sealing import Settings
 
+    check_installed("cluster", "inkjet prove", ("distributed",))
     check_outputs(json=json, report=report)
     for name, value, least in (("workers", workers, 1), ("reoptimise", reoptimise, 0), ("baselines", baselines, 0)):
         if value is not None and value < least:

@@ -15,6 +15,7 @@ from inkjet_env.envs.waveform_tuning_task import TIME_SCALE_S
 from inkjet_env.experiments.learning.heads import TRAIN_SEED, Heads, drawn, stretched, the_task
 from inkjet_env.experiments.learning.learners import HIDDEN, labelled, let_learn
 from inkjet_env.experiments.learning.policies import Policy, policy_of_sb3
+from inkjet_env.extras import extra
 from inkjet_env.typing import Real
 
 MIDDLE = np.zeros((1, 4))
@@ -204,9 +205,10 @@ def one_for_all(seed: int, heads: int = 64, waveforms: int = 3000) -> tuple[Real
 
 def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
     """Policy of Stable-Baselines3's PPO trained on the environment; it observes peaks but not the head's parameters."""
-    import torch
-    from stable_baselines3 import PPO
-    from stable_baselines3.common.vec_env import VecNormalize
+    with extra("rl", "learning"):
+        import torch
+        from stable_baselines3 import PPO
+        from stable_baselines3.common.vec_env import VecNormalize
 
     from inkjet_env.envs.sb3 import TuneWaveformVecEnv
 

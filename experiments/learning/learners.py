@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from inkjet_env.experiments.learning.heads import TRAIN_SEED, Heads, OneHead, descended, drawn, stretched
 from inkjet_env.experiments.learning.policies import Policy, policy_of_layers, policy_of_sb3
+from inkjet_env.extras import extra
 from inkjet_env.typing import Real
 
 HIDDEN = (128, 128)
@@ -92,7 +93,8 @@ def labelled(evaluations: int, seed: int) -> tuple[Real, Real, int]:
 
 def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Policy:
     """A network trained on the simulator's exact gradient of the mean cost over heads, which are redrawn each step."""
-    import torch
+    with extra("rl", "learning"):
+        import torch
 
     torch.manual_seed(seed)
     torch.set_num_threads(1)
@@ -115,7 +117,8 @@ def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Policy:
 
 def by_imitation(evaluations: int, seed: int) -> Policy:
     """A regression on the best waveforms that descents found for as many heads as ``evaluations`` allows."""
-    import torch
+    with extra("rl", "learning"):
+        import torch
 
     observations, points, spent = labelled(evaluations, seed)
     torch.manual_seed(seed)
@@ -134,9 +137,10 @@ def by_imitation(evaluations: int, seed: int) -> Policy:
 
 def by_agent(algorithm: str, evaluations: int, seed: int) -> Policy:
     """PPO or SAC from Stable-Baselines3, trained on the environment with random heads."""
-    import stable_baselines3
-    import torch
-    from torch import nn
+    with extra("rl", "learning"):
+        import stable_baselines3
+        import torch
+        from torch import nn
 
     from inkjet_env.envs.sb3 import BipolarWaveformVecEnv
 
@@ -157,7 +161,8 @@ def by_agent(algorithm: str, evaluations: int, seed: int) -> Policy:
 
 def let_learn(model: Any, evaluations: int) -> int:
     """Train a Stable-Baselines3 agent; return the evaluations spent, which may slightly exceed ``evaluations``."""
-    from stable_baselines3.common.logger import Logger
+    with extra("rl", "learning"):
+        from stable_baselines3.common.logger import Logger
 
     model.set_logger(Logger(None, []))  # SB3's default logger creates a folder for every training
     model.learn(evaluations)
@@ -195,7 +200,8 @@ def tuned_costs_V(
 
 def _network() -> tuple[Any, list[Any]]:
     """A network of linear layers with tanh between them, and the list of its linear layers."""
-    from torch import nn
+    with extra("rl", "learning"):
+        from torch import nn
 
     sizes = (4, *HIDDEN, 7)
     layers = [nn.Linear(a, b) for a, b in itertools.pairwise(sizes)]

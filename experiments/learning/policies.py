@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inkjet_env.envs.task import CONTEXT_NAMES
+from inkjet_env.extras import extra
 from inkjet_env.printhead import check_name
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.storage import archive_bytes, write_atomically
@@ -139,8 +140,9 @@ def policy_of_layers(
 
 def policy_of_sb3(model: Any, made: Mapping[str, Any], observation: Sequence[str] = CONTEXT_NAMES) -> Policy:
     """The deterministic policy of a trained Stable-Baselines3 PPO or SAC, which must use tanh activations."""
-    from stable_baselines3 import PPO, SAC
-    from torch import nn
+    with extra("rl", "learning"):
+        from stable_baselines3 import PPO, SAC
+        from torch import nn
 
     if isinstance(model, PPO):
         actor = model.policy

@@ -8,6 +8,7 @@ from typing import Any
 
 from inkjet_env.experiments.proof import figures
 from inkjet_env.experiments.proof.printing import figure_text, interval_text
+from inkjet_env.extras import extra
 from inkjet_env.reporting.plotting import svg_text
 from inkjet_env.storage import write_atomically
 
@@ -27,7 +28,8 @@ def write_page(path: Path, found: Mapping[str, Any]) -> None:
 
 def page_html(found: Mapping[str, Any]) -> str:
     """The report as HTML text."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    with extra("cli", "a report"):
+        from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=PackageLoader("inkjet_env.experiments.proof"), autoescape=True, undefined=StrictUndefined

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_NAMES, CONTEXT_UPPER
+from inkjet_env.extras import extra
 from inkjet_env.identification import Identification, identify, in_convention
 from inkjet_env.printhead import BranchLaw, Printhead
 from inkjet_env.progress import shown_progress
@@ -75,7 +76,8 @@ def identified_head(seed: int, snr_dB: float = SNR_dB) -> HeadResult:
 
 def identified_heads(count: int, workers: int | None = None) -> list[HeadResult]:
     """Results for random heads with seeds from 0, identified in parallel, with progress."""
-    from joblib import Parallel, delayed
+    with extra("cli", "the study"):
+        from joblib import Parallel, delayed
 
     results = []
     with shown_progress("heads", count) as progress:

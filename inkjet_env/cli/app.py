@@ -15,6 +15,7 @@ from inkjet_env.cli.campaigns import evaluate, identify, record
 from inkjet_env.cli.diagnose import diagnose
 from inkjet_env.cli.exit_status import BAD_INPUT, INTERRUPTED
 from inkjet_env.cli.simulate import simulate
+from inkjet_env.extras import MissingExtraError
 
 app = typer.Typer(
     add_completion=False,
@@ -62,6 +63,9 @@ def main(arguments: list[str] | None = None) -> NoReturn:
             stream.reconfigure(errors="replace")
     try:
         status = app(arguments, standalone_mode=False)
+    except MissingExtraError as error:
+        print(error, file=sys.stderr)
+        sys.exit(BAD_INPUT)
     except (ValueError, OSError) as error:
         _refuse(_os_sentence(error) if isinstance(error, OSError) else str(error))
     except KeyboardInterrupt:

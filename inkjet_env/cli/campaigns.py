@@ -18,7 +18,6 @@ from inkjet_env.cli.campaign_reading import (
     reading_options,
 )
 from inkjet_env.cli.options import JsonFile, OwnEffects, PrintheadFile
-from inkjet_env.progress import announce_compiling
 
 if TYPE_CHECKING:
     from inkjet_env.identification import Identification
@@ -71,7 +70,6 @@ def record(
         plan_csvs(folder, battery)
         said = f"{folder}: {len(battery)} drives, and plan.csv, which states how to record each and its purpose"
     else:
-        announce_compiling()
         campaign = record_campaign(head, chosen_seed(seed), battery=battery, snr_dB=snr_db)
         write_campaign(folder, campaign)
         said = f"{folder}: {len(campaign.recordings)} recordings"
@@ -128,7 +126,6 @@ def identify(
         "full_scale_V": full_scale,
         "held_out": None if held_out is None else tuple(name.strip() for name in held_out.split(",")),
     }
-    announce_compiling()
     reading = reading_options(channel, columns, initial_state)
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}.")
@@ -177,7 +174,6 @@ def evaluate(
 
     check_outputs((printhead, *files_of(folder)), json=json)
     register_own(effect)
-    announce_compiling()
     found, unit = evaluation_json(folder, printhead, reading_options(channel, columns, initial_state))
     if json is not None:
         write_json(json, found)

@@ -23,7 +23,7 @@ from inkjet_env.cli.campaign_reading import (
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import JsonFile, OwnEffects
 from inkjet_env.cli.printing import print_diagnosis
-from inkjet_env.progress import announce_compiling, shown_steps
+from inkjet_env.progress import shown_steps
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -136,7 +136,6 @@ def _diagnosed(
     from inkjet_env.recordings import read_campaign
 
     head = None if printhead is None else Printhead.from_json(printhead)
-    announce_compiling()
     with shown_steps(f"diagnose {folder}") as progress:
         progress("reading")
         campaign = read_campaign(folder, **reading)

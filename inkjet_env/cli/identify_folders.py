@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from inkjet_env.cli.campaign_reading import checked, warn
+from inkjet_env.extras import extra
 from inkjet_env.identification import Identification, identify
 from inkjet_env.progress import shown_progress, shown_steps
 from inkjet_env.recordings import Campaign, read_campaign
@@ -78,7 +79,8 @@ def identify_folders(
         Two folders have the same name, or campaigns could not be identified: one sentence for each. The others are
         written.
     """
-    from joblib import Parallel, delayed
+    with extra("cli", "identifying several folders"):
+        from joblib import Parallel, delayed
 
     out = TOGETHER if out == ALONE else out
     names = [folder.resolve().name for folder in folders]

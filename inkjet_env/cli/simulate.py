@@ -19,7 +19,6 @@ from inkjet_env.cli.options import (
     PrintheadFile,
     Window,
 )
-from inkjet_env.progress import announce_compiling
 
 
 def simulate(
@@ -74,7 +73,6 @@ def simulate(
         response = head.respond(Waveform.from_array(waveform), state, window_s, hysteresis)
     elif drive is not None:
         samples = read_drive(drive)
-        announce_compiling()
         try:
             if isinstance(head, AugmentedPrinthead):
                 response = head.respond_sampled(*samples, state, hysteresis, window_s)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from inkjet_env.extras import extra
 from inkjet_env.plant.augmented import AugmentedResponse
 from inkjet_env.printhead import PeakCost, Response
 from inkjet_env.typing import Real
@@ -147,9 +148,10 @@ def _heading(response: AnyResponse, cost: PeakCost) -> str:
 
 def picture(response: AnyResponse | None, cost: PeakCost) -> NDArray[np.uint8]:
     """Picture of a response, shape (640, 960, 3); empty axes if there is none yet."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    with extra("cli", "a picture"):
+        from matplotlib import rc_context
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
     style: dict[Any, Any] = {
         "font.size": 11.0,

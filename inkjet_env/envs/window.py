@@ -6,6 +6,8 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from inkjet_env.extras import MissingExtraError
+
 
 class Window:
     """A window that shows one picture at a time.
@@ -25,9 +27,8 @@ class Window:
         try:
             import pygame
         except ImportError:
-            raise DependencyNotInstalled(
-                'render_mode="human" needs pygame: pip install "inkjet-env[human]". Or use render_mode="rgb_array".'
-            ) from None
+            missing = MissingExtraError('render_mode="human"', "pygame", "human")
+            raise DependencyNotInstalled(f'{missing}. Or use render_mode="rgb_array".') from None
         self._pygame = pygame
         self._frames_per_second = frames_per_second
         pygame.display.init()

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
@@ -258,15 +257,10 @@ def peaks(
         capacity *= 2
 
 
-def is_compiled() -> bool:
-    """Whether the cache of this machine holds the compiled simulator."""
-    cache = Path(compiled.__file__).parent / "__pycache__"
-    return any(cache.glob("compiled.batch_costs-*.nbi")) and any(cache.glob("compiled_gradient.*.nbi"))
-
-
 def warm_up() -> None:
     """Compile every kernel that this module uses, or load it from the cache."""
     head, waveform = Printhead.published(), Waveform(50.0, -50.0, 5e-6, 5e-6, 5e-6, 5e-6, 5e-6)
     costs_and_gradients(waveform.to_array(), head)
-    costs(waveform.to_array(), head)
+    for period_s in (math.inf, 1e-4):
+        costs(waveform.to_array(), head, period_s=period_s)
     peaks(waveform, head)

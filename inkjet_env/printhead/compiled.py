@@ -26,13 +26,14 @@ from inkjet_env.printhead.compiled_edges import (
     rotation,
     solve_piece,
 )
-from inkjet_env.printhead.kernel_cache import kernel_jit
+from inkjet_env.printhead.kernel_cache import INTERNAL, kernel_jit
 from inkjet_env.printhead.resonator import JUMP_S, ROUNDING
 
 EFFECTIVE_LARGEST, EFFECTIVE_FIRST, EFFECTIVE_THRESHOLD = 0, 1, 2
 """Rules for the effective peak; see `cost.PeakCost`."""
 
 _jit = kernel_jit(__file__, fastmath=FAST)
+_internal = kernel_jit(__file__, fastmath=FAST, **INTERNAL)
 _jit_hysteresis = kernel_jit(hysteresis.__file__, fastmath=FAST)
 
 branch_pieces = _jit_hysteresis(hysteresis.branch_pieces)
@@ -165,7 +166,7 @@ def response_extrema(head, knots_s, pieces, piece_count, window_s, state, rate, 
     return count, tail
 
 
-@_jit
+@_internal
 def peak_cost(peaks, count, tail_V, A, B, effective, threshold, target_height_V):
     """Peak cost in volts of ``count`` peaks, Eq. (9) of `cost`; also the index of the effective peak, or −1."""
     e = -1
@@ -187,7 +188,7 @@ def peak_cost(peaks, count, tail_V, A, B, effective, threshold, target_height_V)
     return total, e
 
 
-@_jit
+@_internal
 def waveform_knots(waveform, knots_s, knots_V):
     """Fill the six knots of a bipolar trapezoid, in seconds and volts."""
     knots_s[0] = 0.0
@@ -198,7 +199,7 @@ def waveform_knots(waveform, knots_s, knots_V):
     knots_V[3] = knots_V[4] = waveform[1]
 
 
-@_jit
+@_internal
 def steady_start(
     head, knots_s, pieces, piece_count, period_s, state, rate, series, stack, times, peaks, no_knots
 ):  # fmt: skip
@@ -231,6 +232,55 @@ def steady_start(
 
 
 @_jit
+def _costs_at_rest(
+    waveforms, heads, warm_up_periods, one_point, window_s, A, B, effective, threshold, target_height_V, capacity, costs
+):  # fmt: skip
+    """`batch_costs` where the resonator rests at the start of every waveform."""
+    knots_s, knots_V = np.empty(6), np.empty(6)
+    memory, pieces = np.empty(32), np.empty((40, 6))
+    rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
+    times, peaks = np.empty(capacity), np.empty(capacity)
+    state, no_knots = np.empty(2), np.empty(0)
+    for i in range(waveforms.shape[0]):
+        state[:] = 0.0
+        head = heads[i if heads.shape[0] > 1 else 0]
+        waveform_knots(waveforms[i], knots_s, knots_V)
+        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
+        count, tail = response_extrema(
+            head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
+        )
+        if count == OVERFLOW:
+            return False
+        costs[i], _ = peak_cost(peaks, count, tail, A, B, effective, threshold, target_height_V)
+    return True
+
+
+@_jit
+def _costs_repeated(
+    waveforms, heads, warm_up_periods, one_point, window_s, period_s, A, B, effective, threshold, target_height_V,
+    capacity, costs,
+):  # fmt: skip
+    """`batch_costs` where the resonator still rings from all the waveforms before."""
+    knots_s, knots_V = np.empty(6), np.empty(6)
+    memory, pieces = np.empty(32), np.empty((40, 6))
+    rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
+    times, peaks = np.empty(capacity), np.empty(capacity)
+    state, no_knots = np.empty(2), np.empty(0)
+    for i in range(waveforms.shape[0]):
+        head = heads[i if heads.shape[0] > 1 else 0]
+        waveform_knots(waveforms[i], knots_s, knots_V)
+        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
+        if not steady_start(head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots):
+            return False
+        count, tail = response_extrema(
+            head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
+        )
+        if count == OVERFLOW:
+            return False
+        costs[i], _ = peak_cost(peaks, count, tail, A, B, effective, threshold, target_height_V)
+    return True
+
+
 def batch_costs(
     waveforms,
     heads,
@@ -249,26 +299,9 @@ def batch_costs(
     """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False if ``capacity`` was too small.
 
     With an infinite ``period_s`` the resonator rests at the waveform's start; otherwise it still rings from all the
-    waveforms before.
+    waveforms before. Each of the two is compiled when it is first needed.
     """
-    knots_s, knots_V = np.empty(6), np.empty(6)
-    memory, pieces = np.empty(32), np.empty((40, 6))
-    rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
-    times, peaks = np.empty(capacity), np.empty(capacity)
-    state, no_knots = np.empty(2), np.empty(0)
-    for i in range(waveforms.shape[0]):
-        state[:] = 0.0
-        head = heads[i if heads.shape[0] > 1 else 0]
-        waveform_knots(waveforms[i], knots_s, knots_V)
-        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
-        if period_s < math.inf and not steady_start(
-            head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots
-        ):
-            return False
-        count, tail = response_extrema(
-            head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
-        )
-        if count == OVERFLOW:
-            return False
-        costs[i], _ = peak_cost(peaks, count, tail, A, B, effective, threshold, target_height_V)
-    return True
+    cost = A, B, effective, threshold, target_height_V
+    if period_s == math.inf:
+        return _costs_at_rest(waveforms, heads, warm_up_periods, one_point, window_s, *cost, capacity, costs)
+    return _costs_repeated(waveforms, heads, warm_up_periods, one_point, window_s, period_s, *cost, capacity, costs)

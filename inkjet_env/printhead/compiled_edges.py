@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from inkjet_env.printhead.kernel_cache import kernel_jit
+from inkjet_env.printhead.kernel_cache import INTERNAL, kernel_jit
 
 MAX_DEGREE = 16
 """Largest degree of the branch law."""
@@ -40,11 +40,13 @@ OVERFLOW = -1
 
 FAST = {"contract", "nsz"}
 """Floating-point optimisations of the kernels: fused multiply-add, and no distinction of −0 from 0."""
-_jit = kernel_jit(__file__, fastmath=FAST)
-_inlined = kernel_jit(__file__, fastmath=FAST, inline="always")  # function calls cost a fifth of the run time
+_internal = kernel_jit(__file__, fastmath=FAST, **INTERNAL)
+# Function calls cost a fifth of the run time. LLVM inlines in half the time that numba takes (``inline="always"``).
+_inlined = kernel_jit(__file__, fastmath=FAST, forceinline=True, **INTERNAL)
+_inlined_early = kernel_jit(__file__, fastmath=FAST, inline="always", **INTERNAL)
 
 
-@_jit
+@_internal
 def piece_rate(head, x_start, x_change, scale_V, rate):
     """Fill ``rate`` with dv/dτ in volts on a branch piece, lowest power first; return its number of coefficients."""
     if x_start >= 1.0:
@@ -100,7 +102,7 @@ def solve_piece(head, y, slope, duration, rate, n, series):
     return -n
 
 
-@_inlined
+@_inlined_early
 def rotation(pole_re, pole_im, t):
     """``e^{-σt} cos ωt`` and ``e^{-σt} sin ωt / ω``, in seconds: a free ring-down after time t."""
     decay = math.exp(pole_re * t)
@@ -239,7 +241,7 @@ def edge_extrema(
     return count, y0, g0, d0
 
 
-@_jit
+@_internal
 def ring_down_extrema(pole_re, pole_im, a0, y, slope, start_s, duration, times, peaks, count):
     """Append the extrema of a free ring-down for 0 < t ≤ duration, a geometric series.
 

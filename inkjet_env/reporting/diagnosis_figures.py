@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from inkjet_env.extras import extra
 from inkjet_env.reporting import plotting
 from inkjet_env.reporting.diagnosis_tables import Row
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
@@ -267,7 +268,8 @@ def _above(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> Non
 
 def _plain_log_ticks(axis: Any, low: float, high: float) -> None:
     """Label a logarithmic axis with a few plain numbers, on a short range too."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+    with extra("cli", "a figure"):
+        from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     decades = math.log10(high / low)
     if decades < 0.5:
@@ -280,7 +282,8 @@ def _plain_log_ticks(axis: Any, low: float, high: float) -> None:
 
 def _log_ticks_in_powers(axis: Any, low: float, high: float) -> None:
     """Label a logarithmic axis with powers of ten, with several labels on a short range too."""
-    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+    with extra("cli", "a figure"):
+        from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
     decades = math.log10(high / low)
     subs = (1, 1.5, 2, 3, 5, 7) if decades < 0.8 else (1, 2, 5) if decades < 2 else (1,)

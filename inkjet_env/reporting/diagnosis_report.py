@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
+from inkjet_env.extras import extra
 from inkjet_env.reporting.diagnosis_figures import augmented, figures_of
 from inkjet_env.reporting.diagnosis_tables import tables_of
 from inkjet_env.reporting.formatting import (
@@ -51,7 +52,8 @@ def write_diagnosis_report(path: str | os.PathLike[str], diagnosis: Diagnosis) -
 
 def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The report as HTML text."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    with extra("cli", "a report"):
+        from jinja2 import Environment, PackageLoader, StrictUndefined
 
     from inkjet_env.plant.registry import known_effects
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from inkjet_env.extras import extra
 from inkjet_env.identification import Identification, ModelledRecording, NoiseModel
 from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.reporting import plotting
@@ -289,7 +290,8 @@ def _noise_band(axes: Axes, recording: ModelledRecording) -> None:
 
 def _log_ticks(axes: Axes) -> None:
     """Make the ordinate logarithmic, with plain numbers and enough ticks on a short range too."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+    with extra("cli", "a figure"):
+        from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     axes.set_yscale("log")
     low, high = axes.get_ylim()

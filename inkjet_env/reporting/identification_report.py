@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from inkjet_env.estimate import Estimate
+from inkjet_env.extras import extra
 from inkjet_env.identification import Identification, ModelledRecording, NoiseModel
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.reporting import identification_figures as figures
@@ -58,7 +59,8 @@ def write_identification_report(
 
 def identification_html(campaign_name: str, identification: Identification) -> str:
     """The report as HTML text."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    with extra("cli", "a report"):
+        from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from inkjet_env.extras import extra
 from inkjet_env.storage import write_atomically
 from inkjet_env.typing import Real
 
@@ -35,8 +36,9 @@ MOST_POINTS = 3000
 
 def new_figure(width: float, height: float, **subplots: Any) -> tuple[Figure, Any]:
     """A new figure of ``width`` × ``height`` inches, not attached to a window, and its axes."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
+    with extra("cli", "a figure"):
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
         figure = Figure((width, height), layout="constrained")
@@ -45,7 +47,8 @@ def new_figure(width: float, height: float, **subplots: Any) -> tuple[Figure, An
 
 def svg_text(figure: Figure) -> str:
     """The figure as an ``<svg>`` element; the same figure always gives the same text."""
-    import matplotlib as mpl
+    with extra("cli", "a figure"):
+        import matplotlib as mpl
 
     buffer = io.StringIO()
     with mpl.rc_context(STYLE):

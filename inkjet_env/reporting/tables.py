@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    pass
+from inkjet_env.extras import extra
 
 
 def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print rows under headings on standard output; the first column is left-aligned, the others right-aligned."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
+    with extra("cli", "a printed table"):
+        from rich import box
+        from rich.console import Console
+        from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD)
     for place, heading in enumerate(headings):

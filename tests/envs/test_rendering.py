@@ -101,7 +101,7 @@ def test_a_window_without_pygame_says_what_to_install(monkeypatch):
 
     real_import = builtins.__import__
     monkeypatch.setattr(builtins, "__import__", without_pygame)
-    with pytest.raises(DependencyNotInstalled, match=r'pip install "inkjet-env\[human\]"'):
+    with pytest.raises(DependencyNotInstalled, match=r"pip install 'inkjet-env\[human\]'"):
         gymnasium.make(inkjet_env.ENV_ID, render_mode="human").reset()
 
 

@@ -14,5 +14,5 @@ def test_code_older_than_any_source_of_the_simulator_is_discarded(tmp_path):
     for index, age_s in ((stale, 1e9), (fresh, -1e9), (other, 1e9)):
         index.write_bytes(b"")
         os.utime(index, (newest - age_s, newest - age_s))
-    kernel_cache.discard_stale_code(str(module))
+    kernel_cache.discard_stale_code(str(module), cache)
     assert sorted(cache.iterdir()) == [fresh, other]

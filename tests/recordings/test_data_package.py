@@ -83,7 +83,7 @@ def test_the_descriptor_is_the_contracts(tmp_path):
             "condition": {"temperature_C": 25.1},
         },
     }
-    assert (tmp_path / "c" / "r001.csv").read_text().startswith("time_s,drive_V,sensor_V\n-0.000005666666666666667,")
+    assert (tmp_path / "c" / "r001.csv").read_text().startswith("time_s,drive_V,sensor_V\n-5.666666666666667e-06,")
 
 
 def test_a_campaign_is_replaced_and_nothing_else_is(tmp_path):
