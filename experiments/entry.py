@@ -13,7 +13,7 @@ BAD_INPUT = 2
 def main() -> NoReturn:
     """Run the command; exit status 2 if typer is not installed."""
     try:
-        with extra("cli", "inkjet"):
+        with extra("inkjet"):
             from inkjet_env.experiments.cli import main as run
     except MissingExtraError as error:
         print(error, file=sys.stderr)

@@ -6,8 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 
-BENCH = ("cma", "nevergrad", "pymoo", "optuna", "pandas", "plotly", "greenlet", "pyarrow", "jinja2", "matplotlib")
-"""Packages that a comparison of optimisers needs."""
+PACKAGES = {
+    "cli": ("typer", "rich", "matplotlib", "jinja2", "pyarrow", "joblib"),
+    "bench": ("cma", "nevergrad", "pymoo", "optuna", "pandas", "plotly", "greenlet"),
+    "rl": ("torch", "stable_baselines3"),
+    "cluster": ("distributed", "dask"),
+    "human": ("pygame",),
+    "dev": ("pytest", "pysindy", "mpmath"),
+}
+"""Packages that each extra brings, by the names they are imported by."""
 
 
 class MissingExtraError(ImportError):
@@ -30,28 +37,30 @@ class MissingExtraError(ImportError):
 
 
 @contextmanager
-def extra(name: str, what: str) -> Iterator[None]:
-    """Context for imports of an extra's packages by ``what``; `MissingExtraError` if one of them is not installed.
+def extra(what: str) -> Iterator[None]:
+    """Context or decorator of imports for ``what``; `MissingExtraError` if an extra's package is not installed.
 
     Examples
     --------
-    >>> with extra("cli", "a figure"):
-    ...     import nosuch
+    >>> with extra("learning"):
+    ...     raise ModuleNotFoundError(name="torch.nn")
     Traceback (most recent call last):
         ...
-    inkjet_env.extras.MissingExtraError: a figure needs nosuch, which is not installed: pip install 'inkjet-env[cli]'
+    inkjet_env.extras.MissingExtraError: learning needs torch, which is not installed: pip install 'inkjet-env[rl]'
     """
     try:
         yield
     except ModuleNotFoundError as error:
-        package = (error.name or "a package").partition(".")[0]
-        if package == "inkjet_env":
-            raise
-        raise MissingExtraError(what, package, name) from None
+        package = (error.name or "").partition(".")[0]
+        for name, packages in PACKAGES.items():
+            if package in packages:
+                raise MissingExtraError(what, package, name) from None
+        raise
 
 
-def check_installed(name: str, what: str, packages: tuple[str, ...]) -> None:
-    """Raise `MissingExtraError` for the first of an extra's packages that is not installed; imports none."""
-    for package in packages:
-        if find_spec(package) is None:
-            raise MissingExtraError(what, package, name)
+def check_installed(what: str, *names: str) -> None:
+    """Raise `MissingExtraError` for the first package of these extras that is not installed; imports none."""
+    for name in names:
+        for package in PACKAGES[name]:
+            if find_spec(package) is None:
+                raise MissingExtraError(what, package, name)

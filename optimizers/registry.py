@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from inkjet_env import plugins
+from inkjet_env.extras import MissingExtraError, extra
 from inkjet_env.optimizers.base import Optimizer
 
 # Name → module and class of this package. The rest of a name that begins with NEVERGRAD is one of nevergrad's registry.
@@ -119,11 +120,10 @@ def _class_of(name: str) -> type[Optimizer]:
     if name in CLASSES or name.startswith(NEVERGRAD):
         module, class_name = CLASSES.get(name, CLASSES["nevergrad-NGOpt"])
         try:
-            return getattr(import_module(f"inkjet_env.optimizers.{module}"), class_name)
-        except ModuleNotFoundError as error:
-            raise UnavailableOptimizerError(
-                f"{name} needs the package {error.name!r}, which is not installed."
-            ) from None
+            with extra(name):
+                return getattr(import_module(f"inkjet_env.optimizers.{module}"), class_name)
+        except MissingExtraError as error:
+            raise UnavailableOptimizerError(f"{error}.") from None
     found = _plugin(name)
     if found is None:
         raise UnknownOptimizerError(_unknown(name, [*CLASSES, *installed()]))

@@ -4,12 +4,14 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 import zipfile
 from importlib.metadata import distribution
 from shutil import copytree
 
 import pytest
 
+from inkjet_env.extras import PACKAGES
 from tests.modules import FOLDERS, ROOT
 
 CORE = (
@@ -107,7 +109,20 @@ print(diagnose(campaign).verdict)
             "learning needs torch, which is not installed: pip install 'inkjet-env[rl]'",
         ),
         (
-            "from inkjet_env.extras import BENCH, check_installed; check_installed('bench', 'inkjet bench', BENCH)",
+            "import inkjet_env.envs.sb3",
+            "inkjet_env.envs.sb3 needs stable_baselines3, which is not installed: pip install 'inkjet-env[rl]'",
+        ),
+        (
+            "from inkjet_env.experiments.benchmark.run_files import runs_table; runs_table('results')",
+            "a table of runs needs pyarrow, which is not installed: pip install 'inkjet-env[cli]'",
+        ),
+        (
+            "from inkjet_env.experiments.execution.cluster import workers_of\n"
+            "with workers_of('tcp://localhost:1', None): pass",
+            "a Dask cluster needs dask, which is not installed: pip install 'inkjet-env[cluster]'",
+        ),
+        (
+            "from inkjet_env.extras import check_installed; check_installed('inkjet bench', 'bench')",
             "inkjet bench needs cma, which is not installed: pip install 'inkjet-env[bench]'",
         ),
     ],
@@ -116,6 +131,28 @@ def test_a_missing_package_is_named_with_its_extra(light, use, sentence):
     status, _, err = light(use)
     assert status == 1
     assert err.strip().endswith(f"inkjet_env.extras.MissingExtraError: {sentence}")
+
+
+def test_an_optimiser_without_its_package_names_the_extra(light):
+    status, out, err = light("""
+from inkjet_env import optimizers
+print(optimizers.availability(["pso", "cma-es", "sb3-ppo"]))
+""")
+    assert (status, err) == (0, "")
+    assert out == (
+        "{'pso': None, "
+        "'cma-es': \"cma-es needs cma, which is not installed: pip install 'inkjet-env[bench]'.\", "
+        "'sb3-ppo': \"sb3-ppo needs torch, which is not installed: pip install 'inkjet-env[rl]'.\"}\n"
+    )
+
+
+def test_every_package_of_an_extra_is_known(site):
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for name, packages in PACKAGES.items():
+        declared = {re.split("[><=\\[]", line)[0].replace("-", "_") for line in project[name]}
+        assert set(packages) - {"dask"} <= declared
+        if name != "dev":
+            assert declared - {"inkjet_env", "numpy"} <= set(packages)
 
 
 def test_the_command_without_typer_is_refused_in_one_sentence(light):

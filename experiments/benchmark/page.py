@@ -17,6 +17,7 @@ from inkjet_env.experiments.benchmark.regret import best_known_cost, regret_quar
 from inkjet_env.experiments.benchmark.run_files import RunKey, RunResult, read_seconds
 from inkjet_env.experiments.benchmark.suite import VERSION, family_of, problem
 from inkjet_env.experiments.execution.provenance import versions
+from inkjet_env.extras import extra
 
 LEVELS = np.logspace(-5, 1, 121)
 GRID = 90
@@ -38,8 +39,9 @@ def page(compared: Comparison, run: RunKey, waveforms: str) -> str:
     waveforms : str
         Figure of its waveforms, as SVG.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from plotly.offline import get_plotlyjs
+    with extra("a report"):
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+        from plotly.offline import get_plotlyjs
 
     environment = Environment(
         loader=PackageLoader("inkjet_env.experiments.benchmark"), autoescape=True, undefined=StrictUndefined

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from inkjet_env.experiments.benchmark.cost_check import first_other, first_other_cost
 from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.experiments.execution.provenance import first_difference
+from inkjet_env.extras import extra
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.storage import json_text, write_atomically
 from inkjet_env.typing import Real
@@ -112,6 +113,7 @@ class RunResult:
         point: Real = self.points[int(last) - 1]
         return point
 
+    @extra("a file of runs")
     def to_bytes(self, label: Mapping[str, Any]) -> bytes:
         """Content of the run's file."""
         import pyarrow as pa
@@ -177,6 +179,7 @@ def read_seconds(folder: Path, key: RunKey) -> dict[str, float]:
         return {}
 
 
+@extra("a file of runs")
 def read_run(folder: Path, key: RunKey, label: Mapping[str, Any]) -> RunResult:
     """Read a run and check that it is complete and is the run asked for.
 
@@ -202,6 +205,7 @@ def read_run(folder: Path, key: RunKey, label: Mapping[str, Any]) -> RunResult:
     return result
 
 
+@extra("a table of runs")
 def runs_table(folder: str | os.PathLike[str]) -> Any:
     """All runs of a bench's folder in one table, for your own queries and plots.
 
@@ -250,6 +254,7 @@ def runs_table(folder: str | os.PathLike[str]) -> Any:
     return pa.concat_tables(tables)
 
 
+@extra("a file of runs")
 def _read_file(path: Path) -> tuple[Any, dict[str, Any]]:
     """Table and label of a run's file, both unchecked."""
     import pyarrow as pa

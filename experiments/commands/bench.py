@@ -11,7 +11,7 @@ import typer
 from inkjet_env.cli.arguments import check_outputs, chosen_seed
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import JsonFile
-from inkjet_env.extras import BENCH, check_installed, extra
+from inkjet_env.extras import check_installed
 
 
 def bench(
@@ -49,7 +49,7 @@ def bench(
     from inkjet_env.experiments.benchmark.runner import run_bench
     from inkjet_env.experiments.benchmark.settings import BenchSettings
 
-    check_installed("bench", "inkjet bench", BENCH)
+    check_installed("inkjet bench", "cli", "bench")
     check_outputs(json=json)
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}.")
@@ -72,8 +72,7 @@ def bench(
         chosen["problems"] = (*suite(), *installed())
     settings = BenchSettings.default(repeats=repeats, budget=budget, seed=chosen_seed(seed), **chosen)
     try:
-        with extra("cluster", "inkjet bench"):
-            outcome = run_bench(settings, results, workers, scheduler)
+        outcome = run_bench(settings, results, workers, scheduler)
     except KeyboardInterrupt:
         print(f"Interrupted; finished runs are kept in {results}. Run the same command to resume.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None

@@ -61,7 +61,7 @@ def prove(
     from inkjet_env.experiments.proof.corpus import DEVELOPMENT_SEED, PUBLISHED_SEED
     from inkjet_env.experiments.proof.sealing import Settings
 
-    check_installed("cluster", "inkjet prove", ("distributed",))
+    check_installed("inkjet prove", "cli", "bench")
     check_outputs(json=json, report=report)
     for name, value, least in (("workers", workers, 1), ("reoptimise", reoptimise, 0), ("baselines", baselines, 0)):
         if value is not None and value < least:

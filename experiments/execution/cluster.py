@@ -14,6 +14,7 @@ from typing import Any
 
 from inkjet_env.experiments.execution.jobs import TRIES, ClusterError, WorkLostError
 from inkjet_env.experiments.execution.local_processes import LocalProcesses
+from inkjet_env.extras import extra
 
 IN_FLIGHT_A_WORKER = 2
 POLL_S = 0.1
@@ -44,9 +45,10 @@ def workers_of(scheduler: str | None, workers: int | None, preload: Sequence[str
         with LocalProcesses(workers or os.cpu_count() or 1, preload) as processes:
             yield processes
         return
-    import dask
-    from distributed import Client
-    from distributed.comm import get_address_host_port
+    with extra("a Dask cluster"):
+        import dask
+        from distributed import Client
+        from distributed.comm import get_address_host_port
 
     settings = {
         "distributed.scheduler.allowed-failures": 0,  # `run_each` restarts jobs itself, and counts

@@ -205,7 +205,7 @@ def one_for_all(seed: int, heads: int = 64, waveforms: int = 3000) -> tuple[Real
 
 def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
     """Policy of Stable-Baselines3's PPO trained on the environment; it observes peaks but not the head's parameters."""
-    with extra("rl", "learning"):
+    with extra("learning"):
         import torch
         from stable_baselines3 import PPO
         from stable_baselines3.common.vec_env import VecNormalize

@@ -93,7 +93,7 @@ def labelled(evaluations: int, seed: int) -> tuple[Real, Real, int]:
 
 def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Policy:
     """A network trained on the simulator's exact gradient of the mean cost over heads, which are redrawn each step."""
-    with extra("rl", "learning"):
+    with extra("learning"):
         import torch
 
     torch.manual_seed(seed)
@@ -117,7 +117,7 @@ def by_gradient(evaluations: int, seed: int, heads: int = 256) -> Policy:
 
 def by_imitation(evaluations: int, seed: int) -> Policy:
     """A regression on the best waveforms that descents found for as many heads as ``evaluations`` allows."""
-    with extra("rl", "learning"):
+    with extra("learning"):
         import torch
 
     observations, points, spent = labelled(evaluations, seed)
@@ -137,7 +137,7 @@ def by_imitation(evaluations: int, seed: int) -> Policy:
 
 def by_agent(algorithm: str, evaluations: int, seed: int) -> Policy:
     """PPO or SAC from Stable-Baselines3, trained on the environment with random heads."""
-    with extra("rl", "learning"):
+    with extra("learning"):
         import stable_baselines3
         import torch
         from torch import nn
@@ -161,7 +161,7 @@ def by_agent(algorithm: str, evaluations: int, seed: int) -> Policy:
 
 def let_learn(model: Any, evaluations: int) -> int:
     """Train a Stable-Baselines3 agent; return the evaluations spent, which may slightly exceed ``evaluations``."""
-    with extra("rl", "learning"):
+    with extra("learning"):
         from stable_baselines3.common.logger import Logger
 
     model.set_logger(Logger(None, []))  # SB3's default logger creates a folder for every training
@@ -200,7 +200,7 @@ def tuned_costs_V(
 
 def _network() -> tuple[Any, list[Any]]:
     """A network of linear layers with tanh between them, and the list of its linear layers."""
-    with extra("rl", "learning"):
+    with extra("learning"):
         from torch import nn
 
     sizes = (4, *HIDDEN, 7)

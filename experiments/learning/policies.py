@@ -140,7 +140,7 @@ def policy_of_layers(
 
 def policy_of_sb3(model: Any, made: Mapping[str, Any], observation: Sequence[str] = CONTEXT_NAMES) -> Policy:
     """The deterministic policy of a trained Stable-Baselines3 PPO or SAC, which must use tanh activations."""
-    with extra("rl", "learning"):
+    with extra("learning"):
         from stable_baselines3 import PPO, SAC
         from torch import nn
 

@@ -28,7 +28,7 @@ def write_page(path: Path, found: Mapping[str, Any]) -> None:
 
 def page_html(found: Mapping[str, Any]) -> str:
     """The report as HTML text."""
-    with extra("cli", "a report"):
+    with extra("a report"):
         from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

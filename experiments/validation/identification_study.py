@@ -76,7 +76,7 @@ def identified_head(seed: int, snr_dB: float = SNR_dB) -> HeadResult:
 
 def identified_heads(count: int, workers: int | None = None) -> list[HeadResult]:
     """Results for random heads with seeds from 0, identified in parallel, with progress."""
-    with extra("cli", "the study"):
+    with extra("the study"):
         from joblib import Parallel, delayed
 
     results = []

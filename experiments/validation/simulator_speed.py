@@ -186,7 +186,7 @@ def environments_table() -> list[tuple[str, float, float]]:
 
     def bare() -> None:
         for row in waveforms:
-            batch_costs(row[None], *arguments[1:], capacity, cost)
+            batch_costs(row[None], arguments[1], arguments[2:], capacity, cost)
 
     def checked() -> None:
         for row in waveforms:

@@ -15,7 +15,7 @@ from inkjet_env.cli.campaigns import evaluate, identify, record
 from inkjet_env.cli.diagnose import diagnose
 from inkjet_env.cli.exit_status import BAD_INPUT, INTERRUPTED
 from inkjet_env.cli.simulate import simulate
-from inkjet_env.extras import MissingExtraError
+from inkjet_env.extras import MissingExtraError, extra
 
 app = typer.Typer(
     add_completion=False,
@@ -62,7 +62,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         if hasattr(stream, "reconfigure"):  # a terminal that cannot print µ must not stop the command
             stream.reconfigure(errors="replace")
     try:
-        status = app(arguments, standalone_mode=False)
+        with extra("this command"):
+            status = app(arguments, standalone_mode=False)
     except MissingExtraError as error:
         print(error, file=sys.stderr)
         sys.exit(BAD_INPUT)

@@ -79,7 +79,7 @@ def identify_folders(
         Two folders have the same name, or campaigns could not be identified: one sentence for each. The others are
         written.
     """
-    with extra("cli", "identifying several folders"):
+    with extra("identifying several folders"):
         from joblib import Parallel, delayed
 
     out = TOGETHER if out == ALONE else out

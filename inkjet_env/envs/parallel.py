@@ -74,7 +74,7 @@ def simulated_costs(waveforms: Real, heads: Real, settings: tuple, capacity: int
     heads : ndarray, shape (1 or n, columns)
         Rows of `inkjet_env.printhead.batch.head_table`.
     settings, capacity
-        Further arguments of `inkjet_env.printhead.compiled.batch_costs`.
+        As in `inkjet_env.printhead.compiled.batch_costs`.
     threads : int, optional
         Largest number of threads; by default the number of cores. No result depends on it.
 
@@ -90,7 +90,7 @@ def simulated_costs(waveforms: Real, heads: Real, settings: tuple, capacity: int
     def fill(part: slice) -> None:
         room = capacity
         own_heads = heads[part] if len(heads) > 1 else heads
-        while not batch_costs(waveforms[part], own_heads, *settings, room, costs[part]):
+        while not batch_costs(waveforms[part], own_heads, settings, room, costs[part]):
             room *= 2
 
     in_parts(fill, len(waveforms), threads)

@@ -148,7 +148,7 @@ def _heading(response: AnyResponse, cost: PeakCost) -> str:
 
 def picture(response: AnyResponse | None, cost: PeakCost) -> NDArray[np.uint8]:
     """Picture of a response, shape (640, 960, 3); empty axes if there is none yet."""
-    with extra("cli", "a picture"):
+    with extra("a picture"):
         from matplotlib import rc_context
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure

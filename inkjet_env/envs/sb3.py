@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
 from inkjet_env.envs.bipolar_waveform import check_no_options
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.envs.vector import BipolarWaveformVectorEnv
+from inkjet_env.extras import extra
+
+with extra("inkjet_env.envs.sb3"):
+    from stable_baselines3.common.vec_env import VecEnv
 
 
 class _HeadsVecEnv(VecEnv):

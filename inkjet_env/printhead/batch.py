@@ -149,7 +149,7 @@ def prepare(
     Returns
     -------
     arguments : tuple
-        Waveforms, head rows and settings, checked: all arguments of ``batch_costs`` except the last two.
+        Waveforms, head rows and settings, checked, as ``(waveforms, heads, *settings)``.
     capacity : int
         Number of extrema that the longest of these waveforms may have; double it when ``batch_costs`` returns False.
     costs : ndarray, shape (n,)
@@ -199,7 +199,8 @@ def costs(
         Wrong shape, a value that is not finite, or a waveform outside the rules of `Waveform`.
     """
     arguments, capacity, result = prepare(waveforms, heads, cost, initial_state, window_s, hysteresis, period_s)
-    while not compiled.batch_costs(*arguments, capacity, result):
+    rows, table, *settings = arguments
+    while not compiled.batch_costs(rows, table, settings, capacity, result):
         capacity *= 2
     return result
 

@@ -281,27 +281,14 @@ def _costs_repeated(
     return True
 
 
-def batch_costs(
-    waveforms,
-    heads,
-    warm_up_periods,
-    one_point,
-    window_s,
-    period_s,
-    A,
-    B,
-    effective,
-    threshold,
-    target_height_V,
-    capacity,
-    costs,
-):
+def batch_costs(waveforms, heads, settings, capacity, costs):
     """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False if ``capacity`` was too small.
 
-    With an infinite ``period_s`` the resonator rests at the waveform's start; otherwise it still rings from all the
-    waveforms before. Each of the two is compiled when it is first needed.
+    ``settings`` are those of `_costs_repeated`, from ``warm_up_periods`` to ``target_height_V``. With an infinite
+    ``period_s`` the resonator rests at the waveform's start; otherwise it still rings from all the waveforms before.
+    Each of the two is compiled when it is first needed.
     """
-    cost = A, B, effective, threshold, target_height_V
+    warm_up_periods, one_point, window_s, period_s, *cost = settings
     if period_s == math.inf:
         return _costs_at_rest(waveforms, heads, warm_up_periods, one_point, window_s, *cost, capacity, costs)
-    return _costs_repeated(waveforms, heads, warm_up_periods, one_point, window_s, period_s, *cost, capacity, costs)
+    return _costs_repeated(waveforms, heads, *settings, capacity, costs)

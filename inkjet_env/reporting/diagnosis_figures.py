@@ -268,7 +268,7 @@ def _above(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> Non
 
 def _plain_log_ticks(axis: Any, low: float, high: float) -> None:
     """Label a logarithmic axis with a few plain numbers, on a short range too."""
-    with extra("cli", "a figure"):
+    with extra("a figure"):
         from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     decades = math.log10(high / low)
@@ -282,7 +282,7 @@ def _plain_log_ticks(axis: Any, low: float, high: float) -> None:
 
 def _log_ticks_in_powers(axis: Any, low: float, high: float) -> None:
     """Label a logarithmic axis with powers of ten, with several labels on a short range too."""
-    with extra("cli", "a figure"):
+    with extra("a figure"):
         from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
     decades = math.log10(high / low)

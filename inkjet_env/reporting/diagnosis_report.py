@@ -52,7 +52,7 @@ def write_diagnosis_report(path: str | os.PathLike[str], diagnosis: Diagnosis) -
 
 def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The report as HTML text."""
-    with extra("cli", "a report"):
+    with extra("a report"):
         from jinja2 import Environment, PackageLoader, StrictUndefined
 
     from inkjet_env.plant.registry import known_effects

@@ -290,7 +290,7 @@ def _noise_band(axes: Axes, recording: ModelledRecording) -> None:
 
 def _log_ticks(axes: Axes) -> None:
     """Make the ordinate logarithmic, with plain numbers and enough ticks on a short range too."""
-    with extra("cli", "a figure"):
+    with extra("a figure"):
         from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     axes.set_yscale("log")

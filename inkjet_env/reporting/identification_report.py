@@ -59,7 +59,7 @@ def write_identification_report(
 
 def identification_html(campaign_name: str, identification: Identification) -> str:
     """The report as HTML text."""
-    with extra("cli", "a report"):
+    with extra("a report"):
         from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)

@@ -36,7 +36,7 @@ MOST_POINTS = 3000
 
 def new_figure(width: float, height: float, **subplots: Any) -> tuple[Figure, Any]:
     """A new figure of ``width`` × ``height`` inches, not attached to a window, and its axes."""
-    with extra("cli", "a figure"):
+    with extra("a figure"):
         import matplotlib as mpl
         from matplotlib.figure import Figure
 
@@ -47,7 +47,7 @@ def new_figure(width: float, height: float, **subplots: Any) -> tuple[Figure, An
 
 def svg_text(figure: Figure) -> str:
     """The figure as an ``<svg>`` element; the same figure always gives the same text."""
-    with extra("cli", "a figure"):
+    with extra("a figure"):
         import matplotlib as mpl
 
     buffer = io.StringIO()

@@ -10,7 +10,7 @@ from inkjet_env.extras import extra
 
 def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print rows under headings on standard output; the first column is left-aligned, the others right-aligned."""
-    with extra("cli", "a printed table"):
+    with extra("a printed table"):
         from rich import box
         from rich.console import Console
         from rich.table import Table

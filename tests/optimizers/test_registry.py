@@ -68,7 +68,7 @@ def test_a_missing_package_is_the_reason(monkeypatch, fresh_probes):
     monkeypatch.delitem(sys.modules, "inkjet_env.optimizers.cma_es")
     monkeypatch.setitem(sys.modules, "cma", None)
     reason = optimizers.availability(["cma-es"])["cma-es"]
-    assert reason == "cma-es needs the package 'cma', which is not installed."
+    assert reason == "cma-es needs cma, which is not installed: pip install 'inkjet-env[bench]'."
     with pytest.raises(optimizers.UnavailableOptimizerError):
         optimizers.make("cma-es")
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from inkjet_env.experiments.benchmark.regret import best_known_cost, scale_V
 from inkjet_env.experiments.benchmark.suite import VERSION, problem, suite
+from inkjet_env.extras import extra
 from inkjet_env.progress import shown_progress
 from inkjet_env.reporting.tables import print_table
 from inkjet_env.storage import write_json
@@ -90,7 +91,8 @@ def attempt(name: str, method: str, seconds: float) -> Attempt:
 
 def attempts(names: list[str], seconds: float, workers: int) -> list[Attempt]:
     """The attempts of all methods on all problems, with ``seconds`` of wall time in total."""
-    from joblib import Parallel, delayed
+    with extra("the challenge"):
+        from joblib import Parallel, delayed
 
     jobs = [(name, method) for name in names for method in METHODS]
     each_s = seconds * workers / len(jobs)

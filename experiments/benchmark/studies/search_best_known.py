@@ -26,6 +26,7 @@ from inkjet_env.experiments.benchmark.data import data_file
 from inkjet_env.experiments.benchmark.problem import BEST_KNOWN_FILE, BestKnown, Problem
 from inkjet_env.experiments.benchmark.regret import best_of_random_V
 from inkjet_env.experiments.benchmark.suite import VERSION, problem, suite
+from inkjet_env.extras import extra
 from inkjet_env.optimizers.loop import minimise
 from inkjet_env.storage import write_json
 from inkjet_env.typing import Real
@@ -164,7 +165,8 @@ def valley_polished(problem: Problem, point: Real, seed: int) -> Real:
     """CMA-ES around one point within the box: it learns the direction of a narrow valley along a discontinuity."""
     import warnings
 
-    import cma
+    with extra("the search"):
+        import cma
 
     cost = float(problem.evaluate(point)[0])
     for sigma in (0.05, 5e-3):

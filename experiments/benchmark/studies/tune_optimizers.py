@@ -19,6 +19,7 @@ from inkjet_env.experiments.benchmark.entrants import TUNED_FILE, tuned_settings
 from inkjet_env.experiments.benchmark.metrics import interquartile_mean
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.benchmark.regret import best_of_random_V
+from inkjet_env.extras import extra
 from inkjet_env.optimizers.loop import minimise
 from inkjet_env.printhead import Printhead
 from inkjet_env.progress import shown_progress
@@ -154,7 +155,8 @@ def tune(name: str, trials: int = TRIALS, budget: int = BUDGET, heads: int = HEA
     heads : int
         Number of heads in each of the two sets of training problems.
     """
-    import optuna
+    with extra("tuning"):
+        import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=0))

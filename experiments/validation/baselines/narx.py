@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.experiments.validation.baselines.base_fit import put_aside
+from inkjet_env.extras import extra
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.typing import Real
@@ -20,7 +21,8 @@ HIDDEN, MOST_EPOCHS, PATIENCE, BATCH, RATE = 32, 200, 25, 1024, 2e-3
 
 def with_network(joint: OutputErrorFit, channel: str, seed: int) -> dict[str, Real]:
     """Modelled signals of one channel with the neural network's correction, by recording."""
-    import torch
+    with extra("the NARX baseline"):
+        import torch
 
     torch.set_num_threads(1)
     torch.manual_seed(seed)
