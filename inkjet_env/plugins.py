@@ -71,7 +71,13 @@ class Plugin:
         class with its parents, as they were when this process asked first: later changes do not change the code that
         was imported.
         """
-        return dict(_provenance(self.place))
+        found = self.load()
+        return provenance(found if isinstance(found, type) else type(found), self.place)
+
+
+def provenance(kind: type, place: str | None = None) -> dict[str, str]:
+    """Place, code and package of a class, as in `Plugin.provenance`, or of an object of that class at another place."""
+    return dict(_provenance(kind, place or f"{kind.__module__}:{kind.__qualname__}"))
 
 
 def is_place(name: str) -> bool:
@@ -124,9 +130,7 @@ def installed(group: str, ours: Iterable[str] = ()) -> dict[str, Plugin]:
 
 
 @functools.cache
-def _provenance(place: str) -> dict[str, str]:
-    found = Plugin(place, place).load()
-    kind = found if isinstance(found, type) else type(found)
+def _provenance(kind: type, place: str) -> dict[str, str]:
     modules = [place.partition(":")[0], *(parent.__module__ for parent in kind.__mro__)]
     total, packages = sha256(), set[str]()
     for name in dict.fromkeys(modules):
@@ -136,7 +140,9 @@ def _provenance(place: str) -> dict[str, str]:
         module = sys.modules[top]
         if getattr(module, "__file__", None) is None:  # a namespace that several packages share
             module = sys.modules[name]
-        file = Path(str(module.__file__))
+        file = Path(getattr(module, "__file__", None) or "")
+        if not file.is_file():
+            return {"place": place, "code": "typed at a console or in a notebook", "package": "none"}
         for one in sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]:
             total.update(f"{one.relative_to(file.parent)}\0{sha256(one.read_bytes()).hexdigest()}\0".encode())
         packages |= {f"{package} {version(package)}" for package in packages_distributions().get(top, [])}

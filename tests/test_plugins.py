@@ -9,7 +9,9 @@ import textwrap
 import pytest
 
 from inkjet_env.plugins import EFFECTS, OPTIMIZERS, PROBLEMS, plugin
+from inkjet_env.recordings import Campaign, write_campaign
 from tests.cli.test_own_effects import SOURCE as EFFECT
+from tests.cli.test_own_effects import recorded
 
 SEARCH = '''
 import numpy as np
@@ -156,8 +158,13 @@ def test_a_bench_runs_them_on_two_workers_and_labels_the_runs_with_their_code(la
     assert done.returncode == 0, done.stderr
     assert "inkjet_lab.heads:Doubled" in done.stdout
     settings = json.loads((lab.folder / "results" / "bench.json").read_text())
-    assert set(settings["plugins"]) == {"shrinking", "mine:Mine", "tall-drop", "inkjet_lab.heads:Doubled"}
-    assert settings["plugins"]["shrinking"]["place"] == "inkjet_lab.search:Shrinking"
+    assert set(settings["plugins"]) == {
+        "optimizer shrinking",
+        "optimizer mine:Mine",
+        "problem tall-drop",
+        "problem inkjet_lab.heads:Doubled",
+    }
+    assert settings["plugins"]["optimizer shrinking"]["place"] == "inkjet_lab.search:Shrinking"
     assert {entry["package"] for entry in settings["plugins"].values()} == {"inkjet-lab 0.3.1"}
     assert len(list((lab.folder / "results" / "runs").iterdir())) == 18
 
@@ -191,13 +198,18 @@ def test_an_optimisation_resumes_only_where_its_code_is_named(lab):
     assert found["cost"] == again["cost"]
 
 
-def test_an_effect_is_registered_by_the_name_of_its_entry_point(lab):
-    script = """if True:
-        from inkjet_env.cli.own_effects import register_own
-        print(register_own(["quadratic_stiffness"])[0].id)
-    """
-    done = lab("-c", script)
-    assert done.stdout.strip() == "quadratic_stiffness", done.stderr
+def test_a_diagnosis_finds_an_effect_by_the_name_of_its_entry_point_and_says_whose_it_is(lab, monkeypatch):
+    monkeypatch.syspath_prepend(lab.package.parent)
+    from inkjet_lab.physics import QuadraticStiffness
+
+    write_campaign(lab.folder / "campaign", Campaign("lab", tuple(recorded(QuadraticStiffness()))))
+    done = inkjet(lab, "diagnose", "campaign", "--effect", "quadratic_stiffness", "--json", "found.json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((lab.folder / "found.json").read_text())
+    assert (found["verdict"], [effect["id"] for effect in found["effects"]]) == ("named", ["quadratic_stiffness"])
+    own = found["plugins"]["effect quadratic_stiffness"]
+    assert (own["place"], own["package"]) == ("inkjet_lab.physics:QuadraticStiffness", "inkjet-lab 0.3.1")
+    assert len(own["code"]) == 64
 
 
 @pytest.mark.parametrize(

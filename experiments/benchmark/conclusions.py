@@ -104,12 +104,12 @@ def _level_elsewhere(found: Standings, best: Row) -> str:
 
 
 def _ranged(estimate: Estimate, decimals: int | None = None) -> str:
-    """A number and its interval, with two significant digits, or with ``decimals`` decimals."""
-    written = [
-        f"{value:.2g}" if decimals is None else f"{value:.{decimals}f}"
-        for value in (estimate.value, estimate.low, estimate.high)
-    ]
-    return f"{written[0]} ({written[1]} to {written[2]})"
+    """A number and its interval, if it has one, with two significant digits, or with ``decimals`` decimals."""
+    value, low, high = (
+        f"{number:.2g}" if decimals is None else f"{number:.{decimals}f}"
+        for number in (estimate.value, estimate.low, estimate.high)
+    )
+    return value if math.isnan(estimate.low) else f"{value} ({low} to {high})"
 
 
 def ranking_sentences(compared: Comparison) -> tuple[str, ...]:

@@ -180,7 +180,7 @@ class Problem:
         if isinstance(self.printhead, AugmentedPrinthead):
             return self.printhead.costs(waveforms, self.cost, self.initial_state, self.window_s)
         costs = batch.costs(**self._fired(waveforms)).reshape(-1, len(waveforms))
-        judged: Real = costs.mean(axis=0) if self._by_mean else costs.max(axis=0)
+        judged: Real = _mean(costs) if self._by_mean else costs.max(axis=0)
         return judged
 
     def evaluate_with_gradient(self, points: ArrayLike) -> tuple[Real, Real]:
@@ -199,7 +199,7 @@ class Problem:
         costs, gradients = costs.reshape(-1, len(waveforms)), gradients.reshape(-1, *waveforms.shape)
         slope = self.bounds.slope(np.atleast_2d(points))
         if self._by_mean:
-            return costs.mean(axis=0), gradients.mean(axis=0) * slope
+            return _mean(costs), _mean(gradients) * slope
         worst, each = costs.argmax(axis=0), np.arange(len(waveforms))
         return costs[worst, each], gradients[worst, each] * slope
 
@@ -307,6 +307,12 @@ class Problem:
             "window_s": self.window_s if np.isfinite(self.window_s) else "inf",
         }
         return settings | more | augmented
+
+
+def _mean(values: Real) -> Real:
+    """Mean over the first axis, summed in the same order however many columns there are."""
+    mean: Real = np.cumsum(values, axis=0)[-1] / len(values)
+    return mean
 
 
 @dataclass

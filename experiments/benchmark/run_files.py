@@ -139,7 +139,8 @@ def label_of(key: RunKey, settings: Mapping[str, Any]) -> dict[str, Any]:
     """
     of = json.dumps(settings["problems"][key.problem], sort_keys=True)
     elsewhere = settings.get("plugins", {})
-    used = {name: elsewhere[name] for name in (key.optimizer, key.problem) if name in elsewhere}
+    names = f"optimizer {key.optimizer}", f"problem {key.problem}"
+    used = {name: elsewhere[name] for name in names if name in elsewhere}
     return {
         "format": RUN_FORMAT,
         "optimizer": key.optimizer,

@@ -85,7 +85,9 @@ def _decisive(settings: Mapping[str, Any], others: Mapping[str, Any]) -> dict[st
         "options": {name: settings.get("options", {}).get(name) for name in sorted(common["optimizers"])},
         "problems": {name: settings["problems"][name] for name in sorted(common["problems"])},
         "plugins": {
-            name: settings.get("plugins", {}).get(name) for part in ("optimizers", "problems") for name in common[part]
+            named: settings.get("plugins", {}).get(named)
+            for part in ("optimizer", "problem")
+            for named in (f"{part} {name}" for name in common[f"{part}s"])
         },
     }
     return whole | of_names

@@ -104,11 +104,13 @@ class BenchSettings:
         }
 
     def plugins(self) -> dict[str, dict[str, str]]:
-        """Place, code and package of every optimiser and problem that is not this package's own, by name."""
+        """Place, code and package of each ``optimizer NAME`` and ``problem NAME`` that is not this package's own."""
         from inkjet_env import optimizers
 
-        of_optimizers = {name: optimizers.provenance(entrant(name).optimizer) for name in self.optimizers}
-        of_problems = {name: suite.provenance(name) for name in self.problems}
+        of_optimizers = {
+            f"optimizer {name}": optimizers.provenance(entrant(name).optimizer) for name in self.optimizers
+        }
+        of_problems = {f"problem {name}": suite.provenance(name) for name in self.problems}
         return {name: found for name, found in (of_problems | of_optimizers).items() if found is not None}
 
 

@@ -70,7 +70,10 @@ class Optimisation:
         from inkjet_env import optimizers
 
         name = self.problem.name
-        found = {self.optimizer: optimizers.provenance(self.optimizer), name: suite.provenance(name)}
+        found = {
+            f"optimizer {self.optimizer}": optimizers.provenance(self.optimizer),
+            f"problem {name}": suite.provenance(name),
+        }
         return {name: where for name, where in found.items() if where is not None}
 
     def carry_out(self, recorded: Run | tuple | None = None) -> Run:
@@ -131,7 +134,8 @@ def read_record(path: Path, trusted: Collection[str] = ()) -> tuple[Optimisation
     path : Path
         File of the record.
     trusted : collection of str
-        Optimisers and problems of other packages whose code may be run: a record alone never imports any.
+        Each ``optimizer NAME`` and ``problem NAME`` of another package whose code may be run: a record alone never
+        imports any.
 
     Raises
     ------
@@ -150,10 +154,12 @@ def read_record(path: Path, trusted: Collection[str] = ()) -> tuple[Optimisation
             if type(label[name]) is not kind:
                 raise ValueError(f"its {name} is {label[name]!r}")
         for option in ("problem", "optimizer"):
-            if (name := label[option]) in label.get("plugins", {}) and name not in trusted:
+            name = label[option]
+            if f"{option} {name}" in set(label.get("plugins", {})) - set(trusted):
                 raise ValueError(f"it is of {name}, whose code is run only if you name it: add --{option} {name}")
         named = label["problem"]
-        problem = suite.problem(named) if named in trusted else Problem.from_settings(named, label["settings"])
+        whose = f"problem {named}" in trusted
+        problem = suite.problem(named) if whose else Problem.from_settings(named, label["settings"])
         optimisation = Optimisation(problem, label["optimizer"], label["budget"], label["seed"], label["options"])
         if difference := first_difference(label.get("plugins", {}), optimisation.plugins()):
             raise ValueError(f"the code of a plug-in has changed since: {difference}")

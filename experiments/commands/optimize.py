@@ -94,9 +94,9 @@ def optimize(
         named = ("--optimizer", "--problem")  # names of plug-ins, whose code a record alone does not import
         if given := [name for name, value in settings.items() if value is not None and name not in named]:
             raise ValueError(f"--resume takes all settings from {resume}; leave out {', '.join(given)}.")
-        plan, recorded = read_record(resume, [name for name in (optimizer, problem) if name is not None])
-        trusted = [name for name in (optimizer, problem) if name in plan.plugins()]
-        if given := [name for name in named if settings[name] is not None and settings[name] not in trusted]:
+        trusted = {option: f"{option[2:]} {settings[option]}" for option in named if settings[option] is not None}
+        plan, recorded = read_record(resume, trusted.values())
+        if given := [option for option, name in trusted.items() if name not in plan.plugins()]:
             raise ValueError(f"--resume takes all settings from {resume}; leave out {', '.join(given)}.")
     else:
         name = "pso" if optimizer is None else optimizer
@@ -145,8 +145,9 @@ def _finish_optimize(
         again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]
         if sample_rate != SAMPLE_RATE_HZ:
             again += ["--sample-rate", f"{sample_rate:.12g}"]
-        parts = (("--optimizer", plan.optimizer), ("--problem", plan.problem.name))
-        again += [word for option, name in parts if name in plan.plugins() for word in (option, name)]
+        for plugin in plan.plugins():
+            part, _, of = plugin.partition(" ")
+            again += [f"--{part}", of]
         for option, value in (("--plot", plot), ("--json", json), *(("--effect", name) for name in own or ())):
             if value is not None:
                 again += [option, value]

@@ -157,6 +157,8 @@ class Diagnosis:
         Duration of each step, in seconds.
     settings : DiagnosisSettings
         Settings that it was made with.
+    plugins : dict of str to dict of str to str
+        Place, code (SHA-256) and package of each ``effect ID`` that was tried and is not of the catalogue.
     """
 
     campaign: str
@@ -181,6 +183,7 @@ class Diagnosis:
     seconds: float
     stages: Mapping[str, float]
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
+    plugins: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def heldout_rms(self, which: str) -> float:
         """RMS over the main channel's held-out samples, in volts; NaN if nothing is held out.
@@ -263,6 +266,7 @@ class Diagnosis:
             "untestable": dict(self.untestable),
             "notes": list(self.notes),
             "seconds": self.seconds,
+            **({"plugins": self.plugins} if self.plugins else {}),
         }
 
     def augmented_json(self) -> dict[str, Any]:

@@ -30,6 +30,8 @@ from inkjet_env.mismatch.selection.random_effects import RandomEffect
 from inkjet_env.mismatch.selection.stepwise import Selection
 from inkjet_env.mismatch.stopwatch import Stopwatch
 from inkjet_env.plant import Effect
+from inkjet_env.plant.registry import own_class
+from inkjet_env.plugins import provenance
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,13 +138,14 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         of = " with ".join(name.replace("_", " ") for name in stands.ids) or "the base model"
         last = f"The fit of {of} did not converge: its values are those at which it stopped, without known intervals."
         notes = [*notes, last]
+    own = {f"effect {e.id}": provenance(type(e)) for e in found.effects if own_class(e) is not None}
     head, channels = stands.fit.head, {o.channel for o in joint.observed} - {"drive_monitor"}
     gains, offsets = ({c: v for c, v in of.items() if c in channels} for of in (head.gains, head.offsets))
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (),
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, compared(found.selection),
         found.untestable, following, correction, head.printhead, gains, offsets, joint.base.head.printhead,
-        dynamics(stands), tuple(notes), stopwatch.seconds, stopwatch.stages, settings,
+        dynamics(stands), tuple(notes), stopwatch.seconds, stopwatch.stages, settings, own,
     )  # fmt: skip
 
 

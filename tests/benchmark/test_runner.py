@@ -1,6 +1,7 @@
 """What a run depends on, and what of a bench is compared."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.benchmark.analysis import Comparison
-from inkjet_env.experiments.benchmark.conclusions import ranking_sentences
+from inkjet_env.experiments.benchmark.conclusions import ranking_sentences, standings_sentences
 from inkjet_env.experiments.benchmark.page import page_data
 from inkjet_env.experiments.benchmark.report import write_report
 from inkjet_env.experiments.benchmark.run_files import RunKey, label_of
@@ -123,3 +124,14 @@ def test_an_optimiser_that_needs_gradients_is_left_out_where_there_are_none(tmp_
     json.dumps(ranking, allow_nan=False)
     told, true = ([getattr(r, part)[-1] for r in outcome.results[-2:]] for part in ("told_V", "costs_V"))
     assert (np.array(told) != true).all()
+
+
+def test_a_report_of_single_runs_has_no_interval(tmp_path):
+    settings = small_settings(problems=("nominal", "stiff-head"), repeats=1)
+    keys = [RunKey(optimizer, name, 0) for optimizer in settings.optimizers for name in settings.problems]
+    compared = Comparison(BenchOutcome(settings, tmp_path, [perform(key, settings)[1] for key in keys], {}))
+    said = " ".join((*ranking_sentences(compared), *standings_sentences(compared, "all", 90)))
+    assert re.search(r"Its regret is [0-9.]+ of the problems' scales", said)
+    page, ranking = write_report(compared)
+    for text in (said, re.sub(r"<script>.*?</script>", "", page.read_text(), flags=re.S), json.dumps(ranking)):
+        assert not re.search(r"\bnan\b", text, flags=re.I)

@@ -3,6 +3,8 @@
 import json
 import subprocess
 import sys
+from hashlib import sha256
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -119,6 +121,12 @@ def augmented(folder):
     return folder / "augmented.json"
 
 
+def found_code(file):
+    """The digest of a single file of code."""
+    code = sha256(Path(file).read_bytes()).hexdigest()
+    return sha256(f"{Path(file).name}\0{code}\0".encode()).hexdigest()
+
+
 def registered(file):
     """The head of a file whose class is registered now."""
     registry.register(sys.modules["my_effects"].QuadraticStiffness)
@@ -133,6 +141,10 @@ def test_an_own_effect_is_tried_beside_the_catalogue_and_named(augmented):
     assert {"cubic_stiffness", "quadratic_stiffness"} <= {a["ids"][0] for a in found["attributions"]}
     report = augmented.with_name("report.html").read_text()
     assert "The head is stiffer on one side" in report
+    source = sys.modules["my_effects"].__file__
+    own = {"place": OWN, "package": "none"}
+    assert found["plugins"] == {"effect quadratic_stiffness": own | {"code": found_code(source)}}
+    assert found_code(source) in report
     assert "Sets it apart: ." not in report  # nothing is said of what the class does not declare
 
 
