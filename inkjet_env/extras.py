@@ -11,7 +11,7 @@ PACKAGES = {
     "bench": ("cma", "nevergrad", "pymoo", "optuna", "pandas", "plotly", "greenlet"),
     "rl": ("torch", "stable_baselines3"),
     "cluster": ("distributed", "dask"),
-    "human": ("pygame",),
+    "human": ("pygame", "matplotlib"),
     "dev": ("pytest", "pysindy", "mpmath"),
 }
 """Packages that each extra brings, by the names they are imported by."""

@@ -139,7 +139,8 @@ class Comparison:
 
     def __init__(self, outcome: BenchOutcome) -> None:
         if not any(result.budget == outcome.settings.budget for result in outcome.results):
-            raise ValueError(f"no optimiser of {outcome.folder} could be run, so there is nothing to compare.")
+            reasons = "".join(f" {name}: {reason}" for name, reason in outcome.unavailable.items())
+            raise ValueError(f"no optimiser of {outcome.folder} could be run, so there is nothing to compare.{reasons}")
         self.outcome = outcome
         self.problems = outcome.settings.problems
         self.budgets = (*(b for b in BUDGETS if b < outcome.settings.budget), outcome.settings.budget)

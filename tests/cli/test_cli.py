@@ -12,6 +12,7 @@ import pytest
 
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.experiments.benchmark.ranking_tables import print_ranking
+from inkjet_env.optimizers import registry
 
 OPTIMUM = ["100", "-100", "1e-6", "10.481e-6", "13.769e-6", "9.613e-6", "20e-6"]
 COMMAND = [sys.executable, "-m", "inkjet_env.experiments.cli"]
@@ -306,6 +307,18 @@ def test_bad_bench_is_one_sentence_and_status_2(inkjet, tmp_path, arguments, sai
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert said in err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bench_of_optimisers_that_are_not_installed_says_which_package_is_missing(inkjet, monkeypatch):
+    monkeypatch.setitem(sys.modules, "inkjet_env.optimizers.sb3_one_step", None)
+    monkeypatch.delitem(sys.modules, "inkjet_env.optimizers.sb3_one_step")
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)  # importing it raises ModuleNotFoundError
+    registry._fault.cache_clear()
+    status, _, err = inkjet("bench", "--problems", "nominal", "--optimizers", "sb3-ppo", "--repeats", 1)
+    registry._fault.cache_clear()
+    assert status == 2
+    reason = "sb3-ppo needs stable_baselines3, which is not installed: pip install 'inkjet-env[rl]'."
+    assert err.splitlines()[-1].endswith(f"could be run, so there is nothing to compare. sb3-ppo: {reason}")
 
 
 def test_bench_prints_ranking_sentences_and_report(inkjet, tmp_path):
