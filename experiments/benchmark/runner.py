@@ -203,15 +203,13 @@ def _perform_all(
                 raise stopped_by
 
         run_each(client, perform_some, jobs, keep)
-        at_work_s = (time.perf_counter() - begin_s) * worker_count(client)
-    if at_work_s:
-        elsewhere = 100 * (1 - useful_s / at_work_s)
-        print(
-            f"The workers started within {begin_s - start_s:.1f} s. Optimisers and objective took "
-            f"{100 - elsewhere:.0f} % of their time; the other {elsewhere:.0f} % was spent on sending, storing and "
-            "waiting for the last runs.",
-            file=sys.stderr,
-        )
+        work_s = time.perf_counter() - begin_s
+        share = useful_s / (work_s * max(worker_count(client), 1))
+    print(
+        f"The workers started within {begin_s - start_s:.1f} s and worked for {work_s:.1f} s: {100 * share:.0f} % of "
+        "that on optimisers and objective, the rest on sending, storing and waiting for the last runs.",
+        file=sys.stderr,
+    )
     return failures
 
 
