@@ -41,7 +41,8 @@ def test_a_gain_is_not_hidden_by_what_a_drop_earns():
 
 
 def test_heads_without_gradients_meet_another_method(monkeypatch):
-    monkeypatch.setattr(challenge_best_known, "BUDGET", 300)
+    for name, value in {"BUDGET": 300, "ENDS": 1, "ROUNDS": 1}.items():
+        monkeypatch.setattr(challenge_best_known, name, value)
     one = challenge_best_known.attempt("augmented-echo", "lbfgsb-multistart", 0.0)
     assert one.method == challenge_best_known.WITHOUT_GRADIENT
     assert one.evaluations == challenge_best_known.BUDGET
