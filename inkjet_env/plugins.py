@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import entry_points, packages_distributions, version
 from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import Any
 
 OPTIMIZERS, PROBLEMS, EFFECTS = "inkjet_env.optimizers", "inkjet_env.problems", "inkjet_env.effects"
@@ -137,9 +138,9 @@ def _provenance(kind: type, place: str) -> dict[str, str]:
         top = name.partition(".")[0]
         if top in sys.stdlib_module_names or top == __package__:
             continue
-        module = sys.modules[top]
+        module = sys.modules.get(top)
         if getattr(module, "__file__", None) is None:  # a namespace that several packages share
-            module = sys.modules[name]
+            module = sys.modules.get(name)
         file = Path(getattr(module, "__file__", None) or "")
         if not file.is_file():
             return {"place": place, "code": "typed at a console or in a notebook", "package": "none"}
@@ -165,18 +166,31 @@ def _imported(name: str) -> Any:
 
 def _failed(module: str, error: BaseException) -> str:
     """An error in the user's module, with its own message and its file and line."""
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    where = "" if isinstance(error, SyntaxError) else f" ({last.filename}, line {last.lineno})"
+    where = "" if isinstance(error, SyntaxError) else place_of(error)
     return f"the module {module} cannot be imported: {type(error).__name__}: {error}{where}"
+
+
+def place_of(error: BaseException) -> str:
+    """File and line at which an error was raised, in parentheses."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f" ({last.filename}, line {last.lineno})"
 
 
 def _no_such_object(module: str, path: str) -> str:
     from inkjet_env.naming import nearest_name
 
     found = sys.modules[module]
-    own = [
-        name for name, value in vars(found).items() if getattr(value, "__module__", None) == module and name[0] != "_"
-    ]
+    own = [name for name, value in vars(found).items() if name[0] != "_" and _home(value, module) == module]
     file = getattr(found, "__file__", None) or module
     has = f"it defines {', '.join(own)}" if own else "it defines nothing of its own"
+    hidden = Path(f"{module}.py").resolve()
+    if hidden.is_file() and hidden != Path(file).resolve():
+        return f"there is no {path} in {file}, which hides your {hidden.name}. Rename your file."
     return f"there is no {path} in {file}; {has}.{nearest_name(path, own)}"
+
+
+def _home(value: Any, module: str) -> str | None:
+    """Module that defines a class or a function; for any other object ``module``, in which it was found."""
+    if isinstance(value, ModuleType):
+        return None
+    return value.__module__ if isinstance(value, (type, FunctionType)) else module

@@ -53,11 +53,19 @@ class Optimizer:
         ------
         RuntimeError
             The budget is spent.
+        ValueError
+            `propose` returned something else than points of this dimension.
         """
         if self.remaining == 0:
             raise RuntimeError(f"the budget of {self.budget} evaluations is spent. Make a new optimiser to continue.")
         if self._asked is None:
-            self._asked = np.array(self.propose()[: self.remaining], dtype=np.float64)
+            points = np.array(self.propose(), dtype=np.float64)
+            if points.ndim != 2 or points.shape[1] != self.dimension or not len(points):
+                raise ValueError(
+                    f"{self.name} must ask for 1 to {self.remaining} points of {self.dimension} numbers; it asked for "
+                    f"an array of shape {points.shape}."
+                )
+            self._asked = points[: self.remaining]
         return self._asked.copy()
 
     def tell(self, points: Real, costs: Real, gradients: Real | None = None) -> None:

@@ -105,7 +105,13 @@ def make(name: str, dimension: int = 7, budget: int = 2000, seed: int = 0, **opt
             raise ValueError(f"{name} has no option {option!r}; it has {', '.join(known) or 'none'}.")
     if name.startswith(NEVERGRAD):
         options["method"] = name.removeprefix(NEVERGRAD)
-    return made(dimension, budget, seed, **options)
+    try:
+        return made(dimension, budget, seed, **options)
+    except TypeError as error:
+        traceback = error.__traceback__
+        if traceback is None or traceback.tb_next is not None:  # not raised by the call itself
+            raise
+        raise ValueError(f"optimiser {name}: it must be made from dimension, budget and seed ({error}).") from None
 
 
 def uses_gradient(name: str) -> bool:
@@ -135,6 +141,11 @@ def _class_of(name: str) -> type[Optimizer]:
         raise UnknownOptimizerError(
             f"optimiser {name}: it must be a subclass of inkjet_env.optimizers.Optimizer; got {made!r}."
         )
+    for method in ("propose", "learn"):
+        if getattr(made, method) is getattr(Optimizer, method):
+            raise UnknownOptimizerError(
+                f"optimiser {name}: it must define {method}, see inkjet_env.optimizers.Optimizer."
+            )
     return made
 
 
@@ -171,7 +182,10 @@ def _fault(name: str) -> str | None:
     except UnavailableOptimizerError as error:
         return str(error)
     except Exception as error:  # any exception of a third-party optimiser is the reason
-        return f"it fails in this installation: {type(error).__name__}: {error}"
+        failure = f"{type(error).__name__}: {error}"
+        if _plugin(name) is None:
+            return f"it fails in this installation: {failure}"
+        return f"its code fails: {failure}{plugins.place_of(error)}"
     return None
 
 

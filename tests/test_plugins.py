@@ -45,6 +45,28 @@ class Forgetful(Shrinking):
 
     def propose(self):
         return np.random.default_rng().uniform(-1, 1, (7, self.dimension))
+
+
+class Flat(Shrinking):
+    def propose(self):
+        return np.zeros(self.dimension)
+
+
+class Failing(Shrinking):
+    def learn(self, points, costs, gradients):
+        raise RuntimeError("the pump is off")
+
+
+class Unmade(Shrinking):
+    def __init__(self, dimension):
+        super().__init__(dimension, 1, 0)
+
+
+class Idle(Optimizer):
+    name = "idle"
+
+    def propose(self):
+        return np.zeros((1, self.dimension))
 '''
 HEADS = '''
 from inkjet_env.experiments.benchmark.problem import BestKnown, Problem
@@ -59,7 +81,8 @@ class Doubled(Problem):
     """A cost with code of its own."""
 
     def __init__(self):
-        super().__init__("doubled", known=BestKnown(-2e3, (0.0,) * 7, "a bound", 1, 1))
+        nominal = problem("nominal").best_known
+        super().__init__("doubled", known=BestKnown(2 * nominal.cost, nominal.waveform, "as nominal", 1, 1))
 
     def evaluate(self, points):
         return 2 * super().evaluate(points)
@@ -70,6 +93,7 @@ class Doubled(Problem):
 
 
 unmeasured = Problem("unmeasured", cost=PeakCost(-7.0, 5.0))
+mistaken = Problem("mistaken", known=published.best_known)
 '''
 PROOF = """
 from inkjet_env.experiments.benchmark.testing import ProblemTests
@@ -218,6 +242,14 @@ def test_a_diagnosis_finds_an_effect_by_the_name_of_its_entry_point_and_says_who
         (("bench", "--optimizers", "shrinkin"), "there is no optimiser 'shrinkin'. Did you mean 'shrinking'?"),
         (("bench", "--problems", "tall-dro"), "got 'tall-dro'. Did you mean 'tall-drop'?"),
         (("bench", "--problems", "unmeasured"), "problem 'unmeasured' has no best known cost on record"),
+        (("bench", "--problems", "inkjet_lab.heads:mistaken"), "its best known waveform costs -22.03"),
+        (("bench", "--problems", "inkjet_lab.heads:tall_dro"), "Did you mean 'tall_drop'?"),
+        (
+            ("optimize", "--optimizer", "inkjet_lab.search:Flat"),
+            "points of 7 numbers; it asked for an array of shape (7,)",
+        ),
+        (("optimize", "--optimizer", "inkjet_lab.search:Unmade"), "it must be made from dimension, budget and seed ("),
+        (("optimize", "--optimizer", "inkjet_lab.search:Idle"), "it must define learn, see "),
         (("bench", "--problems", "inkjet_lab.search:Shrinking"), "problem inkjet_lab.search:Shrinking: TypeError: "),
         (("bench", "--problems", "inkjet_lab.heads:PeakCost"), "it must be an inkjet_env.experiments.benchmark.prob"),
         (("optimize", "--optimizer", "inkjet_lab.heads:Doubled"), "must be a subclass of inkjet_env.optimizers.Optim"),
@@ -232,6 +264,21 @@ def test_what_cannot_be_had_is_refused_in_one_sentence(lab, arguments, message):
     assert done.returncode == 2
     (line,) = done.stderr.strip().splitlines()
     assert message in line
+
+
+def test_a_bench_says_where_an_optimiser_of_ones_own_fails(lab):
+    done = inkjet(lab, "bench", "--optimizers", "random,inkjet_lab.search:Failing", "--problems", "nominal", *SMALL)
+    assert done.returncode == 0, done.stderr
+    told = " ".join(done.stdout.split())
+    assert "inkjet_lab.search:Failing: its code fails: RuntimeError: the pump is off (" in told
+    assert "search.py, line " in told
+
+
+def test_a_file_that_another_module_hides_is_told(lab):
+    (lab.folder / "calendar.py").write_text("from inkjet_lab.search import Shrinking\n")
+    done = inkjet(lab, "optimize", "--optimizer", "calendar:Shrinking")
+    assert done.returncode == 2
+    assert "calendar.py, which hides your calendar.py. Rename your file." in done.stderr
 
 
 def test_a_package_cannot_take_a_name_of_ours(lab):

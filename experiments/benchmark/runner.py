@@ -141,7 +141,8 @@ def run_bench(
         print(f"{len(results)} of {len(keys)} runs are finished already; resuming.", file=sys.stderr, flush=True)
     asked = {key.file_stem for key in keys}
     if others := sum(file.stem not in asked for file in (folder / "runs").glob("*.parquet")):
-        print(f"{others} runs in {folder} were not requested and are not in the report.", file=sys.stderr)
+        runs = "1 run" if others == 1 else f"{others} runs"
+        print(f"Not requested, and so not in the report: {runs} in {folder}.", file=sys.stderr)
     if missing:
         failures = _perform_all(missing, settings, folder, results, len(keys), workers, scheduler)
         unavailable |= failures

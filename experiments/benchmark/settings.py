@@ -6,15 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from inkjet_env.experiments.benchmark import suite
 from inkjet_env.experiments.benchmark.entrants import entrant
-from inkjet_env.experiments.benchmark.problem import MAX_BUDGET
+from inkjet_env.experiments.benchmark.problem import MAX_BUDGET, Problem
 from inkjet_env.experiments.benchmark.regret import best_known_cost
 from inkjet_env.experiments.benchmark.run_files import RunResult
 from inkjet_env.experiments.benchmark.suite import BENCHED, problem
 from inkjet_env.experiments.execution.provenance import code_digest, versions
 
 BENCH_FORMAT = "bench/1"
+KNOWN_COST_ERROR = 1e-6
+"""Largest relative error of the cost that a problem states for its best known waveform, and absolute below 1 V."""
 DEFAULT_BUDGET = 2000  # 40 particles × 50 generations
 DEFAULT_REPEATS = 15
 SOURCES = (
@@ -56,6 +60,7 @@ class BenchSettings:
     def __post_init__(self) -> None:
         for name in self.problems:
             best_known_cost(name)
+            _check_known(problem(name))
         for name in self.optimizers:
             entrant(name)
         for label, names in (("problems", self.problems), ("optimizers", self.optimizers)):
@@ -112,6 +117,18 @@ class BenchSettings:
         }
         of_problems = {f"problem {name}": suite.provenance(name) for name in self.problems}
         return {name: found for name, found in (of_problems | of_optimizers).items() if found is not None}
+
+
+def _check_known(of: Problem) -> None:
+    """``ValueError`` if the best known waveform that a problem states has another cost than it states."""
+    if of.known is None:
+        return
+    (cost,) = of.evaluate(of.bounds.to_unit(np.array(of.known.waveform)))
+    if abs(cost - of.known.cost) > KNOWN_COST_ERROR * max(1.0, abs(cost)):
+        raise ValueError(
+            f"problem {of.name!r}: its best known waveform costs {cost:.6f} V, and not {of.known.cost:.6f} V as known= "
+            "says, from which regrets are counted. Correct the cost or the waveform."
+        )
 
 
 @dataclass(frozen=True)

@@ -282,6 +282,7 @@ def test_an_effect_that_cannot_be_had_is_refused_in_one_sentence(tmp_path, monke
     }.items():
         (tmp_path / f"{name}.py").write_text(text)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "my_effects", raising=False)  # as in a new process
     assert run("simulate", "--waveform", *WAVEFORM, "--effect", named) == 2
     (told,) = capsys.readouterr().err.strip().splitlines()
     assert told.startswith(f"inkjet: --effect {named}: ")
