@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import gymnasium
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
 RENDER_MODES = ("human", "rgb_array")
 
 
-def check_render_mode(render_mode: str | None) -> str | None:
+def check_render_mode(render_mode: str | None, known: Sequence[str] = RENDER_MODES) -> str | None:
     """Return the render mode; ``ValueError`` unless it is supported."""
     if render_mode is not None:
-        check_name("render_mode", render_mode, RENDER_MODES)
+        check_name("render_mode", render_mode, known)
     return render_mode
 
 

@@ -75,7 +75,7 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         **options: Any,
     ) -> None:
         _check_option_names(TuneWaveformEnv.__init__, options)
-        self.render_mode = _only_arrays(render_mode)
+        self.render_mode = check_render_mode(render_mode, ("rgb_array",))
         self.tuning = WaveformTuningTask(1, tries, peaks, noise=noise, **options)
         self.action_space = self.tuning.action_space()
         self.observation_space = self.tuning.observation_space()
@@ -165,12 +165,6 @@ class TuneWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[Any],
 
     def _picture(self, row: int) -> NDArray[np.uint8]:
         return _picture(self.tuning, row)
-
-
-def _only_arrays(render_mode: str | None) -> str | None:
-    if check_render_mode(render_mode) == "human":
-        raise ValueError("render_mode must be 'rgb_array' or None here; got 'human'.")
-    return render_mode
 
 
 def _check_option_names(constructor: Callable[..., Any], options: dict[str, Any]) -> None:
