@@ -232,10 +232,11 @@ def steady_start(
 
 
 @_jit
-def _costs_at_rest(
-    waveforms, heads, warm_up_periods, one_point, window_s, A, B, effective, threshold, target_height_V, capacity, costs
+def _costs(
+    waveforms, heads, warm_up_periods, one_point, window_s, period_s, A, B, effective, threshold, target_height_V,
+    capacity, costs,
 ):  # fmt: skip
-    """`batch_costs` where the resonator rests at the start of every waveform."""
+    """`batch_costs`, compiled once for ``period_s`` None, without `steady_start`, and once for a number."""
     knots_s, knots_V = np.empty(6), np.empty(6)
     memory, pieces = np.empty(32), np.empty((40, 6))
     rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
@@ -246,32 +247,12 @@ def _costs_at_rest(
         head = heads[i if heads.shape[0] > 1 else 0]
         waveform_knots(waveforms[i], knots_s, knots_V)
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
-        count, tail = response_extrema(
-            head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
-        )
-        if count == OVERFLOW:
-            return False
-        costs[i], _ = peak_cost(peaks, count, tail, A, B, effective, threshold, target_height_V)
-    return True
-
-
-@_jit
-def _costs_repeated(
-    waveforms, heads, warm_up_periods, one_point, window_s, period_s, A, B, effective, threshold, target_height_V,
-    capacity, costs,
-):  # fmt: skip
-    """`batch_costs` where the resonator still rings from all the waveforms before."""
-    knots_s, knots_V = np.empty(6), np.empty(6)
-    memory, pieces = np.empty(32), np.empty((40, 6))
-    rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
-    times, peaks = np.empty(capacity), np.empty(capacity)
-    state, no_knots = np.empty(2), np.empty(0)
-    for i in range(waveforms.shape[0]):
-        head = heads[i if heads.shape[0] > 1 else 0]
-        waveform_knots(waveforms[i], knots_s, knots_V)
-        found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
-        if not steady_start(head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots):
-            return False
+        # numba leaves out a branch on None if nothing else is in its condition
+        if period_s is not None:  # noqa: SIM102
+            if not steady_start(
+                head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots
+            ):
+                return False
         count, tail = response_extrema(
             head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
         )
@@ -284,11 +265,10 @@ def _costs_repeated(
 def batch_costs(waveforms, heads, settings, capacity, costs):
     """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False if ``capacity`` was too small.
 
-    ``settings`` are those of `_costs_repeated`, from ``warm_up_periods`` to ``target_height_V``. With an infinite
-    ``period_s`` the resonator rests at the waveform's start; otherwise it still rings from all the waveforms before.
-    Each of the two is compiled when it is first needed.
+    ``settings`` are those of `_costs`, from ``warm_up_periods`` to ``target_height_V``. With an infinite ``period_s``
+    the resonator rests at the waveform's start; otherwise it still rings from all the waveforms before. The kernel is
+    compiled for each of the two when it is first needed.
     """
     warm_up_periods, one_point, window_s, period_s, *cost = settings
-    if period_s == math.inf:
-        return _costs_at_rest(waveforms, heads, warm_up_periods, one_point, window_s, *cost, capacity, costs)
-    return _costs_repeated(waveforms, heads, *settings, capacity, costs)
+    period_s = None if period_s == math.inf else period_s
+    return _costs(waveforms, heads, warm_up_periods, one_point, window_s, period_s, *cost, capacity, costs)
