@@ -2,8 +2,9 @@
 
 ``python -m inkjet_env.experiments.validation.diagnosis_study [PART ...]``.
 
-Parts: null (no effect), single (each effect, strong and medium), pairs (two effects of different stages), withheld
-(each effect present but removed from the catalogue), summary. Every case is one line of results/diagnosis/cases.jsonl;
+Parts: null (no effect, white noise), noise (no effect, each kind of noise of `noise_zoo`), single (each effect, strong
+and medium), pairs (two effects of different stages), withheld (each effect present but removed from the catalogue),
+summary. Every case is one line of results/diagnosis/cases.jsonl;
 a stopped study resumes if code and packages are unchanged. ``--seeds N`` takes N heads for every case.
 """
 
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
+from inkjet_env.experiments.validation.noise_zoo import ZOO
 from inkjet_env.experiments.validation.synthetic_campaigns import (
     MEDIUM,
     STRONG,
@@ -42,7 +44,7 @@ from inkjet_env.recordings import Campaign
 RESULTS = Path("results/diagnosis/cases.jsonl")
 SOURCES = (
     "inkjet_env/**/*.py",
-    *(f"experiments/validation/{name}.py" for name in ("synthetic_campaigns", "diagnosis_study")),
+    *(f"experiments/validation/{name}.py" for name in ("synthetic_campaigns", "noise_zoo", "diagnosis_study")),
 )
 """Files that determine the result of a case."""
 STRENGTHS = {"strong": STRONG, "medium": MEDIUM}
@@ -96,6 +98,8 @@ def cases(part: str, seeds: int) -> Iterator[Case]:
     names = [effect.id for effect in catalogue()]
     if part == "null":
         yield from (Case("null", (), "none", seed) for seed in range(100))
+    elif part == "noise":
+        yield from (Case("noise", (), kind, seed) for seed in range(30) for kind in ZOO)
     elif part == "single":
         for seed in range(seeds):
             yield from (Case("single", (name,), strength, seed) for strength in STRENGTHS for name in names)
@@ -106,7 +110,7 @@ def cases(part: str, seeds: int) -> Iterator[Case]:
         for seed in range(seeds):
             yield from (Case("withheld", (name,), "strong", seed) for name in names)
     else:
-        raise ValueError(f"part must be null, single, pairs, withheld or summary; got {part!r}.")
+        raise ValueError(f"part must be null, noise, single, pairs, withheld or summary; got {part!r}.")
 
 
 def recorded(case: Case) -> tuple[Campaign, list[tuple[Effect, dict[str, float]]]]:
@@ -114,7 +118,8 @@ def recorded(case: Case) -> tuple[Campaign, list[tuple[Effect, dict[str, float]]
     head = head_of(case.seed)
     hidden, largest_V = map(effect_named, case.effects), largest_signal_V(head)
     on = [(effect, synthetic_values(effect, STRENGTHS[case.strength], head, largest_V)) for effect in hidden]
-    return record_synthetic(head, on, 1000 + case.seed, monitored=case.monitored), on
+    kind = case.strength if case.part == "noise" else "white"
+    return record_synthetic(head, on, 1000 + case.seed, monitored=case.monitored, noise_kind=kind), on
 
 
 def outcome(case: Case) -> dict[str, Any]:
@@ -237,7 +242,7 @@ def verdict_record(row: dict[str, Any]) -> VerdictRecord:
 def summary() -> None:
     """Print a summary of all results."""
     found = rows()
-    for part in ("null", "single", "pairs", "withheld"):
+    for part in ("null", "noise", "single", "pairs", "withheld"):
         mine = [row for row in found if row["part"] == part]
         if mine:
             _print_part(part, mine)

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import brentq
 
+from inkjet_env.experiments.validation.noise_zoo import ZOO
 from inkjet_env.plant import Effect, Excitation, Plant, Values, catalogue
 from inkjet_env.plant.effect import complete
 from inkjet_env.plant.wording import SENSOR_UNIT
@@ -101,8 +102,9 @@ def record_synthetic(
     snr_dB: float = SNR_dB,
     monitored: bool = False,
     lines: Sequence[DriveLine] | None = None,
+    noise_kind: str = "white",
 ) -> Campaign:
-    """A campaign of about 29 recordings x 2,000 samples with white noise, its recordings in random order.
+    """A campaign of about 29 recordings x 2,000 samples with noise, its recordings in random order.
 
     Parameters
     ----------
@@ -119,6 +121,8 @@ def record_synthetic(
         Whether the voltage at the head is recorded too.
     lines : sequence of DriveLine, optional
         Drives to record; `LINES` of the default battery unless given.
+    noise_kind : str
+        Kind of noise, a name of `noise_zoo.ZOO`; its constants are drawn for each channel.
     """
     rng = np.random.default_rng(seed)
     lines = _recorded_lines(printhead, lines)
@@ -137,17 +141,27 @@ def record_synthetic(
     for channel in OFFSETS_V:
         mine = [signal for signal, excitation in zip(plain, excitations, strict=True) if excitation.channel == channel]
         sigma[channel] = max(float(np.std(signal)) for signal in mine) * 10 ** (-snr_dB / 20)
+    laws = {channel: ZOO[noise_kind](np.random.default_rng([seed, k])) for k, channel in enumerate(OFFSETS_V)}
+    largest = {
+        channel: max(
+            float(np.abs(s - OFFSETS_V[channel]).max())
+            for s, e in zip(plain, excitations, strict=True)
+            if e.channel == channel
+        )
+        for channel in OFFSETS_V
+    }
+    shortest_s = {channel: min(e.step_s for e in excitations if e.channel == channel) for channel in OFFSETS_V}
     plant = Plant(printhead, gains, OFFSETS_V, tuple(effects))
     recordings = []
     first: dict[tuple[str, str], str] = {}
     for line, excitation in zip(chosen, excitations, strict=True):
         name = f"r{excitation.order:03d}"
-        noise: Real = np.asarray(sigma[excitation.channel] * rng.standard_normal(excitation.samples), dtype=np.float64)
+        channel = excitation.channel
+        signal = plant.signal(excitation)
         for effect, values in effects:
-            noise = np.asarray(
-                noise + sigma[excitation.channel] * _drawn_random_effect(effect, values, excitation, rng),
-                dtype=np.float64,
-            )
+            signal = signal + sigma[channel] * _drawn_random_effect(effect, values, excitation, rng)
+        step = excitation.step_s / shortest_s[channel]
+        signal = laws[channel].recorded(signal - OFFSETS_V[channel], sigma[channel], largest[channel], step, rng)
         monitor = None
         if monitored:
             monitor = excitation.sampled(plant.at_ceramic_V(excitation)) + 0.05 * rng.standard_normal(
@@ -155,7 +169,7 @@ def record_synthetic(
             )
         recordings.append(
             Recording(
-                name, line.time_s, line.drive_V, plant.signal(excitation) + noise, "V", line.channel, line.excitation,
+                name, line.time_s, line.drive_V, signal + OFFSETS_V[channel], "V", line.channel, line.excitation,
                 line.initial_state, excitation.order, first.get((line.channel, line.label)), {}, monitor,
                 excitation.neighbour_V,
             )

@@ -200,7 +200,7 @@ def noise_of(gathered: Sequence[RepeatedMeasurement]) -> dict[tuple[str, float],
         known = [other for mine, other in models if mine == channel]
         if known:
             nearest = min(known, key=lambda other: abs(np.log(other / step_s)))
-            models[channel, step_s] = models[channel, nearest]
+            models[channel, step_s] = models[channel, nearest].at_step(step_s / nearest)
     return models
 
 

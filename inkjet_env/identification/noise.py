@@ -8,20 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inkjet_env.identification.noise_bands import Band, band_powers, band_shape, relaxations
 from inkjet_env.typing import Real
 
 LONGEST_FILTER = 24
 """Highest order of the autoregression."""
 FILTER_LENGTHS = (LONGEST_FILTER, 6, 2, 0)
-"""Highest orders that are tried together with a colour."""
-COLOUR_ROUNDS = 20
-"""Largest number of iterations between autoregression and colour."""
-SAME_COLOUR = 0.02
-"""Relative change below which the colour has converged."""
-CORNERS = 40
-"""Number of corner frequencies."""
-CORNER_MARGIN = 10.0
-"""Ratio of the lowest line to the lowest corner frequency."""
+"""Highest orders that are tried together with bands."""
+ROUNDS = 12
+"""Largest number of iterations between autoregression and bands."""
+SAME_POWER = 0.02
+"""Relative change of a band's power below which it has converged."""
 SAMPLES_A_COEFFICIENT = 50
 """Smallest number of samples of noise per coefficient; besides, a recording has at least 20 samples per coefficient."""
 
@@ -40,18 +37,16 @@ class NoiseModel:
         Standard deviation of the noise itself, in the channel's unit.
     source : str
         Data it was estimated from, in words.
-    colour : tuple of float
-        ``s0, s1, s2``: at ν cycles per sample the power of the autoregression is multiplied by ``s0``, and the power
-        ``s1/ν + s2/ν²`` of 1/f noise and a random walk, in units of the innovation's, is added; ``(1, 0, 0)`` if the
-        autoregression suffices. 1/f noise is strongest at the lowest frequencies, which a short filter cannot resolve
-        and on which a slow loop depends.
+    bands : tuple of Band
+        Noise with a memory, in addition to the autoregression, powers in units of the innovation's variance. It is
+        strongest at the lowest frequencies, which a short filter cannot resolve and on which a slow loop depends.
     """
 
     coefficients: Real
     innovation: float
     rms: float
     source: str
-    colour: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    bands: tuple[Band, ...] = ()
 
     @property
     def lost(self) -> int:
@@ -70,6 +65,11 @@ class NoiseModel:
         whitened: Real = result / self.innovation
         return whitened
 
+    def at_step(self, ratio: float) -> NoiseModel:
+        """The model for a sampling step that is ``ratio`` times as long: its memories last as many seconds."""
+        bands = tuple(Band(b.frequency * ratio, b.memory / ratio, b.power) for b in self.bands)
+        return replace(self, bands=bands)
+
     def levels(self, samples: int) -> Real:
         """Power of whitened noise at each line of a discrete Fourier transform, shape (samples,).
 
@@ -84,8 +84,10 @@ class NoiseModel:
         return power
 
     def _level(self, cycles_a_sample: Real, passed: Real) -> Real:
-        white, flicker, wander = self.colour
-        return white + passed * (flicker / cycles_a_sample + wander / cycles_a_sample**2)
+        level: Real = np.ones(cycles_a_sample.shape)
+        for band in self.bands:
+            level = level + band.power * passed * band_shape(cycles_a_sample, band)
+        return level
 
     def spectrum(self, frequency_Hz: ArrayLike, step_s: float) -> Real:
         """One-sided power spectral density in unit²/Hz at frequencies above 0 Hz, up to half the sampling rate."""
@@ -116,7 +118,7 @@ def noise_model(samples: Sequence[Real], source: str, least: float, longest: int
     Returns
     -------
     NoiseModel
-        The model, with no colour beyond the autoregression.
+        The autoregression, without bands.
     """
     total = sum(stretch.size for stretch in samples)
     shortest = min(stretch.size for stretch in samples)
@@ -139,59 +141,19 @@ def noise_model(samples: Sequence[Real], source: str, least: float, longest: int
     return NoiseModel(filters[best], float(np.sqrt(innovations[best])), float(np.sqrt(variance)), source)
 
 
-def colour_of(
-    whitened: Sequence[tuple[Real, NoiseModel]], exponents: tuple[int, ...] = (1, 2)
-) -> tuple[float, float, float]:
-    """Colour of noise: ``s0`` times an autoregression's power, plus ``s1/ν + s2/ν²`` of 1/f noise and a random walk.
-
-    Corner frequencies of ``a (1 + ν_c/ν)`` and ``a (1 + (ν_c/ν)²)`` are weighted by Whittle's likelihood of the
-    periodograms. The white level is the weighted mean, the other two strengths are weighted geometric means. A short
-    record can hardly distinguish weak 1/f noise from none, and so some remains.
-
-    Parameters
-    ----------
-    whitened : sequence of (ndarray, NoiseModel)
-        Whitened stretches of noise, each with the model that whitened it. Sampling steps may differ: the 1/f noise of
-        one amplifier in the same white noise looks the same in cycles per sample.
-    exponents : tuple of int
-        Powers of ``1/ν`` that are considered: 1 is 1/f noise, 2 a random walk.
-
-    Returns
-    -------
-    tuple of float
-        ``s0, s1, s2``; see `NoiseModel`.
-    """
-    lines = np.concatenate([np.fft.rfftfreq(stretch.size)[1:] for stretch, _ in whitened])
-    passed = np.concatenate([model.passed(stretch.size)[1 : stretch.size // 2 + 1] for stretch, model in whitened])
-    power = np.concatenate([np.abs(np.fft.rfft(stretch)[1:]) ** 2 / stretch.size for stretch, _ in whitened])
-    corners = np.geomspace(lines.min() / CORNER_MARGIN, 0.5, CORNERS)
-    likelihoods, levels = np.full((2, CORNERS), -np.inf), np.ones((2, CORNERS))
-    for i, exponent in ((exponent - 1, exponent) for exponent in exponents):
-        for j, corner in enumerate(corners):
-            shape = 1 + passed * (corner / lines) ** exponent
-            levels[i, j] = level = float(np.mean(power / shape))
-            likelihoods[i, j] = -float(np.sum(np.log(level * shape)))
-    weights = np.exp(likelihoods - likelihoods.max())
-    weights /= weights.sum()
-    white = float(np.sum(weights * levels))
-    share = weights.sum(axis=1)
-    strength = np.log(levels * corners ** np.array([[1], [2]]))
-    flicker, wander = share * np.exp(np.sum(weights * strength, axis=1) / np.maximum(share, 1e-300))
-    return white, float(flicker), float(wander)
-
-
 def channel_noise(
     stretches: Mapping[float, Sequence[Real]],
     sources: Mapping[float, str],
     least: float,
-    exponents: tuple[int, ...] = (1, 2),
+    longest_memory: float = 10.0,
+    lines_Hz: Sequence[float] = (),
 ) -> dict[float, NoiseModel]:
-    """Noise models of one channel by sampling step: an autoregression for each, one colour for all.
+    """Noise models of one channel by sampling step: an autoregression for each, the same noise with memory in all.
 
-    A sufficiently long autoregression imitates 1/f noise except at its lowest lines, on which a slow loop depends. So
-    filters of several lengths are fitted in alternation with the colour, each to the expected remainder of the other
-    (Dempster, Laird & Rubin 1977). The pair with the largest Whittle likelihood, penalised for its number of
-    coefficients, is taken.
+    A sufficiently long autoregression imitates noise with a long memory, except at its lowest lines, on which a slow
+    loop depends. So filters of several lengths are fitted in alternation with the bands, each to the expected remainder
+    of the other (Dempster, Laird & Rubin 1977). The pair with the largest Whittle likelihood, penalised for its number
+    of coefficients, is taken.
 
     Parameters
     ----------
@@ -201,50 +163,76 @@ def channel_noise(
         Data the stretches come from, in words, by sampling step.
     least : float
         Smallest RMS, in the channel's unit; see `noise_model`.
-    exponents : tuple of int
-        Powers of ``1/ν`` that the colour may have; see `colour_of`.
+    longest_memory : float
+        Longest memory of the noise, in durations of the longest stretch. With 10, a random walk is noise too; with
+        ``1/2π``, the spectrum is flat below the first line, and a random walk is a drift.
+    lines_Hz : sequence of float
+        Frequencies around which the noise may be stronger, in bands that are wider than a line.
 
     Returns
     -------
     dict of float to NoiseModel
         Noise model by sampling step in seconds.
     """
-    best, best_score = {}, -np.inf
+    best: dict[float, NoiseModel] = {}
+    best_score = -np.inf
+    atoms = relaxations(stretches, longest_memory, lines_Hz)
+    reached = LONGEST_FILTER + 1
     for longest in FILTER_LENGTHS:
+        if longest >= reached:
+            continue  # the same filters as those found with a higher limit
         models: dict[float, NoiseModel] = {}
-        colour = (1.0, 0.0, 0.0)
-        for _ in range(COLOUR_ROUNDS):
+        powers = np.zeros(len(atoms))
+        for _ in range(ROUNDS):
             models = {
-                step: noise_model([_without_colour(s, models.get(step)) for s in mine], sources[step], least, longest)
+                step: noise_model([_without_bands(s, models.get(step)) for s in mine], sources[step], least, longest)
                 for step, mine in stretches.items()
             }
             loud = {step: model for step, model in models.items() if model.rms > least}
             if not loud:
                 return models
-            before = colour
-            colour = colour_of(
-                [(m.whitened(s[:, None])[:, 0], m) for step, m in loud.items() for s in stretches[step]], exponents
+            before = powers
+            white, powers = band_powers(
+                [
+                    (step, m.whitened(s[:, None])[:, 0], m.innovation, m.passed)
+                    for step, m in loud.items()
+                    for s in stretches[step]
+                ],
+                atoms,
+                before,
             )
-            models |= {step: replace(model, colour=colour) for step, model in loud.items()}
-            if np.allclose(colour, before, rtol=SAME_COLOUR, atol=0):
+            models |= {step: _banded(model, step, white[step], powers, atoms) for step, model in loud.items()}
+            if np.allclose(powers, before, rtol=SAME_POWER, atol=SAME_POWER * float(powers.max(initial=0.0))):
                 break
         rms = {step: float(np.sqrt(np.mean(np.concatenate(stretches[step]) ** 2))) for step in loud}
         models |= {step: replace(models[step], rms=rms[step]) for step in loud}
         score = sum(_whittle(models[step], stretches[step]) for step in loud)
         if score > best_score:
             best, best_score = models, score
-        if all(model.lost == 0 for model in loud.values()):
-            break  # shorter filters give the same model
+        reached = max(model.lost for model in loud.values())
     return best
 
 
-def _without_colour(stretch: Real, model: NoiseModel | None) -> Real:
+def _banded(
+    model: NoiseModel, step_s: float, white: float, powers: Real, atoms: Sequence[tuple[float, float]]
+) -> NoiseModel:
+    """An autoregression of another innovation with bands, their powers in the channel's unit squared."""
+    innovation = model.innovation * float(np.sqrt(white))
+    bands = tuple(
+        Band(frequency_Hz * step_s, memory_s / step_s, float(power) / innovation**2)
+        for (frequency_Hz, memory_s), power in zip(atoms, powers, strict=True)
+        if power > 0
+    )
+    return replace(model, innovation=innovation, bands=bands)
+
+
+def _without_bands(stretch: Real, model: NoiseModel | None) -> Real:
     """A stretch whose power at each line is reduced to the expected share of the autoregression."""
-    if model is None or model.colour == (1.0, 0.0, 0.0):
+    if model is None or not model.bands:
         return stretch
     lines = np.fft.rfft(stretch)
     passed, level = (table[: lines.size] for table in (model.passed(stretch.size), model.levels(stretch.size)))
-    own, share = model.colour[0] * model.innovation**2 / passed, model.colour[0] / level
+    own, share = model.innovation**2 / passed, 1 / level
     power = np.maximum(np.abs(lines) ** 2 / stretch.size, 1e-300)
     expected = share**2 * power + (1 - share) * own
     rest: Real = np.fft.irfft(lines * np.sqrt(expected / power), stretch.size)

@@ -15,8 +15,9 @@ from inkjet_env.identification.identify import doubtful_states
 from inkjet_env.mismatch.diagnosis import Diagnosis
 from inkjet_env.mismatch.fitting.base_model import base_model
 from inkjet_env.mismatch.fitting.base_parameters import in_convention
+from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
 from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
-from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, observe
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
@@ -179,13 +180,16 @@ class _Work:
             self.context.progress("looking for random effects")
             resting = [o for o in joint.observed if o.at_rest]
             joint, random_effects = self.with_random_effects(joint, random, resting, random_effects)
+            # a drift needs many recordings; those at rest must show it as well, as effects that need a drive do not
+            joint, random_effects = self.with_random_effects(joint, random, joint.seen, random_effects, None, False)
             self.stopwatch.took("random effects")
         found, selection = self.selected(joint, with_law)
         nothing = not selection.chosen.ids
-        if random and (nothing or not leftover(selection.chosen, found, self.context.rng)):
+        if random:
+            explained = nothing or not leftover(selection.chosen, found, self.context.rng)
             exact, chosen = self.polished(joint, selection.chosen, random_effects)
             trusted = [o for o in joint.observed if nothing or o.fitted]  # elsewhere, effects may predict badly
-            again, more = self.with_random_effects(exact, random, trusted, random_effects, chosen)
+            again, more = self.with_random_effects(exact, random, trusted, random_effects, chosen, explained)
             self.stopwatch.took("random effects")
             if more is not random_effects:
                 joint, random_effects = again, more
@@ -228,17 +232,21 @@ class _Work:
         chosen: Sequence[ObservedRecording],
         random_effects: list[RandomEffect],
         beside: Hypothesis | None = None,
+        explained: bool = True,
     ) -> tuple[OutputErrorFit, list[RandomEffect]]:
-        """The joint fit with the random effects that these recordings show; the same if they show no further one."""
+        """The joint fit with the random effects that these recordings show; the same if they show no further one.
+
+        ``explained`` says whether the model ``beside`` leaves nothing else in their residuals.
+        """
         for _ in range(2):
             fit = joint.base if beside is None else beside.fit
             modelled = joint.modelled(fit)
             residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
             here = [e for e in effects if e.id not in {s.effect.id for s in random_effects}]
-            found = (
-                detect_random_effects(chosen, residuals, joint.noise, here, fit.head.printhead, self.settings)
-                if chosen
-                else []
+            if not chosen:
+                break
+            found = detect_random_effects(
+                chosen, residuals, joint.noise, here, fit.head.printhead, self.settings, explained
             )
             if not found:
                 break

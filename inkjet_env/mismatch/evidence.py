@@ -60,7 +60,7 @@ def modelled_recordings(
             o.measured,
             {"base": base[o.name], "augmented": augmented[o.name]},
             o.fitted,
-            joint.noise.models[o.noise_key].rms * (1.0 if joint.noise.known(o) else most),
+            joint.noise.rms(o) * (1.0 if joint.noise.known(o) else most),
         )
         for o in joint.observed
         if o.channel != "drive_monitor"
@@ -111,7 +111,8 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
     if not rows:
         return 0.0, 0.0
     samples = sum(joint.noise.samples[key] for key in sorted({o.noise_key for o in joint.seen if o.name in known}))
-    doubt = math.sqrt(2 * rows + 2 * rows**2 / max(samples, 1))
+    tail = max(joint.noise.tail(o) for o in joint.seen if o.name in known)
+    doubt = math.sqrt(tail * (2 * rows + 2 * rows**2 / max(samples, 1)))
     residuals = float(np.sum(chosen.residuals[keep] ** 2)) - rows + chosen.columns.shape[1]
     mismatch = float(np.sum(base.residuals[keep] ** 2)) - rows + base.columns.shape[1]
     sure = residuals > settings.excess_standard_deviations * doubt and residuals > settings.least_excess * rows
@@ -137,7 +138,9 @@ def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
         )
         usual = float(np.median(after))
         more = after - usual
-        sure = more > settings.excess_standard_deviations * usual * np.sqrt(2 / rows + np.pi / rows.sum())
+        sure = more > settings.excess_standard_deviations * usual * np.sqrt(
+            joint.noise.tail(mine[0]) * (2 / rows + np.pi / rows.sum())
+        )
         residuals += float(np.sum((more * rows)[sure]))
         mismatch += float(np.sum((before - usual) * rows))
     return residuals / max(mismatch, residuals) if residuals > 0 else 0.0

@@ -46,9 +46,9 @@ class FittingSettings(_Settings):
     repeats_to_rest_variance: float = 1.5
     """Ratio of the variance of repeats' deviations to that at rest, above which repeats differ by more than noise and
     recordings at rest alone determine it. Unit: 1. Source: decision 6."""
-    slight_1_f: float = 0.1
-    """Ratio of 1/f to white noise power at the longest recording's lowest line, below which 1/f noise is neglected.
-    Unit: 1. Source: speed."""
+    slight_memory: float = 0.1
+    """Ratio of the power of noise with a memory to that of the autoregression, at the line where it is largest, below
+    which it is neglected. Unit: 1. Source: speed."""
     shortest_rest: int = 100
     """Least number of samples before the drive from which the noise can be estimated. Unit: samples. Source: tables."""
     law_degree: int = 9
@@ -177,9 +177,9 @@ class SelectionSettings(_Settings):
     """Largest number of steps of a fit with another full scale. Unit: 1. Source: speed."""
     law_scale_tolerance: float = 2e-3
     """Tolerance of the full scale, relative to the base model's. Unit: 1. Source: speed."""
-    random_effect_gain: float = 15.0
-    """Gain from which a random effect counts as present; for each fitted shape, the logarithm of the number of
-    frequencies to choose from is added. Unit: log-likelihood. Source: tables."""
+    random_effect_gain: float = 10.0
+    """Gain on unseen recordings from which a random effect counts as present: noise alone gains as much once in 22,000
+    campaigns, whatever its spectrum. Unit: log-likelihood. Source: decision 6."""
     random_effect_gain_at_rest: float = 3.0
     """Gain that the recordings at rest alone must show. Unit: log-likelihood. Source: decision 6."""
     random_effect_refined: float = 5.0

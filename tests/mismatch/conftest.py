@@ -9,7 +9,8 @@ from inkjet_env.experiments.validation.synthetic_campaigns import largest_signal
 from inkjet_env.identification.convention import in_convention
 from inkjet_env.mismatch import DiagnosisSettings, diagnose
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.dataset import noise_seen, observe
+from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
+from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.effect import complete

@@ -7,7 +7,7 @@ import pytest
 
 from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.evidence import unexplained_share
-from inkjet_env.mismatch.fitting.dataset import Noise
+from inkjet_env.mismatch.fitting.campaign_noise import Noise
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled

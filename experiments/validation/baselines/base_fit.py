@@ -10,7 +10,8 @@ import numpy as np
 from inkjet_env.mismatch import Diagnosis
 from inkjet_env.mismatch.fitting.base_model import substeps_for
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.campaign_noise import Noise, noise_seen
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, observe
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Plant

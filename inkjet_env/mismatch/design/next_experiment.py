@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from inkjet_env.mismatch.design.drive_library import Proposal, benches, library
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
+from inkjet_env.mismatch.fitting.campaign_noise import Noise
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import DIFFERENCE
 from inkjet_env.mismatch.localization.views import CHANNELS, largest_V

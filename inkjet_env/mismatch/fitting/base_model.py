@@ -11,7 +11,8 @@ import numpy as np
 from inkjet_env.identification import identify
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch.fitting.base_parameters import Head, gains_and_offsets, in_convention
-from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, noise_seen
+from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.settings import DiagnosisSettings, FittingSettings
 from inkjet_env.plant.wording import with_prefix

@@ -21,8 +21,9 @@ import numpy as np
 
 from inkjet_env.identification.basis import free_ringing
 from inkjet_env.mismatch.fitting.base_parameters import Head
+from inkjet_env.mismatch.fitting.campaign_noise import Noise
 from inkjet_env.mismatch.fitting.damped_step import damped_step
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer
 from inkjet_env.mismatch.fitting.fit_result import FitResult, ModelState
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Effect, Plant, Values

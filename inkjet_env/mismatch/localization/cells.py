@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.basis import free_ringing
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
+from inkjet_env.mismatch.fitting.campaign_noise import Noise
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.settings import LocalizationSettings
 from inkjet_env.typing import Real

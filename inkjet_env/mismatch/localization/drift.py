@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
+from inkjet_env.mismatch.fitting.campaign_noise import Noise
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.settings import LocalizationSettings
 from inkjet_env.typing import Real

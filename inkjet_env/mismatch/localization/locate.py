@@ -13,7 +13,8 @@ from statistics import NormalDist
 
 import numpy as np
 
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
+from inkjet_env.mismatch.fitting.campaign_noise import Noise
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, taken_by_fit
 from inkjet_env.mismatch.localization.drift import Trend, shifts, trends
@@ -239,7 +240,7 @@ def _amount(o: ObservedRecording, noise: Noise, fit: FitResult) -> str:
     """The RMS by which one recording differs, beyond noise, in its unit and in words."""
     excitation = replace(o.excitation, start=fit.end.states[o.name]) if o.name in fit.end.states else o.excitation
     residuals = o.measured - fit.head.plant(fit.active.pairs).signal(excitation)
-    beyond = float(np.mean(residuals**2)) - noise.models[o.noise_key].rms ** 2
+    beyond = float(np.mean(residuals**2)) - noise.rms(o) ** 2
     if beyond <= 0:
         return f" in {o.name.removesuffix(MONITOR)}"
     return f" by {with_prefix(math.sqrt(beyond), o.unit)} RMS (noise subtracted) in {o.name.removesuffix(MONITOR)}"

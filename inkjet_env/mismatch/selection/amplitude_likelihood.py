@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from inkjet_env.identification.noise import NoiseModel
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording
+from inkjet_env.mismatch.fitting.campaign_noise import Noise
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.plant import Effect
 from inkjet_env.typing import Real
+
+VARIANCES = np.geomspace(1e-3, 1e9, 200)
+"""Variances of the amplitudes that are tried, in units of what noise alone makes of an amplitude."""
 
 
 def without_amplitudes(
@@ -40,16 +44,49 @@ def noise_alone_nll(observed: Sequence[ObservedRecording], residuals: dict[str, 
     return total
 
 
-def amplitudes_nll(
+@dataclass(frozen=True, eq=False)
+class Amplitudes:
+    """Amplitudes of a random effect in several recordings, by generalised least squares.
+
+    Attributes
+    ----------
+    squares : ndarray, shape (k,)
+        Squares of all amplitudes, in units of their variance from noise alone.
+    sizes : ndarray, shape (k,)
+        For each of them, the power that an amplitude of variance 1 adds to it.
+    peaks : ndarray, shape (recordings,)
+        Largest magnitude of what is added to each recording, in the channel's unit.
+    """
+
+    squares: Real
+    sizes: Real
+    peaks: Real
+
+    @property
+    def variance(self) -> float:
+        """Likeliest variance of the amplitudes; 0 without any."""
+        if not self.squares.size:
+            return 0.0
+        variances = VARIANCES / float(np.median(self.sizes))
+        gains = [self.gain(float(variance)) for variance in variances]
+        best = int(np.argmax(gains))
+        return float(variances[best]) if gains[best] > 0 else 0.0
+
+    def gain(self, variance: float) -> float:
+        """Log-likelihood that amplitudes of this variance gain over none."""
+        share = variance * self.sizes
+        return 0.5 * float(np.sum(self.squares * share / (1 + share) - np.log1p(share)))
+
+
+def amplitudes_of(
     effect: Effect,
     values: dict[str, float],
     observed: Sequence[ObservedRecording],
     residuals: dict[str, Real],
     noise: Noise,
-) -> tuple[float, Real]:
-    """Negative log-likelihood with random amplitudes of the likeliest variance, and the peak in each recording."""
-    squares, sizes = [], []
-    explained = []
+) -> Amplitudes:
+    """The amplitudes of a random effect in the residuals of these recordings."""
+    squares, sizes, peaks = [np.zeros(0)], [np.zeros(0)], []
     for o in observed:
         columns = effect.random_effect_basis(values, o.excitation)
         if columns is None:
@@ -59,12 +96,19 @@ def amplitudes_nll(
         amplitudes = q.T @ whitened[:, -1]
         squares.append(amplitudes**2)
         sizes.append(np.full(amplitudes.size, float(np.mean(np.diag(r) ** 2))))
-        explained.append(columns @ np.linalg.lstsq(r, amplitudes, rcond=1e-12)[0])
+        explained = columns @ np.linalg.lstsq(r, amplitudes, rcond=1e-12)[0]
+        peaks.append(float(np.max(np.abs(explained))))
+    return Amplitudes(np.concatenate(squares), np.concatenate(sizes), np.array(peaks or [0.0]))
+
+
+def amplitudes_nll(
+    effect: Effect,
+    values: dict[str, float],
+    observed: Sequence[ObservedRecording],
+    residuals: dict[str, Real],
+    noise: Noise,
+) -> tuple[float, Real]:
+    """Negative log-likelihood with random amplitudes of the likeliest variance, and the peak in each recording."""
+    found = amplitudes_of(effect, values, observed, residuals, noise)
     total = noise_alone_nll(observed, residuals, noise)
-    if not squares:
-        return total, np.zeros(1)
-    a, size = np.concatenate(squares), np.concatenate(sizes)
-    variances = np.geomspace(1e-3, 1e9, 200) / float(np.median(size))
-    share = variances[:, None] * size
-    gains = 0.5 * np.sum(a * share / (1 + share) - np.log1p(share), axis=1)
-    return total - max(float(gains.max()), 0.0), np.array([np.max(np.abs(e)) for e in explained])
+    return total - max(found.gain(found.variance), 0.0), found.peaks

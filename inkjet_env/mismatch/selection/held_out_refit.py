@@ -39,7 +39,7 @@ def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
             if not residuals.size:
                 continue
             excess = float(residuals @ residuals) / residuals.size / usual - 1
-            doubt = np.sqrt(2 / residuals.size + 2 / max(seen.size, 1))
+            doubt = np.sqrt(joint.noise.tail(o) * (2 / residuals.size + 2 / max(seen.size, 1)))
             if excess > settings.least_excess + settings.excess_standard_deviations * doubt:
                 found[o.name] = excess * residuals.size
     return tuple(sorted(found, key=lambda name: -found[name]))

@@ -1,9 +1,10 @@
-"""Random effects, such as a hum or a drift, distinguished from noise by likelihood.
+"""Random effects, such as a hum or a drift, distinguished from noise by recordings that no fit has seen.
 
 Their amplitudes are drawn anew in every recording, so no simulation predicts them and repeats differ by them: in a
 model without them they pass for noise. Two complete models are compared, each with its own noise: noise alone, as
 coloured as the recordings show it, and less noise with amplitudes from one normal distribution, whose variance is
-estimated by maximum likelihood.
+estimated by maximum likelihood. The second must predict other recordings better than the first explains them; see
+`split_likelihood`.
 """
 
 from __future__ import annotations
@@ -15,12 +16,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inkjet_env.identification.identification import Estimate
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, noise_seen
+from inkjet_env.mismatch.fitting.campaign_noise import Noise
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.selection.amplitude_likelihood import (
     amplitudes_nll,
+    amplitudes_of,
     noise_alone_nll,
     white,
     without_amplitudes,
+)
+from inkjet_env.mismatch.selection.split_likelihood import (
+    FEWEST,
+    at_a_frequency,
+    averaged,
+    gain_on_unseen,
+    halves,
+    longest_memory,
+    noise_of,
+    parts_of,
 )
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Effect
@@ -49,7 +62,7 @@ class RandomEffect:
         Values of its parameters, in their units. The amplitude is the root mean square over the recordings of the peak
         of what it adds.
     gain : float
-        Gain in log-likelihood over noise alone.
+        Gain in log-likelihood over noise alone, on recordings that the fit has not seen.
     estimates : dict of str to Estimate
         The values with their 90 % intervals.
     """
@@ -68,6 +81,7 @@ def detect_random_effects(
     effects: Sequence[Effect],
     printhead: Printhead,
     settings: DiagnosisSettings,
+    explained: bool = True,
 ) -> list[RandomEffect]:
     """Random effects that gain enough on the channel from which their shape is estimated, best first.
 
@@ -85,6 +99,9 @@ def detect_random_effects(
         Base model from which they may derive their starts.
     settings : DiagnosisSettings
         Settings of the diagnosis.
+    explained : bool
+        Whether the residuals hold nothing else. If not, recordings at rest must show the effect too, as loud as the
+        others.
 
     Returns
     -------
@@ -96,22 +113,11 @@ def detect_random_effects(
     for name in sorted({o.channel for o in observed} - {"drive_monitor"}):
         mine = [o for o in observed if o.channel == name]
         level = float(np.mean(np.concatenate([residuals[o.name] for o in mine])))  # an offset is no drift
-        residuals = residuals | {o.name: residuals[o.name] - level for o in mine}
-        # estimated from these recordings, as the noise with the effect will be
-        alone = noise_seen(mine, residuals, dict(noise.models), settings.fitting, noise.least)
-        channel = channels[name] = _Channel(
-            mine,
-            residuals,
-            alone,
-            noise_alone_nll(mine, residuals, alone),
-            _lines_Hz(mine, residuals, settings.selection.spectral_lines),
-            settings,
-        )
+        own = {o.name: residuals[o.name] - level for o in mine}
         for effect in effects:
-            best = _best(effect, channel, printhead)
-            if best is None or best.gain <= _least_gain(effect, channel):
-                continue
-            if _at_rest(best, channel) and not _rounded(best, channel):
+            channel = _channel(mine, own, noise, settings, longest_memory(effect))
+            channels.setdefault(name, channel)
+            if (best := _supported(effect, channel, printhead, explained)) is not None:
                 found.append(_with_intervals(best, channel))
     # One hum reaches every channel: its frequency is the one that explains most on all of them together.
     together = [
@@ -135,40 +141,81 @@ class _Channel:
     settings: DiagnosisSettings
 
 
+def _channel(
+    observed: Sequence[ObservedRecording],
+    residuals: dict[str, Real],
+    noise: Noise,
+    settings: DiagnosisSettings,
+    memory: float,
+) -> _Channel:
+    # estimated from these recordings, as the noise with the effect will be
+    alone = noise_of(observed, residuals, noise, memory)
+    before = noise_alone_nll(observed, residuals, alone)
+    lines_Hz = _lines_Hz(observed, residuals, settings.selection.spectral_lines)
+    return _Channel(observed, residuals, alone, before, lines_Hz, settings)
+
+
+def _supported(effect: Effect, channel: _Channel, printhead: Printhead, explained: bool) -> RandomEffect | None:
+    """The effect if recordings that its fit has not seen support it; otherwise None."""
+    settings = channel.settings.selection
+    best = _best(effect, channel, printhead)
+    if best is None or best.gain <= settings.random_effect_gain:
+        return None
+    if not _at_rest(best, channel, otherwise=explained) or _rounded(best, channel):
+        return None
+    if len(channel.observed) < FEWEST and not at_a_frequency(effect):
+        return None  # a drift may differ from noise in the recordings' means alone, which parts do not show
+    parts, residuals, noise = parts_of(channel.observed, channel.residuals, channel.noise)
+    gains = []
+    first, second = halves(parts)
+    for fitted, unseen in ((first, second), (second, first)):
+        if not fitted or not unseen:
+            return None
+        own = _best(effect, _channel(fitted, residuals, noise, channel.settings, longest_memory(effect)), printhead)
+        gains.append(-math.inf if own is None else gain_on_unseen(effect, own.values, fitted, unseen, residuals, noise))
+    gain = averaged(gains)
+    return replace(best, gain=gain) if gain > settings.random_effect_gain else None
+
+
 def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> float:
-    """Gain in log-likelihood of an effect with these shapes on another channel; 0 if it does not show there."""
+    """Gain on unseen recordings of an effect with these shapes on another channel; 0 if it does not show there."""
     if all(effect.random_effect_basis(values, o.excitation) is None for o in channel.observed):
         return 0.0
-    less = _less(effect, values, channel)
-    gain = channel.before - amplitudes_nll(effect, values, channel.observed, channel.residuals, less)[0]
+    parts, residuals, noise = parts_of(channel.observed, channel.residuals, channel.noise)
+    first, second = halves(parts)
+    if not first or not second:
+        return 0.0
+    gain = averaged(
+        [gain_on_unseen(effect, values, a, b, residuals, noise) for a, b in ((first, second), (second, first))]
+    )
     return gain if gain > channel.settings.selection.random_effect_gain else 0.0
 
 
 def _less(effect: Effect, values: dict[str, float], channel: _Channel) -> Noise:
     """The noise of the residuals without what the effect can explain."""
-    rest = without_amplitudes(effect, values, channel.observed, channel.residuals)
-    models = dict(channel.noise.models)
-    return noise_seen(channel.observed, rest, models, channel.settings.fitting, channel.noise.least)
+    return noise_of(
+        channel.observed,
+        without_amplitudes(effect, values, channel.observed, channel.residuals),
+        channel.noise,
+        longest_memory(effect),
+    )
 
 
-def _least_gain(effect: Effect, channel: _Channel) -> float:
-    shapes = len(effect.parameters) - len(effect.strengths)
-    longest = max(o.excitation.samples for o in channel.observed)
-    return channel.settings.selection.random_effect_gain + shapes * math.log(longest)
+def _at_rest(one: RandomEffect, channel: _Channel, otherwise: bool) -> bool:
+    """Whether recordings at rest show it as loud as all recordings; ``otherwise`` if there are none.
 
-
-def _at_rest(one: RandomEffect, channel: _Channel) -> bool:
-    """Whether the recordings at rest, if any, show it too: what needs a drive is neither a hum nor a drift."""
+    What needs a drive is neither a hum nor a drift.
+    """
     resting = [
         o
         for o in channel.observed
         if o.at_rest and one.effect.random_effect_basis(one.values, o.excitation) is not None
     ]
     if not resting:
-        return True
+        return otherwise
     less = _less(one.effect, one.values, channel)
-    before = noise_alone_nll(resting, channel.residuals, channel.noise)
-    gain = before - amplitudes_nll(one.effect, one.values, resting, channel.residuals, less)[0]
+    variance = amplitudes_of(one.effect, one.values, channel.observed, channel.residuals, less).variance
+    gain = amplitudes_of(one.effect, one.values, resting, channel.residuals, less).gain(variance)
     return gain > channel.settings.selection.random_effect_gain_at_rest
 
 

@@ -10,7 +10,8 @@ from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.design.drive_library import Train, benches, library
 from inkjet_env.mismatch.design.next_experiment import next_experiment
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.dataset import ObservedRecording, noise_seen, observe
+from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording, observe
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.localization.views import largest_V
 from inkjet_env.plant import Effect, Excitation, Parameter, Plant, catalogue

@@ -8,7 +8,8 @@ import pytest
 from inkjet_env.identification.measurements import measurements
 from inkjet_env.identification.noise import NoiseModel, noise_model
 from inkjet_env.mismatch import DiagnosisSettings
-from inkjet_env.mismatch.fitting.dataset import Noise, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.campaign_noise import Noise, noise_seen
+from inkjet_env.mismatch.fitting.dataset import finer, observe
 from inkjet_env.recordings import Campaign, Recording
 
 SETTINGS = DiagnosisSettings()

@@ -9,7 +9,8 @@ from numpy.polynomial import Chebyshev, Polynomial
 from inkjet_env.identification import identify
 from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, finer, noise_seen, observe
+from inkjet_env.mismatch.fitting.campaign_noise import Noise, noise_seen
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, observe
 from inkjet_env.mismatch.fitting.fit_result import ModelState
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.plant import Excitation, Plant

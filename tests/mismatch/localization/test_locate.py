@@ -8,7 +8,8 @@ import pytest
 
 from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.base_parameters import Head
-from inkjet_env.mismatch.fitting.dataset import Noise, noise_seen, observe
+from inkjet_env.mismatch.fitting.campaign_noise import Noise, noise_seen
+from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, surplus, taken_by_fit
 from inkjet_env.mismatch.localization.drift import shifts

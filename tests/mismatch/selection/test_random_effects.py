@@ -7,7 +7,8 @@ import pytest
 
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.mismatch import DiagnosisSettings
-from inkjet_env.mismatch.fitting.dataset import Noise, ObservedRecording, noise_seen
+from inkjet_env.mismatch.fitting.campaign_noise import Noise, noise_seen
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.selection.amplitude_likelihood import without_amplitudes
 from inkjet_env.mismatch.selection.random_effects import detect_random_effects
 from inkjet_env.plant import Excitation

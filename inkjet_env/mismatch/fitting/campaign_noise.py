@@ -1,0 +1,260 @@
+"""Noise of a campaign as the diagnosis sees it: its spectrum, and its level where that is not the same everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from inkjet_env.identification.measurements import RepeatedMeasurement, least_noise
+from inkjet_env.identification.noise import NoiseModel, channel_noise, repeat_deviations
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
+from inkjet_env.mismatch.fitting.noise_levels import noise_levels
+from inkjet_env.mismatch.settings import FittingSettings
+from inkjet_env.typing import Real
+
+FLAT_BELOW_FIRST_LINE = 0.5 / np.pi
+"""Longest memory of noise in durations of the longest recording. A longer one is a drift."""
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Noise of a campaign.
+
+    Attributes
+    ----------
+    models : dict
+        Noise model by `ObservedRecording.noise_key`.
+    samples : dict
+        Number of samples from which each model was estimated, by the same key; 0 if it comes from a fit's residuals.
+    notes : tuple of str
+        Sentences for the user about how the noise was estimated.
+    least : dict of str to float
+        By channel, the least RMS that can be resolved, in the channel's unit: that of its converter's step.
+    levels : dict of str to ndarray, shape (n,)
+        By recording, the noise's standard deviation over time relative to the model's, where it is not the same
+        everywhere; see `noise_levels`.
+    tails : dict of str to float
+        By channel, the variance of the noise's power, relative to that of normally distributed noise; at least 1.
+    """
+
+    models: Mapping[tuple[str, float], NoiseModel]
+    samples: Mapping[tuple[str, float], int]
+    notes: tuple[str, ...] = ()
+    least: Mapping[str, float] = field(default_factory=dict)
+    levels: Mapping[str, Real] = field(default_factory=dict)
+    tails: Mapping[str, float] = field(default_factory=dict)
+    _kept: dict[tuple[tuple[str, float], int], Real] = field(default_factory=dict, init=False, repr=False)
+
+    def known(self, observed: ObservedRecording) -> bool:
+        """Whether the noise was estimated from anything but a fit's own residuals."""
+        return self.samples[observed.noise_key] > 0
+
+    def whitened(self, observed: ObservedRecording, columns: Real) -> Real:
+        """Columns of shape (n, k) or (n,), filtered so that the noise in them is white with unit variance.
+
+        The shape is kept: the first samples, at which the filter is not yet full, are zero.
+        """
+        model = self.models[observed.noise_key]
+        flat = columns.ndim == 1
+        table = columns[:, None] if flat else columns
+        if observed.name in self.levels:
+            table = table / self.levels[observed.name][:, None]
+        white = model.whitened(table)
+        result = np.zeros(table.shape)
+        result[table.shape[0] - white.shape[0] :] = white
+        if model.bands and white.size:
+            from scipy.fft import irfft, next_fast_len, rfft
+
+            length = next_fast_len(table.shape[0], real=True)
+            lines = rfft(result, length, axis=0) / self._roots(observed.noise_key, length)
+            result = irfft(lines, length, axis=0)[: table.shape[0]]
+            result[: table.shape[0] - white.shape[0]] = 0.0
+        return result[:, 0] if flat else result
+
+    def rms(self, observed: ObservedRecording) -> float:
+        """Standard deviation of the noise in a recording, in the channel's unit."""
+        level = self.levels.get(observed.name)
+        return self.models[observed.noise_key].rms * (1.0 if level is None else float(np.sqrt(np.mean(level**2))))
+
+    def tail(self, observed: ObservedRecording) -> float:
+        """Variance of the noise's power in a recording, relative to that of normally distributed noise."""
+        return self.tails.get(observed.channel, 1.0)
+
+    def _roots(self, key: tuple[str, float], length: int) -> Real:
+        """Amplitude of whitened noise at each line of a real Fourier transform, shape (length // 2 + 1, 1)."""
+        if (key, length) not in self._kept:
+            self._kept[key, length] = np.sqrt(self.models[key].levels(length)[: length // 2 + 1])[:, None]
+        return self._kept[key, length]
+
+    def log_scale(self, observed: ObservedRecording) -> float:
+        """Mean logarithm of the noise's innovation: the log-likelihood that larger noise costs per sample."""
+        model = self.models[observed.noise_key]
+        scale = float(np.log(model.innovation))
+        if model.bands:
+            scale += 0.5 * float(np.mean(np.log(model.levels(observed.excitation.samples))))
+        if observed.name in self.levels:
+            scale += float(np.mean(np.log(self.levels[observed.name])))
+        return scale
+
+
+def noise_seen(
+    observed: Sequence[ObservedRecording],
+    residuals: Mapping[str, Real],
+    otherwise: Mapping[tuple[str, float], NoiseModel],
+    settings: FittingSettings,
+    least: Mapping[str, float] | None = None,
+) -> Noise:
+    """Noise of each channel and sampling step, estimated from what no model of the head can explain.
+
+    It is estimated from recordings at rest and from the differences between the residuals of repeats. Where repeats
+    differ by more than the noise at rest, recordings at rest alone count, and a note says so. If there are neither, the
+    rest before the drive is used, then the channel's noise at another sampling step, then the residuals themselves.
+
+    Parameters
+    ----------
+    observed : sequence of ObservedRecording
+        Recordings whose noise is estimated.
+    residuals : mapping of str to ndarray
+        Measured minus modelled of each recording, in the channel's unit, shape (n,).
+    otherwise : mapping
+        Noise models by `ObservedRecording.noise_key`, used where nothing but residuals is available.
+    settings : FittingSettings
+        Thresholds of the estimate.
+    least : mapping, optional
+        ``Noise.least``; computed from these recordings unless given. Pass the campaign's if these are only part of it.
+    """
+    least = least or _least(observed)
+    stationary = _stationary(observed, residuals, otherwise, settings, least)
+    modelled = {o.name: o.measured - residuals[o.name] for o in observed}
+    for channel in {o.channel for o in observed}:
+        mine = [o for o in observed if o.channel == channel]
+        at_rest = [modelled[o.name] for o in mine if o.at_rest] or [modelled[o.name] for o in mine]
+        rest = float(np.median(np.concatenate(at_rest)))
+        modelled |= {o.name: modelled[o.name] - rest for o in mine}
+    white = {o.name: stationary.whitened(o, np.column_stack([residuals[o.name], modelled[o.name]])) for o in observed}
+    levels = noise_levels(observed, white, modelled)
+    if not levels:
+        return stationary
+    floor = {o.name: least[o.channel] / stationary.models[o.noise_key].rms for o in observed}
+    levels = {name: np.maximum(level, floor[name]) for name, level in levels.items()}
+    level_one = {
+        o.name: residuals[o.name] / levels[o.name] if o.name in levels else residuals[o.name] for o in observed
+    }
+    normalised = _stationary(observed, level_one, otherwise, settings, least)
+    return replace(stationary, levels=levels)
+
+
+def _stationary(
+    observed: Sequence[ObservedRecording],
+    residuals: Mapping[str, Real],
+    otherwise: Mapping[tuple[str, float], NoiseModel],
+    settings: FittingSettings,
+    least: Mapping[str, float],
+) -> Noise:
+    """Noise of the same level everywhere; parameters as of `noise_seen`."""
+    models: dict[tuple[str, float], NoiseModel] = {}
+    samples: dict[tuple[str, float], int] = {}
+    notes: list[str] = []
+    seen: dict[str, dict[float, list[Real]]] = {}
+    sources: dict[str, dict[float, str]] = {}
+    tails: dict[str, float] = {}
+    for key in sorted({o.noise_key for o in observed}):
+        mine = [o for o in observed if o.noise_key == key]
+        resting = [residuals[o.name] for o in mine if o.at_rest]
+        source = ["recordings at rest"] if resting else []
+        if resting:
+            level = np.concatenate(resting).mean()
+            resting = [stretch - level for stretch in resting]
+        repeated = []
+        for condition in {o.condition for o in mine if not o.still}:
+            same = [residuals[o.name] for o in mine if o.condition == condition]
+            repeated.extend(repeat_deviations(same))
+        if resting and repeated:
+            ratio = _power(repeated) / max(_power(resting), least[key[0]] ** 2, 1e-300)
+            if ratio > settings.repeats_to_rest_variance:
+                notes.append(
+                    f"{key[0]}: repeats of the same drive differ by {np.sqrt(ratio):.2g} times the noise at rest; "
+                    "something changes between recordings."
+                )
+                repeated = []
+        if repeated:
+            source.append("repeats")
+        if not (resting or repeated):
+            before = [residuals[o.name][: _rest_before(o)] for o in mine]
+            resting = [stretch - stretch.mean() for stretch in before if stretch.size >= settings.shortest_rest]
+            source = ["samples before the drive"]
+        stretches = resting + repeated
+        if stretches:
+            seen.setdefault(key[0], {})[key[1]] = stretches
+            sources.setdefault(key[0], {})[key[1]] = " and ".join(source)
+            samples[key] = sum(stretch.size for stretch in stretches)
+    for channel, by_step in seen.items():
+        # noise with a longer memory is a drift, which is left for the diagnosis to find
+        found = channel_noise(by_step, sources[channel], least[channel], longest_memory=FLAT_BELOW_FIRST_LINE)
+        longest = max(o.excitation.samples for o in observed if o.channel == channel)
+        for step_s, model in found.items():
+            slight = float(model.levels(longest).max()) < 1 + settings.slight_memory
+            models[channel, step_s] = replace(model, bands=()) if slight else model
+        tails[channel] = _tail(by_step, found)
+    for key in sorted({o.noise_key for o in observed} - set(models)):
+        known = [other for channel, other in models if channel == key[0] and samples[channel, other]]
+        if known:
+            nearest = known[int(np.argmin(np.abs(np.log(np.array(known) / key[1]))))]
+            models[key] = models[key[0], nearest].at_step(key[1] / nearest)
+            samples[key] = samples[key[0], nearest]
+        else:
+            stretches = [residuals[o.name] for o in observed if o.noise_key == key]
+            models[key], samples[key] = otherwise.get(key) or _of_most(stretches, least[key[0]]), 0
+            notes.append(
+                f"{key[0]}: the noise is unknown without repeats or recordings at rest; residuals were taken for it."
+            )
+    return Noise(models, samples, tuple(notes), least, tails=tails)
+
+
+def _tail(stretches: Mapping[float, Sequence[Real]], models: Mapping[float, NoiseModel]) -> float:
+    """Variance of the whitened noise's power relative to that of a normal distribution; at least 1."""
+    white = np.concatenate(
+        [models[step].whitened(one[:, None])[:, 0] for step, mine in stretches.items() for one in mine]
+    )
+    power = white**2
+    mean = float(power.mean()) if power.size else 0.0
+    return max(1.0, float(power.var()) / (2 * mean**2)) if mean > 0 else 1.0
+
+
+def _of_most(stretches: Sequence[Real], least: float) -> NoiseModel:
+    """White noise as large as most samples' residuals: the few samples where a model fails do not count."""
+    size = np.abs(np.concatenate([stretch - np.median(stretch) for stretch in stretches]))
+    rms = max(1.4826 * float(np.median(size)), least)
+    return NoiseModel(np.ones(1), rms, rms, "the level of most residuals")
+
+
+def _power(stretches: Sequence[Real]) -> float:
+    return float(np.mean(np.concatenate(stretches) ** 2))
+
+
+def _rest_before(observed: ObservedRecording) -> int:
+    drive = observed.excitation.drive_V
+    if observed.excitation.initial_state != "demagnetised" or drive[0] != 0:
+        return 0
+    return int(np.argmax(drive != 0))
+
+
+def _least(observed: Sequence[ObservedRecording]) -> dict[str, float]:
+    """By channel, the least RMS that can be resolved, in the channel's unit."""
+    return least_noise(
+        [
+            RepeatedMeasurement(
+                o.channel,
+                o.unit,
+                o.excitation.initial_state,
+                o.excitation.drive_V,
+                o.excitation.step_s,
+                (o.measured,),
+                (o.name,),
+                o.fitted,
+            )
+            for o in observed
+        ]
+    )

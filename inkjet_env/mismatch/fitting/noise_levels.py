@@ -1,0 +1,147 @@
+"""Noise that is not equally loud everywhere: another level in every recording, or a level that grows with the signal.
+
+The level is read from cells of time and frequency in which the model of the recording is not louder than the noise.
+There, a mismatch, which is some change of the signal, is quieter still: what the cells hold is noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
+from inkjet_env.typing import Real
+
+WINDOW = 64
+"""Longest window of a cell, in samples."""
+WINDOWS = 16
+"""Least number of windows in a recording; a shorter one has shorter windows."""
+SHORTEST = 128
+"""Samples of the shortest recording whose level is read."""
+FEWEST_CELLS = 40
+"""Least number of quiet cells of a recording from which its own level can be read."""
+QUIET = 1.0
+"""Largest power of the modelled signal in a quiet cell, in units of the noise's."""
+ROUNDS = 40
+"""Number of alternating updates of the recordings' levels and of the growth with the signal."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Quiet cells of one channel: power relative to the noise model, recording, and what the level may grow with."""
+
+    power: Real
+    recording: NDArray[np.intp]
+    grows: Real
+
+
+def noise_levels(
+    observed: Sequence[ObservedRecording], white: Mapping[str, Real], modelled: Mapping[str, Real]
+) -> dict[str, Real]:
+    """Level of the noise over time where it differs from a stationary model's.
+
+    For each channel, four models are compared by Schwarz's criterion: the level is the same everywhere, differs between
+    recordings, grows with the squares of the signal and of its slope, or both.
+
+    Parameters
+    ----------
+    observed : sequence of ObservedRecording
+        The recordings.
+    white : mapping of str to ndarray, shape (n, 2)
+        By recording: residual and modelled signal, whitened by the stationary model.
+    modelled : mapping of str to ndarray, shape (n,)
+        By recording: modelled signal without what it is at rest, in the channel's unit.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Standard deviation of the noise relative to the stationary model's, of every recording of the channels where it
+        is not the same everywhere.
+    """
+    found: dict[str, Real] = {}
+    for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):
+        mine = [o for o in observed if o.channel == channel and o.excitation.samples >= SHORTEST]
+        slopes = {o.name: np.gradient(modelled[o.name]) / np.float64(o.excitation.step_s) for o in mine}
+        largest = max((float(np.abs(modelled[o.name]).max()) for o in mine), default=0.0)
+        steepest = max((float(np.abs(slopes[o.name]).max()) for o in mine), default=0.0)
+        if not (largest > 0 and steepest > 0):
+            continue
+        shapes = {
+            o.name: np.column_stack([(modelled[o.name] / largest) ** 2, (slopes[o.name] / steepest) ** 2]) for o in mine
+        }
+        cells = _cells(mine, white, shapes)
+        if cells is None:
+            continue
+        level, growth = _fitted(cells, len(mine))
+        if level is None and growth is None:
+            continue
+        own, grows = level if level is not None else np.ones(len(mine)), growth if growth is not None else np.zeros(2)
+        for k, o in enumerate(mine):
+            found[o.name] = np.sqrt(own[k] * (1 + shapes[o.name] @ grows))
+    return found
+
+
+def _cells(
+    observed: Sequence[ObservedRecording], white: Mapping[str, Real], shapes: Mapping[str, Real]
+) -> _Cells | None:
+    powers, recordings, grows = [], [], []
+    for k, o in enumerate(observed):
+        samples = o.excitation.samples
+        length = int(min(WINDOW, 2 * (samples // (2 * WINDOWS))))
+        window = np.hanning(length + 1)[:-1]
+        count = samples // length
+        cut = white[o.name][: count * length].reshape(count, length, 2)
+        lines = np.abs(np.fft.rfft(cut * window[:, None], axis=1)[:, 2 : length // 2 : 2]) ** 2
+        lines = lines / np.float64(window @ window)
+        quiet = lines[..., 1] < QUIET
+        if np.count_nonzero(quiet) < FEWEST_CELLS:
+            continue
+        weights = window**2 / np.float64(window @ window)
+        shape = np.einsum("cls,l->cs", shapes[o.name][: count * length].reshape(count, length, 2), weights)
+        where, _ = np.nonzero(quiet)
+        powers.append(lines[..., 0][quiet])
+        recordings.append(np.full(where.size, k))
+        grows.append(shape[where])
+    if not powers:
+        return None
+    return _Cells(np.concatenate(powers), np.concatenate(recordings), np.concatenate(grows))
+
+
+def _fitted(cells: _Cells, recordings: int) -> tuple[Real | None, Real | None]:
+    """Squared level of each recording (k,) and growth (2,) of the model with the best criterion; None where absent."""
+    price = 0.5 * np.log(cells.power.size)
+    present = np.unique(cells.recording).size
+    best: tuple[float, Real | None, Real | None] = (-np.inf, None, None)
+    for own in (False, True):
+        for grown in (False, True):
+            level, growth = _likeliest(cells, recordings, own, grown)
+            variance = level[cells.recording] * (1 + cells.grows @ growth)
+            likelihood = -float(np.sum(np.log(variance) + cells.power / variance))
+            score = likelihood - price * ((present if own else 1) + np.count_nonzero(growth))
+            if score > best[0]:
+                best = (score, level if own else None, growth if grown else None)
+    return best[1], best[2]
+
+
+def _likeliest(cells: _Cells, recordings: int, own: bool, grown: bool) -> tuple[Real, Real]:
+    """Squared levels and growth by maximum likelihood of exponential cell powers, by multiplicative updates."""
+    growth: Real = np.full(2, 0.1 if grown else 0.0)
+    count = np.bincount(cells.recording, minlength=recordings)
+    level: Real = np.ones(recordings)
+    for _ in range(ROUNDS if grown else 1):
+        relative = cells.power / (1 + cells.grows @ growth)
+        if own:
+            total = np.bincount(cells.recording, weights=relative, minlength=recordings)
+            level = np.where(count > 0, total / np.maximum(count, 1), relative.mean())
+        else:
+            level = np.full(recordings, relative.mean())
+        level = np.maximum(level, 1e-12)
+        if grown:
+            power, shape = cells.power / level[cells.recording], 1 + cells.grows @ growth
+            rising, falling = cells.grows.T @ (power / shape**2), cells.grows.T @ (1 / shape)
+            growth = growth * np.sqrt(rising / np.maximum(falling, 1e-300))
+    growth = np.where(growth > 1e-2, growth, 0.0)
+    return level, growth
