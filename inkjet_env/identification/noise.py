@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +47,7 @@ class NoiseModel:
     rms: float
     source: str
     bands: tuple[Band, ...] = ()
+    _levels: dict[int, Real] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def lost(self) -> int:
@@ -75,8 +76,20 @@ class NoiseModel:
 
         The mean has the power of the first line.
         """
-        cycles = np.maximum(np.abs(np.fft.fftfreq(samples)), 1 / samples)
-        return self._level(cycles, self.passed(samples))
+        if samples not in self._levels:
+            cycles = np.maximum(np.abs(np.fft.fftfreq(samples)), 1 / samples)
+            self._levels[samples] = self._level(cycles, self.passed(samples))
+        return self._levels[samples]
+
+    def autocovariance(self, samples: int) -> Real:
+        """Autocovariance at lags 0 … samples - 1, shape (samples,), in the channel's unit squared."""
+        long = 4 * max(samples, self.coefficients.size)
+        lags = np.arange(samples)
+        found: Real = np.fft.irfft(1 / self.passed(long)[: long // 2 + 1], long)[:samples]
+        for band in self.bands:
+            turning = np.cos(2 * np.pi * band.frequency * lags)
+            found = found + band.power * np.exp(-lags / band.memory) * turning
+        return np.asarray(self.innovation**2 * found, dtype=np.float64)
 
     def passed(self, samples: int) -> Real:
         """Power of the filter's transfer function at each line of a discrete Fourier transform, shape (samples,)."""

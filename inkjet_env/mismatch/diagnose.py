@@ -26,6 +26,7 @@ from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_reg
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
 from inkjet_env.mismatch.selection.random_effects import RandomEffect, detect_random_effects
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
+from inkjet_env.mismatch.selection.split_likelihood import at_a_frequency
 from inkjet_env.mismatch.selection.stepwise import Selection, leftover, select, supported
 from inkjet_env.mismatch.selection.truncated_law import fit_truncated_law
 from inkjet_env.mismatch.settings import DiagnosisSettings
@@ -181,7 +182,8 @@ class _Work:
             resting = [o for o in joint.observed if o.at_rest]
             joint, random_effects = self.with_random_effects(joint, random, resting, random_effects)
             # a drift needs many recordings; those at rest must show it as well, as effects that need a drive do not
-            joint, random_effects = self.with_random_effects(joint, random, joint.seen, random_effects, None, False)
+            drifts = [effect for effect in random if not at_a_frequency(effect)]
+            joint, random_effects = self.with_random_effects(joint, drifts, joint.seen, random_effects, None, False)
             self.stopwatch.took("random effects")
         found, selection = self.selected(joint, with_law)
         nothing = not selection.chosen.ids

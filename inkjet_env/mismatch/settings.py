@@ -180,6 +180,9 @@ class SelectionSettings(_Settings):
     random_effect_gain: float = 10.0
     """Gain on unseen recordings from which a random effect counts as present: noise alone gains as much once in 22,000
     campaigns, whatever its spectrum. Unit: log-likelihood. Source: decision 6."""
+    hum_periods: float = 3.0
+    """Least number of periods of a tone in the longest recording; a slower one is a drift. Unit: periods. Source: the
+    width of a line, on either side of it."""
     random_effect_gain_at_rest: float = 3.0
     """Gain that the recordings at rest alone must show. Unit: log-likelihood. Source: decision 6."""
     random_effect_refined: float = 5.0

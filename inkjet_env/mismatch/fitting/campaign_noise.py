@@ -142,7 +142,7 @@ def noise_seen(
     level_one = {
         o.name: residuals[o.name] / levels[o.name] if o.name in levels else residuals[o.name] for o in observed
     }
-    normalised = _stationary(observed, level_one, otherwise, settings, least)
+    stationary = _stationary(observed, level_one, otherwise, settings, least)
     return replace(stationary, levels=levels)
 
 

@@ -28,9 +28,9 @@ from inkjet_env.mismatch.selection.amplitude_likelihood import (
 from inkjet_env.mismatch.selection.split_likelihood import (
     FEWEST,
     at_a_frequency,
-    averaged,
     gain_on_unseen,
     halves,
+    lines_Hz,
     longest_memory,
     noise_of,
     parts_of,
@@ -163,31 +163,39 @@ def _supported(effect: Effect, channel: _Channel, printhead: Printhead, explaine
         return None
     if not _at_rest(best, channel, otherwise=explained) or _rounded(best, channel):
         return None
+    longest_s = max(o.excitation.samples * o.excitation.step_s for o in channel.observed)
+    if any(line * longest_s < settings.hum_periods for line in lines_Hz(effect, best.values)):
+        return None  # as slow as a drift
     if len(channel.observed) < FEWEST and not at_a_frequency(effect):
         return None  # a drift may differ from noise in the recordings' means alone, which parts do not show
-    parts, residuals, noise = parts_of(channel.observed, channel.residuals, channel.noise)
-    gains = []
+    parts, residuals, noise = parts_of(
+        channel.observed, channel.residuals, channel.noise, max(lines_Hz(effect, best.values), default=0.0)
+    )
+    gain = math.inf
     first, second = halves(parts)
     for fitted, unseen in ((first, second), (second, first)):
         if not fitted or not unseen:
             return None
         own = _best(effect, _channel(fitted, residuals, noise, channel.settings, longest_memory(effect)), printhead)
-        gains.append(-math.inf if own is None else gain_on_unseen(effect, own.values, fitted, unseen, residuals, noise))
-    gain = averaged(gains)
-    return replace(best, gain=gain) if gain > settings.random_effect_gain else None
+        if own is None:
+            return None
+        gain = min(gain, gain_on_unseen(effect, own.values, fitted, unseen, residuals, noise))
+        if gain <= settings.random_effect_gain:
+            return None
+    return replace(best, gain=gain)
 
 
 def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> float:
     """Gain on unseen recordings of an effect with these shapes on another channel; 0 if it does not show there."""
     if all(effect.random_effect_basis(values, o.excitation) is None for o in channel.observed):
         return 0.0
-    parts, residuals, noise = parts_of(channel.observed, channel.residuals, channel.noise)
+    parts, residuals, noise = parts_of(
+        channel.observed, channel.residuals, channel.noise, max(lines_Hz(effect, values), default=0.0)
+    )
     first, second = halves(parts)
     if not first or not second:
         return 0.0
-    gain = averaged(
-        [gain_on_unseen(effect, values, a, b, residuals, noise) for a, b in ((first, second), (second, first))]
-    )
+    gain = min(gain_on_unseen(effect, values, a, b, residuals, noise) for a, b in ((first, second), (second, first)))
     return gain if gain > channel.settings.selection.random_effect_gain else 0.0
 
 

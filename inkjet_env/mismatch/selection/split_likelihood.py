@@ -3,16 +3,17 @@
 The recordings are divided into two halves. Frequency, amplitude and noise with the effect are fitted to one half; noise
 alone, as coloured as it may be, is fitted to the other half, on which both are compared. The ratio of these likelihoods
 exceeds x with a probability of at most 1/x where noise alone is true, whatever its spectrum (Wasserman, Ramdas &
-Balakrishnan, PNAS 117, 2020: universal inference). The halves then change places, and the ratios are averaged.
+Balakrishnan, PNAS 117, 2020: universal inference). The halves then change places, and the smaller ratio counts.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular, toeplitz
 
 from inkjet_env.identification.noise import channel_noise
 from inkjet_env.mismatch.fitting.campaign_noise import FLAT_BELOW_FIRST_LINE, Noise
@@ -25,32 +26,99 @@ FEWEST = 4
 """Least number of recordings that are divided whole; fewer are cut into parts first."""
 ANY_DRIFT = 10.0
 """Memory, in durations of a recording, with which noise is a drift."""
+SINGULAR = 1e-10
+"""Relative addition to the variance that keeps a covariance positive definite."""
 SHORTEST_PART = 100
 """Shortest part of a recording, in samples."""
+LONGEST_PART = 1000
+"""Longest part of a recording, in samples: likelihoods are exact, and their cost grows with the cube."""
+SLOW_PART = 250
+"""Number of means to which a recording is reduced for a drift."""
+SAMPLES_A_PERIOD = 8
+"""Least number of means in a period of a tone."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExactNoise(Noise):
+    """Noise whose covariance is that of a stationary process on a finite recording.
+
+    `Noise` joins the ends of a recording, for speed: noise with a memory then looks as if it jumped there, as a drift
+    does.
+    """
+
+    _factors: dict[tuple[tuple[str, float], int], Real] = field(default_factory=dict, init=False, repr=False)
+
+    def _factor(self, key: tuple[str, float], samples: int) -> Real:
+        if (key, samples) not in self._factors:
+            covariance = toeplitz(self.models[key].autocovariance(samples))
+            covariance[np.diag_indices(samples)] *= 1 + SINGULAR
+            self._factors[key, samples] = cholesky(covariance, lower=True, check_finite=False)
+        return self._factors[key, samples]
+
+    def whitened(self, observed: ObservedRecording, columns: Real) -> Real:
+        level = self.levels.get(observed.name)
+        scaled = columns if level is None else columns / (level if columns.ndim == 1 else level[:, None])
+        factor = self._factor(observed.noise_key, columns.shape[0])
+        return np.asarray(solve_triangular(factor, scaled, lower=True, check_finite=False), dtype=np.float64)
+
+    def log_scale(self, observed: ObservedRecording) -> float:
+        level = self.levels.get(observed.name)
+        factor = self._factor(observed.noise_key, observed.excitation.samples)
+        return float(np.mean(np.log(np.diag(factor)))) + (0.0 if level is None else float(np.mean(np.log(level))))
 
 
 def parts_of(
-    observed: Sequence[ObservedRecording], residuals: dict[str, Real], noise: Noise
+    observed: Sequence[ObservedRecording], residuals: dict[str, Real], noise: Noise, highest_Hz: float
 ) -> tuple[list[ObservedRecording], dict[str, Real], Noise]:
-    """The recordings, their residuals and noise; each cut into parts of equal length if there are fewer than `FEWEST`.
+    """The recordings, their residuals and noise in parts short enough for an exact likelihood.
 
-    In a part, a tone has a phase of its own, so nothing is assumed of the parts that is not assumed of recordings.
+    Where an effect is slow, a part holds means of neighbouring samples; else, a recording is cut. In a part, a tone has
+    a phase of its own, so nothing is assumed of the parts that is not assumed of recordings. Fewer than `FEWEST`
+    recordings are cut into parts as well.
+
+    Parameters
+    ----------
+    observed : sequence of ObservedRecording
+        Recordings of one channel.
+    residuals : dict of str to ndarray
+        Residual of each, shape (n,).
+    noise : Noise
+        Noise whose levels the parts keep.
+    highest_Hz : float
+        Highest frequency of the effect; 0 for a drift.
     """
-    if len(observed) >= FEWEST:
-        return list(observed), residuals, noise
-    pieces = math.ceil(FEWEST / len(observed))
     parts, own, levels = [], {}, {}
+    pieces = math.ceil(FEWEST / len(observed))
     for o in observed:
-        count = min(pieces, max(1, o.excitation.samples // SHORTEST_PART))
-        for k, rows in enumerate(np.array_split(np.arange(o.excitation.samples), count)):
-            cut, e = slice(rows[0], rows[-1] + 1), o.excitation
-            neighbour_V = None if e.neighbour_V is None else e.neighbour_V[cut]
-            excitation = replace(e, drive_V=e.drive_V[cut], neighbour_V=neighbour_V, cache={})
+        e, level = o.excitation, noise.levels.get(o.name)
+        block = max(1, e.samples // (LONGEST_PART if highest_Hz else SLOW_PART))
+        if highest_Hz and highest_Hz * e.step_s * block * SAMPLES_A_PERIOD > 1:
+            block = 1
+        kept = block * (e.samples // block)
+        signals = {"residual": residuals[o.name], "drive": e.drive_V, "level": level, "neighbour": e.neighbour_V}
+        means = {
+            name: None if signal is None else signal[:kept].reshape(-1, block).mean(axis=1)
+            for name, signal in signals.items()
+        }
+        samples = kept // block
+        wanted = max(pieces, math.ceil(samples / LONGEST_PART))
+        count = min(wanted, max(1, samples // SHORTEST_PART))
+        length = samples // count
+        for k in range(count):
+            cut = slice(k * length, (k + 1) * length)
+            drive_V, neighbour_V = means["drive"][cut], means["neighbour"]  # type: ignore[index]
+            excitation = replace(
+                e,
+                step_s=e.step_s * block,
+                drive_V=drive_V,
+                neighbour_V=None if neighbour_V is None else neighbour_V[cut],
+                cache={},
+            )
             name = f"{o.name} part {k + 1}"
-            parts.append(replace(o, name=name, excitation=excitation, measured=o.measured[cut], fitted=rows.size))
-            own[name] = residuals[o.name][cut]
-            if o.name in noise.levels:
-                levels[name] = noise.levels[o.name][cut]
+            own[name] = means["residual"][cut]  # type: ignore[index]
+            parts.append(replace(o, name=name, excitation=excitation, measured=own[name], fitted=length))
+            if means["level"] is not None:
+                levels[name] = means["level"][cut]
     return parts, own, replace(noise, levels=levels)
 
 
@@ -122,22 +190,19 @@ def gain_on_unseen(
     """
     memory = longest_memory(effect)
     less = noise_of(fitted, without_amplitudes(effect, values, fitted, residuals), noise, memory)
+    less = _exact(less)
     variance = amplitudes_of(effect, values, fitted, residuals, less).variance
     compared = [o for o in unseen if o.noise_key in less.models]
     if not compared or not variance:
         return -math.inf
-    alone = noise_of(compared, residuals, noise, memory, _lines_Hz(effect, values))
+    alone = _exact(noise_of(compared, residuals, noise, memory, lines_Hz(effect, values)))
     with_it = noise_alone_nll(compared, residuals, less)
     with_it -= amplitudes_of(effect, values, compared, residuals, less).gain(variance)
     return noise_alone_nll(compared, residuals, alone) - with_it
 
 
-def averaged(gains: Sequence[float]) -> float:
-    """Logarithm of the mean likelihood ratio."""
-    most = max(gains)
-    if not math.isfinite(most):
-        return most
-    return most + math.log(sum(math.exp(gain - most) for gain in gains) / len(gains))
+def _exact(noise: Noise) -> ExactNoise:
+    return ExactNoise(noise.models, noise.samples, noise.notes, noise.least, noise.levels, noise.tails)
 
 
 def at_a_frequency(effect: Effect) -> bool:
@@ -150,7 +215,7 @@ def longest_memory(effect: Effect) -> float:
     return ANY_DRIFT if at_a_frequency(effect) else FLAT_BELOW_FIRST_LINE
 
 
-def _lines_Hz(effect: Effect, values: dict[str, float]) -> list[float]:
+def lines_Hz(effect: Effect, values: dict[str, float]) -> list[float]:
     """Frequencies of a tone and of its multiples; none for an effect without a frequency."""
     names = {p.unit: p.name for p in effect.parameters if p.name not in effect.strengths}
     if "Hz" not in names:
