@@ -193,8 +193,12 @@ def level_by_recording(rng: np.random.Generator) -> NoiseLaw:
 
 
 def spectral_bump(rng: np.random.Generator) -> NoiseLaw:
-    """White noise plus a band of 20 to 80 % of the rms around a frequency, with a quality of 5 to 50; not a line."""
-    frequency, quality = float(np.exp(rng.uniform(np.log(0.01), np.log(0.4)))), float(rng.uniform(5, 50))
+    """White noise plus a band of 20 to 80 % of the rms around a frequency, with a quality of 5 to 50; not a line.
+
+    The band is at least 0.002 cycles per sample wide: in 2,000 samples, four lines.
+    """
+    frequency = float(np.exp(rng.uniform(np.log(0.01), np.log(0.4))))
+    quality = min(float(rng.uniform(5, 50)), frequency / 0.002)
     share = float(rng.uniform(0.2, 0.8))
     pole = np.exp(2j * np.pi * frequency - np.pi * frequency / quality)
     band = _filtered(np.ones(1), np.poly([pole, pole.conjugate()]).real)

@@ -19,6 +19,8 @@ ROUNDS = 12
 """Largest number of iterations between autoregression and bands."""
 SAME_POWER = 0.02
 """Relative change of a band's power below which it has converged."""
+LEAST_WHITE = 0.1
+"""Share of its power in one round, below which an autoregression is giving way to the bands."""
 SAMPLES_A_COEFFICIENT = 50
 """Smallest number of samples of noise per coefficient; besides, a recording has at least 20 samples per coefficient."""
 
@@ -165,8 +167,8 @@ def channel_noise(
 
     A sufficiently long autoregression imitates noise with a long memory, except at its lowest lines, on which a slow
     loop depends. So filters of several lengths are fitted in alternation with the bands, each to the expected remainder
-    of the other (Dempster, Laird & Rubin 1977). The pair with the largest Whittle likelihood, penalised for its number
-    of coefficients, is taken.
+    of the other (Dempster, Laird & Rubin 1977). The pair with the largest Whittle likelihood, less half the logarithm
+    of the number of samples for each coefficient and 1 for each band, is taken; it may have no bands.
 
     Parameters
     ----------
@@ -187,43 +189,58 @@ def channel_noise(
     dict of float to NoiseModel
         Noise model by sampling step in seconds.
     """
-    best: dict[float, NoiseModel] = {}
-    best_score = -np.inf
     atoms = relaxations(stretches, longest_memory, lines_Hz)
+    best = {step: noise_model(mine, sources[step], least) for step, mine in stretches.items()}
+    loud = [step for step, model in best.items() if model.rms > least]
+    if not loud:
+        return best
+    best_score = sum(_whittle(best[step], stretches[step]) for step in loud)
     reached = LONGEST_FILTER + 1
     for longest in FILTER_LENGTHS:
         if longest >= reached:
             continue  # the same filters as those found with a higher limit
-        models: dict[float, NoiseModel] = {}
-        powers = np.zeros(len(atoms))
-        for _ in range(ROUNDS):
-            models = {
-                step: noise_model([_without_bands(s, models.get(step)) for s in mine], sources[step], least, longest)
-                for step, mine in stretches.items()
-            }
-            loud = {step: model for step, model in models.items() if model.rms > least}
-            if not loud:
-                return models
-            before = powers
-            white, powers = band_powers(
-                [
-                    (step, m.whitened(s[:, None])[:, 0], m.innovation, m.passed)
-                    for step, m in loud.items()
-                    for s in stretches[step]
-                ],
-                atoms,
-                before,
-            )
-            models |= {step: _banded(model, step, white[step], powers, atoms) for step, model in loud.items()}
-            if np.allclose(powers, before, rtol=SAME_POWER, atol=SAME_POWER * float(powers.max(initial=0.0))):
-                break
-        rms = {step: float(np.sqrt(np.mean(np.concatenate(stretches[step]) ** 2))) for step in loud}
-        models |= {step: replace(models[step], rms=rms[step]) for step in loud}
-        score = sum(_whittle(models[step], stretches[step]) for step in loud)
+        found = _alternating({step: stretches[step] for step in loud}, sources, longest, atoms)
+        if found is None:
+            continue
+        score = sum(_whittle(found[step], stretches[step]) for step in loud)
+        score -= len({(b.frequency * step, b.memory * step) for step in loud for b in found[step].bands})
         if score > best_score:
-            best, best_score = models, score
-        reached = max(model.lost for model in loud.values())
+            best, best_score = best | found, score
+        reached = max(model.lost for model in found.values())
     return best
+
+
+def _alternating(
+    stretches: Mapping[float, Sequence[Real]],
+    sources: Mapping[float, str],
+    longest: int,
+    atoms: Sequence[tuple[float, float]],
+) -> dict[float, NoiseModel] | None:
+    """Autoregressions of at most some order with bands beside them; None if the bands would take their place."""
+    models: dict[float, NoiseModel] = {}
+    powers = np.zeros(len(atoms))
+    for _ in range(ROUNDS):
+        models = {
+            step: noise_model([_without_bands(s, models.get(step)) for s in mine], sources[step], 0.0, longest)
+            for step, mine in stretches.items()
+        }
+        before = powers
+        white, powers = band_powers(
+            [
+                (step, m.whitened(s[:, None])[:, 0], m.innovation, m.passed)
+                for step, m in models.items()
+                for s in stretches[step]
+            ],
+            atoms,
+            before,
+        )
+        if min(white.values()) < LEAST_WHITE:
+            return None
+        models = {step: _banded(model, step, white[step], powers, atoms) for step, model in models.items()}
+        if np.allclose(powers, before, rtol=SAME_POWER, atol=SAME_POWER * float(powers.max(initial=0.0))):
+            break
+    rms = {step: float(np.sqrt(np.mean(np.concatenate(mine) ** 2))) for step, mine in stretches.items()}
+    return {step: replace(model, rms=rms[step]) for step, model in models.items()}
 
 
 def _banded(

@@ -20,8 +20,6 @@ PER_DECADE = 3
 """Number of memories in a decade; neighbouring relaxations overlap."""
 SHORTEST_MEMORY = 5.0
 """Shortest memory, in the shortest sampling step; an autoregression follows shorter ones."""
-LEAST_WHITE = 0.05
-"""Least factor on the autoregression's power in one round."""
 WIDTHS = (2.0, 5.0, 15.0)
 """Widths of the bands around a given frequency, in lines of the longest stretch."""
 UPDATES = 120
@@ -140,7 +138,7 @@ def band_powers(
         found = found * np.sqrt(rising / np.maximum(falling, 1e-300))
     share = (table[:, len(steps) :] * found[len(steps) :] / (table @ found)[:, None]).max(axis=0)
     powers = np.where(share > NEGLIGIBLE, found[len(steps) :], 0.0)
-    return {step: max(float(found[k]), LEAST_WHITE) for k, step in enumerate(steps)}, powers
+    return {step: float(found[k]) for k, step in enumerate(steps)}, powers
 
 
 def _pooled(lines: int) -> np.ndarray:

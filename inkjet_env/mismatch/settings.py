@@ -49,6 +49,17 @@ class FittingSettings(_Settings):
     slight_memory: float = 0.1
     """Ratio of the power of noise with a memory to that of the autoregression, at the line where it is largest, below
     which it is neglected. Unit: 1. Source: speed."""
+    level_window: int = 64
+    """Longest window of a cell of time and frequency in which the noise's level is read. Unit: samples. Source:
+    tables."""
+    level_windows: int = 16
+    """Least number of windows in a recording, so that its level is read at as many times. Unit: 1. Source: tables."""
+    level_cells: int = 40
+    """Least number of quiet cells from which a recording's own level is read. Unit: cells. Source: 16 % of a level's
+    square."""
+    quiet_cell: float = 1.0
+    """Largest power of the modelled signal in a quiet cell, relative to the noise's. Unit: 1. Source: a mismatch is a
+    share of the signal, so it is quieter still."""
     shortest_rest: int = 100
     """Least number of samples before the drive from which the noise can be estimated. Unit: samples. Source: tables."""
     law_degree: int = 9
@@ -180,6 +191,20 @@ class SelectionSettings(_Settings):
     random_effect_gain: float = 10.0
     """Gain on unseen recordings from which a random effect counts as present: noise alone gains as much once in 22,000
     campaigns, whatever its spectrum. Unit: log-likelihood. Source: decision 6."""
+    split_recordings: int = 4
+    """Least number of recordings that are divided into halves whole; fewer are cut into parts. Unit: recordings.
+    Source: two in each half."""
+    any_drift: float = 10.0
+    """Memory with which noise is a drift; a tone must be distinguished from that as well. Unit: durations of a
+    recording. Source: tables."""
+    shortest_part: int = 100
+    """Shortest part of a recording. Unit: samples. Source: tables."""
+    longest_part: int = 1000
+    """Longest part of a recording in an exact likelihood. Unit: samples. Source: speed."""
+    slow_part: int = 250
+    """Number of means to which a recording is reduced when a drift is looked for. Unit: samples. Source: speed."""
+    samples_a_period: int = 8
+    """Least number of means in a period of a tone. Unit: samples. Source: 3 % of its amplitude."""
     hum_periods: float = 3.0
     """Least number of periods of a tone in the longest recording; a slower one is a drift. Unit: periods. Source: the
     width of a line, on either side of it."""

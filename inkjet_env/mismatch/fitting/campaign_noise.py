@@ -134,7 +134,7 @@ def noise_seen(
         rest = float(np.median(np.concatenate(at_rest)))
         modelled |= {o.name: modelled[o.name] - rest for o in mine}
     white = {o.name: stationary.whitened(o, np.column_stack([residuals[o.name], modelled[o.name]])) for o in observed}
-    levels = noise_levels(observed, white, modelled)
+    levels = noise_levels(observed, white, modelled, settings)
     if not levels:
         return stationary
     floor = {o.name: least[o.channel] / stationary.models[o.noise_key].rms for o in observed}

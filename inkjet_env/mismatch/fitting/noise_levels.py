@@ -13,18 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
+from inkjet_env.mismatch.settings import FittingSettings
 from inkjet_env.typing import Real
 
-WINDOW = 64
-"""Longest window of a cell, in samples."""
-WINDOWS = 16
-"""Least number of windows in a recording; a shorter one has shorter windows."""
-SHORTEST = 128
-"""Samples of the shortest recording whose level is read."""
-FEWEST_CELLS = 40
-"""Least number of quiet cells of a recording from which its own level can be read."""
-QUIET = 1.0
-"""Largest power of the modelled signal in a quiet cell, in units of the noise's."""
 ROUNDS = 40
 """Number of alternating updates of the recordings' levels and of the growth with the signal."""
 
@@ -39,7 +30,10 @@ class _Cells:
 
 
 def noise_levels(
-    observed: Sequence[ObservedRecording], white: Mapping[str, Real], modelled: Mapping[str, Real]
+    observed: Sequence[ObservedRecording],
+    white: Mapping[str, Real],
+    modelled: Mapping[str, Real],
+    settings: FittingSettings,
 ) -> dict[str, Real]:
     """Level of the noise over time where it differs from a stationary model's.
 
@@ -54,6 +48,8 @@ def noise_levels(
         By recording: residual and modelled signal, whitened by the stationary model.
     modelled : mapping of str to ndarray, shape (n,)
         By recording: modelled signal without what it is at rest, in the channel's unit.
+    settings : FittingSettings
+        Sizes of the cells.
 
     Returns
     -------
@@ -63,7 +59,7 @@ def noise_levels(
     """
     found: dict[str, Real] = {}
     for channel in sorted({o.channel for o in observed} - {"drive_monitor"}):
-        mine = [o for o in observed if o.channel == channel and o.excitation.samples >= SHORTEST]
+        mine = [o for o in observed if o.channel == channel and o.excitation.samples >= 8 * settings.level_windows]
         slopes = {o.name: np.gradient(modelled[o.name]) / np.float64(o.excitation.step_s) for o in mine}
         largest = max((float(np.abs(modelled[o.name]).max()) for o in mine), default=0.0)
         steepest = max((float(np.abs(slopes[o.name]).max()) for o in mine), default=0.0)
@@ -72,7 +68,7 @@ def noise_levels(
         shapes = {
             o.name: np.column_stack([(modelled[o.name] / largest) ** 2, (slopes[o.name] / steepest) ** 2]) for o in mine
         }
-        cells = _cells(mine, white, shapes)
+        cells = _cells(mine, white, shapes, settings)
         if cells is None:
             continue
         level, growth = _fitted(cells, len(mine))
@@ -85,19 +81,22 @@ def noise_levels(
 
 
 def _cells(
-    observed: Sequence[ObservedRecording], white: Mapping[str, Real], shapes: Mapping[str, Real]
+    observed: Sequence[ObservedRecording],
+    white: Mapping[str, Real],
+    shapes: Mapping[str, Real],
+    settings: FittingSettings,
 ) -> _Cells | None:
     powers, recordings, grows = [], [], []
     for k, o in enumerate(observed):
         samples = o.excitation.samples
-        length = int(min(WINDOW, 2 * (samples // (2 * WINDOWS))))
+        length = min(settings.level_window, 2 * (samples // (2 * settings.level_windows)))
         window = np.hanning(length + 1)[:-1]
         count = samples // length
         cut = white[o.name][: count * length].reshape(count, length, 2)
         lines = np.abs(np.fft.rfft(cut * window[:, None], axis=1)[:, 2 : length // 2 : 2]) ** 2
         lines = lines / np.float64(window @ window)
-        quiet = lines[..., 1] < QUIET
-        if np.count_nonzero(quiet) < FEWEST_CELLS:
+        quiet = lines[..., 1] < settings.quiet_cell
+        if np.count_nonzero(quiet) < settings.level_cells:
             continue
         weights = window**2 / np.float64(window @ window)
         shape = np.einsum("cls,l->cs", shapes[o.name][: count * length].reshape(count, length, 2), weights)

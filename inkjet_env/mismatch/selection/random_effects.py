@@ -26,7 +26,6 @@ from inkjet_env.mismatch.selection.amplitude_likelihood import (
     without_amplitudes,
 )
 from inkjet_env.mismatch.selection.split_likelihood import (
-    FEWEST,
     at_a_frequency,
     gain_on_unseen,
     halves,
@@ -115,7 +114,7 @@ def detect_random_effects(
         level = float(np.mean(np.concatenate([residuals[o.name] for o in mine])))  # an offset is no drift
         own = {o.name: residuals[o.name] - level for o in mine}
         for effect in effects:
-            channel = _channel(mine, own, noise, settings, longest_memory(effect))
+            channel = _channel(mine, own, noise, settings, longest_memory(effect, settings.selection))
             channels.setdefault(name, channel)
             if (best := _supported(effect, channel, printhead, explained)) is not None:
                 found.append(_with_intervals(best, channel))
@@ -131,7 +130,10 @@ def detect_random_effects(
 
 @dataclass(frozen=True, eq=False)
 class _Channel:
-    """Recordings of one channel, their residuals, noise with its negative log-likelihood ``before``, and lines."""
+    """Recordings of one channel, their residuals, noise with its negative log-likelihood ``before``, and lines.
+
+    ``memory`` is the longest memory of the noise, in durations of a recording.
+    """
 
     observed: Sequence[ObservedRecording]
     residuals: dict[str, Real]
@@ -139,6 +141,7 @@ class _Channel:
     before: float
     lines_Hz: tuple[float, ...]
     settings: DiagnosisSettings
+    memory: float
 
 
 def _channel(
@@ -152,7 +155,7 @@ def _channel(
     alone = noise_of(observed, residuals, noise, memory)
     before = noise_alone_nll(observed, residuals, alone)
     lines_Hz = _lines_Hz(observed, residuals, settings.selection.spectral_lines)
-    return _Channel(observed, residuals, alone, before, lines_Hz, settings)
+    return _Channel(observed, residuals, alone, before, lines_Hz, settings, memory)
 
 
 def _supported(effect: Effect, channel: _Channel, printhead: Printhead, explained: bool) -> RandomEffect | None:
@@ -166,20 +169,20 @@ def _supported(effect: Effect, channel: _Channel, printhead: Printhead, explaine
     longest_s = max(o.excitation.samples * o.excitation.step_s for o in channel.observed)
     if any(line * longest_s < settings.hum_periods for line in lines_Hz(effect, best.values)):
         return None  # as slow as a drift
-    if len(channel.observed) < FEWEST and not at_a_frequency(effect):
+    if len(channel.observed) < settings.split_recordings and not at_a_frequency(effect):
         return None  # a drift may differ from noise in the recordings' means alone, which parts do not show
     parts, residuals, noise = parts_of(
-        channel.observed, channel.residuals, channel.noise, max(lines_Hz(effect, best.values), default=0.0)
+        channel.observed, channel.residuals, channel.noise, max(lines_Hz(effect, best.values), default=0.0), settings
     )
     gain = math.inf
     first, second = halves(parts)
     for fitted, unseen in ((first, second), (second, first)):
         if not fitted or not unseen:
             return None
-        own = _best(effect, _channel(fitted, residuals, noise, channel.settings, longest_memory(effect)), printhead)
+        own = _best(effect, _channel(fitted, residuals, noise, channel.settings, channel.memory), printhead)
         if own is None:
             return None
-        gain = min(gain, gain_on_unseen(effect, own.values, fitted, unseen, residuals, noise))
+        gain = min(gain, gain_on_unseen(effect, own.values, fitted, unseen, residuals, noise, settings))
         if gain <= settings.random_effect_gain:
             return None
     return replace(best, gain=gain)
@@ -189,14 +192,17 @@ def _gained(effect: Effect, values: dict[str, float], channel: _Channel) -> floa
     """Gain on unseen recordings of an effect with these shapes on another channel; 0 if it does not show there."""
     if all(effect.random_effect_basis(values, o.excitation) is None for o in channel.observed):
         return 0.0
-    parts, residuals, noise = parts_of(
-        channel.observed, channel.residuals, channel.noise, max(lines_Hz(effect, values), default=0.0)
-    )
+    settings = channel.settings.selection
+    highest_Hz = max(lines_Hz(effect, values), default=0.0)
+    parts, residuals, noise = parts_of(channel.observed, channel.residuals, channel.noise, highest_Hz, settings)
     first, second = halves(parts)
     if not first or not second:
         return 0.0
-    gain = min(gain_on_unseen(effect, values, a, b, residuals, noise) for a, b in ((first, second), (second, first)))
-    return gain if gain > channel.settings.selection.random_effect_gain else 0.0
+    gain = min(
+        gain_on_unseen(effect, values, fitted, unseen, residuals, noise, settings)
+        for fitted, unseen in ((first, second), (second, first))
+    )
+    return gain if gain > settings.random_effect_gain else 0.0
 
 
 def _less(effect: Effect, values: dict[str, float], channel: _Channel) -> Noise:
@@ -205,7 +211,7 @@ def _less(effect: Effect, values: dict[str, float], channel: _Channel) -> Noise:
         channel.observed,
         without_amplitudes(effect, values, channel.observed, channel.residuals),
         channel.noise,
-        longest_memory(effect),
+        channel.memory,
     )
 
 

@@ -19,23 +19,12 @@ from inkjet_env.identification.noise import channel_noise
 from inkjet_env.mismatch.fitting.campaign_noise import FLAT_BELOW_FIRST_LINE, Noise
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.selection.amplitude_likelihood import amplitudes_of, noise_alone_nll, without_amplitudes
+from inkjet_env.mismatch.settings import SelectionSettings
 from inkjet_env.plant import Effect
 from inkjet_env.typing import Real
 
-FEWEST = 4
-"""Least number of recordings that are divided whole; fewer are cut into parts first."""
-ANY_DRIFT = 10.0
-"""Memory, in durations of a recording, with which noise is a drift."""
 SINGULAR = 1e-10
 """Relative addition to the variance that keeps a covariance positive definite."""
-SHORTEST_PART = 100
-"""Shortest part of a recording, in samples."""
-LONGEST_PART = 1000
-"""Longest part of a recording, in samples: likelihoods are exact, and their cost grows with the cube."""
-SLOW_PART = 250
-"""Number of means to which a recording is reduced for a drift."""
-SAMPLES_A_PERIOD = 8
-"""Least number of means in a period of a tone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +57,17 @@ class ExactNoise(Noise):
 
 
 def parts_of(
-    observed: Sequence[ObservedRecording], residuals: dict[str, Real], noise: Noise, highest_Hz: float
+    observed: Sequence[ObservedRecording],
+    residuals: dict[str, Real],
+    noise: Noise,
+    highest_Hz: float,
+    settings: SelectionSettings,
 ) -> tuple[list[ObservedRecording], dict[str, Real], Noise]:
     """The recordings, their residuals and noise in parts short enough for an exact likelihood.
 
     Where an effect is slow, a part holds means of neighbouring samples; else, a recording is cut. In a part, a tone has
-    a phase of its own, so nothing is assumed of the parts that is not assumed of recordings. Fewer than `FEWEST`
-    recordings are cut into parts as well.
+    a phase of its own, so nothing is assumed of the parts that is not assumed of recordings. A few recordings are cut
+    into parts as well.
 
     Parameters
     ----------
@@ -86,13 +79,15 @@ def parts_of(
         Noise whose levels the parts keep.
     highest_Hz : float
         Highest frequency of the effect; 0 for a drift.
+    settings : SelectionSettings
+        Lengths of the parts.
     """
     parts, own, levels = [], {}, {}
-    pieces = math.ceil(FEWEST / len(observed))
+    pieces = math.ceil(settings.split_recordings / len(observed))
     for o in observed:
         e, level = o.excitation, noise.levels.get(o.name)
-        block = max(1, e.samples // (LONGEST_PART if highest_Hz else SLOW_PART))
-        if highest_Hz and highest_Hz * e.step_s * block * SAMPLES_A_PERIOD > 1:
+        block = max(1, e.samples // (settings.longest_part if highest_Hz else settings.slow_part))
+        if highest_Hz and highest_Hz * e.step_s * block * settings.samples_a_period > 1:
             block = 1
         kept = block * (e.samples // block)
         signals = {"residual": residuals[o.name], "drive": e.drive_V, "level": level, "neighbour": e.neighbour_V}
@@ -101,8 +96,8 @@ def parts_of(
             for name, signal in signals.items()
         }
         samples = kept // block
-        wanted = max(pieces, math.ceil(samples / LONGEST_PART))
-        count = min(wanted, max(1, samples // SHORTEST_PART))
+        wanted = max(pieces, math.ceil(samples / settings.longest_part))
+        count = min(wanted, max(1, samples // settings.shortest_part))
         length = samples // count
         for k in range(count):
             cut = slice(k * length, (k + 1) * length)
@@ -170,6 +165,7 @@ def gain_on_unseen(
     unseen: Sequence[ObservedRecording],
     residuals: dict[str, Real],
     noise: Noise,
+    settings: SelectionSettings,
 ) -> float:
     """Log-likelihood that a random effect fitted to some recordings gains over noise alone on others.
 
@@ -187,8 +183,10 @@ def gain_on_unseen(
         Residual of each, shape (n,), in the channel's unit.
     noise : Noise
         Noise whose levels are kept.
+    settings : SelectionSettings
+        Memory of a drift.
     """
-    memory = longest_memory(effect)
+    memory = longest_memory(effect, settings)
     less = noise_of(fitted, without_amplitudes(effect, values, fitted, residuals), noise, memory)
     less = _exact(less)
     variance = amplitudes_of(effect, values, fitted, residuals, less).variance
@@ -210,9 +208,9 @@ def at_a_frequency(effect: Effect) -> bool:
     return any(p.unit == "Hz" for p in effect.parameters if p.name not in effect.strengths)
 
 
-def longest_memory(effect: Effect) -> float:
+def longest_memory(effect: Effect, settings: SelectionSettings) -> float:
     """Longest memory of noise beside an effect, in durations of a recording: a tone may be mistaken for any drift."""
-    return ANY_DRIFT if at_a_frequency(effect) else FLAT_BELOW_FIRST_LINE
+    return settings.any_drift if at_a_frequency(effect) else FLAT_BELOW_FIRST_LINE
 
 
 def lines_Hz(effect: Effect, values: dict[str, float]) -> list[float]:

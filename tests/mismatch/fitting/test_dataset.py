@@ -1,7 +1,5 @@
 """A campaign as the diagnosis sees it, and where its noise is told from."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -272,7 +270,7 @@ def test_the_scale_of_the_noise_is_its_gaussian_likelihoods():
     model = noise_model([observed.measured], "a test", 1e-9)
     noise = Noise({observed.noise_key: model}, {observed.noise_key: 3000})
     assert noise.log_scale(observed) == pytest.approx(np.log(0.4), abs=0.05)
-    louder = Noise({observed.noise_key: replace(model, colour=(np.e**2, 0.0, 0.0))}, noise.samples)
+    louder = Noise(noise.models, noise.samples, levels={observed.name: np.full(3000, np.e)})
     assert louder.log_scale(observed) == pytest.approx(noise.log_scale(observed) + 1.0)
     np.testing.assert_allclose(
         louder.whitened(observed, observed.measured), noise.whitened(observed, observed.measured) / np.e
