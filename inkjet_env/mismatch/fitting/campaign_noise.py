@@ -73,6 +73,10 @@ class Noise:
             result[: table.shape[0] - white.shape[0]] = 0.0
         return result[:, 0] if flat else result
 
+    def lost(self, observed: ObservedRecording) -> int:
+        """Number of samples at the start of a recording that whitening drops."""
+        return min(self.models[observed.noise_key].lost, observed.excitation.samples)
+
     def rms(self, observed: ObservedRecording) -> float:
         """Standard deviation of the noise in a recording, in the channel's unit."""
         level = self.levels.get(observed.name)

@@ -41,6 +41,11 @@ def noise_alone_nll(observed: Sequence[ObservedRecording], residuals: dict[str, 
     for o in observed:
         whitened = noise.whitened(o, residuals[o.name])
         total += o.excitation.samples * noise.log_scale(o) + 0.5 * float(whitened @ whitened)
+        lost = noise.lost(o)
+        if lost:  # samples that whitening drops have the noise's variance
+            scale = noise.models[o.noise_key].rms * noise.levels.get(o.name, np.ones(lost))[:lost]
+            dropped = residuals[o.name][:lost] / scale
+            total += float(np.sum(np.log(scale) - noise.log_scale(o)) + 0.5 * dropped @ dropped)
     return total
 
 

@@ -50,6 +50,9 @@ class ExactNoise(Noise):
         factor = self._factor(observed.noise_key, columns.shape[0])
         return np.asarray(solve_triangular(factor, scaled, lower=True, check_finite=False), dtype=np.float64)
 
+    def lost(self, observed: ObservedRecording) -> int:
+        return 0
+
     def log_scale(self, observed: ObservedRecording) -> float:
         level = self.levels.get(observed.name)
         factor = self._factor(observed.noise_key, observed.excitation.samples)
