@@ -143,6 +143,7 @@ def outcome(case: Case) -> dict[str, Any]:
         "candidates": [list(group) for group in found.candidates],
         "closure": None if np.isnan(found.closure) else found.closure,
         "left_over": found.left_over,
+        "p_value": found.p_value,
         "located": bool(found.location.recordings),
         "seconds": found.seconds,
         "stages": dict(found.stages),

@@ -133,6 +133,9 @@ class Diagnosis:
         nothing to remove.
     left_over : float
         Share of the mismatch in the fitted recordings that remains significantly beyond noise; 0 if none does.
+    p_value : float
+        Probability that noise alone would look as much like an effect as these recordings do: score test over all
+        effects that have a law.
     attributions : tuple of HypothesisScore
         Best hypotheses that were compared, best first.
     untestable : dict of str to str
@@ -170,6 +173,7 @@ class Diagnosis:
     recordings: tuple[ModelledRecording, ...]
     closure: float
     left_over: float
+    p_value: float
     attributions: tuple[HypothesisScore, ...]
     untestable: Mapping[str, str]
     next_experiment: NextExperiment | None
@@ -247,6 +251,7 @@ class Diagnosis:
                 "augmented_heldout_rms_V": _finite(self.heldout_rms("augmented")),
                 "closure": _finite(self.closure),
                 "left_over": self.left_over,
+                "p_value": self.p_value,
                 "heldout": [r.name for r in self.recordings if r.held_out],
             },
             "next_experiment": None

@@ -14,7 +14,6 @@ from inkjet_env.mismatch.evidence import (
     compared,
     modelled_recordings,
     named_effects,
-    p_value_bound,
     unexplained_share,
 )
 from inkjet_env.mismatch.fitting.fit_context import FitContext
@@ -143,7 +142,8 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     gains, offsets = ({c: v for c, v in of.items() if c in channels} for of in (head.gains, head.offsets))
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (),
-        tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, compared(found.selection),
+        tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, found.selection.base_p_value,
+        compared(found.selection),
         found.untestable, following, correction, head.printhead, gains, offsets, joint.base.head.printhead,
         dynamics(stands), tuple(notes), stopwatch.seconds, stopwatch.stages, settings, own,
     )  # fmt: skip
@@ -153,11 +153,10 @@ def _named(found: Findings) -> list[NamedEffect]:
     """Random effects, then effects with a law, with their values and evidence."""
     joint = found.joint
     units = {o.channel: o.unit for o in joint.observed}
-    longest = max(o.excitation.samples for o in joint.observed)
     drawn = [
         NamedEffect(
             s.effect, s.effect.description(s.values, units[s.channel]), s.gain,
-            p_value_bound(s.gain, len(s.values), longest), s.estimates, s.values, units[s.channel],
+            math.exp(-s.gain), s.estimates, s.values, units[s.channel],
         )
         for s in found.random_effects
     ]  # fmt: skip

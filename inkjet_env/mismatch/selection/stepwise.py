@@ -31,12 +31,15 @@ class Selection:
         All hypotheses with effects that were fitted, best first.
     p_values : dict of str to float
         For each chosen effect, by id: p-value of the score test that led to its being added.
+    base_p_value : float
+        Probability that noise alone gives any effect a score as large as the largest beside the base model.
     """
 
     chosen: Hypothesis
     alternatives: dict[str, tuple[str, ...]]
     compared: tuple[Hypothesis, ...]
     p_values: dict[str, float]
+    base_p_value: float
 
 
 def select(
@@ -64,12 +67,15 @@ def select(
     beam, chosen = [base], base
     compared: dict[frozenset[str], Hypothesis] = {frozenset(): base}
     p_values: dict[frozenset[str], dict[str, float]] = {frozenset(): {}}
+    base_p_value = 1.0
     for _ in range(settings.most_effects):
         added: list[Hypothesis] = []
         for parent in beam:
             beside = found.beside(parent.columns)
             scores = beside.best(parent.residuals)
             p_value = beside.p_value(max(scores.values(), default=0.0), context.rng, settings.score_draws)
+            if parent is base:
+                base_p_value = p_value
             if p_value > settings.significance_level:
                 continue
             promising = sorted(scores, key=lambda name: -scores[name])
@@ -104,7 +110,8 @@ def select(
         name: _as_good(joint, chosen, name, effects, found, compared, context) for name in (() if lost else chosen.ids)
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
-    return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), {n: tests[n] for n in chosen.ids})
+    needed = {name: tests[name] for name in chosen.ids}
+    return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), needed, base_p_value)
 
 
 def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
