@@ -142,9 +142,9 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     gains, offsets = ({c: v for c, v in of.items() if c in channels} for of in (head.gains, head.offsets))
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (),
-        tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, found.selection.base_p_value,
-        compared(found.selection),
-        found.untestable, following, correction, head.printhead, gains, offsets, joint.base.head.printhead,
+        tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share,
+        found.selection.base_p_value, compared(found.selection), found.untestable, following, correction,
+        head.printhead, gains, offsets, joint.base.head.printhead,
         dynamics(stands), tuple(notes), stopwatch.seconds, stopwatch.stages, settings, own,
     )  # fmt: skip
 

@@ -89,6 +89,7 @@ def named():
         recordings=tuple(recordings),
         closure=0.9712,
         left_over=0.0,
+        p_value=1.0,
         attributions=(
             HypothesisScore(("feedthrough",), 5312.4, 1711.0, 160.0, 1.0, 1.0, effect.description(VALUES)),
             HypothesisScore(("sensor_bandwidth",), 612.0, 90.0, 130.0, 0.11, 0.21, "The sensor passes up to 900 kHz."),
