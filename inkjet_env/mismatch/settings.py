@@ -57,6 +57,9 @@ class FittingSettings(_Settings):
     level_cells: int = 40
     """Least number of quiet cells from which a recording's own level is read. Unit: cells. Source: 16 % of a level's
     square."""
+    level_at_rest: float = 1.2
+    """Least ratio between the squared levels at rest and otherwise that counts. Unit: 1. Source: a mismatch may add a
+    tenth to quiet cells."""
     quiet_cell: float = 1.0
     """Largest power of the modelled signal in a quiet cell, relative to the noise's. Unit: 1. Source: a mismatch is a
     share of the signal, so it is quieter still."""

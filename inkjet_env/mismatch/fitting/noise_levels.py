@@ -37,8 +37,9 @@ def noise_levels(
 ) -> dict[str, Real]:
     """Level of the noise over time where it differs from a stationary model's.
 
-    For each channel, four models are compared by Schwarz's criterion: the level is the same everywhere, differs between
-    recordings, grows with the squares of the signal and of its slope, or both.
+    For each channel, six models are compared by Schwarz's criterion: the level is the same everywhere, differs at rest
+    (a converter's steps hide noise there), or differs between recordings; it may also grow with the squares of the
+    signal and of its slope.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def noise_levels(
         cells = _cells(mine, white, shapes, settings)
         if cells is None:
             continue
-        level, growth = _fitted(cells, len(mine))
+        level, growth = _fitted(cells, np.array([o.at_rest for o in mine]), settings.level_at_rest)
         if level is None and growth is None:
             continue
         own, grows = level if level is not None else np.ones(len(mine)), growth if growth is not None else np.zeros(2)
@@ -109,37 +110,42 @@ def _cells(
     return _Cells(np.concatenate(powers), np.concatenate(recordings), np.concatenate(grows))
 
 
-def _fitted(cells: _Cells, recordings: int) -> tuple[Real | None, Real | None]:
-    """Squared level of each recording (k,) and growth (2,) of the model with the best criterion; None where absent."""
-    price = 0.5 * np.log(cells.power.size)
-    present = np.unique(cells.recording).size
+def _fitted(cells: _Cells, at_rest: NDArray[np.bool_], least_ratio: float) -> tuple[Real | None, Real | None]:
+    """Squared level of each recording (k,) and growth (2,) of the model with the best criterion; None where absent.
+
+    ``at_rest`` tells the recordings without a drive, shape (k,); ``least_ratio`` is the least ratio of their squared
+    level to that of the others, or the other way round, that counts.
+    """
+    price, k = 0.5 * np.log(cells.power.size), at_rest.size
     best: tuple[float, Real | None, Real | None] = (-np.inf, None, None)
-    for own in (False, True):
+    for groups in (np.zeros(k, dtype=np.intp), at_rest.astype(np.intp), np.arange(k)):
+        of_cells = groups[cells.recording]
+        present = np.unique(of_cells).size
         for grown in (False, True):
-            level, growth = _likeliest(cells, recordings, own, grown)
-            variance = level[cells.recording] * (1 + cells.grows @ growth)
+            level, growth = _likeliest(cells, of_cells, k, grown)
+            if groups.max() == 1 and k > 2 and present == 2:
+                ratio = level[0] / level[1]
+                if max(ratio, 1 / ratio) < least_ratio:
+                    continue
+            variance = level[of_cells] * (1 + cells.grows @ growth)
             likelihood = -float(np.sum(np.log(variance) + cells.power / variance))
-            score = likelihood - price * ((present if own else 1) + np.count_nonzero(growth))
+            score = likelihood - price * (present + np.count_nonzero(growth))
             if score > best[0]:
-                best = (score, level if own else None, growth if grown else None)
+                best = (score, level[groups] if present > 1 else None, growth if grown else None)
     return best[1], best[2]
 
 
-def _likeliest(cells: _Cells, recordings: int, own: bool, grown: bool) -> tuple[Real, Real]:
-    """Squared levels and growth by maximum likelihood of exponential cell powers, by multiplicative updates."""
+def _likeliest(cells: _Cells, group: NDArray[np.intp], groups: int, grown: bool) -> tuple[Real, Real]:
+    """Squared levels by group, and growth, by maximum likelihood of exponential cell powers: multiplicative updates."""
     growth: Real = np.full(2, 0.1 if grown else 0.0)
-    count = np.bincount(cells.recording, minlength=recordings)
-    level: Real = np.ones(recordings)
+    count = np.bincount(group, minlength=groups)
+    level: Real = np.ones(groups)
     for _ in range(ROUNDS if grown else 1):
         relative = cells.power / (1 + cells.grows @ growth)
-        if own:
-            total = np.bincount(cells.recording, weights=relative, minlength=recordings)
-            level = np.where(count > 0, total / np.maximum(count, 1), relative.mean())
-        else:
-            level = np.full(recordings, relative.mean())
-        level = np.maximum(level, 1e-12)
+        total = np.bincount(group, weights=relative, minlength=groups)
+        level = np.maximum(np.where(count > 0, total / np.maximum(count, 1), relative.mean()), 1e-12)
         if grown:
-            power, shape = cells.power / level[cells.recording], 1 + cells.grows @ growth
+            power, shape = cells.power / level[group], 1 + cells.grows @ growth
             rising, falling = cells.grows.T @ (power / shape**2), cells.grows.T @ (1 / shape)
             growth = growth * np.sqrt(rising / np.maximum(falling, 1e-300))
     growth = np.where(growth > 1e-2, growth, 0.0)
