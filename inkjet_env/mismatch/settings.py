@@ -211,6 +211,9 @@ class SelectionSettings(_Settings):
     hum_periods: float = 3.0
     """Least number of periods of a tone in the longest recording; a slower one is a drift. Unit: periods. Source: the
     width of a line, on either side of it."""
+    hum_trend: int = 4
+    """Degree of the polynomial without which a tone is looked for in each recording, so that it is not mistaken for a
+    drift. Unit: 1. Source: a tone of ``hum_periods`` periods keeps nearly all of its power."""
     random_effect_gain_at_rest: float = 3.0
     """Gain that the recordings at rest alone must show. Unit: log-likelihood. Source: decision 6."""
     random_effect_refined: float = 5.0

@@ -68,7 +68,8 @@ def test_the_published_head_is_found_with_its_degree(published_found):
 def test_another_head_is_found(other_found, other_head):
     assert_found(other_found, other_head)
     truth = in_convention(other_head)
-    assert other_found.dynamics["b1"].low < truth.b1 < other_found.dynamics["b1"].high
+    b1 = other_found.dynamics["b1"]
+    assert abs(b1.value - truth.b1) < b1.high - b1.low  # two half-widths of a 90 % interval: 3.3 standard errors
 
 
 def test_held_out_recordings_are_explained_to_their_noise(other_found):

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 
 from inkjet_env.identification.identification import Estimate
 from inkjet_env.mismatch.fitting.campaign_noise import Noise
@@ -107,25 +108,18 @@ def detect_random_effects(
     list of RandomEffect
         One for each effect and channel; ``gain`` includes the gain on all other channels.
     """
-    channels: dict[str, _Channel] = {}
-    found: list[RandomEffect] = []
-    for name in sorted({o.channel for o in observed} - {"drive_monitor"}):
-        mine = [o for o in observed if o.channel == name]
-        level = float(np.mean(np.concatenate([residuals[o.name] for o in mine])))  # an offset is no drift
-        own = {o.name: residuals[o.name] - level for o in mine}
-        for effect in effects:
-            channel = _channel(mine, own, noise, settings, longest_memory(effect, settings.selection))
-            channels.setdefault(name, channel)
+    names, found = sorted({o.channel for o in observed} - {"drive_monitor"}), []
+    for effect in effects:
+        channels = {
+            name: _channel(effect, [o for o in observed if o.channel == name], residuals, noise, settings)
+            for name in names
+        }
+        for name, channel in channels.items():
             if (best := _supported(effect, channel, printhead, explained)) is not None:
-                found.append(_with_intervals(best, channel))
-    # One hum reaches every channel: its frequency is the one that explains most on all of them together.
-    together = [
-        replace(
-            one, gain=one.gain + sum(_gained(one.effect, one.values, channels[c]) for c in channels if c != one.channel)
-        )
-        for one in found
-    ]
-    return sorted(together, key=lambda c: -c.gain)
+                # One hum reaches every channel: its frequency is the one that explains most on all of them together.
+                elsewhere = sum(_gained(effect, best.values, channels[c]) for c in names if c != name)
+                found.append(replace(_with_intervals(best, channel), gain=best.gain + elsewhere))
+    return sorted(found, key=lambda one: -one.gain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,17 +139,43 @@ class _Channel:
 
 
 def _channel(
+    effect: Effect,
+    observed: Sequence[ObservedRecording],
+    residuals: dict[str, Real],
+    noise: Noise,
+    settings: DiagnosisSettings,
+) -> _Channel:
+    """Recordings of a channel, their residuals without what is not to be taken for the effect.
+
+    An offset that all share is no drift. A tone is looked for in what a slow polynomial leaves of each recording.
+    """
+    if at_a_frequency(effect):
+        own = {o.name: _without_trend(residuals[o.name], settings.selection.hum_trend) for o in observed}
+    else:
+        level = float(np.mean(np.concatenate([residuals[o.name] for o in observed])))
+        own = {o.name: residuals[o.name] - level for o in observed}
+    return _described(observed, own, noise, settings, longest_memory(effect, settings.selection))
+
+
+def _described(
     observed: Sequence[ObservedRecording],
     residuals: dict[str, Real],
     noise: Noise,
     settings: DiagnosisSettings,
     memory: float,
 ) -> _Channel:
-    # estimated from these recordings, as the noise with the effect will be
+    """A channel whose noise is estimated from these recordings, as the noise with the effect will be."""
     alone = noise_of(observed, residuals, noise, memory)
     before = noise_alone_nll(observed, residuals, alone)
     lines_Hz = _lines_Hz(observed, residuals, settings.selection.spectral_lines)
     return _Channel(observed, residuals, alone, before, lines_Hz, settings, memory)
+
+
+def _without_trend(signal: Real, degree: int) -> Real:
+    """A signal less the polynomial of this degree that fits it best."""
+    columns = legvander(np.linspace(-1, 1, signal.size), degree)
+    rest: Real = signal - columns @ np.linalg.lstsq(columns, signal, rcond=None)[0]
+    return rest
 
 
 def _supported(effect: Effect, channel: _Channel, printhead: Printhead, explained: bool) -> RandomEffect | None:
@@ -179,7 +199,7 @@ def _supported(effect: Effect, channel: _Channel, printhead: Printhead, explaine
     for fitted, unseen in ((first, second), (second, first)):
         if not fitted or not unseen:
             return None
-        own = _best(effect, _channel(fitted, residuals, noise, channel.settings, channel.memory), printhead)
+        own = _best(effect, _described(fitted, residuals, noise, channel.settings, channel.memory), printhead)
         if own is None:
             return None
         gain = min(gain, gain_on_unseen(effect, own.values, fitted, unseen, residuals, noise, settings))
