@@ -114,7 +114,7 @@ def autoregression(rng: np.random.Generator) -> NoiseLaw:
             poles += [pole, pole.conjugate()]
         else:
             poles.append(complex(rng.uniform(-0.5, 0.9)))
-    return NoiseLaw(_filtered(np.ones(1), np.poly(poles).real))
+    return NoiseLaw(_filtered(np.ones(1), np.asarray(np.poly(poles).real, dtype=np.float64)))
 
 
 def exponential_memory(rng: np.random.Generator) -> NoiseLaw:
@@ -201,7 +201,7 @@ def spectral_bump(rng: np.random.Generator) -> NoiseLaw:
     quality = min(float(rng.uniform(5, 50)), frequency / 0.002)
     share = float(rng.uniform(0.2, 0.8))
     pole = np.exp(2j * np.pi * frequency - np.pi * frequency / quality)
-    band = _filtered(np.ones(1), np.poly([pole, pole.conjugate()]).real)
+    band = _filtered(np.ones(1), np.asarray(np.poly([pole, pole.conjugate()]).real, dtype=np.float64))
 
     def row(rng: np.random.Generator, signal: Real, step: float) -> Real:
         return np.asarray(np.sqrt(1 - share**2) * _white(rng, signal, step) + share * band(rng, signal, step))

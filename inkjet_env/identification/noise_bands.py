@@ -108,8 +108,8 @@ def band_powers(
         Variance of each band, in the signal's unit squared.
     """
     groups: dict[tuple[float, int], list[tuple[Real, float, Callable[[int], Real]]]] = {}
-    for step, row, innovation, passed in whitened:
-        groups.setdefault((step, row.size), []).append((row, innovation, passed))
+    for step, row, own, transfer in whitened:
+        groups.setdefault((step, row.size), []).append((row, own, transfer))
     steps = sorted({step for step, _ in groups})
     tables, levels, weights = [], [], []
     for (step, samples), mine in groups.items():
@@ -117,7 +117,8 @@ def band_powers(
             continue
         power = np.mean([np.abs(np.fft.rfft(row)) ** 2 / samples for row, _, _ in mine], axis=0)
         cycles = np.maximum(np.arange(power.size), 1) / samples  # the mean has the power of the first line
-        innovation, passed = mine[0][1], mine[0][2](samples)[: power.size] / mine[0][1] ** 2
+        _, innovation, passed_at = mine[0]
+        passed = passed_at(samples)[: power.size] / innovation**2
         rows = _pooled(power.size)
         table = np.zeros((power.size, len(steps) + len(atoms)))
         table[:, steps.index(step)] = 1.0
@@ -128,6 +129,8 @@ def band_powers(
         levels.append(np.add.reduceat(power, rows) / count)
         weights.append(count * len(mine))
         weights[-1][0] = len(mine) - 1  # the mean over the stretches was removed
+    if not tables:
+        return dict.fromkeys(steps, 1.0), np.zeros(len(atoms))
     table, level, weight = np.concatenate(tables), np.concatenate(levels), np.concatenate(weights)
     total = weight @ table
     begin = np.maximum(start, 1e-3 * float(weight @ level) / np.maximum(total[len(steps) :], 1e-300) / len(atoms))

@@ -47,10 +47,10 @@ def _values(name, strength=1.0):
 
 
 @functools.cache
-def _recorded(*names, strength=1.0, seed=3, snr_dB=50.0, monitored=False, **lines):
+def _recorded(*names, strength=1.0, seed=3, snr_dB=50.0, monitored=False, noise_kind="white", **lines):
     """A campaign with these effects on."""
     effects = [(EFFECTS[name], _values(name, strength)) for name in names]
-    return record_synthetic(HEAD, effects, seed, snr_dB, monitored, _lines(**lines))
+    return record_synthetic(HEAD, effects, seed, snr_dB, monitored, _lines(**lines), noise_kind)
 
 
 @functools.cache
