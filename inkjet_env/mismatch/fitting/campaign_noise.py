@@ -132,7 +132,7 @@ def noise_seen(
     least = least or _least(observed)
     stationary = _stationary(observed, residuals, otherwise, settings, least)
     modelled = {o.name: o.measured - residuals[o.name] for o in observed}
-    for channel in {o.channel for o in observed}:
+    for channel in sorted({o.channel for o in observed}):
         mine = [o for o in observed if o.channel == channel]
         at_rest = [modelled[o.name] for o in mine if o.at_rest] or [modelled[o.name] for o in mine]
         rest = float(np.median(np.concatenate(at_rest)))
