@@ -192,8 +192,8 @@ class SelectionSettings(_Settings):
     law_scale_tolerance: float = 2e-3
     """Tolerance of the full scale, relative to the base model's. Unit: 1. Source: speed."""
     random_effect_gain: float = 10.0
-    """Gain on unseen recordings from which a random effect counts as present: noise alone gains as much once in 22,000
-    campaigns, whatever its spectrum. Unit: log-likelihood. Source: decision 6."""
+    """Gain on unseen recordings, in both halves, from which a random effect counts as present. Unit: log-likelihood.
+    Source: decision 6."""
     split_recordings: int = 4
     """Least number of recordings that are divided into halves whole; fewer are cut into parts. Unit: recordings.
     Source: two in each half."""

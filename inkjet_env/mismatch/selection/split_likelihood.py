@@ -2,8 +2,10 @@
 
 The recordings are divided into two halves. Frequency, amplitude and noise with the effect are fitted to one half; noise
 alone, as coloured as it may be, is fitted to the other half, on which both are compared. The ratio of these likelihoods
-exceeds x with a probability of at most 1/x where noise alone is true, whatever its spectrum (Wasserman, Ramdas &
-Balakrishnan, PNAS 117, 2020: universal inference). The halves then change places, and the smaller ratio counts.
+exceeds x with a probability of at most 1/x where noise alone is true and its spectrum is the likeliest one (Wasserman,
+Ramdas & Balakrishnan, PNAS 117, 2020: universal inference). It is only nearly so: the spectrum is fitted by Whittle's
+likelihood, and noise whose memory is a sixth of a recording has gained e¹² in one half. So the halves change places,
+and the smaller ratio counts.
 """
 
 from __future__ import annotations
@@ -93,30 +95,28 @@ def parts_of(
         if highest_Hz and highest_Hz * e.step_s * block * settings.samples_a_period > 1:
             block = 1
         kept = block * (e.samples // block)
-        signals = {"residual": residuals[o.name], "drive": e.drive_V, "level": level, "neighbour": e.neighbour_V}
-        means = {
-            name: None if signal is None else signal[:kept].reshape(-1, block).mean(axis=1)
-            for name, signal in signals.items()
-        }
+        residual, drive_V = (s[:kept].reshape(-1, block).mean(axis=1) for s in (residuals[o.name], e.drive_V))
+        level, neighbour_V = (
+            None if s is None else s[:kept].reshape(-1, block).mean(axis=1) for s in (level, e.neighbour_V)
+        )
         samples = kept // block
         wanted = max(pieces, math.ceil(samples / settings.longest_part))
         count = min(wanted, max(1, samples // settings.shortest_part))
         length = samples // count
         for k in range(count):
             cut = slice(k * length, (k + 1) * length)
-            drive_V, neighbour_V = means["drive"][cut], means["neighbour"]  # type: ignore[index]
             excitation = replace(
                 e,
                 step_s=e.step_s * block,
-                drive_V=drive_V,
+                drive_V=drive_V[cut],
                 neighbour_V=None if neighbour_V is None else neighbour_V[cut],
                 cache={},
             )
             name = f"{o.name} part {k + 1}"
-            own[name] = means["residual"][cut]  # type: ignore[index]
+            own[name] = residual[cut]
             parts.append(replace(o, name=name, excitation=excitation, measured=own[name], fitted=length))
-            if means["level"] is not None:
-                levels[name] = means["level"][cut]
+            if level is not None:
+                levels[name] = level[cut]
     return parts, own, replace(noise, levels=levels)
 
 
@@ -124,7 +124,7 @@ def noise_of(
     observed: Sequence[ObservedRecording],
     residuals: dict[str, Real],
     noise: Noise,
-    longest_memory: float = FLAT_BELOW_FIRST_LINE,
+    longest_memory: float,
     lines_Hz: Sequence[float] = (),
 ) -> Noise:
     """Noise whose spectrum is that of these residuals, and whose levels are those of another noise.
@@ -144,10 +144,7 @@ def noise_of(
     """
     stretches: dict[float, list[Real]] = {}
     for o in observed:
-        level = noise.levels.get(o.name)
-        stretches.setdefault(o.noise_key[1], []).append(
-            residuals[o.name] if level is None else residuals[o.name] / level
-        )
+        stretches.setdefault(o.noise_key[1], []).append(residuals[o.name] / noise.levels.get(o.name, np.ones(1)))
     channel = observed[0].channel
     sources = dict.fromkeys(stretches, "residuals")
     least = noise.least.get(channel, 0.0)
@@ -190,8 +187,7 @@ def gain_on_unseen(
         Memory of a drift.
     """
     memory = longest_memory(effect, settings)
-    less = noise_of(fitted, without_amplitudes(effect, values, fitted, residuals), noise, memory)
-    less = _exact(less)
+    less = _exact(noise_of(fitted, without_amplitudes(effect, values, fitted, residuals), noise, memory))
     variance = amplitudes_of(effect, values, fitted, residuals, less).variance
     compared = [o for o in unseen if o.noise_key in less.models]
     if not compared or not variance:

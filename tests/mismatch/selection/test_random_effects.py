@@ -209,7 +209,7 @@ def test_a_converter_whose_steps_hide_the_noise_neither_hums_nor_drifts(look, ef
 
 @pytest.mark.parametrize(("steps", "heard"), [(0.02, True), (3.0, False)])
 def test_a_hum_of_less_than_a_step_is_heard_only_where_noise_makes_rounding_random(steps, heard, effects):
-    """Steps of the noise's RMS: the same hum, as loud as the noise."""
+    """Steps of the noise's RMS: the same hum, half the noise."""
     rng = np.random.default_rng(35)
     observed = recordings()
     noisy = together(white(observed, rng), tone(observed, rng, 9e4, 0.5 * RMS))

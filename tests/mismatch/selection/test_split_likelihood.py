@@ -10,7 +10,7 @@ from inkjet_env.identification.noise_bands import Band
 from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.campaign_noise import Noise
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
-from inkjet_env.mismatch.selection.amplitude_likelihood import noise_alone_nll
+from inkjet_env.mismatch.selection.amplitude_likelihood import amplitudes_of, noise_alone_nll
 from inkjet_env.mismatch.selection.random_effects import _without_trend
 from inkjet_env.mismatch.selection.split_likelihood import ExactNoise, gain_on_unseen, halves, parts_of
 from inkjet_env.plant import Excitation
@@ -45,6 +45,23 @@ def test_the_likelihood_is_that_of_the_covariance_written_out():
     covariance = np.outer(level, level) * toeplitz(model.autocovariance(120))
     expected = -multivariate_normal(np.zeros(120), covariance).logpdf(residual) - 60 * np.log(2 * np.pi)
     assert noise_alone_nll([o], {o.name: residual}, noise) == pytest.approx(expected, rel=1e-8)
+
+
+def test_the_gain_of_random_amplitudes_is_that_of_the_covariance_written_out(effects):
+    """Of white noise: amplitudes of one variance along orthonormal columns."""
+    (o,) = recordings(1, 60)
+    effect, values = effects["baseline_drift"], {"amplitude": 1.0, "degree": 2.0}
+    noise = ExactNoise({o.noise_key: NoiseModel(np.ones(1), 1.0, 1.0, "a test")}, {o.noise_key: 60})
+    columns = effect.random_effect_basis(values, o.excitation)
+    residual = columns @ [3.0, -2.0, 1.0] + np.random.default_rng(2).standard_normal(60)
+    found = amplitudes_of(effect, values, [o], {o.name: residual}, noise)
+    q, r = np.linalg.qr(columns)
+    for variance in (0.1, 1.0, found.variance):
+        covariance = np.eye(60) + variance * np.mean(np.diag(r) ** 2) * q @ q.T
+        gain = multivariate_normal(np.zeros(60), covariance).logpdf(residual)
+        gain -= multivariate_normal(np.zeros(60), np.eye(60)).logpdf(residual)
+        assert found.gain(variance) == pytest.approx(gain, rel=1e-6)
+    assert found.gain(found.variance) >= max(found.gain(0.9 * found.variance), found.gain(1.1 * found.variance)) - 0.01
 
 
 @pytest.mark.parametrize(
