@@ -16,8 +16,8 @@ LEAST_CAPACITANCE = 0.02
 def slew_limited(signal, rise, fall, start, result):
     """Follow a signal that is linear between nodes; returns the last value.
 
-    Per node the value rises by at most ``rise`` and falls by at most ``fall``. Exact at the nodes, even if it catches up
-    with the signal, or an edge meets it, between them.
+    Per node the value rises by at most ``rise`` and falls by at most ``fall``. Exact at the nodes, even if it catches
+    up with the signal, or an edge meets it, between them.
     """
     value = start
     result[0] = value

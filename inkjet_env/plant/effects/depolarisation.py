@@ -83,8 +83,8 @@ class Depolarisation(Effect):
     def description(self, values: Values, unit: str = "V") -> str:
         loses = "loses" if values["loss"] > 0 else "gains"
         text = (
-            f"Below -{with_prefix(values['coercive_V'], 'V')} the ceramic {loses} {percent(abs(values['loss']) / 10)} of "
-            f"its gain per 10 V, with a recovery time of {with_prefix(values['recovery_s'], 's')}"
+            f"Below -{with_prefix(values['coercive_V'], 'V')} the ceramic {loses} "
+            f"{percent(abs(values['loss']) / 10)} of its gain per 10 V, with a recovery time of {with_prefix(values['recovery_s'], 's')}"
         )
         return f"{text}; {percent(values['permanent'])} of that is permanent." if values["permanent"] else f"{text}."
 

@@ -30,7 +30,7 @@ class DriveResonance(Effect):
 
     id = "drive_resonance"
     stage = "drive"
-    sentence = "The cable's inductance and the head's capacitance resonate: the voltage at the ceramic rings after edges."
+    sentence = "The cable's inductance and the head's capacitance resonate, so the drive rings after its edges."
     equation = "u + 2 ζ/ω u' + u''/ω² = u_requested, ω = 2π frequency_Hz = 1/√(L C)"
     source = (
         "A. J. Fleming, K. K. Leang, Design, Modeling and Control of Nanopositioning Systems, Springer, 2014, chapter "
@@ -41,7 +41,9 @@ class DriveResonance(Effect):
         Parameter("damping_ratio", "1", 0.01, 0.5, "log", "ζ: damping ratio of cable and head"),
     )
     strengths = ("frequency_Hz",)
-    signature = "each corner of the drive starts a ringing of one frequency, linear in the drive, whose mean is the drive"
+    signature = (
+        "the drive itself rings at one frequency after each of its corners, in proportion to its change of slope"
+    )
     confusable_with = ("amplifier_bandwidth", "second_mode", "trigger_delay")
     shown_by = "the voltage at the head as well (column drive_monitor_V)"
 
@@ -66,8 +68,8 @@ class DriveResonance(Effect):
     def description(self, values: Values, unit: str = "V") -> str:
         overshoot = math.exp(-math.pi * values["damping_ratio"] / math.sqrt(1 - values["damping_ratio"] ** 2))
         return (
-            f"Cable and head resonate at {with_prefix(values['frequency_Hz'], 'Hz', 3)}: after a jump the voltage at the "
-            f"ceramic overshoots by {100 * overshoot:.2g} %."
+            f"Cable and head resonate at {with_prefix(values['frequency_Hz'], 'Hz', 3)}: after a jump the voltage "
+            f"at the ceramic overshoots by {100 * overshoot:.2g} %."
         )
 
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:

@@ -34,7 +34,9 @@ class GeneratorSteps(Effect):
     id = "generator_steps"
     stage = "drive"
     sentence = "The generator's output is a staircase: it is updated at intervals and has a finite resolution."
-    equation = "u(t) = q round(u_requested(⌊t/T⌋ T) / q), T update_s, q resolution_V; T = 0: no hold, q = 0: no rounding"
+    equation = (
+        "u(t) = q round(u_requested(⌊t/T⌋ T) / q), T update_s, q resolution_V; T = 0: no hold, q = 0: no rounding"
+    )
     source = (
         "A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 3rd edition, Pearson, 2010, chapter 4: "
         "zero-order hold and quantisation"

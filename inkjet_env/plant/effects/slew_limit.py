@@ -84,7 +84,9 @@ class SlewLimit(Effect):
         if ratio == 1:
             return f"The amplifier cannot follow edges steeper than {rising}."
         falling = with_prefix(ratio * rise, "V/s", 3)
-        return f"The amplifier cannot follow rising edges steeper than {rising} and falling ones steeper than {falling}."
+        return (
+            f"The amplifier cannot follow rising edges steeper than {rising} and falling ones steeper than {falling}."
+        )
 
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         if math.isinf(values["slew_rate_V_s"]):

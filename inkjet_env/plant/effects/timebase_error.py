@@ -29,10 +29,14 @@ class TimebaseError(Effect):
     equation = "y(t) = y₀((1 + skew) t), t since the trigger"
     source = "IEEE Standard 1057-2017 for Digitizing Waveform Recorders: time base errors"
     parameters = (
-        Parameter("skew", "1", -0.02, 0.02, meaning="relative excess of the true time between samples over the recorded"),
+        Parameter(
+            "skew", "1", -0.02, 0.02, meaning="relative excess of the true time between samples over the recorded"
+        ),
     )
     strengths = ("skew",)
-    signature = "responses come later, or earlier, in proportion to the time since the trigger, with the drive's edges too"
+    signature = (
+        "responses come later, or earlier, in proportion to the time since the trigger, with the drive's edges too"
+    )
     confusable_with = ("trigger_delay", "thermal_drift")
     shown_by = "the same pulse early and late in one long recording"
 
