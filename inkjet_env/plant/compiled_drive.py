@@ -57,7 +57,7 @@ def softly_slewed(signal, rise, fall, lag, start, result):
                 if met < time:  # the signal crosses the value, whose limit changes there
                     x, time = 0.0, time - met
                     most = fall if most == rise else rise
-                    slope = edge / most
+                    reach, slope = most * lag, edge / most
             value = signal[i] - reach * _behind(x, slope, time)
         result[i] = value
     return value

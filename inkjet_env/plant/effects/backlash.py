@@ -59,11 +59,10 @@ class Backlash(Effect):
     def description(self, values: Values, unit: str = "V") -> str:
         said = []
         if values["gap_V"]:
-            said.append(f"at each reversal the first {with_prefix(2 * values['gap_V'], 'V')} are lost")
+            said.append(f"{with_prefix(2 * values['gap_V'], 'V')} of the hysteretic drive are lost at each reversal")
         if values["dead_zone_V"]:
             said.append(f"within ±{with_prefix(values['dead_zone_V'], 'V')} of rest nothing moves")
-        where = " and ".join(said)
-        return f"The joint has play: {where} of the hysteretic drive." if said else self.sentence
+        return f"The joint has play: {' and '.join(said)}." if said else self.sentence
 
     def hysteresis(
         self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, excitation: Excitation

@@ -54,7 +54,7 @@ class CoulombFriction(Effect):
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         reach = reach_V(printhead, excitations)
-        friction_V = min(0.1 * printhead.damping_ratio * math.pi / 2 * reach, 1e3)
+        friction_V = min(0.05 * printhead.damping_ratio * math.pi / 2 * reach, 1e3)
         return [{"friction_V": friction_V, "speed_V": min(share * reach, 1e3)} for share in SHARES]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:

@@ -84,7 +84,8 @@ class Depolarisation(Effect):
         loses = "loses" if values["loss"] > 0 else "gains"
         text = (
             f"Below -{with_prefix(values['coercive_V'], 'V')} the ceramic {loses} "
-            f"{percent(abs(values['loss']) / 10)} of its gain per 10 V, with a recovery time of {with_prefix(values['recovery_s'], 's')}"
+            f"{percent(abs(values['loss']) / 10)} of its gain per 10 V, with a recovery time of "
+            f"{with_prefix(values['recovery_s'], 's')}"
         )
         return f"{text}; {percent(values['permanent'])} of that is permanent." if values["permanent"] else f"{text}."
 

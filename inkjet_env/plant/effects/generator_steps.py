@@ -83,10 +83,9 @@ class GeneratorSteps(Effect):
             return drive_V
         if nodes < UNRESOLVED:
             held_V = late(drive_V, nodes / 2, excitation.periodic) if nodes else drive_V
-            if step_V == 0:
-                return held_V
-            return held_V + _cell_means(held_V, excitation.periodic, step_V) - _cell_means(held_V, excitation.periodic)
-        stairs_V = staircase_means(drive_V, nodes, step_V, excitation.periodic)
+            stairs_V = _cell_means(held_V, excitation.periodic, step_V)
+        else:
+            stairs_V = staircase_means(drive_V, nodes, step_V, excitation.periodic)
         result: Real = drive_V + stairs_V - _cell_means(drive_V, excitation.periodic)
         return result
 

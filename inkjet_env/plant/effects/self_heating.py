@@ -88,8 +88,9 @@ class SelfHeating(Effect):
         if not said:
             return self.sentence
         return (
-            f"In a steady oscillation as large as the deflection under {with_prefix(SPEED_V / 2, 'V')}, the head becomes "
-            f"{' and '.join(said)} by its own heat, with a time constant of {with_prefix(values['cooling_s'], 's')}."
+            f"In a steady oscillation as large as the deflection under {with_prefix(SPEED_V / 2, 'V')}, the head "
+            f"becomes {' and '.join(said)} by its own heat, with a time constant of "
+            f"{with_prefix(values['cooling_s'], 's')}."
         )
 
     def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:

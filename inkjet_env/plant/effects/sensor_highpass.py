@@ -21,8 +21,8 @@ PERIODS = (0.1, 0.03, 0.01, 0.003)
 class SensorHighpass(Effect):
     """High-pass of first order on the signal of a fast sensor.
 
-    Its constant part cannot be distinguished from the offset behind the capacitor, so it stays: the capacitor is charged
-    to the first value of a recording that starts at rest, and to the mean of any other.
+    Its constant part cannot be distinguished from the offset behind the capacitor, so it stays: the capacitor is
+    charged to the first value of a recording that starts at rest, and to the mean of any other.
     """
 
     id = "sensor_highpass"

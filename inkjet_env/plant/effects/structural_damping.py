@@ -19,7 +19,6 @@ from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.force import Force, compiled_force
 from inkjet_env.plant.recorded_motion import too_slow
 from inkjet_env.plant.resonance import Resonance
-from inkjet_env.plant.wording import percent
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -76,8 +75,8 @@ class StructuralDamping(Effect):
     def description(self, values: Values, unit: str = "V") -> str:
         loss = values["loss_factor"]
         return (
-            f"The structure has a loss factor of {loss:.2g}, as from a damping ratio of {loss / 2:.2g} at the resonance, "
-            f"and takes {percent(loss)} of the elastic force at other frequencies too."
+            f"The structure has a loss factor of {loss:.2g}{_course(values['power'])}; at the resonance that adds "
+            f"{loss / 2:.2g} to the damping ratio."
         )
 
     def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
@@ -95,6 +94,12 @@ class StructuralDamping(Effect):
         numbers[FIRST + 2 :: 4] = loss * stiffness * weights
         relaxations = tuple((FIRST + 4 * k + 3, float(1 / rate)) for k, rate in enumerate(rates))
         return replace(resonance, forces=(*resonance.forces, Force(_compiled(), numbers, relaxations)))
+
+
+def _course(power: float) -> str:
+    if power == 0:
+        return " at every frequency"
+    return f", which {'rises' if power > 0 else 'falls'} with the power {abs(power):.2g} of the frequency"
 
 
 def elements(omega0: float, power: float) -> tuple[Real, Real, float]:

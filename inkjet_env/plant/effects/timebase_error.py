@@ -51,8 +51,8 @@ class TimebaseError(Effect):
         return None if moves else "no recording has a drive that changes"
 
     def description(self, values: Values, unit: str = "V") -> str:
-        skew = values["skew"]
-        return f"The recorder's clock runs {percent(abs(skew), 3)} {'slow' if skew > 0 else 'fast'} against the generator's."
+        slow = "slow" if values["skew"] > 0 else "fast"
+        return f"The recorder's clock runs {percent(abs(values['skew']), 3)} {slow} against the generator's."
 
     def sensing(
         self, values: Values, signal: Real, drive_V: Real, printhead: Printhead, excitation: Excitation

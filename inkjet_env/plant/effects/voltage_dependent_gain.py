@@ -44,13 +44,11 @@ class VoltageDependentGain(Effect):
         return {"electrostriction": 0.04}
 
     def description(self, values: Values, unit: str = "V") -> str:
-        said = []
-        for name, power in (("electrostriction", "square"), ("stiffening", "cube")):
-            if values[name]:
-                said.append(f"{percent(abs(values[name]))} {'less' if values[name] < 0 else 'more'} with its {power}")
+        terms = {"square": values["electrostriction"], "cube": values["stiffening"]}
+        said = [f"{percent(part, signed=True)} by a term in its {power}" for power, part in terms.items() if part]
         if not said:
             return self.sentence
-        return f"At a drive of half the full scale, the displacement is, per volt, {' and '.join(said)}."
+        return f"At a drive of half the full scale the displacement changes by {' and '.join(said)}."
 
     def hysteresis(
         self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
