@@ -35,7 +35,7 @@ class Force:
     relaxations: tuple[tuple[int, float], ...] = ()
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Memory:
     """Relaxing memory of a force, and what of a change of it decays over one period of the drive.
 
@@ -49,15 +49,12 @@ class Memory:
         Places of the relaxing values.
     decays : ndarray, shape (m,)
         Share of a change of each that decays over one period.
-    last : tuple of ndarray, shape (m,), optional
-        Relaxing values at the start of the last step towards the steady state, and that step.
     """
 
     values: Real
     first: Real
     places: NDArray[np.int64]
     decays: Real
-    last: tuple[Real, Real] | None = None
 
     @classmethod
     def of(cls, force: Force, values: Real, period_s: float) -> Memory:
@@ -71,24 +68,19 @@ class Memory:
         """Copy of the relaxing values, shape (m,)."""
         return self.values[self.places]
 
-    def settle(self, before: Real) -> None:
-        """Move the relaxing values, ``before`` a period ago, to where they would end after many such periods.
+    @property
+    def size(self) -> float:
+        """Largest magnitude of the relaxing values, above 0."""
+        return max(float(np.abs(self.relaxing).max()), 1e-12)
 
-        They would if the motion did not depend on them. Where it does, and steps towards the end overshoot, they are
-        shortened by the secant through the last two.
-        """
-        step = (self.relaxing - before) / self.decays
-        if self.last is not None:
-            moved, change = before - self.last[0], step - self.last[1]
-            slope = float(moved @ change) / max(float(moved @ moved), 1e-300)
-            step = step / max(-slope, 1.0)
-        self.last = before, (self.relaxing - before) / self.decays
-        self.values[self.places] = before + step
+    def set(self, relaxing: Real) -> None:
+        """Set the relaxing values, shape (m,)."""
+        self.values[self.places] = relaxing
 
-    def settled(self, before: Real, share: float) -> bool:
-        """Whether the relaxing values have changed by no more than a share of the largest of them."""
-        largest = float(np.abs(self.relaxing).max())
-        return float(np.abs(self.relaxing - before).max()) <= share * max(largest, 1e-12)
+    def step(self, before: Real) -> Real:
+        """Distance from the relaxing values ``before`` a period to where many such periods would lead, shape (m,)."""
+        result: Real = (self.relaxing - before) / self.decays
+        return result
 
 
 def compiled_force(law: Callable[..., float]) -> Any:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from inkjet_env.plant.errors import SimulationError
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.force import Force, Memory
+from inkjet_env.plant.steady_state import settle
 from inkjet_env.printhead.resonator import pole
 from inkjet_env.typing import Real
 
@@ -135,25 +136,20 @@ class Oscillator:
                     )
                 )  # fmt: skip
 
-        remembered = [memory.relaxing for memory in memories]
-        end = run(state)
-        if excitation.periodic:
-            decay = complex(
-                -np.expm1(lam * period_s)
-            )  # share of a change that decays over one period, in linear motion
-            for _ in range(MOST_PERIODS):
+        # Share of a change that decays over one period, in linear motion.
+        decay = complex(-np.expm1(lam * period_s))
+        if excitation.periodic and memories:
+            end = settle(run, state, decay, memories, STEADY)
+        else:
+            end = run(state)
+            for _ in range(MOST_PERIODS if excitation.periodic else 0):
                 state += (end - state) / decay
-                for memory, earlier in zip(memories, remembered, strict=True):
-                    memory.settle(earlier)
-                remembered = [memory.relaxing for memory in memories]
                 end = run(state)
-                steady = abs(end - state) <= STEADY * max(abs(state), 1e-12)
-                if self.linear or (
-                    steady and all(m.settled(r, STEADY) for m, r in zip(memories, remembered, strict=True))
-                ):
+                if self.linear or abs(end - state) <= STEADY * max(abs(state), 1e-12):
                     break
             else:
-                raise SimulationError("there is no steady state under the repeated drive.")
+                if excitation.periodic:
+                    raise SimulationError("there is no steady state under the repeated drive.")
         if not np.isfinite(end):
             raise SimulationError("the motion grows without bound.")
         return deflection[: excitation.samples], speed[: excitation.samples]

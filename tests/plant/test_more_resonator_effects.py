@@ -113,9 +113,9 @@ def test_the_loss_factor_is_the_same_at_every_frequency_and_the_stiffness_is_kep
 @pytest.mark.parametrize("power", [-0.3, 0.5])
 def test_a_power_of_the_frequency_is_that_of_a_fractional_derivative(power):
     rates, weights, _ = elements(1.0, power)
-    w = np.array([[0.3], [3.0]])
+    w = np.array([[0.5], [2.0]])
     loss = (weights * 1j * w / (1j * w + rates)).sum(axis=1).imag
-    assert loss[1] / loss[0] == pytest.approx(10**power, rel=0.12)
+    assert loss[1] / loss[0] == pytest.approx(4**power, rel=0.12)
 
 
 def test_structural_damping_solves_its_equation():
@@ -133,12 +133,11 @@ def test_structural_damping_solves_its_equation():
     assert found == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())
 
 
-def test_a_small_loss_factor_is_half_a_damping_ratio_at_the_resonance():
-    excitation = shot_of(np.zeros(600), "free", start=(50.0, 0.0))
-    viscous = Resonance(HEAD.a0, HEAD.a1 + 0.004 * OMEGA0, HEAD.a0).motion(excitation.drive_at_nodes_V, excitation)
-    found = motion("structural_damping", excitation, loss_factor=0.004)
-    plain = RESONANCE.motion(excitation.drive_at_nodes_V, excitation)
-    assert np.linalg.norm(found - viscous) < 0.25 * np.linalg.norm(plain - viscous)
+def test_a_loss_factor_adds_half_of_itself_to_the_damping_ratio_of_a_ring_down():
+    quiet = Resonance(HEAD.a0, 0.002 * OMEGA0, HEAD.a0)
+    excitation = shot_of(np.zeros(801), "free", start=(50.0, 0.0))
+    tops = motion("structural_damping", excitation, quiet, loss_factor=0.01)[300::100]
+    assert -np.log(tops[1:] / tops[:-1]) / (2 * np.pi) == pytest.approx((0.001 + 0.005) * np.ones(5), rel=0.05)
 
 
 @pytest.mark.parametrize("channel", ["self_sensing", "displacement"])
@@ -160,7 +159,7 @@ def test_structural_damping_in_steady_state_has_the_response_of_its_transfer_fun
 
 def test_structural_damping_starts_at_rest_and_converges_with_the_second_power_of_the_step():
     held = shot_of(np.full(200, 20.0))
-    rates, weights, kept = elements(OMEGA0, 0.0)
+    kept = elements(OMEGA0, 0.0)[2]
     assert motion("structural_damping", held, loss_factor=0.05) == pytest.approx(20.0 / (1 - 0.05 * kept), rel=1e-5)
     orders, error = order_in_steps("structural_damping", loss_factor=0.05)
     assert orders.min() > 1.8
@@ -242,11 +241,12 @@ def test_a_held_deflection_does_not_soften_the_ring_around_it():
     """Unlike the amplitude from zero, the envelope is that of the motion."""
     small = np.interp(np.arange(600), [20, 30, 60, 70], [0, 1.0, 1.0, 0.0])
     on_bias, alone = shot_of(60 + small), shot_of(small)
-    for name, depends in (("envelope_per_V", False), ("softening_per_V", True)):
-        values = {name: 2e-4, "loss_ratio": 1e-9 + 0.1}
+    changes = []
+    for name in ("envelope_per_V", "softening_per_V"):
+        values = {name: 2e-4, "loss_ratio": 0.1}
         moved = motion("ferroelastic_softening", on_bias, **values)
-        change = np.abs((moved - moved[0]) - motion("ferroelastic_softening", alone, **values)).max()
-        assert (change > 0.01) == depends
+        changes.append(np.abs((moved - moved[0]) - motion("ferroelastic_softening", alone, **values)).max())
+    assert changes[0] < 0.1 * changes[1]
 
 
 def test_in_steady_state_the_envelope_is_the_amplitude():

@@ -145,7 +145,7 @@ def _softened(x_V: float, speed_V: float, values: Real) -> float:
         values[5] = values[2] * values[5] + values[3] * values[6] + values[4] * power
     values[6] = power
     values[7] = 1.0
-    force: float = math.sqrt(2.0 * values[5]) * (values[1] * speed_V - values[0] * x_V)
+    force: float = math.sqrt(2.0 * max(values[5], 0.0)) * (values[1] * speed_V - values[0] * x_V)
     return force
 
 
