@@ -163,6 +163,15 @@ def damaged(change):
     return data
 
 
+def test_a_file_from_before_a_law_had_a_freedom_is_read_with_its_plain_value(tmp_path):
+    slew = (EFFECTS["slew_limit"], {"slew_rate_V_s": 2e7, "lag_s": 1e-7, "fall_ratio": 1.0})
+    data = AugmentedPrinthead(HEAD, (slew,)).as_json()
+    del data["effects"][0]["parameters"]["fall_ratio"]
+    path = tmp_path / "older.json"
+    path.write_text(json.dumps(data))
+    assert read_printhead(path).effects[0][1] == slew[1]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

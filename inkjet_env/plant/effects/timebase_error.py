@@ -60,7 +60,8 @@ class TimebaseError(Effect):
         skew = values["skew"]
         if skew == 0:
             return signal
-        return resampled(signal, (1 + skew) * np.arange(signal.size), excitation.periodic)
+        places: Real = np.float64(1 + skew) * np.arange(signal.size, dtype=np.float64)
+        return resampled(signal, places, excitation.periodic)
 
 
 def resampled(signal: Real, places: Real, periodic: bool) -> Real:
