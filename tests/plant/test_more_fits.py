@@ -57,8 +57,12 @@ def test_a_fit_from_the_starts_that_look_most_like_it_finds_the_truth(name, trut
     for column, start in columns[:4]:
         factor = np.clip(column @ seen / (column @ column), -3.0, 3.0)
         begun = {n: value * factor if n in effect.strengths else value for n, value in start.items()}
+        z = np.clip(coordinates(effect, begun), *bounds)
+        scale = np.where(z == 0, 1.0, np.abs(z))
         left = damped_least_squares(
-            lambda z: added(values_at(effect, z)) - seen, np.clip(coordinates(effect, begun), *bounds), bounds
+            lambda z, scale=scale: added(values_at(effect, z * scale)) - seen,
+            z / scale,
+            (bounds[0] / scale, bounds[1] / scale),
         )
         best = min(best, left / np.linalg.norm(seen))
         if best < 1e-3:
