@@ -38,7 +38,7 @@ class Backlash(Effect):
     )
     strengths = ("gap_V", "dead_zone_V")
     signature = "the same travel is lost at each reversal, or around rest, whatever the amplitude: small loops vanish"
-    confusable_with = ("rate_dependent_hysteresis", "coulomb_friction", "asymmetric_hysteresis")
+    confusable_with = ("voltage_dependent_gain", "supply_droop", "rate_dependent_hysteresis")
     shown_by = "loops of the same rate whose amplitude falls to a few volts"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -49,7 +49,7 @@ class CoulombFriction(Effect):
     )
     strengths = ("friction_V",)
     signature = "the ring-down's envelope is a straight line and ends; the decrement grows as the amplitude falls"
-    confusable_with = ("quadratic_damping", "ferroelastic_softening", "backlash")
+    confusable_with = ("quadratic_damping", "ferroelastic_softening")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -51,7 +51,7 @@ class Depolarisation(Effect):
     )
     strengths = ("loss",)
     signature = "after a strong negative voltage the same pulse moves the head less; positive ones change nothing"
-    confusable_with = ("asymmetric_hysteresis", "voltage_dependent_gain", "supply_droop", "meniscus_refill")
+    confusable_with = ("asymmetric_hysteresis", "voltage_dependent_gain")
     shown_by = "the same small pulse before and after negative pulses of growing voltage"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

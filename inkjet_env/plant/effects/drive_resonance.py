@@ -44,7 +44,7 @@ class DriveResonance(Effect):
     signature = (
         "the drive itself rings at one frequency after each of its corners, in proportion to its change of slope"
     )
-    confusable_with = ("amplifier_bandwidth", "second_mode", "trigger_delay")
+    confusable_with = ("amplifier_bandwidth", "sensor_bandwidth", "trigger_delay", "second_mode")
     shown_by = "the voltage at the head as well (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -72,7 +72,7 @@ class FerroelasticSoftening(Effect):
     )
     strengths = ("softening_per_V", "rayleigh_per_V", "envelope_per_V")
     signature = "frequency and damping both shift linearly with the amplitude, from the smallest amplitudes on"
-    confusable_with = ("cubic_stiffness", "quadratic_damping")
+    confusable_with = ("cubic_stiffness", "quadratic_damping", "coulomb_friction")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

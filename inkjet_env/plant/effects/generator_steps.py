@@ -47,7 +47,7 @@ class GeneratorSteps(Effect):
     )
     strengths = ("update_s", "resolution_V")
     signature = "edges are staircases, late by half an update on average; held levels are off by up to half a step"
-    confusable_with = ("trigger_delay", "amplifier_bandwidth")
+    confusable_with = ("trigger_delay", "amplifier_bandwidth", "sensor_bandwidth")
     shown_by = "slow edges sampled finely, and the voltage at the head (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -51,7 +51,7 @@ class NonlinearCapacitance(Effect):
     )
     strengths = ("lag_s",)
     signature = "edges lag like those behind a resistance, but by another time at high voltage than near 0 V"
-    confusable_with = ("amplifier_bandwidth", "slew_limit", "trigger_delay")
+    confusable_with = ("amplifier_bandwidth", "sensor_bandwidth", "trigger_delay", "slew_limit")
     shown_by = "small steps on top of several bias voltages, and the voltage at the head (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -53,7 +53,7 @@ class SelfHeating(Effect):
     )
     strengths = ("stiffness_change", "damping_change")
     signature = "frequency and damping shift during a burst with the square of its amplitude, and recover in a pause"
-    confusable_with = ("meniscus_refill", "cubic_stiffness", "quadratic_damping", "thermal_drift")
+    confusable_with = ("meniscus_refill", "air_bubble", "thermal_drift")
     shown_by = "a long burst at the resonance at several amplitudes, each followed by a pause and a weak pulse"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -33,7 +33,7 @@ class SensorHighpass(Effect):
     parameters = (Parameter("corner_Hz", "Hz", 0.0, 1e8, meaning="half-power (-3 dB) frequency of the high-pass"),)
     strengths = ("corner_Hz",)
     signature = "held levels sag exponentially and the signal undershoots after them; fast oscillations are unaffected"
-    confusable_with = ("baseline_drift", "feedthrough", "supply_droop")
+    confusable_with = ("baseline_drift", "slew_limit", "trigger_delay", "structural_damping")
     shown_by = "a step that is held for many periods of the resonance, seen by a displacement sensor"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

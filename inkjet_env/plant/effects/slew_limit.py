@@ -51,7 +51,7 @@ class SlewLimit(Effect):
     )
     strengths = ("slew_rate_V_s",)
     signature = "only edges steeper than some slope are delayed; gentler ones at the same level are not"
-    confusable_with = ("amplifier_bandwidth",)
+    confusable_with = ("amplifier_bandwidth", "nonlinear_capacitance")
     shown_by = "trapezoids of one level, with edges from gentle to as steep as the generator allows"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

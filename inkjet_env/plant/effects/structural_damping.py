@@ -60,7 +60,7 @@ class StructuralDamping(Effect):
     )  # fmt: skip
     strengths = ("loss_factor",)
     signature = "linear; slow motions are damped, and held deflections creep, more than a viscous damper lets them"
-    confusable_with = ("creep", "second_mode", "sensor_bandwidth")
+    confusable_with = ("trigger_delay", "wave_echo", "sensor_highpass")
     shown_by = "a multisine from well below to well above the resonance"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

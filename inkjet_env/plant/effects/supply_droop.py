@@ -45,7 +45,7 @@ class SupplyDroop(Effect):
     )
     strengths = ("droop",)
     signature = "later pulses of a burst are smaller, in proportion to the charge drawn before; a gap restores them"
-    confusable_with = ("meniscus_refill", "creep", "depolarisation", "nonlinear_capacitance")
+    confusable_with = ("slew_limit", "rate_dependent_hysteresis", "meniscus_refill")
     shown_by = "bursts of equal pulses with several gaps, and the voltage at the head (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -37,7 +37,7 @@ class TimebaseError(Effect):
     signature = (
         "responses come later, or earlier, in proportion to the time since the trigger, with the drive's edges too"
     )
-    confusable_with = ("trigger_delay", "thermal_drift")
+    confusable_with = ("trigger_delay", "slew_limit")
     shown_by = "the same pulse early and late in one long recording"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

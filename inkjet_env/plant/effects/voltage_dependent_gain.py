@@ -30,7 +30,7 @@ class VoltageDependentGain(Effect):
     )
     strengths = ("electrostriction", "stiffening")
     signature = "even harmonics with the square of the drive, at any rate; the loop's width is that of the base model"
-    confusable_with = ("asymmetric_hysteresis", "depolarisation", "sensor_saturation")
+    confusable_with = ("asymmetric_hysteresis", "depolarisation")
     shown_by = "small loops on top of several positive and negative bias voltages"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
