@@ -65,9 +65,18 @@ class FerroelasticSoftening(Effect):
             10.0,
             meaning="the same, of the ring's envelope",
             plain=0.0,
+            later=True,
         ),
         Parameter(
-            "memory_periods", "1", 0.2, 30.0, "log", "τ: memory of the envelope, in periods", open_ended=True, plain=1.0
+            "memory_periods",
+            "1",
+            0.2,
+            30.0,
+            "log",
+            "τ: memory of the envelope, in periods",
+            open_ended=True,
+            plain=1.0,
+            later=True,
         ),
     )
     strengths = ("softening_per_V", "rayleigh_per_V", "envelope_per_V")

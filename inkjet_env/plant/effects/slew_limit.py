@@ -47,8 +47,11 @@ class SlewLimit(Effect):
     parameters = (
         Parameter("slew_rate_V_s", "V/s", 1.0, math.inf, "reciprocal", "steepest slope that it can follow"),
         Parameter("lag_s", "s", 0.0, 1.0, meaning="τ: lag on gentler edges", open_ended=True, plain=0.0),
-        Parameter("fall_ratio", "1", 0.05, 20.0, "log", "steepest fall over steepest rise", open_ended=True, plain=1.0),
-    )
+        Parameter(
+            "fall_ratio", "1", 0.05, 20.0, "log", "steepest fall over steepest rise",
+            open_ended=True, plain=1.0, later=True,
+        ),
+    )  # fmt: skip
     strengths = ("slew_rate_V_s",)
     signature = "only edges steeper than some slope are delayed; gentler ones at the same level are not"
     confusable_with = ("amplifier_bandwidth", "nonlinear_capacitance")
