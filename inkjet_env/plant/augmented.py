@@ -229,6 +229,8 @@ class AugmentedPrinthead:
         for effect, values in self.effects:
             parameters = {}
             for p in effect.parameters:
+                if p.later and values[p.name] == p.plain:
+                    continue
                 low, high = (effect_intervals or {}).get(effect.id, {}).get(p.name, (values[p.name], values[p.name]))
                 numbers = {"value": values[p.name], "low": low, "high": high}
                 finite = {name: v if math.isfinite(v) else None for name, v in numbers.items()}
