@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 from inkjet_env.printhead.hysteresis import BranchLaw
 from inkjet_env.printhead.printhead_json import effect_ids, parameters_of, printhead_data
@@ -19,6 +19,10 @@ from inkjet_env.printhead.response import Response
 from inkjet_env.printhead.waveform import Waveform
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_period, check_window
 from inkjet_env.storage import write_json
+
+
+class UnknownDynamicsError(ValueError):
+    """``a0``, ``a1`` or ``b1`` of a head of which only the hysteresis is known; the message says what to record."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,8 @@ class Printhead:
     b1: float
     coefficients: tuple[float, ...]
     full_scale_V: float = 180.0
+    has_dynamics: ClassVar[bool] = True
+    """Whether ``a0``, ``a1`` and ``b1`` are known; False for a `QuasiStaticPrinthead`."""
 
     def __post_init__(self) -> None:
         check_resonator(self.a0, self.a1)
@@ -76,7 +82,10 @@ class Printhead:
 
     @classmethod
     def from_json(cls, path: str | os.PathLike[str]) -> Printhead:
-        """Read a ``printhead/1`` file; ``ValueError`` names the file and the broken rule."""
+        """Read a ``printhead/1`` file; ``ValueError`` names the file and the broken rule.
+
+        A file whose dynamics are null gives a `QuasiStaticPrinthead`.
+        """
         data = printhead_data(path)
         if ids := effect_ids(data):
             raise ValueError(
@@ -92,7 +101,12 @@ class Printhead:
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Printhead:
         """Head described by the content of a ``printhead/1`` file, without effects; ``ValueError`` names the rule."""
-        return cls(**parameters_of(data))
+        values = parameters_of(data)
+        if "a0" not in values:
+            from inkjet_env.printhead.quasi_static import QuasiStaticPrinthead
+
+            return QuasiStaticPrinthead(**values)
+        return cls(**values)
 
     def to_json(
         self,
@@ -123,12 +137,16 @@ class Printhead:
             low, high = (intervals or {}).get(name, (value, value))
             numbers = {"value": value, "low": low, "high": high}
             dynamics[name] = {key: v if math.isfinite(v) else None for key, v in numbers.items()}
+        return self._json(dynamics, fit)
+
+    def _json(self, dynamics: Mapping[str, Any], fit: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Content of a ``printhead/1`` file with these dynamics."""
         hysteresis = {
             "coefficients": list(self.coefficients),
             "full_scale_V": self.full_scale_V,
             "degree": len(self.coefficients) - 1,
         }
-        return {"format": "printhead/1", "dynamics": dynamics, "hysteresis": hysteresis, "fit": dict(fit or {})}
+        return {"format": "printhead/1", "dynamics": dict(dynamics), "hysteresis": hysteresis, "fit": dict(fit or {})}
 
     @property
     def frequency_Hz(self) -> float:
