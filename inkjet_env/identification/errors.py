@@ -6,4 +6,4 @@ class UnidentifiableError(ValueError):
 
 
 class NothingRingsError(UnidentifiableError):
-    """A model without a resonance explains the recordings equally well."""
+    """A model without a resonance explains the recordings equally well, or the best resonance is impossible."""

@@ -29,6 +29,8 @@ MOST_DEGREE_ROUNDS = 4
 """Largest number of rounds of choosing the degree and refitting."""
 MOST_NOISE_ROUNDS = 5
 """Largest number of rounds of estimating noise from the residual and refitting."""
+SMALLEST_CHANGE_V, LARGEST_CHANGE_V = 1e-3, 1e6
+"""Full scales, in volts, that a branch law may have."""
 RESIDUAL = "the residual of the fit"
 """Source of a noise that can be estimated from nothing else."""
 NOISE_TOLERANCE = 1.05
@@ -107,6 +109,11 @@ class CampaignFit:
                 )
         self.full_scale_V = full_scale_V or _largest_change_V(self.gauge or self.fast)
         self.reached_V = _largest_change_V(moving)
+        if not SMALLEST_CHANGE_V <= self.full_scale_V <= LARGEST_CHANGE_V:
+            raise UnidentifiableError(
+                f"the drive of campaign {campaign.name!r} changes by {self.full_scale_V:g} V; a head can be identified "
+                f"from changes of {SMALLEST_CHANGE_V:g} to {LARGEST_CHANGE_V:g} V. Check the unit of drive_V, volts."
+            )
         self.least = least_noise(self.all)
         self.progress = progress
         self.loudness: dict[str, float] = {}

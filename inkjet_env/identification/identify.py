@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from inkjet_env.identification.degree import F_QUANTILE_999, HIGHEST_DEGREE
 from inkjet_env.identification.errors import NothingRingsError
-from inkjet_env.identification.fit import CampaignFit
+from inkjet_env.identification.fit import LARGEST_CHANGE_V, SMALLEST_CHANGE_V, CampaignFit
 from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.measurements import RepeatedMeasurement
 from inkjet_env.identification.outcome import outcome_of
@@ -82,7 +82,7 @@ def identify(
     check_name("degree_rule", degree_rule, DEGREE_RULES)
     if degree is not None and not 1 <= degree <= HIGHEST_DEGREE:
         raise ValueError(f"degree must be 1 to {HIGHEST_DEGREE}; got {degree}.")
-    if full_scale_V is not None and not 1e-3 <= full_scale_V <= 1e6:
+    if full_scale_V is not None and not SMALLEST_CHANGE_V <= full_scale_V <= LARGEST_CHANGE_V:
         raise ValueError(f"full_scale_V must be a voltage of 1e-3 to 1e6 V; got {full_scale_V!r}.")
 
     def found(quasi_static: bool) -> Identification:
@@ -168,8 +168,10 @@ def _repeating(campaign: Campaign) -> Campaign:
 
 def _relative_residual(fit: CampaignFit) -> float:
     """Geometric mean of the RMS residuals of `_deciding`, each relative to the standard deviation of its signal."""
-    shares = [fit.misfit[m.channel] * fit.noise[m.noise_key].rms / float(np.std(m.mean)) for m in _deciding(fit)]
-    return math.exp(float(np.mean(np.log(shares))))
+    shares = [
+        fit.misfit[m.channel] * fit.noise[m.noise_key].rms / max(float(np.std(m.mean)), 1e-300) for m in _deciding(fit)
+    ]
+    return math.exp(float(np.mean(np.log(np.maximum(shares, 1e-300)))))
 
 
 def _doubt(fit: CampaignFit, again: CampaignFit) -> str | None:

@@ -69,7 +69,10 @@ def outcome_of(fit: CampaignFit) -> Identification:
         a0 = dynamics["a0"]
         by_convention = Estimate(math.sqrt(a0.value), math.sqrt(a0.low), math.sqrt(a0.high))
         dynamics["b1"] = gains.get("self_sensing", by_convention)
-        printhead = Printhead(model.a0, model.a1, dynamics["b1"].value, descending, fit.full_scale_V)
+        try:
+            printhead = Printhead(model.a0, model.a1, dynamics["b1"].value, descending, fit.full_scale_V)
+        except ValueError as error:
+            raise NothingRingsError(f"the head that fits these recordings best is impossible: {error}") from None
     else:
         dynamics = {name: Estimate(math.nan, low, high) for name, (low, high) in INTERVALS.items()}
         printhead = QuasiStaticPrinthead(descending, fit.full_scale_V)

@@ -281,14 +281,13 @@ class _Work:
             return joint, chosen
         before, settings = joint, self.settings.fitting
         while True:
-            modelled = joint.modelled(chosen.fit)
-            residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
-            residuals = self.without_random_effects(joint.observed, residuals, random_effects)
-            noise = noise_seen(joint.observed, residuals, {}, settings)
-            base = in_convention(joint.base.head)
-            joint = joint.anew(noise=noise, head=base)
-            near = joint.near(chosen.fit.moved(head=in_convention(chosen.fit.head)))
             try:
+                modelled = joint.modelled(chosen.fit)
+                residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
+                residuals = self.without_random_effects(joint.observed, residuals, random_effects)
+                noise = noise_seen(joint.observed, residuals, {}, settings)
+                joint = joint.anew(noise=noise, head=in_convention(joint.base.head))
+                near = joint.near(chosen.fit.moved(head=in_convention(chosen.fit.head)))
                 chosen = settled(joint, near.fit(chosen.fit.active))
             except NUMERICAL:
                 return before, replace(chosen, fit=replace(chosen.fit, converged=False))
