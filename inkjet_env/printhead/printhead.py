@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 from inkjet_env.printhead.hysteresis import BranchLaw
 from inkjet_env.printhead.printhead_json import effect_ids, parameters_of, printhead_data
-from inkjet_env.printhead.resonator import check_resonator
+from inkjet_env.printhead.resonator import ImpossibleHeadError, check_resonator
 from inkjet_env.printhead.response import Response
 from inkjet_env.printhead.waveform import Waveform
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_period, check_window
@@ -56,13 +56,13 @@ class Printhead:
     def __post_init__(self) -> None:
         check_resonator(self.a0, self.a1)
         if not (math.isfinite(self.b1) and self.b1 != 0):
-            raise ValueError(f"b1 must be finite and not 0: the head must respond; got {self.b1!r}.")
+            raise ImpossibleHeadError(f"b1 must be finite and not 0: the head must respond; got {self.b1!r}.")
         if not 1.0 <= self.frequency_Hz <= 1e9:
-            raise ValueError(
+            raise ImpossibleHeadError(
                 f"a0 must give a resonance of 1 Hz to 1 GHz; {self.a0:g} 1/s² gives {self.frequency_Hz:g} Hz."
             )
         if not 1e-9 <= abs(self.b1 / self.a1) <= 1e9:
-            raise ValueError(
+            raise ImpossibleHeadError(
                 f"b1 / a1, the gain at resonance, must be 1e-9 to 1e9; got {self.b1 / self.a1:g}. Check the units."
             )
         object.__setattr__(self, "coefficients", self.branch_law.coefficients)
