@@ -83,17 +83,18 @@ class Identification:
 
         Residual and noise at the top level are those of self-sensing, in volts; if only displacement was recorded, they
         are divided by its gain and in volts of hysteretic drive; if only a strain gauge was, they are its own. The
-        values of each channel follow in its own unit. None means that nothing was held out.
+        values of each channel follow in its own unit. None means that nothing was held out, or an unknown noise.
         """
         channels: dict[str, dict[str, Any]] = {}
         for channel, gain in self.gains.items():
             heldout, noise_heldout = self.rms(channel, held_out=True)
             train, noise_train = self.rms(channel, held_out=False)
+            noise = noise_train if math.isnan(noise_heldout) else noise_heldout
             channels[channel] = {
                 "unit": self.unit(channel),
                 "gain": vars(gain),
                 "offset": self.offsets[channel],
-                "noise_rms": noise_train if math.isnan(noise_heldout) else noise_heldout,
+                "noise_rms": None if math.isnan(noise) else noise,
                 "heldout_rms": None if math.isnan(heldout) else heldout,
                 "train_rms": None if math.isnan(train) else train,
                 "residual_over_noise": self.misfit[channel],
