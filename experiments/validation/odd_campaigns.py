@@ -171,7 +171,7 @@ def odd_campaign(rng: np.random.Generator) -> Campaign:
         recordings.append(
             Recording(
                 f"r{order}",
-                step_s * np.arange(drive_V.size) + float(rng.choice([0.0, -1.0, 1e3])) * step_s,
+                np.float64(step_s) * (np.arange(drive_V.size, dtype=np.float64) + float(rng.choice([0.0, -1.0, 1e3]))),
                 drive_V,
                 signal,
                 units[channel],

@@ -109,8 +109,9 @@ def zoom_of(recording: ModelledRecording, models: Mapping[str, Real], frequency_
     ``frequency_Hz`` is that of the resonance; None if it is unknown.
     """
     n = recording.measured.size
-    slow = frequency_Hz is None or recording.channel == "strain_gauge"
-    periods = n // 6 if slow else round(PERIODS_SHOWN / (frequency_Hz * recording.step_s))
+    periods = n // 6
+    if frequency_Hz is not None and recording.channel != "strain_gauge":
+        periods = round(PERIODS_SHOWN / (frequency_Hz * recording.step_s))
     width = min(max(periods, FEWEST_SHOWN), n)
     other = recording.measured if len(models) == 1 else list(models.values())[-1]
     power = np.concatenate([[0.0], np.cumsum((other - recording.modelled["base"]) ** 2)])

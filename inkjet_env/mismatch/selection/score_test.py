@@ -116,7 +116,7 @@ def signatures(
         Without the starts that cannot be simulated or cannot be distinguished from the base parameters.
     """
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
-    tasks = []
+    tasks: list[tuple[Effect, dict[str, float]]] = []
     for effect in effects:
         with suppress(*NUMERICAL):  # an effect that finds no start on these recordings is not tried
             tasks.extend((effect, start) for start in effect.starts(joint.base.head.printhead, excitations))
