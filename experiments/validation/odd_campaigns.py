@@ -11,6 +11,7 @@ is 1 if any does not. A case is reproduced by ``--first SEED --count 1``.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import time
 import traceback
@@ -34,7 +35,7 @@ SYSTEMS = ("head", "head", "bouc_wen", "backlash", "many_modes", "noise", "stati
 """Systems that are recorded, as often as they occur here."""
 STATES = ("demagnetised", "periodic", "free")
 UNITS = {"self_sensing": ("V",), "strain_gauge": ("V",), "displacement": ("um", "nm", "V")}
-NUMERICAL_JARGON = ("math domain", "broadcast", "singular", "array", "nan", "object", "index", "zero-size", "argument")
+NUMERICAL_JARGON = frozenset(("domain", "broadcast", "singular", "array", "nan", "object", "index", "argument"))
 """Words of messages that were not written for a user; none may occur in a refusal."""
 
 
@@ -109,8 +110,7 @@ def outcome_of(seed: int, pages: bool = False) -> Outcome:
 def is_sentence(text: str) -> bool:
     """Whether the text of an error was written for a user."""
     plain = text.strip()
-    words = plain.lower().replace(",", " ").split()
-    jargon = any(word in plain.lower() if " " in word or "-" in word else word in words for word in NUMERICAL_JARGON)
+    jargon = NUMERICAL_JARGON & set(re.findall(r"[a-z]+", plain.lower()))
     return 20 <= len(plain) <= 700 and plain[-1] in ".?!`" and "\n" not in plain and not jargon
 
 

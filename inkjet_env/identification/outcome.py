@@ -20,7 +20,7 @@ from inkjet_env.identification.model import Model
 from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.starting_point import ringing_gain
 from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
-from inkjet_env.printhead.quasi_static import INTERVALS
+from inkjet_env.printhead.printhead import UNKNOWN_INTERVALS
 
 QUANTILE_90 = 1.6448536269514722
 """Number of standard deviations about the mean that hold 90 % of a normal distribution."""
@@ -74,7 +74,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
         except ValueError as error:
             raise NothingRingsError(f"the head that fits these recordings best is impossible: {error}") from None
     else:
-        dynamics = {name: Estimate(math.nan, low, high) for name, (low, high) in INTERVALS.items()}
+        dynamics = {name: Estimate(math.nan, low, high) for name, (low, high) in UNKNOWN_INTERVALS.items()}
         printhead = QuasiStaticPrinthead(descending, fit.full_scale_V)
     shape = (np.eye(d) - np.outer(law, np.ones(d)) / law.sum()) / swing
     return Identification(

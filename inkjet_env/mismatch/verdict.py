@@ -34,7 +34,7 @@ from inkjet_env.plant import Effect
 from inkjet_env.plant.registry import own_class
 from inkjet_env.plugins import provenance
 from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
-from inkjet_env.printhead.quasi_static import INTERVALS
+from inkjet_env.printhead.printhead import UNKNOWN_INTERVALS
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     # A channel whose drive never moved has no gain; where a resonator is known, its gain is that of the given head.
     channels = {o.channel for o in joint.observed if known or not o.still} - {"drive_monitor"}
     gains, offsets = ({c: v for c, v in of.items() if c in channels} for of in (head.gains, head.offsets))
-    nothing = {name: Estimate(math.nan, low, high) for name, (low, high) in INTERVALS.items()}
+    nothing = {name: Estimate(math.nan, low, high) for name, (low, high) in UNKNOWN_INTERVALS.items()}
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (),
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, compared(found.selection),

@@ -4,8 +4,7 @@ from inkjet_env.naming import check_name, nearest_name
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
 from inkjet_env.printhead.lumped import LumpedElements
-from inkjet_env.printhead.printhead import Printhead, UnknownDynamicsError
-from inkjet_env.printhead.quasi_static import QuasiStaticPrinthead
+from inkjet_env.printhead.printhead import Printhead, QuasiStaticPrinthead, UnknownDynamicsError
 from inkjet_env.printhead.response import Response
 from inkjet_env.printhead.sampled import SampledResponse, respond_sampled
 from inkjet_env.printhead.waveform import Bounds, Waveform, as_waveform_array
