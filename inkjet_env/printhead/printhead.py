@@ -249,7 +249,7 @@ class QuasiStaticPrinthead(Printhead):
     Examples
     --------
     >>> head = QuasiStaticPrinthead((0.2, 0.8, 0.0))
-    >>> head.has_dynamics, head.branch_law.Q(0.5)
+    >>> head.has_dynamics, float(head.branch_law.Q(0.5))
     (False, 0.45)
     """
 
