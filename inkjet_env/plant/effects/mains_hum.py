@@ -83,7 +83,8 @@ class MainsHum(Effect):
         angle = 2 * np.pi * frequency * excitation.step_s * np.arange(excitation.samples)
         waves = np.column_stack([wave(k * angle) for k in heard for wave in (np.cos, np.sin)])
         # With fewer than two samples per period, one wave may look like another, or like none.
-        own = np.abs(np.diag(np.linalg.qr(waves, mode="r")))
+        own = np.zeros(waves.shape[1])
+        own[: excitation.samples] = np.abs(np.diag(np.linalg.qr(waves, mode="r")))
         return waves[:, own > LEAST_OWN * np.sqrt(excitation.samples)]
 
     def random_amplitudes(self, count: int, rng: np.random.Generator) -> Real:
