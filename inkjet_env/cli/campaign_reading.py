@@ -12,6 +12,8 @@ import typer
 from inkjet_env.cli.arguments import named_values
 
 if TYPE_CHECKING:
+    from inkjet_env.plant.augmented import AugmentedPrinthead
+    from inkjet_env.printhead import Printhead
     from inkjet_env.recordings import Campaign
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the campaign", show_default=False)]
@@ -48,11 +50,14 @@ def files_of(folder: Path) -> tuple[Path, ...]:
     return tuple(path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else ()
 
 
-def checked(campaign: Campaign, frequency_Hz: float | None) -> list[str]:
-    """The warnings about a campaign; the first error is raised as a `CampaignError`."""
+def checked(campaign: Campaign, head: Printhead | AugmentedPrinthead | None = None) -> list[str]:
+    """The warnings about a campaign, and about its sampling if a head's resonance is known.
+
+    The first error is raised as a `CampaignError`.
+    """
     from inkjet_env.recordings import CampaignError, check_campaign
 
-    findings = check_campaign(campaign, frequency_Hz)
+    findings = check_campaign(campaign, head.frequency_Hz if head is not None and head.has_dynamics else None)
     for finding in findings:
         if finding.level == "error":
             raise CampaignError(str(finding))

@@ -139,7 +139,7 @@ def _diagnosed(
     with shown_steps(f"diagnose {folder}") as progress:
         progress("reading")
         campaign = read_campaign(folder, **reading)
-        warnings = checked(campaign, None if head is None else head.frequency_Hz)
+        warnings = checked(campaign, head)
         try:
             found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=progress, **options)
         finally:

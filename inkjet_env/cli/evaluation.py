@@ -26,7 +26,7 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
     """
     campaign = read_campaign(folder, **reading)
     head = chosen_head(head_file)
-    warn(checked(campaign, head.frequency_Hz))
+    warn(checked(campaign, head))
     gains = {} if head_file is None or isinstance(head, AugmentedPrinthead) else _gains(head_file)
     try:
         found, refitted = evaluate(campaign, head, gains)

@@ -43,13 +43,13 @@ def identify_one(
         if step:
             step("reading")
         campaign = read_campaign(folder, **reading)
-        warned = checked(campaign, None)
+        warned = checked(campaign)
         try:
             found = identify(campaign, progress=step, **options)
         except ValueError:
             warn(warned)  # they may explain the failure
             raise
-    warn([*warned, *(w for w in checked(campaign, found.printhead.frequency_Hz) if w not in warned)])
+    warn([*warned, *(w for w in checked(campaign, found.printhead) if w not in warned)])
     return campaign, found
 
 

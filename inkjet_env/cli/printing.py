@@ -76,9 +76,11 @@ def print_identification(name: str, found: Identification) -> None:
         )
     ]
     print_table((name, "value", "90 % interval", "unit"), rows)
+    resonance = "Resonance unknown"
+    if head.has_dynamics:
+        resonance = f"Resonance {head.frequency_Hz / 1e3:.4g} kHz, damping ratio {head.damping_ratio:.4g}"
     print(
-        f"Resonance {head.frequency_Hz / 1e3:.4g} kHz, damping ratio {head.damping_ratio:.4g}; branch law of degree "
-        f"{len(head.coefficients) - 1} with a full scale of {head.full_scale_V:g} V."
+        f"{resonance}; branch law of degree {len(head.coefficients) - 1} with a full scale of {head.full_scale_V:g} V."
     )
     rows = []
     for channel in found.gains:
@@ -99,4 +101,4 @@ def print_evaluation(found: dict[str, Any], unit: str) -> None:
         for name, entry in found["recordings"].items()
     ]
     print_table(("recording", "residual (RMS)", "signal (RMS)"), rows)
-    print(f"RMS of the fast channel's residual: {found['rms']:.6g} {unit}")
+    print(f"RMS of the main channel's residual: {found['rms']:.6g} {unit}")

@@ -84,7 +84,8 @@ def choose_degree(
         best = int(np.argmin(mean))
         # Paired comparison: excess of each degree over the best one, drive by drive.
         excess = per_drive - per_drive[best]
-        uncertain = excess.std(axis=1, ddof=1) / np.sqrt(len(blocks))
+        with np.errstate(over="ignore"):  # a law may leave a drive unpredicted by any number
+            uncertain = excess.std(axis=1, ddof=1) / np.sqrt(len(blocks))
         by_held_out = int(np.argmax(excess.mean(axis=1) <= uncertain)) + 1
         left_out = tuple(float(v) for v in np.sqrt(per_drive @ np.array(samples) / total))
     return DegreeChoice(

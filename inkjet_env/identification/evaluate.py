@@ -10,7 +10,7 @@ import numpy as np
 from inkjet_env.identification.basis import drive_basis, free_ringing
 from inkjet_env.plant import Excitation, Plant
 from inkjet_env.plant.augmented import AugmentedPrinthead
-from inkjet_env.printhead import Printhead
+from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.typing import Real
 
@@ -55,7 +55,8 @@ def evaluate(
     """Simulate every recording of a campaign with a printhead.
 
     One offset per channel and, if ``free``, the resonator's initial state are refitted. So is the gain of a strain
-    gauge or a displacement sensor if none is given, since a printhead has no such gain.
+    gauge or a displacement sensor if none is given, since a printhead has no such gain. With a `QuasiStaticPrinthead`,
+    displacement is simulated as static, and self-sensing is refused.
 
     Parameters
     ----------
@@ -73,12 +74,18 @@ def evaluate(
         One per recording, in the campaign's order.
     refitted : tuple of str
         Channels whose gain was fitted.
+
+    Raises
+    ------
+    UnknownDynamicsError
+        Self-sensing needs the dynamics, which the head lacks.
     """
     if isinstance(printhead, AugmentedPrinthead):
         base, known = printhead.printhead, {**printhead.gains, **(gains or {})}
     else:
         base, known = printhead, dict(gains or {})
-    known["self_sensing"] = base.b1
+    if campaign.select("self_sensing"):
+        known["self_sensing"] = base.b1
     refitted = []
     found: dict[str, Evaluation] = {}
     for channel in sorted({recording.channel for recording in campaign.recordings}):
@@ -104,8 +111,18 @@ def _shape(printhead: Printhead, recording: Recording) -> Real:
         len(printhead.coefficients) - 1,
         recording.initial_state,
     )
-    shape: Real = basis.response(recording.channel, printhead.a0, printhead.a1) @ printhead.branch_law.ascending[1:]
+    columns = (
+        basis.hysteretic_V()
+        if _static(recording, printhead)
+        else basis.response(recording.channel, printhead.a0, printhead.a1)
+    )
+    shape: Real = columns @ printhead.branch_law.ascending[1:]
     return shape
+
+
+def _static(recording: Recording, printhead: Printhead) -> bool:
+    """Whether a recording is simulated as static: a strain gauge, or anything else with a head without dynamics."""
+    return recording.channel == "strain_gauge" or not printhead.has_dynamics
 
 
 def _fitted_along(
@@ -140,7 +157,7 @@ def _scale(recording: Recording) -> float:
 def _free_states(recording: Recording, printhead: Printhead) -> Real:
     """Orthonormal columns of the free ringing from an unknown initial state, (n, 2); no columns if it is known."""
     n = recording.time_s.size
-    if recording.initial_state != "free" or recording.channel == "strain_gauge":
+    if recording.initial_state != "free" or _static(recording, printhead):
         return np.zeros((n, 0))
     return np.linalg.qr(free_ringing(n, recording.step_s, printhead.a0, printhead.a1)).Q
 
@@ -150,8 +167,10 @@ def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gai
 
     If the gain is None it is fitted first, as if the sensor's effects were proportional to it.
     """
-    plant = Plant(head.printhead, {recordings[0].channel: 1.0 if gain is None else gain}, effects=head.effects)
-    excitations = [_shot(recording, plant) for recording in recordings]
+    base = head.printhead
+    whole = base.with_placeholder() if isinstance(base, QuasiStaticPrinthead) else base
+    plant = Plant(whole, {recordings[0].channel: 1.0 if gain is None else gain}, effects=head.effects)
+    excitations = [_shot(recording, plant, not base.has_dynamics) for recording in recordings]
     small_V = 1e-4 * head.printhead.full_scale_V
     for _ in range(MOST_ROUNDS):
         shapes = [plant.signal(excitation) for excitation in excitations]
@@ -176,7 +195,7 @@ def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gai
     return evaluations
 
 
-def _shot(recording: Recording, plant: Plant) -> Excitation:
+def _shot(recording: Recording, plant: Plant, quasi_static: bool) -> Excitation:
     """A recording as the plant sees it; a free resonator starts at rest under the first value of the drive."""
     excitation = Excitation(
         recording.channel,
@@ -185,6 +204,7 @@ def _shot(recording: Recording, plant: Plant) -> Excitation:
         recording.drive_V,
         recording.order,
         recording.neighbour_V,
+        quasi_static=quasi_static,
     )
     if excitation.initial_state != "free":
         return excitation

@@ -29,6 +29,8 @@ MOST_DEGREE_ROUNDS = 4
 """Largest number of rounds of choosing the degree and refitting."""
 MOST_NOISE_ROUNDS = 5
 """Largest number of rounds of estimating noise from the residual and refitting."""
+SMALLEST_CHANGE_V, LARGEST_CHANGE_V = 1e-3, 1e6
+"""Full scales, in volts, that a branch law may have."""
 RESIDUAL = "the residual of the fit"
 """Source of a noise that can be estimated from nothing else."""
 NOISE_TOLERANCE = 1.05
@@ -42,8 +44,9 @@ class CampaignFit:
     Attributes
     ----------
     all, train, gauge, fast : sequence of RepeatedMeasurement
-        Every recording; those with fitted samples; of the latter, those with a moving drive, of the strain gauge and of
-        the other channels.
+        Every recording; those with fitted samples; of the latter, those with a moving drive, of the static channel that
+        shows the hysteresis most directly (the strain gauge, or a displacement if nothing is fast) and of the channels
+        that show the resonator.
     orders : dict of str to int
         Position of each recording within the session, by its name.
     full_scale_V, reached_V : float
@@ -62,7 +65,7 @@ class CampaignFit:
     Raises
     ------
     UnidentifiableError
-        There is no fast recording, or a channel is constant throughout.
+        No recording can be fitted, or a channel is constant throughout.
     """
 
     def __init__(
@@ -74,9 +77,10 @@ class CampaignFit:
         full_scale_V: float | None,
         held_out: Sequence[str] | None,
         progress: Callable[[str], None],
+        quasi_static: bool = False,
     ) -> None:
         self.degree_given, self.degree_rule, self.valid_density = degree, degree_rule, valid_density
-        self.all = measurements(campaign, held_out)
+        self.all = measurements(campaign, held_out, quasi_static)
         self.orders = {recording.name: recording.order for recording in campaign.recordings}
         self.notes: list[str] = []
         self.noise = noise_of(self.all)
@@ -88,9 +92,11 @@ class CampaignFit:
         moving = [m for m in self.train if not m.still]
         # A channel whose drive never moved shows noise but no gain.
         self.train = [m for m in self.train if m.channel in {mine.channel for mine in moving}]
-        self.gauge = [m for m in moving if m.channel == "strain_gauge"]
-        self.fast = [m for m in moving if m.channel != "strain_gauge"]
-        if not self.fast:
+        self.fast = [m for m in moving if m.fast]
+        static = [m for m in moving if not m.fast]
+        of_gauge = [m for m in static if m.channel == "strain_gauge"]
+        self.gauge = of_gauge or static
+        if not self.fast and (not self.gauge or any(m.fast for m in self.all)):
             raise UnidentifiableError(
                 f"campaign {campaign.name!r} has no recording to identify a0, a1 and b1 from: they need a self_sensing "
                 "or displacement recording whose drive moves and that is not held out. Take pulses and a multisine; "
@@ -103,6 +109,11 @@ class CampaignFit:
                 )
         self.full_scale_V = full_scale_V or _largest_change_V(self.gauge or self.fast)
         self.reached_V = _largest_change_V(moving)
+        if not SMALLEST_CHANGE_V <= self.full_scale_V <= LARGEST_CHANGE_V:
+            raise UnidentifiableError(
+                f"the drive of campaign {campaign.name!r} changes by {self.full_scale_V:g} V; a head can be identified "
+                f"from changes of {SMALLEST_CHANGE_V:g} to {LARGEST_CHANGE_V:g} V. Check the unit of drive_V, volts."
+            )
         self.least = least_noise(self.all)
         self.progress = progress
         self.loudness: dict[str, float] = {}
@@ -161,12 +172,15 @@ class CampaignFit:
 
     def _start(self) -> Model:
         """Start of the fit: a resonator, and a branch law if a strain gauge shows it."""
-        self.progress("looking for the resonance")
+        self.progress("looking for the resonance" if self.fast else "fitting the hysteresis")
         degree = self.degree_given or STARTING_DEGREE
         if not self.gauge:
             a0, a1 = best_start(self.fitted(self.fast, degree), None)
             return Model(a0, a1, np.ones(1), {}, {})
-        law = fit_everything(self.fitted(self.gauge, degree), _still(degree)).model.weights
+        still = self._still(degree)
+        law = fit_everything(self.fitted(self.gauge, degree), still).model.weights
+        if not self.fast:
+            return replace(still, weights=law, ratios={}, offsets={})
         a0, a1 = best_start(self.fitted(self.fast, degree), law)
         return Model(a0, a1, law, {}, {})
 
@@ -174,7 +188,7 @@ class CampaignFit:
         """Fit at the degree of the rule; error against degree on the strain gauge, and on all recordings."""
         alone = None
         if self.gauge:
-            alone = self._choice(self.fitted(self.gauge, HIGHEST_DEGREE), _still(HIGHEST_DEGREE), leave_out=True)
+            alone = self._choice(self.fitted(self.gauge, HIGHEST_DEGREE), self._still(HIGHEST_DEGREE), leave_out=True)
         degree = self.degree_given or (self._by_rule(alone) if alone else STARTING_DEGREE)
         solution = self.refined(model, degree)
         everything = self.fitted(self.train, HIGHEST_DEGREE)
@@ -223,7 +237,7 @@ class CampaignFit:
     def reference(self) -> str:
         """Reference channel, whose gain is a factor of the weights."""
         if self.gauge:
-            return "strain_gauge"
+            return self.gauge[0].channel
         return "self_sensing" if any(m.channel == "self_sensing" for m in self.fast) else "displacement"
 
     def _gain(self, channel: str, start: Model) -> float:
@@ -231,7 +245,7 @@ class CampaignFit:
         psi, y = [], []
         for f in self.fitted([m for m in self.train if m.channel == channel], start.weights.size):
             n = f.measurement.fitted
-            psi.append(f.basis.response(channel, start.a0, start.a1)[:n] @ start.weights)
+            psi.append(f.measurement.response(f.basis, start.a0, start.a1)[:n] @ start.weights)
             y.append(f.measurement.mean[:n])
         x, target = np.concatenate(psi), np.concatenate(y)
         x = x - x.mean()
@@ -276,10 +290,9 @@ class CampaignFit:
             return self.solution
         return self.refined(self.solution.model, richer)
 
-
-def _still(degree: int) -> Model:
-    """Model for the strain gauge alone, with a law yet to be fitted; the resonator is a placeholder."""
-    return Model(1.0, 0.5, np.zeros(degree), {"strain_gauge": 1.0}, {"strain_gauge": 0.0})
+    def _still(self, degree: int) -> Model:
+        """Model for the static channel `gauge` alone, with a law yet to be fitted; the resonator is a placeholder."""
+        return Model(1.0, 0.5, np.zeros(degree), {self.reference: 1.0}, {self.reference: 0.0})
 
 
 def _residual_rms(fitted: Sequence[Fitted], model: Model) -> float:

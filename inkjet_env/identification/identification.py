@@ -24,7 +24,8 @@ class Identification:
     printhead : Printhead
         The identified head.
     dynamics : dict of str to Estimate
-        ``a0, a1, b1`` in 1/s², 1/s and 1/s, with 90 % confidence intervals.
+        ``a0, a1, b1`` in 1/s², 1/s and 1/s, with 90 % confidence intervals. NaN with an infinite interval if no
+        recording shows the resonator: ``printhead`` is then a `QuasiStaticPrinthead`.
     gains : dict of str to Estimate
         Gain of each channel: ``b1`` of self-sensing in 1/s; of strain gauge and displacement (``b0/a0``) in their unit
         per hysteretic volt.
@@ -81,23 +82,24 @@ class Identification:
         """The entry "fit" of ``printhead.json``.
 
         Residual and noise at the top level are those of self-sensing, in volts; if only displacement was recorded, they
-        are divided by its gain and in volts of hysteretic drive. The values of each channel follow in its own unit.
-        None means that nothing was held out.
+        are divided by its gain and in volts of hysteretic drive; if only a strain gauge was, they are its own. The
+        values of each channel follow in its own unit. None means that nothing was held out, or an unknown noise.
         """
         channels: dict[str, dict[str, Any]] = {}
         for channel, gain in self.gains.items():
             heldout, noise_heldout = self.rms(channel, held_out=True)
             train, noise_train = self.rms(channel, held_out=False)
+            noise = noise_train if math.isnan(noise_heldout) else noise_heldout
             channels[channel] = {
                 "unit": self.unit(channel),
                 "gain": vars(gain),
                 "offset": self.offsets[channel],
-                "noise_rms": noise_train if math.isnan(noise_heldout) else noise_heldout,
+                "noise_rms": None if math.isnan(noise) else noise,
                 "heldout_rms": None if math.isnan(heldout) else heldout,
                 "train_rms": None if math.isnan(train) else train,
                 "residual_over_noise": self.misfit[channel],
             }
-        main = "self_sensing" if "self_sensing" in self.gains else "displacement"
+        main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in self.gains)
         per_volt = 1.0 if self.unit(main) == "V" else abs(self.gains[main].value)
         fit: dict[str, Any] = {
             f"{name}_V": None if (rms := channels[main][name]) is None else rms / per_volt

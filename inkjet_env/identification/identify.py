@@ -10,8 +10,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from inkjet_env.identification.degree import F_QUANTILE_999, HIGHEST_DEGREE
-from inkjet_env.identification.fit import CampaignFit
+from inkjet_env.identification.errors import NothingRingsError
+from inkjet_env.identification.fit import LARGEST_CHANGE_V, SMALLEST_CHANGE_V, CampaignFit
 from inkjet_env.identification.identification import Identification
+from inkjet_env.identification.measurements import RepeatedMeasurement
 from inkjet_env.identification.outcome import outcome_of
 from inkjet_env.printhead import check_name
 from inkjet_env.recordings import Campaign
@@ -37,6 +39,10 @@ def identify(
     The branch law is identified from the strain gauge (from the fast channels if there is none), then ``a0, a1, b1`` by
     free-run output error on every fast recording, then everything together, weighted by the noise. Nothing else is
     fitted except one offset per channel and, if it is ``free``, the resonator's initial state.
+
+    If no recording shows a resonance, i.e. there is nothing but a strain gauge, or displacement that is recorded too
+    slowly (see `may_ring`) or does not ring, the hysteresis is identified alone: the head is then a
+    `QuasiStaticPrinthead`, and displacement counts as a gain times the hysteretic drive plus an offset.
 
     The scale of the branch law is not identifiable beside the gains; it is that of the published head, see
     `convention`.
@@ -76,37 +82,48 @@ def identify(
     check_name("degree_rule", degree_rule, DEGREE_RULES)
     if degree is not None and not 1 <= degree <= HIGHEST_DEGREE:
         raise ValueError(f"degree must be 1 to {HIGHEST_DEGREE}; got {degree}.")
-    if full_scale_V is not None and not 1e-3 <= full_scale_V <= 1e6:
+    if full_scale_V is not None and not SMALLEST_CHANGE_V <= full_scale_V <= LARGEST_CHANGE_V:
         raise ValueError(f"full_scale_V must be a voltage of 1e-3 to 1e6 V; got {full_scale_V!r}.")
 
-    def begun(swing_V: float | None, recorded: Campaign = campaign) -> CampaignFit:
-        return CampaignFit(
-            recorded, degree, degree_rule, valid_density, swing_V, held_out, progress or (lambda _: None)
-        )
+    def found(quasi_static: bool) -> Identification:
+        def begun(swing_V: float | None, recorded: Campaign = campaign) -> CampaignFit:
+            told = progress or (lambda _: None)
+            return CampaignFit(
+                recorded, degree, degree_rule, valid_density, swing_V, held_out, told, quasi_static=quasi_static
+            )
 
-    with threadpool_limits(1):  # the matrices are small: threads would only wait for each other
         fit = begun(full_scale_V)
         fit.solve()
         if full_scale_V is None and fit.reached_V > 1.01 * fit.full_scale_V:
-            # The fast drives exceed those of the gauge: is the law straight beyond them, or does it go on bending?
+            # The other drives exceed those of the gauge: is the law straight beyond them, or does it go on bending?
             wider = begun(fit.reached_V)
             wider.solve(fit.solution.model)
             if wider.deviance < fit.deviance - F_QUANTILE_999:
                 wider.notes.append(
-                    f"The fast recordings show that the law is still curved above the strain gauge's "
-                    f"{fit.full_scale_V:g} V; full scale is {wider.full_scale_V:g} V."
+                    f"The {'fast' if fit.fast else 'other'} recordings show that the law is still curved above the "
+                    f"strain gauge's {fit.full_scale_V:g} V; full scale is {wider.full_scale_V:g} V."
                 )
                 fit = wider
-        if unknown := [m for m in fit.fast if m.initial_state == "free"]:
-            recordings = "recording" if len(unknown) == 1 else "recordings"
-            state = f"The initial state of {len(unknown)} fast {recordings} is unknown and was taken as demagnetised."
+        if unknown := [m for m in _deciding(fit) if m.initial_state == "free"]:
+            which = f"{'fast ' if fit.fast else ''}{'recording' if len(unknown) == 1 else 'recordings'}"
+            state = f"The initial state of {len(unknown)} {which} is unknown and was taken as demagnetised."
             again = begun(fit.full_scale_V, _repeating(campaign))
             fit.notes.append(f"{state} {_doubt(fit, again) or 'A repeated drive does not explain them better.'}")
         fit.widen()
         return outcome_of(fit)
 
+    with threadpool_limits(1):  # the matrices are small: threads would only wait for each other
+        try:
+            return found(quasi_static=False)
+        except NothingRingsError:
+            if any(r.channel == "self_sensing" for r in campaign.recordings):
+                raise
+            return found(quasi_static=True)
 
-def doubtful_states(campaign: Campaign, held_out: Sequence[str] | None = None) -> str | None:
+
+def doubtful_states(
+    campaign: Campaign, held_out: Sequence[str] | None = None, quasi_static: bool = False
+) -> str | None:
     """Warning about recordings of unknown initial state that look like responses to a repeated drive.
 
     Parameters
@@ -115,21 +132,30 @@ def doubtful_states(campaign: Campaign, held_out: Sequence[str] | None = None) -
         Recordings of the head.
     held_out : sequence of str, optional
         Names of the recordings that no fit uses.
+    quasi_static : bool
+        Whether displacement is static, as in `measurements`.
 
     Returns
     -------
     str or None
         A sentence; None if there are no such recordings.
     """
-    if not any(r.initial_state == "free" and r.channel != "strain_gauge" for r in campaign.recordings):
+    if not any(r.initial_state == "free" for r in campaign.recordings):
         return None
     with threadpool_limits(1):
         fit, again = (
-            CampaignFit(c, None, "flattening", False, None, held_out, lambda _: None)
+            CampaignFit(c, None, "flattening", False, None, held_out, lambda _: None, quasi_static=quasi_static)
             for c in (campaign, _repeating(campaign))
         )
+        if not any(m.initial_state == "free" for m in _deciding(fit)):
+            return None
         fit.solve()
         return _doubt(fit, again)
+
+
+def _deciding(fit: CampaignFit) -> Sequence[RepeatedMeasurement]:
+    """The recordings whose initial state matters most: the fast ones, or all that move if there are none."""
+    return fit.fast or [m for m in fit.train if not m.still]
 
 
 def _repeating(campaign: Campaign) -> Campaign:
@@ -141,9 +167,11 @@ def _repeating(campaign: Campaign) -> Campaign:
 
 
 def _relative_residual(fit: CampaignFit) -> float:
-    """Geometric mean of the fast recordings' RMS residuals, each relative to the standard deviation of its signal."""
-    shares = [fit.misfit[m.channel] * fit.noise[m.noise_key].rms / float(np.std(m.mean)) for m in fit.fast]
-    return math.exp(float(np.mean(np.log(shares))))
+    """Geometric mean of the RMS residuals of `_deciding`, each relative to the standard deviation of its signal."""
+    shares = [
+        fit.misfit[m.channel] * fit.noise[m.noise_key].rms / max(float(np.std(m.mean)), 1e-300) for m in _deciding(fit)
+    ]
+    return math.exp(float(np.mean(np.log(np.maximum(shares, 1e-300)))))
 
 
 def _doubt(fit: CampaignFit, again: CampaignFit) -> str | None:

@@ -30,7 +30,7 @@ class Linearised:
         self.fitted = tuple(fitted)
         self.channels = channels_of(fitted)
         self.degree = fitted[0].basis.degree
-        self.moving = any(channel != "strain_gauge" for channel in self.channels)
+        self.moving = any(f.measurement.fast for f in fitted)
         self.constraints = constraints
         self.still_blocks: dict[int, Real] = {}
 
@@ -39,7 +39,7 @@ class Linearised:
         return [self._block(i, f, model, slopes) for i, f in enumerate(self.fitted)]
 
     def _block(self, index: int, f: Fitted, model: Model, slopes: bool) -> Real:
-        if f.measurement.channel != "strain_gauge":
+        if f.measurement.fast:
             return triangle(self.columns(f, model, slopes))
         if index not in self.still_blocks:
             self.still_blocks[index] = triangle(self.columns(f, model, slopes))
@@ -48,7 +48,7 @@ class Linearised:
     def columns(self, f: Fitted, model: Model, slopes: bool) -> Real:
         """Columns that `blocks` reduces, whitened, at every fitted sample, shape (n, degree + 4)."""
         channel, degree = f.measurement.channel, self.degree
-        psi = f.basis.response(channel, model.a0, model.a1)
+        psi = f.measurement.response(f.basis, model.a0, model.a1)
         n = f.measurement.fitted
         columns = np.zeros((n, degree + 4))
         columns[:, :degree] = psi[:n]
@@ -56,7 +56,7 @@ class Linearised:
         columns[:, -1] = f.measurement.mean[:n]
         ratio = model.ratios[channel]
         states = _states(f, model.a0, model.a1) if has_free_state(f.measurement) else None
-        if channel != "strain_gauge" and slopes:
+        if f.measurement.fast and slopes:
             amplitude: NDArray[np.floating] = np.zeros(2)
             if states is not None:
                 residuals = columns[:, -1] - ratio * (columns[:, :degree] @ model.weights) - model.offsets[channel]

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from inkjet_env.identification.basis import DriveBasis
 from inkjet_env.identification.noise import NoiseModel, channel_noise, repeat_deviations
+from inkjet_env.identification.quasi_static import may_ring
 from inkjet_env.naming import nearest_name
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.typing import Real
@@ -39,6 +41,8 @@ class RepeatedMeasurement:
         Name of the recording of each repeat.
     fitted : int
         Number of samples from the start that may be fitted: n, 0 (held out), or between (its end is held out).
+    quasi_static : bool
+        Whether no recording of the campaign can show the resonator, so that a displacement is static too.
     """
 
     channel: str
@@ -49,6 +53,16 @@ class RepeatedMeasurement:
     signals: tuple[Real, ...]
     names: tuple[str, ...]
     fitted: int
+    quasi_static: bool = False
+
+    @property
+    def fast(self) -> bool:
+        """Whether the resonator shows in the channel."""
+        return not self.quasi_static and self.channel != "strain_gauge"
+
+    def response(self, basis: DriveBasis, a0: float, a1: float) -> Real:
+        """`DriveBasis.response` of the channel, shape (n, d); ``a0`` and ``a1`` do not matter unless it is fast."""
+        return basis.response(self.channel if self.fast else "strain_gauge", a0, a1)
 
     @property
     def mean(self) -> Real:
@@ -67,7 +81,9 @@ class RepeatedMeasurement:
         return self.channel, float(f"{self.step_s:.4g}")
 
 
-def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> tuple[RepeatedMeasurement, ...]:
+def measurements(
+    campaign: Campaign, held_out: Sequence[str] | None = None, quasi_static: bool = False
+) -> tuple[RepeatedMeasurement, ...]:
     """Gather the recordings of a campaign by channel and drive, and hold some out.
 
     Parameters
@@ -77,7 +93,10 @@ def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> t
     held_out : sequence of str, optional
         Names of the recordings that no fit may use. Their repeats are held out too. Default: every fourth drive of each
         channel, sorted by strength, but never the strongest; if a campaign has too few for that, the last quarter of
-        its longest fast recording.
+        its longest fast recording, or of its longest recording if none is fast.
+    quasi_static : bool
+        Whether displacement is static although a resonance could show in it. A campaign in which none can show, see
+        `may_ring`, is quasi-static in any case.
 
     Returns
     -------
@@ -91,6 +110,8 @@ def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> t
         held out, or a whole channel.
     """
     gathered = _gathered(campaign)
+    if quasi_static or not any(_shows_resonance(m) for m in gathered):
+        gathered = [replace(m, quasi_static=True) for m in gathered]
     names = [recording.name for recording in campaign.recordings]
     for name in held_out or ():
         if name not in names:
@@ -107,13 +128,21 @@ def measurements(campaign: Campaign, held_out: Sequence[str] | None = None) -> t
                 f"all recordings of channel {channel} in campaign {campaign.name!r} are held out, so its gain "
                 "and offset are unknown. Leave one to be fitted."
             )
-    if held_out is None and not any(m.fitted == 0 and m.channel != "strain_gauge" for m in result):
-        fast = [m for m in result if m.channel != "strain_gauge" and not m.still and m.initial_state != "periodic"]
-        if fast:
-            longest = max(fast, key=lambda m: m.drive_V.size)
+    shown = [m for m in result if m.fast] or result
+    if held_out is None and not any(m.fitted == 0 for m in shown):
+        once = [m for m in shown if not m.still and m.initial_state != "periodic"]
+        if once:
+            longest = max(once, key=lambda m: m.drive_V.size)
             fitted = int((1 - HELD_OUT_SHARE) * longest.drive_V.size)
             result[result.index(longest)] = replace(longest, fitted=fitted)
     return tuple(result)
+
+
+def _shows_resonance(m: RepeatedMeasurement) -> bool:
+    """Whether a recording can show the resonator."""
+    if m.channel == "displacement":
+        return may_ring(m.drive_V, m.step_s, m.initial_state)
+    return m.channel == "self_sensing" and not m.still
 
 
 def _gathered(campaign: Campaign) -> list[RepeatedMeasurement]:

@@ -73,7 +73,7 @@ class Model:
 
         A free initial state is estimated from the recording itself, whitened by ``noise`` if that is given.
         """
-        psi = basis.response(measurement.channel, self.a0, self.a1)
+        psi = measurement.response(basis, self.a0, self.a1)
         signal = self.ratios[measurement.channel] * (psi @ self.weights) + self.offsets[measurement.channel]
         if has_free_state(measurement):
             states = basis.free_states(self.a0, self.a1)
@@ -86,7 +86,7 @@ class Model:
 
 def has_free_state(measurement: RepeatedMeasurement) -> bool:
     """Whether the resonator's initial state is a nuisance parameter of this recording."""
-    return measurement.initial_state == "free" and measurement.channel != "strain_gauge"
+    return measurement.initial_state == "free" and measurement.fast
 
 
 def channels_of(fitted: Sequence[Fitted]) -> tuple[str, ...]:

@@ -263,7 +263,7 @@ def _without_bands(stretch: Real, model: NoiseModel | None) -> Real:
     lines = np.fft.rfft(stretch)
     passed, level = (table[: lines.size] for table in (model.passed(stretch.size), model.levels(stretch.size)))
     own, share = model.innovation**2 / passed, 1 / level
-    power = np.maximum(np.abs(lines) ** 2 / stretch.size, 1e-300)
+    power = np.maximum(np.abs(lines) ** 2 / stretch.size, np.maximum(1e-200 * own, 1e-300))  # a line may be empty
     expected = share**2 * power + (1 - share) * own
     rest: Real = np.fft.irfft(lines * np.sqrt(expected / power), stretch.size)
     return rest

@@ -13,13 +13,14 @@ from inkjet_env.identification.basis import drive_basis
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.covariance import Solution
 from inkjet_env.identification.degree import F_QUANTILE_999
-from inkjet_env.identification.errors import UnidentifiableError
+from inkjet_env.identification.errors import NothingRingsError, UnidentifiableError
 from inkjet_env.identification.fit import CampaignFit
 from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.model import Model
 from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.starting_point import ringing_gain
-from inkjet_env.printhead import Printhead
+from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
+from inkjet_env.printhead.printhead import UNKNOWN_INTERVALS
 
 QUANTILE_90 = 1.6448536269514722
 """Number of standard deviations about the mean that hold 90 % of a normal distribution."""
@@ -32,6 +33,12 @@ NOTHING_RINGS = (
     "its frequency; `inkjet record --plan FOLDER` writes such drives."
 )
 """End of the error sentence if no resonance is found."""
+NO_DYNAMICS = (
+    "a0, a1 and b1 cannot be known from these recordings: none shows the resonance. The hysteresis does not depend on "
+    "them. To identify them, record pulses with short edges, or a multisine about the resonance, with self_sensing or "
+    "a fast displacement sensor; `inkjet record --plan FOLDER` writes such drives."
+)
+"""Note of an identification from slow recordings alone."""
 
 
 def outcome_of(fit: CampaignFit) -> Identification:
@@ -40,7 +47,8 @@ def outcome_of(fit: CampaignFit) -> Identification:
     Raises
     ------
     UnidentifiableError
-        The first channel does not follow the drive, nothing rings, or ``a0`` or ``a1`` is practically unknown.
+        The first channel does not follow the drive, nothing rings though it could (then it is a `NothingRingsError`),
+        or ``a0`` or ``a1`` is practically unknown.
     """
     law, d = fit.solution.model.weights, fit.solution.model.weights.size
     swing = _gain_of_reference(fit, fit.solution.model)
@@ -52,19 +60,22 @@ def outcome_of(fit: CampaignFit) -> Identification:
         # These recordings do not determine the swing of the law, only the product of law and gains.
         model, gain = fit.solution.model, swing
     gains = _gains(fit, model, richer, gain)
-    if ringing_gain(fit.fitted(fit.fast, d), model.a0, model.a1) < LEAST_RINGING_GAIN:
-        raise UnidentifiableError(f"a model without a resonance fits these recordings equally well: {NOTHING_RINGS}")
-    dynamics = _resonator(model, richer)
-    a0 = dynamics["a0"]
-    by_convention = Estimate(math.sqrt(a0.value), math.sqrt(a0.low), math.sqrt(a0.high))
-    dynamics["b1"] = gains.get("self_sensing", by_convention)
-    printhead = Printhead(
-        model.a0,
-        model.a1,
-        dynamics["b1"].value,
-        (*(float(c) for c in coefficients[::-1]), 0.0),
-        fit.full_scale_V,
-    )
+    descending = (*(float(c) for c in coefficients[::-1]), 0.0)
+    printhead: Printhead
+    if fit.fast:
+        if ringing_gain(fit.fitted(fit.fast, d), model.a0, model.a1) < LEAST_RINGING_GAIN:
+            raise NothingRingsError(f"a model without a resonance fits these recordings equally well: {NOTHING_RINGS}")
+        dynamics = _resonator(model, richer)
+        a0 = dynamics["a0"]
+        by_convention = Estimate(math.sqrt(a0.value), math.sqrt(a0.low), math.sqrt(a0.high))
+        dynamics["b1"] = gains.get("self_sensing", by_convention)
+        try:
+            printhead = Printhead(model.a0, model.a1, dynamics["b1"].value, descending, fit.full_scale_V)
+        except ValueError as error:
+            raise NothingRingsError(f"the head that fits these recordings best is impossible: {error}") from None
+    else:
+        dynamics = {name: Estimate(math.nan, low, high) for name, (low, high) in UNKNOWN_INTERVALS.items()}
+        printhead = QuasiStaticPrinthead(descending, fit.full_scale_V)
     shape = (np.eye(d) - np.outer(law, np.ones(d)) / law.sum()) / swing
     return Identification(
         printhead,
@@ -129,7 +140,14 @@ def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:
 def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]) -> list[str]:
     """Caveats of the result for the reader, in sentences."""
     notes = []
-    if "self_sensing" not in gains:
+    if not fit.fast:
+        notes.append(NO_DYNAMICS)
+        if "displacement" in gains:
+            notes.append(
+                "The displacement recordings show no resonance: displacement was taken as a gain times "
+                "the hysteretic drive plus an offset."
+            )
+    elif "self_sensing" not in gains:
         notes.append(
             "b1, the gain of self-sensing, is not observable without a self_sensing recording. By convention it "
             "was set to √a0: the signal is then the deflection's velocity divided by √a0, in hysteretic volts."
@@ -137,9 +155,11 @@ def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]
     if not fit.solution.converged:
         notes.append("The fit did not converge; its intervals are unreliable.")
     chosen = {"all recordings": fit.joint.by_flattening}
-    if fit.gauge:
-        chosen["the strain gauge alone"] = fit.alone.by_flattening
-    else:
+    if fit.gauge and (fit.fast or len(gains) > 1):
+        chosen[f"{'the strain gauge' if fit.reference == 'strain_gauge' else fit.reference} alone"] = (
+            fit.alone.by_flattening
+        )
+    elif fit.fast:
         notes.append(
             "Without a strain-gauge recording the hysteresis was identified from the fast channels themselves."
         )
@@ -161,8 +181,9 @@ def _notes(fit: CampaignFit, printhead: Printhead, gains: Mapping[str, Estimate]
     if partly:
         names = " and ".join(partly[0].names)
         notes.append(f"There are too few recordings to hold out a whole one; the last quarter of {names} was held out.")
-    elif all(m.fitted for m in fit.all if m.channel != "strain_gauge"):
-        notes.append("No fast recording was held out, so the prediction of other recordings was not tested.")
+    elif all(m.fitted for m in fit.all if m.fast or not fit.fast):
+        which = "fast recording" if fit.fast else "recording"
+        notes.append(f"No {which} was held out, so the prediction of other recordings was not tested.")
     return notes
 
 

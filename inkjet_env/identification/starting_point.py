@@ -94,6 +94,8 @@ def rational_fit(fitted: Sequence[Fitted], weights: Real) -> tuple[float, float]
             targets.append(np.concatenate([target.real, target.imag]))
         matrix = np.vstack(parts)
         size = np.linalg.norm(matrix, axis=0)
+        if not np.isfinite(size).all():
+            return None
         size[size == 0] = 1.0
         solution = np.linalg.lstsq(matrix / size, np.concatenate(targets), rcond=1e-12)[0] / size
         a1, a0 = float(solution[0]), float(solution[1])

@@ -12,6 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from inkjet_env.identification.identify import doubtful_states
+from inkjet_env.identification.outcome import NO_DYNAMICS
 from inkjet_env.mismatch.diagnosis import Diagnosis
 from inkjet_env.mismatch.fitting.base_model import base_model
 from inkjet_env.mismatch.fitting.base_parameters import in_convention
@@ -138,17 +139,21 @@ class _Work:
     def diagnosis(self, printhead: Printhead | None, held_out: Sequence[str] | None) -> Diagnosis:
         """All steps of the diagnosis in order."""
         observed = observe(self.campaign, held_out)
-        excitations = [o.excitation for o in observed if o.channel != "drive_monitor"]
+        self.context.progress("fitting the base model")
+        joint = base_model(self.campaign, observed, printhead, held_out, self.context.progress, self.settings)
+        excitations = [o.excitation for o in joint.observed if o.channel != "drive_monitor"]
         untestable = {e.id: reason for e in self.effects if (reason := e.untestable(excitations)) is not None}
         testable = [e for e in self.effects if e.id not in untestable]
         random = [e for e in testable if e.random]
         with_law = [e for e in testable if e not in random]
-        self.context.progress("fitting the base model")
-        joint = base_model(self.campaign, observed, printhead, held_out, self.context.progress, self.settings)
+        fast = any(excitation.fast for excitation in excitations)
+        dynamics_known = fast or (printhead is not None and printhead.has_dynamics)
+        if not dynamics_known:
+            self.notes.append(NO_DYNAMICS)
         self.notes.extend(joint.noise.notes)
         if not any(o.fitted < o.excitation.samples for o in observed):
             self.notes.append("No recording was held out, so nothing was validated on recordings that no fit has seen.")
-        doubt = doubtful_states(self.campaign, held_out)
+        doubt = doubtful_states(self.campaign, held_out, quasi_static=not fast)
         self.stopwatch.took("base model")
         candidate = self.candidate(joint, random, with_law)
         if (other := self.with_another_law(joint, candidate)) is not None:
@@ -170,7 +175,7 @@ class _Work:
         self.stopwatch.took("discrepancy regression")
         found = Findings(
             joint, chosen, selection, random_effects, self.indistinguishable, discrepancy, self.effects, untestable,
-            doubt,
+            doubt, dynamics_known,
         )  # fmt: skip
         return judge(found, self.campaign.name, self.context, self.stopwatch, self.notes)
 
@@ -286,14 +291,13 @@ class _Work:
             return joint, chosen
         before, settings = joint, self.settings.fitting
         while True:
-            modelled = joint.modelled(chosen.fit)
-            residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
-            residuals = self.without_random_effects(joint.observed, residuals, random_effects)
-            noise = noise_seen(joint.observed, residuals, {}, settings)
-            base = in_convention(joint.base.head)
-            joint = joint.anew(noise=noise, head=base)
-            near = joint.near(chosen.fit.moved(head=in_convention(chosen.fit.head)))
             try:
+                modelled = joint.modelled(chosen.fit)
+                residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
+                residuals = self.without_random_effects(joint.observed, residuals, random_effects)
+                noise = noise_seen(joint.observed, residuals, {}, settings)
+                joint = joint.anew(noise=noise, head=in_convention(joint.base.head))
+                near = joint.near(chosen.fit.moved(head=in_convention(chosen.fit.head)))
                 chosen = settled(joint, near.fit(chosen.fit.active))
             except NUMERICAL:
                 return before, replace(chosen, fit=replace(chosen.fit, converged=False))

@@ -145,7 +145,8 @@ class Diagnosis:
     correction : Correction or None
         Discrepancy regression; None unless the verdict is "unknown" and it predicts held-out recordings.
     printhead : Printhead
-        The base part of the augmented model; the base model if the verdict is unknown.
+        The base part of the augmented model; the base model if the verdict is unknown. A `QuasiStaticPrinthead` if no
+        recording shows the resonator and no head with dynamics was given.
     gains, offsets : dict of str to float
         By channel: signal for a `Plant.motion` of 1, and signal at rest, in the channel's unit.
     base_printhead : Printhead
@@ -192,7 +193,7 @@ class Diagnosis:
     def heldout_rms(self, which: str) -> float:
         """RMS over the main channel's held-out samples, in volts; NaN if nothing is held out.
 
-        A displacement is given in hysteretic volts.
+        A displacement is given in hysteretic volts, a strain gauge in its own.
 
         Parameters
         ----------

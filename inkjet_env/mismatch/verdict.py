@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from inkjet_env.estimate import Estimate
 from inkjet_env.mismatch.design.next_experiment import next_experiment
 from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, NamedEffect
 from inkjet_env.mismatch.evidence import (
@@ -31,6 +32,8 @@ from inkjet_env.mismatch.stopwatch import Stopwatch
 from inkjet_env.plant import Effect
 from inkjet_env.plant.registry import own_class
 from inkjet_env.plugins import provenance
+from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
+from inkjet_env.printhead.printhead import UNKNOWN_INTERVALS
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +60,8 @@ class Findings:
         By id, the effects that the recordings cannot show, and why not.
     doubt : str or None
         Why the recordings may not be what they are said to be; then nothing is named.
+    dynamics_known : bool
+        Whether the resonator of the heads is more than a placeholder: a recording shows it, or it was given.
     """
 
     joint: OutputErrorFit
@@ -68,6 +73,11 @@ class Findings:
     effects: Sequence[Effect]
     untestable: Mapping[str, str]
     doubt: str | None
+    dynamics_known: bool = True
+
+    def known_part(self, printhead: Printhead) -> Printhead:
+        """The head as a result may show it: without the placeholder for a resonator that is unknown."""
+        return printhead if self.dynamics_known else QuasiStaticPrinthead.of(printhead)
 
     @property
     def groups(self) -> list[tuple[str, ...]]:
@@ -138,14 +148,17 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         last = f"The fit of {of} did not converge: its values are those at which it stopped, without known intervals."
         notes = [*notes, last]
     own = {f"effect {e.id}": provenance(type(e)) for e in found.effects if own_class(e) is not None}
-    head, channels = stands.fit.head, {o.channel for o in joint.observed} - {"drive_monitor"}
+    head, known = stands.fit.head, found.dynamics_known
+    # A channel whose drive never moved has no gain; where a resonator is known, its gain is that of the given head.
+    channels = {o.channel for o in joint.observed if known or not o.still} - {"drive_monitor"}
     gains, offsets = ({c: v for c, v in of.items() if c in channels} for of in (head.gains, head.offsets))
+    nothing = {name: Estimate(math.nan, low, high) for name, (low, high) in UNKNOWN_INTERVALS.items()}
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (),
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share,
         found.selection.base_p_value, compared(found.selection), found.untestable, following, correction,
-        head.printhead, gains, offsets, joint.base.head.printhead,
-        dynamics(stands), tuple(notes), stopwatch.seconds, stopwatch.stages, settings, own,
+        found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
+        dynamics(stands) if known else nothing, tuple(notes), stopwatch.seconds, stopwatch.stages, settings, own,
     )  # fmt: skip
 
 

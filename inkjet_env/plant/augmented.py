@@ -79,6 +79,11 @@ class AugmentedPrinthead:
         return self.printhead.damping_ratio
 
     @property
+    def has_dynamics(self) -> bool:
+        """Whether the dynamics of the base model are known."""
+        return self.printhead.has_dynamics
+
+    @property
     def plant(self) -> Plant:
         """Head, sensors and effects as a plant for recordings."""
         return Plant(self.printhead, self.gains, effects=self.effects)
@@ -172,7 +177,7 @@ class AugmentedPrinthead:
 
     def _answer(self, at_nodes_V: Real, step_s: float, initial_state: str) -> tuple[Real, Real]:
         """Hysteretic drive since the start, and the self-sensed signal, both shape (steps,)."""
-        plant = self.plant
+        plant, head = self.plant, self.printhead
         first = Excitation(
             "self_sensing", "demagnetised", step_s, at_nodes_V[::SUBSTEPS], self.order, substeps=SUBSTEPS
         )
@@ -186,7 +191,6 @@ class AugmentedPrinthead:
             repeated_V = plant.hysteretic_V(drive_V.copy(), before)
             repeated_V = repeated_V - repeated_V[0]  # zero where the head rests
             hysteretic_V = repeated_V[: first.nodes]
-            head = self.printhead
             resonance = Resonance(head.a0, head.a1, head.a0)
             for effect, values in plant.of("resonator"):
                 resonance = effect.resonator(values, resonance, before)
@@ -229,6 +233,8 @@ class AugmentedPrinthead:
         for effect, values in self.effects:
             parameters = {}
             for p in effect.parameters:
+                if p.later and values[p.name] == p.plain:
+                    continue
                 low, high = (effect_intervals or {}).get(effect.id, {}).get(p.name, (values[p.name], values[p.name]))
                 numbers = {"value": values[p.name], "low": low, "high": high}
                 finite = {name: v if math.isfinite(v) else None for name, v in numbers.items()}

@@ -142,3 +142,13 @@ def played(signal, threshold, warm_up_periods, output):
         for i in range(signal.shape[0]):
             w = max(signal[i] - threshold, min(signal[i] + threshold, w))
             output[i] = w
+
+
+@_jit
+def remembered_maximum(signal, keep, warm_up_periods, output):
+    """Largest value of a signal so far, at least 0, that fades by ``keep`` from node to node, over several passes."""
+    value = 0.0
+    for _ in range(warm_up_periods):
+        for i in range(signal.shape[0]):
+            value = max(signal[i], keep * value)
+            output[i] = value

@@ -53,6 +53,8 @@ class Parameter:
     plain : float, optional
         Value of a shape parameter that makes the law the simplest of its kind. A fit keeps it there, unless it starts
         elsewhere or the simple law does not suffice.
+    later : bool
+        Whether the law was first published without it: a printhead.json omits it while it is plain.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Parameter:
     meaning: str = ""
     open_ended: bool = False
     plain: float | None = None
+    later: bool = False
 
     def coordinate(self, value: float) -> float:
         """Fitted coordinate of a value in the parameter's unit."""

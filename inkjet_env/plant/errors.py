@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from inkjet_env.printhead.resonator import ImpossibleHeadError
+
 
 class SimulationError(FloatingPointError):
     """The model has no solution for these values: no steady state, unbounded motion, a resonator that does not ring.
@@ -28,11 +30,16 @@ range."""
 
 @contextmanager
 def blamed(effect: Any, what: str) -> Iterator[None]:
-    """Report any exception raised inside, except those of `NUMERICAL`, as an `EffectError` of the effect."""
+    """Report any exception raised inside, except those of `NUMERICAL`, as an `EffectError` of the effect.
+
+    A head that cannot be, which the effect made of its trial values, is a `SimulationError`.
+    """
     try:
         yield
     except (*NUMERICAL, EffectError):
         raise
+    except ImpossibleHeadError as error:
+        raise SimulationError(str(error)) from error
     except Exception as error:
         name = getattr(effect, "id", type(effect).__name__)
         raise EffectError(

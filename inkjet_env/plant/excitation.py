@@ -37,6 +37,8 @@ class Excitation:
         Largest magnitude measured, in the sensor's unit, if known: the starting level of a sensor that clips.
     residual_lines_Hz : tuple of float
         Frequencies of the strongest lines in the base model's residuals of such recordings: where a hum may be.
+    quasi_static : bool
+        Whether a displacement is recorded too slowly to show the resonator, so that it is static as a strain gauge is.
     cache : dict
         Results that follow from the excitation alone, stored at their first use.
     """
@@ -51,6 +53,7 @@ class Excitation:
     start: tuple[float, float] = (0.0, 0.0)
     largest_signal: float | None = None
     residual_lines_Hz: tuple[float, ...] = ()
+    quasi_static: bool = False
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -72,7 +75,7 @@ class Excitation:
     @property
     def fast(self) -> bool:
         """Whether the channel shows the resonator; a strain gauge is quasi-static."""
-        return self.channel in ("self_sensing", "displacement")
+        return not self.quasi_static and self.channel in ("self_sensing", "displacement")
 
     @property
     def node_step_s(self) -> float:

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from inkjet_env.plant.errors import SimulationError
 from inkjet_env.plant.excitation import Excitation
-from inkjet_env.plant.force import Force
+from inkjet_env.plant.force import Force, Memory
+from inkjet_env.plant.steady_state import settle
 from inkjet_env.printhead.resonator import pole
 from inkjet_env.typing import Real
 
@@ -105,6 +106,8 @@ class Oscillator:
         state = rest
         if excitation.initial_state == "free":
             state += amplitude(lam, excitation.start[0], excitation.start[1] * math.sqrt(self.a0))
+        period_s = excitation.step_s * excitation.samples
+        memories: list[Memory] = []
         if self.linear:
 
             def run(start: complex) -> complex:
@@ -115,8 +118,15 @@ class Oscillator:
             values = [np.array(force.values, dtype=np.float64) for force in self.forces]
             addresses = [(f.law.address, v.ctypes.data) for f, v in zip(self.forces, values, strict=True)]
             forces = np.array(addresses, dtype=np.int64).reshape(-1, 2)
+            memories = [Memory.of(f, v, period_s) for f, v in zip(self.forces, values, strict=True) if f.relaxations]
             before = rest + (state - rest) * np.exp(-lam * h)  # a step earlier, had the drive been constant
-            past = np.array([self._pushed_V(place, lam, forces) for place in (rest, before, state)][1:])
+
+            def pushed_V(place: complex) -> float:
+                for memory in memories:
+                    memory.values[:] = memory.first
+                return self._pushed_V(place, lam, forces)
+
+            past = np.array([pushed_V(place) for place in (rest, before, state)][1:])
 
             def run(start: complex) -> complex:
                 return complex(
@@ -126,18 +136,20 @@ class Oscillator:
                     )
                 )  # fmt: skip
 
-        end = run(state)
-        if excitation.periodic:
-            decay = complex(
-                -np.expm1(lam * excitation.step_s * excitation.samples)
-            )  # share of a change that decays over one period, in linear motion
-            for _ in range(MOST_PERIODS):
+        # Share of a change that decays over one period, in linear motion.
+        decay = complex(-np.expm1(lam * period_s))
+        if excitation.periodic and memories:
+            end = settle(run, state, decay, memories, STEADY)
+        else:
+            end = run(state)
+            for _ in range(MOST_PERIODS if excitation.periodic else 0):
                 state += (end - state) / decay
                 end = run(state)
                 if self.linear or abs(end - state) <= STEADY * max(abs(state), 1e-12):
                     break
             else:
-                raise SimulationError("there is no steady state under the repeated drive.")
+                if excitation.periodic:
+                    raise SimulationError("there is no steady state under the repeated drive.")
         if not np.isfinite(end):
             raise SimulationError("the motion grows without bound.")
         return deflection[: excitation.samples], speed[: excitation.samples]

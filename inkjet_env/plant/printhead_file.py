@@ -89,6 +89,9 @@ def _values(effect: Effect, parameters: Any) -> dict[str, float]:
     for parameter in effect.parameters:
         label = f"effect {effect.id}, parameter {parameter.name}"
         entry = parameters.get(parameter.name) if isinstance(parameters, dict) else None
+        if entry is None and isinstance(parameters, dict) and parameter.later and parameter.plain is not None:
+            values[parameter.name] = parameter.plain
+            continue
         if not isinstance(entry, dict) or "value" not in entry:
             raise ValueError(f'{label}: is missing. It must have a "value" in {parameter.unit}.')
         value = entry["value"]

@@ -16,7 +16,7 @@ def too_slow(excitations: Sequence[Excitation]) -> str | None:
     """Why recordings do not show the resonator, as the end of a sentence after "because"; None if they do."""
     if any(excitation.fast for excitation in excitations):
         return None
-    return "every recording is from the strain gauge, which is too slow to show the resonance"
+    return "every recording is too slow to show the resonance"
 
 
 def reach_V(printhead: Printhead, excitations: Sequence[Excitation]) -> float:

@@ -4,7 +4,7 @@ from inkjet_env.naming import check_name, nearest_name
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
 from inkjet_env.printhead.lumped import LumpedElements
-from inkjet_env.printhead.printhead import Printhead
+from inkjet_env.printhead.printhead import Printhead, QuasiStaticPrinthead, UnknownDynamicsError
 from inkjet_env.printhead.response import Response
 from inkjet_env.printhead.sampled import SampledResponse, respond_sampled
 from inkjet_env.printhead.waveform import Bounds, Waveform, as_waveform_array
@@ -16,8 +16,10 @@ __all__ = [
     "PeakCost",
     "PlayOperators",
     "Printhead",
+    "QuasiStaticPrinthead",
     "Response",
     "SampledResponse",
+    "UnknownDynamicsError",
     "Waveform",
     "as_waveform_array",
     "check_name",

@@ -10,15 +10,28 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, NoReturn
 
 from inkjet_env.printhead.hysteresis import BranchLaw
 from inkjet_env.printhead.printhead_json import effect_ids, parameters_of, printhead_data
-from inkjet_env.printhead.resonator import check_resonator
+from inkjet_env.printhead.resonator import ImpossibleHeadError, check_resonator
 from inkjet_env.printhead.response import Response
 from inkjet_env.printhead.waveform import Waveform
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_period, check_window
 from inkjet_env.storage import write_json
+
+UNKNOWN_DYNAMICS = (
+    "the dynamics a0, a1 and b1 of this printhead are unknown, because it was identified from slow recordings alone. "
+    "Record pulses and a multisine with self_sensing or a fast displacement sensor and identify it again; `inkjet "
+    "record --plan FOLDER` writes such drives."
+)
+"""Why nothing fast can be computed with such a head, and what to do about it."""
+UNKNOWN_INTERVALS = {"a0": (0.0, math.inf), "a1": (0.0, math.inf), "b1": (-math.inf, math.inf)}
+"""What is known of each coefficient of the dynamics: nothing."""
+
+
+class UnknownDynamicsError(ValueError):
+    """``a0``, ``a1`` or ``b1`` of a head of which only the hysteresis is known; the message says what to record."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +59,19 @@ class Printhead:
     b1: float
     coefficients: tuple[float, ...]
     full_scale_V: float = 180.0
+    has_dynamics: ClassVar[bool] = True
+    """Whether ``a0``, ``a1`` and ``b1`` are known; False for a `QuasiStaticPrinthead`."""
 
     def __post_init__(self) -> None:
         check_resonator(self.a0, self.a1)
         if not (math.isfinite(self.b1) and self.b1 != 0):
-            raise ValueError(f"b1 must be finite and not 0: the head must respond; got {self.b1!r}.")
+            raise ImpossibleHeadError(f"b1 must be finite and not 0: the head must respond; got {self.b1!r}.")
         if not 1.0 <= self.frequency_Hz <= 1e9:
-            raise ValueError(
+            raise ImpossibleHeadError(
                 f"a0 must give a resonance of 1 Hz to 1 GHz; {self.a0:g} 1/s² gives {self.frequency_Hz:g} Hz."
             )
         if not 1e-9 <= abs(self.b1 / self.a1) <= 1e9:
-            raise ValueError(
+            raise ImpossibleHeadError(
                 f"b1 / a1, the gain at resonance, must be 1e-9 to 1e9; got {self.b1 / self.a1:g}. Check the units."
             )
         object.__setattr__(self, "coefficients", self.branch_law.coefficients)
@@ -76,7 +91,10 @@ class Printhead:
 
     @classmethod
     def from_json(cls, path: str | os.PathLike[str]) -> Printhead:
-        """Read a ``printhead/1`` file; ``ValueError`` names the file and the broken rule."""
+        """Read a ``printhead/1`` file; ``ValueError`` names the file and the broken rule.
+
+        A file whose dynamics are null gives a `QuasiStaticPrinthead`.
+        """
         data = printhead_data(path)
         if ids := effect_ids(data):
             raise ValueError(
@@ -92,7 +110,8 @@ class Printhead:
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Printhead:
         """Head described by the content of a ``printhead/1`` file, without effects; ``ValueError`` names the rule."""
-        return cls(**parameters_of(data))
+        values = parameters_of(data)
+        return cls(**values) if "a0" in values else QuasiStaticPrinthead(**values)
 
     def to_json(
         self,
@@ -123,12 +142,16 @@ class Printhead:
             low, high = (intervals or {}).get(name, (value, value))
             numbers = {"value": value, "low": low, "high": high}
             dynamics[name] = {key: v if math.isfinite(v) else None for key, v in numbers.items()}
+        return self._json(dynamics, fit)
+
+    def _json(self, dynamics: Mapping[str, Any], fit: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Content of a ``printhead/1`` file with these dynamics."""
         hysteresis = {
             "coefficients": list(self.coefficients),
             "full_scale_V": self.full_scale_V,
             "degree": len(self.coefficients) - 1,
         }
-        return {"format": "printhead/1", "dynamics": dynamics, "hysteresis": hysteresis, "fit": dict(fit or {})}
+        return {"format": "printhead/1", "dynamics": dict(dynamics), "hysteresis": hysteresis, "fit": dict(fit or {})}
 
     @property
     def frequency_Hz(self) -> float:
@@ -204,3 +227,80 @@ class Printhead:
         period_s = check_period(period_s, waveform.duration_s, initial_state)
         window_s = min(check_window(window_s), period_s)
         return Response(self, time_s, drive_V, initial_state, window_s, hysteresis, period_s)
+
+
+def _unknown(self: Printhead) -> NoReturn:
+    raise UnknownDynamicsError(UNKNOWN_DYNAMICS)
+
+
+class QuasiStaticPrinthead(Printhead):
+    """A printhead without dynamics: the branch law of the hysteresis alone, as slow recordings determine it.
+
+    A strain gauge, or a slow displacement sensor, can be simulated with it. Whatever needs the resonator reads ``a0``,
+    ``a1`` or ``b1`` and gets an `UnknownDynamicsError`, a ``ValueError`` that says which recording is missing.
+
+    Parameters
+    ----------
+    coefficients : tuple of float
+        Dimensionless coefficients of the branch law, highest power first.
+    full_scale_V : float
+        Change of drive at ``x = 1``, in volts.
+
+    Examples
+    --------
+    >>> head = QuasiStaticPrinthead((0.2, 0.8, 0.0))
+    >>> head.has_dynamics, float(head.branch_law.Q(0.5))
+    (False, 0.45)
+    """
+
+    a0 = property(_unknown)
+    a1 = property(_unknown)
+    b1 = property(_unknown)
+    has_dynamics = False
+
+    def __init__(self, coefficients: tuple[float, ...], full_scale_V: float = 180.0) -> None:
+        object.__setattr__(self, "full_scale_V", full_scale_V)
+        object.__setattr__(self, "coefficients", BranchLaw(coefficients, full_scale_V).coefficients)
+
+    @classmethod
+    def of(cls, printhead: Printhead) -> QuasiStaticPrinthead:
+        """The hysteresis of a head, without its dynamics."""
+        return cls(printhead.coefficients, printhead.full_scale_V)
+
+    def with_dynamics(self) -> NoReturn:
+        """Raise the `UnknownDynamicsError`, where a head with dynamics is needed."""
+        _unknown(self)
+
+    def with_placeholder(self, frequency_Hz: float = 50e3) -> Printhead:
+        """The same hysteresis with any resonator, for code that takes a whole head but simulates slow channels alone.
+
+        Parameters
+        ----------
+        frequency_Hz : float
+            Resonance of the placeholder. Nothing that is computed for a slow channel depends on it, except the scale
+            of times from which fits of effects start.
+        """
+        omega = 2 * math.pi * max(frequency_Hz, 1.0)
+        return Printhead(omega * omega, 0.1 * omega, omega, self.coefficients, self.full_scale_V)
+
+    def as_json(
+        self, intervals: Mapping[str, tuple[float, float]] | None = None, fit: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """Content of the file that `to_json` writes: every number of the dynamics is null, and a sentence says why."""
+        nothing = {
+            name: {"value": None, "low": low if math.isfinite(low) else None, "high": None}
+            for name, (low, _) in UNKNOWN_INTERVALS.items()
+        }
+        sentence = f"{UNKNOWN_DYNAMICS[0].upper()}{UNKNOWN_DYNAMICS[1:]}"
+        return self._json(nothing, fit) | {"dynamics_unknown": sentence}
+
+    def __repr__(self) -> str:
+        return f"QuasiStaticPrinthead(coefficients={self.coefficients}, full_scale_V={self.full_scale_V})"
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, QuasiStaticPrinthead):
+            return NotImplemented
+        return (self.coefficients, self.full_scale_V) == (other.coefficients, other.full_scale_V)
+
+    def __hash__(self) -> int:
+        return hash((self.coefficients, self.full_scale_V))

@@ -35,8 +35,14 @@ def effect_ids(data: Mapping[str, Any]) -> list[str]:
 
 
 def parameters_of(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters of a `Printhead`, by name, in the content of a ``printhead/1`` file; `ValueError` names the rule."""
-    values: dict[str, Any] = {name: _number(data, "dynamics", name, "value") for name in ("a0", "a1", "b1")}
+    """Parameters of a `Printhead`, by name, in the content of a ``printhead/1`` file; `ValueError` names the rule.
+
+    Those of the dynamics are absent if all three are null: nothing fast was recorded.
+    """
+    names = ("a0", "a1", "b1")
+    values: dict[str, Any] = {}
+    if any(_entry(data, "dynamics", name, "value") is not None for name in names):
+        values = {name: _number(data, "dynamics", name, "value") for name in names}
     values["full_scale_V"] = _number(data, "hysteresis", "full_scale_V")
     coefficients = _entry(data, "hysteresis", "coefficients")
     if not isinstance(coefficients, list):

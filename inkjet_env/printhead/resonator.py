@@ -38,12 +38,18 @@ JUMP_S = 1e-20
 """An edge shorter than this, in seconds, is a jump: the ringing that it drives differs by less than rounding."""
 
 
+class ImpossibleHeadError(ValueError):
+    """Values that no head has; the message names the rule."""
+
+
 def check_resonator(a0: float, a1: float) -> None:
-    """Raise ``ValueError`` unless ``s² + a1 s + a0`` is a damped oscillation."""
+    """Raise `ImpossibleHeadError` unless ``s² + a1 s + a0`` is a damped oscillation."""
     if not (math.isfinite(a0) and a0 > 0):
-        raise ValueError(f"a0 must be a positive number (the square of the angular frequency, 1/s²); got {a0!r}.")
+        raise ImpossibleHeadError(
+            f"a0 must be a positive number (the square of the angular frequency, 1/s²); got {a0!r}."
+        )
     if not 2e-6 * math.sqrt(a0) <= a1 < 2 * math.sqrt(a0):
-        raise ValueError(
+        raise ImpossibleHeadError(
             f"a1 must be below 2√a0 = {2 * math.sqrt(a0):g} 1/s and at least a millionth of it, so that the head rings "
             f"and decays; got {a1!r}."
         )

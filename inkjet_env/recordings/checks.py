@@ -25,7 +25,7 @@ SHORTEST_FLAT_TOP = 4
 """Smallest number of equal samples at the maximum that may be clipping."""
 SLOWEST_RATES_Hz = {"self_sensing": 20e3, "displacement": 100.0, "strain_gauge": 0.1}
 """Sampling rates of each channel, in hertz, below which there is a warning."""
-UNREAL_RATES_Hz = {"self_sensing": 100.0, "displacement": 100.0, "strain_gauge": 0.1}
+UNREAL_RATES_Hz = {"self_sensing": 100.0, "displacement": 0.1, "strain_gauge": 0.1}
 """Sampling rates of each channel, in hertz, below which the unit of the times must be wrong; an error."""
 FASTEST_RATE_Hz = 1e12
 """Sampling rate in hertz above which the unit of the times must be wrong; an error."""
@@ -157,11 +157,11 @@ def _time_doubts(recording: Recording, frequency_Hz: float | None) -> Doubts:
     rate_Hz = recording.sample_rate_Hz
     hint = "Check the unit, seconds: microseconds or milliseconds?"
     if rate_Hz < SLOWEST_RATES_Hz[recording.channel]:
-        yield (
-            "error" if rate_Hz < UNREAL_RATES_Hz[recording.channel] else "warning",
-            None,
-            f"the sample rate of {rate_Hz:.4g} Hz is implausibly low for channel {recording.channel}. {hint}",
-        )
+        unreal = rate_Hz < UNREAL_RATES_Hz[recording.channel]
+        low = f"implausibly low for channel {recording.channel}"
+        if recording.channel == "displacement" and not unreal:
+            low = "too low for a displacement to show the resonance; slow loops and steps show the hysteresis alone"
+        yield "error" if unreal else "warning", None, f"the sample rate of {rate_Hz:.4g} Hz is {low}. {hint}"
     elif rate_Hz > FASTEST_RATE_Hz:
         yield "error", None, f"the sample rate of {rate_Hz:.4g} Hz is implausibly high. {hint}"
     elif frequency_Hz is not None and recording.channel != "strain_gauge":

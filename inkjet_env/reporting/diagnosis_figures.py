@@ -53,7 +53,8 @@ def figures_of(diagnosis: Diagnosis, conditions: Sequence[tuple[Row, list[Row]]]
     """
     proof = proof_recording(diagnosis)
     models = models_of(proof, diagnosis)
-    zoom = zoom_of(proof, models, diagnosis.printhead.frequency_Hz)
+    head = diagnosis.printhead
+    zoom = zoom_of(proof, models, head.frequency_Hz if head.has_dynamics else None)
     experiment = diagnosis.next_experiment
     return {
         "proof": proof,
@@ -102,12 +103,15 @@ def models_of(recording: ModelledRecording, diagnosis: Diagnosis) -> dict[str, R
     return models
 
 
-def zoom_of(recording: ModelledRecording, models: Mapping[str, Real], frequency_Hz: float) -> slice:
-    """The segment where the best model differs most from the base model, or the base model from the measurement."""
+def zoom_of(recording: ModelledRecording, models: Mapping[str, Real], frequency_Hz: float | None) -> slice:
+    """The segment where the best model differs most from the base model, or the base model from the measurement.
+
+    ``frequency_Hz`` is that of the resonance; None if it is unknown.
+    """
     n = recording.measured.size
-    periods = (
-        round(PERIODS_SHOWN / (frequency_Hz * recording.step_s)) if recording.channel != "strain_gauge" else n // 6
-    )
+    periods = n // 6
+    if frequency_Hz is not None and recording.channel != "strain_gauge":
+        periods = round(PERIODS_SHOWN / (frequency_Hz * recording.step_s))
     width = min(max(periods, FEWEST_SHOWN), n)
     other = recording.measured if len(models) == 1 else list(models.values())[-1]
     power = np.concatenate([[0.0], np.cumsum((other - recording.modelled["base"]) ** 2)])

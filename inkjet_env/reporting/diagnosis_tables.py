@@ -196,6 +196,9 @@ def noise_rows(diagnosis: Diagnosis) -> list[tuple[str, str, float, int, str]]:
 def head_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     """Name, value without and value with effects of the head's parameters, which absorb part of missing effects."""
     base, augmented = diagnosis.base_printhead, diagnosis.printhead
+    if not augmented.has_dynamics:
+        before, after = (short(head.full_scale_V * float(head.branch_law.Q(1.0)), 4) for head in (base, augmented))
+        return [("hysteretic drive at full scale, V", before, after)]
     return [
         ("resonance", hertz(base.frequency_Hz), hertz(augmented.frequency_Hz)),
         ("damping ratio", short(base.damping_ratio, 4), short(augmented.damping_ratio, 4)),

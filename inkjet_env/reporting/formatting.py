@@ -24,10 +24,14 @@ def interval_text(estimate: Estimate) -> tuple[str, str]:
     ('1.05512e11', '1.05489e11 … 1.05535e11')
     >>> interval_text(Estimate(-0.0469, -0.0481, -0.0457))
     ('−0.0469', '−0.0481 … −0.0457')
+    >>> interval_text(Estimate(float("nan"), 0.0, float("inf")))
+    ('–', 'unknown')
     """
+    if math.isnan(estimate.value):
+        return "–", "unknown"
     half = (estimate.high - estimate.low) / 2
     digits = 6
-    if half > 0 and estimate.value != 0:
+    if 0 < half < math.inf and estimate.value != 0:
         digits = min(max(math.floor(math.log10(abs(estimate.value))) - math.floor(math.log10(half)) + 2, 2), 10)
     value, low, high = (short(v, digits) for v in (estimate.value, estimate.low, estimate.high))
     return value, f"{low} … {high}"

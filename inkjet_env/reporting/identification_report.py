@@ -33,6 +33,8 @@ SHORTEST_BRANCH = 0.2
 PERIODS_SHOWN = 30
 """Periods of the resonance shown in a figure of the ringing."""
 MOST_VIEWS = 3
+DYNAMICS_UNITS = (("a0", "1/s²"), ("a1", "1/s"), ("b1", "1/s"))
+"""Units of the dynamics by their symbols."""
 
 
 def write_identification_report(
@@ -66,8 +68,10 @@ def identification_html(campaign_name: str, identification: Identification) -> s
     environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
     parts = [part for recording in identification.recordings for part in terms_of(recording)]
     loops = loop_recordings(identification)
-    fast = fast_recordings(identification)
-    broadest = broadest_recording(fast)
+    rings = identification.printhead.has_dynamics
+    main = main_recordings(identification)
+    broadest = broadest_recording(main)
+    views = ringing_views(main, identification.printhead.frequency_Hz) if rings else []
     rising, falling = (measured_branches(identification, heading) for heading in (1, -1))
     return environment.get_template("identification.html").render(
         name=campaign_name,
@@ -81,7 +85,7 @@ def identification_html(campaign_name: str, identification: Identification) -> s
         loops=[(loop, svg_text(figures.loop_figure(loop))) for loop in loops],
         law=svg_text(figures.law_figure(identification, rising, falling)),
         degree=svg_text(figures.degree_figure(identification)),
-        ringing=svg_text(figures.ringing_figure(ringing_views(fast, identification.printhead.frequency_Hz))),
+        ringing=svg_text(figures.ringing_figure(views)) if rings else None,
         broadest=broadest,
         spectrum=svg_text(figures.spectrum_figure(broadest, noise_of(broadest, identification))),
         parts=parts,
@@ -92,9 +96,11 @@ def identification_html(campaign_name: str, identification: Identification) -> s
 
 
 def headline(identification: Identification) -> str:
-    """The resonance, and how well the model explains recordings that no fit has seen, in words."""
+    """The resonance if it is known, and how well the model explains recordings that no fit has seen, in words."""
     head = identification.printhead
-    found = f"resonance {hertz(head.frequency_Hz)}, damping ratio {head.damping_ratio:.3g}; "
+    found = "hysteresis alone, the resonance cannot be known from slow recordings; "
+    if head.has_dynamics:
+        found = f"resonance {hertz(head.frequency_Hz)}, damping ratio {head.damping_ratio:.3g}; "
     held_out = bool(identification.heldout)
     whose = "held-out recordings" if held_out else "fitted recordings (none was held out)"
     pooled = {channel: identification.rms(channel, held_out) for channel in identification.gains}
@@ -201,9 +207,9 @@ def turning_points(drive_V: Real) -> list[int]:
     return [int(k) for k in moving[1:][up[1:] != up[:-1]]]
 
 
-def fast_recordings(identification: Identification) -> list[ModelledRecording]:
-    """Recordings with a varying drive on self-sensing, or on displacement if there is no self-sensing."""
-    channel = "self_sensing" if "self_sensing" in identification.gains else "displacement"
+def main_recordings(identification: Identification) -> list[ModelledRecording]:
+    """Recordings with a varying drive on self-sensing, else on displacement, else on the strain gauge."""
+    channel = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in identification.gains)
     return [r for r in identification.recordings if r.channel == channel and np.ptp(r.drive_V) > 0]
 
 
@@ -251,6 +257,23 @@ def noise_of(recording: ModelledRecording, identification: Identification) -> No
 
 def parameter_rows(identification: Identification) -> list[tuple[str, str, str, str, str]]:
     """Symbol, value, 90 % interval, unit and meaning of every parameter except the branch law's coefficients."""
+    units = {recording.channel: unit_text(recording.unit) for recording in identification.recordings}
+    if identification.printhead.has_dynamics:
+        rows = _dynamics_rows(identification)
+    else:
+        why = "not known: no recording shows the resonance"
+        rows = [(name, identification.dynamics[name], unit, why) for name, unit in DYNAMICS_UNITS]
+    for channel, gain in identification.gains.items():
+        if channel != "self_sensing":  # whose gain is b1
+            rows.append(("gain", gain, f"{units[channel]}/V", f"{CHANNEL_WORDS[channel]}: per hysteretic volt"))
+    table = [(symbol, *interval_text(estimate), unit, meaning) for symbol, estimate, unit, meaning in rows]
+    for channel, offset in identification.offsets.items():
+        table.append(("offset", short(offset), "", units[channel], CHANNEL_WORDS[channel]))
+    return table
+
+
+def _dynamics_rows(identification: Identification) -> list[tuple[str, Estimate, str, str]]:
+    """Symbol, value with its interval, unit and meaning of the dynamics."""
     a0, a1 = identification.dynamics["a0"], identification.dynamics["a1"]
     turns = 2 * math.pi
     b1 = "gain of self-sensing" + ("" if "self_sensing" in identification.gains else ": not observed, set to √a0")
@@ -259,21 +282,13 @@ def parameter_rows(identification: Identification) -> list[tuple[str, str, str, 
     spread = math.hypot(math.log(a1.high / a1.low), math.log(a0.high / a0.low) / 2) / 2
     zeta = identification.printhead.damping_ratio
     damping = Estimate(zeta, zeta * math.exp(-spread), zeta * math.exp(spread))
-    rows = [
+    return [
         ("f0", frequency, "Hz", "resonance, √a0 / 2π"),
         ("ζ", damping, "", "damping ratio, a1 / (2 √a0)"),
         ("a0", a0, "1/s²", "coefficient of G(s) = b1 s / (s² + a1 s + a0)"),
         ("a1", a1, "1/s", "coefficient of the same G(s)"),
         ("b1", identification.dynamics["b1"], "1/s", b1),
     ]
-    units = {recording.channel: unit_text(recording.unit) for recording in identification.recordings}
-    for channel, gain in identification.gains.items():
-        if channel != "self_sensing":  # whose gain is b1
-            rows.append(("gain", gain, f"{units[channel]}/V", f"{CHANNEL_WORDS[channel]}: per hysteretic volt"))
-    table = [(symbol, *interval_text(estimate), unit, meaning) for symbol, estimate, unit, meaning in rows]
-    for channel, offset in identification.offsets.items():
-        table.append(("offset", short(offset), "", units[channel], CHANNEL_WORDS[channel]))
-    return table
 
 
 def coefficient_rows(identification: Identification) -> list[tuple[int, str, str]]:

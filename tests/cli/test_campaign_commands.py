@@ -6,6 +6,7 @@ import pytest
 
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, read_campaign, write_campaign
+from inkjet_env.rig import record_campaign, strain_gauge_battery
 from tests.cli.command import files_below
 
 
@@ -103,6 +104,32 @@ def test_several_campaigns_are_identified_side_by_side_and_a_bad_one_stops_no_ot
     assert "empty" in err.splitlines()[-1]
     assert files_below(tmp_path / "heads") == ["head-1.json", "head-2.json"]
     assert Printhead.from_json(tmp_path / "heads" / "head-1.json").frequency_Hz == pytest.approx(51.69e3, rel=1e-3)
+
+
+@pytest.mark.parametrize("channel", ["strain_gauge", "displacement"])
+def test_slow_recordings_alone_give_a_head_that_says_what_it_lacks(channel, inkjet, tmp_path):
+    lines = [replace(line, channel=channel) for line in strain_gauge_battery()]
+    write_campaign(tmp_path / "slow", record_campaign(Printhead.published(), 0, battery=lines))
+    status, out, _ = inkjet("identify", "slow", "--out", "slow.json", "--report", "page.html")
+    assert status == 0
+    assert "Resonance unknown" in out
+    assert "a0, a1 and b1 cannot be known from these recordings" in out
+    assert "Ringing" not in (tmp_path / "page.html").read_text()
+    assert json.loads((tmp_path / "slow.json").read_text())["dynamics"]["a0"]["value"] is None
+    status, out, _ = inkjet("evaluate", "slow", "--printhead", "slow.json", "--json", "-")
+    assert status == 0
+    noise = json.loads((tmp_path / "slow.json").read_text())["fit"]["channels"][channel]["noise_rms"]
+    assert json.loads(out)["rms"] == pytest.approx(noise, rel=0.1)
+    for refused in (
+        ("simulate", "--waveform", *["100", "-100", "1e-6", "10.49e-6", "13.74e-6", "9.81e-6", "19.96e-6"]),
+        ("optimize", "--optimizer", "pso", "--budget", "100"),
+        ("record", "other"),
+    ):
+        status, out, err = inkjet(*refused, "--printhead", "slow.json")
+        assert (status, out) == (2, "")
+        told = [line for line in err.splitlines() if not line.startswith("compiling ")]
+        assert len(told) == 1
+        assert told[0].startswith("inkjet: the dynamics a0, a1 and b1 of this printhead are unknown")
 
 
 def test_displacement_is_recorded_on_demand(inkjet, tmp_path):

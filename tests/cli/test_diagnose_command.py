@@ -19,7 +19,7 @@ from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, write_campaign
 from inkjet_env.reporting import diagnosis_report
-from inkjet_env.rig import default_battery, record_campaign
+from inkjet_env.rig import default_battery, record_campaign, strain_gauge_battery
 from inkjet_env.storage import write_json
 from tests.cli.command import files_below
 
@@ -303,3 +303,18 @@ def test_a_printhead_of_another_head_altogether_is_refused(inkjet, folder, tmp_p
         "inkjet: the given printhead, with a resonance at 30 Hz, explains almost nothing"
     )
     assert not (tmp_path / "found.json").exists()
+
+
+def test_slow_recordings_alone_are_diagnosed_and_every_file_is_written(inkjet, tmp_path):
+    write_campaign(tmp_path / "slow", record_campaign(HEAD, 0, battery=strain_gauge_battery()))
+    arguments = ("--printhead-out", "head.json", "--report", "page.html", "--json", "verdict.json", "--workers", "1")
+    status, out, _ = inkjet("diagnose", "slow", *arguments)
+    assert status == 0
+    assert "second_mode cannot be tested here, because every recording is too slow to show the resonance" in out
+    assert json.loads((tmp_path / "verdict.json").read_text())["verdict"] == "none"
+    assert "too slow to show the resonance" in (tmp_path / "page.html").read_text()
+    assert not read_printhead(tmp_path / "head.json").has_dynamics
+    assert inkjet("evaluate", "slow", "--printhead", "head.json")[0] == 0
+    status, _, err = inkjet("simulate", "--drive", "slow/r001.csv", "--printhead", "head.json")
+    assert status == 2
+    assert "a0, a1 and b1 of this printhead are unknown" in err

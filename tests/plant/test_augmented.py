@@ -163,6 +163,16 @@ def damaged(change):
     return data
 
 
+def test_a_file_from_before_a_law_had_a_freedom_is_read_with_its_plain_value(tmp_path):
+    slew = (EFFECTS["slew_limit"], {"slew_rate_V_s": 2e7, "lag_s": 1e-7, "fall_ratio": 1.0})
+    for ratio, names in ((1.0, {"slew_rate_V_s", "lag_s"}), (0.5, {"slew_rate_V_s", "lag_s", "fall_ratio"})):
+        data = AugmentedPrinthead(HEAD, ((slew[0], slew[1] | {"fall_ratio": ratio}),)).as_json()
+        assert data["effects"][0]["parameters"].keys() == names
+        path = tmp_path / f"older-{ratio}.json"
+        path.write_text(json.dumps(data))
+        assert read_printhead(path).effects[0][1] == slew[1] | {"fall_ratio": ratio}
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

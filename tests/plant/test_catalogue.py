@@ -11,15 +11,33 @@ from inkjet_env.printhead import Printhead
 from inkjet_env.testing import EffectTests, excitations_of
 
 STAGES = {
-    "drive": ["amplifier_bandwidth", "slew_limit", "trigger_delay"],
-    "hysteresis": ["asymmetric_hysteresis", "creep", "rate_dependent_hysteresis"],
+    "drive": [
+        "amplifier_bandwidth",
+        "drive_resonance",
+        "generator_steps",
+        "nonlinear_capacitance",
+        "slew_limit",
+        "supply_droop",
+        "trigger_delay",
+    ],
+    "hysteresis": [
+        "asymmetric_hysteresis",
+        "backlash",
+        "creep",
+        "depolarisation",
+        "rate_dependent_hysteresis",
+        "voltage_dependent_gain",
+    ],
     "resonator": [
         "air_bubble",
+        "coulomb_friction",
         "cubic_stiffness",
         "ferroelastic_softening",
         "meniscus_refill",
         "quadratic_damping",
         "second_mode",
+        "self_heating",
+        "structural_damping",
         "thermal_drift",
         "wave_echo",
     ],
@@ -29,7 +47,9 @@ STAGES = {
         "feedthrough",
         "mains_hum",
         "sensor_bandwidth",
+        "sensor_highpass",
         "sensor_saturation",
+        "timebase_error",
     ],
 }
 HEAD = Printhead.published()
@@ -73,7 +93,8 @@ def test_what_is_told_is_a_sentence_with_numbers(effect):
 
 
 SHOWN_BY_A_SLOW_SENSOR_AT_REST = {
-    "trigger_delay", "asymmetric_hysteresis", "creep", "rate_dependent_hysteresis", "baseline_drift", "mains_hum"
+    "trigger_delay", "asymmetric_hysteresis", "creep", "rate_dependent_hysteresis", "voltage_dependent_gain",
+    "baseline_drift", "mains_hum",
 }  # fmt: skip
 """As far as the kind of the recordings tells; whether they show it is seen in the fit."""
 

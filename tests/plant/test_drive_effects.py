@@ -193,6 +193,10 @@ TRUTHS = {
         {"slew_rate_V_s": part * 80 / (15 * STEP_S), "lag_s": lag * STEP_S}
         for part, lag in ((0.15, 0.0), (0.45, 0.0), (0.95, 0.0), (0.4, 5.0))
     ],
+    "drive_resonance": [
+        {"frequency_Hz": ratio * HEAD.frequency_Hz, "damping_ratio": damping}
+        for ratio, damping in ((2.6, 0.05), (9.0, 0.2), (20.0, 0.08))
+    ],
     "trigger_delay": [{"delay_s": part * PERIOD_S} for part in (-0.4, -0.003, 0.015, 0.2)],
 }
 

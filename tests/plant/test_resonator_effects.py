@@ -315,6 +315,12 @@ TRUTHS = {
         {"softening_per_V": 5e-5, "loss_ratio": 6.0},
         {"rayleigh_per_V": 3e-4, "loss_ratio": 1.0},
     ],
+    "coulomb_friction": [{"friction_V": 0.7, "speed_V": 2.0}],
+    "self_heating": [
+        {"cooling_s": 20 * PERIOD_S, "stiffness_change": -0.2},
+        {"cooling_s": 6 * PERIOD_S, "damping_change": 2.0},
+    ],
+    "structural_damping": [{"loss_factor": 0.03}],
     "meniscus_refill": [
         {"recovery_s": 30 * PERIOD_S, "stiffness_change": -0.02},
         {"recovery_s": 10 * PERIOD_S, "flow_change": 0.1},

@@ -12,7 +12,7 @@ from inkjet_env.identification import UnidentifiableError
 from inkjet_env.plant import catalogue
 
 
-@pytest.mark.parametrize(("part", "count"), [("null", 100), ("single", 40), ("pairs", 20), ("withheld", 20)])
+@pytest.mark.parametrize(("part", "count"), [("null", 100), ("single", 64), ("pairs", 20), ("withheld", 32)])
 def test_every_part_has_its_cases_each_of_its_own_name(part, count):
     names = [case.name for case in cases(part, 1)]
     assert len(names) == len(set(names)) == count

@@ -114,6 +114,8 @@ class Bench:
         Whether the neighbouring channel can be driven.
     settings : DesignSettings
         Lengths of the drives.
+    quasi_static : bool
+        Whether the campaign records a displacement too slowly for the resonator to show.
     """
 
     channel: str
@@ -125,6 +127,7 @@ class Bench:
     order: int
     neighbour: bool
     settings: DesignSettings
+    quasi_static: bool = False
 
     def excitation(self, drive_V: Real, initial_state: str = "", neighbour_V: Real | None = None) -> Excitation:
         """An excitation of this channel.
@@ -140,8 +143,9 @@ class Bench:
         """
         if neighbour_V is None and self.neighbour:
             neighbour_V = np.zeros(drive_V.size)
+        state = initial_state or self.initial_state
         return Excitation(
-            self.channel, initial_state or self.initial_state, self.step_s, drive_V, self.order, neighbour_V=neighbour_V
+            self.channel, state, self.step_s, drive_V, self.order, neighbour_V, quasi_static=self.quasi_static
         )
 
     def samples(self, periods: float) -> int:
@@ -227,6 +231,7 @@ def benches(observed: Sequence[ObservedRecording], frequency_Hz: float, settings
                 1 + max(o.excitation.order for o in observed),
                 any(o.excitation.neighbour_V is not None for o in mine),
                 settings,
+                excitation.quasi_static,
             )
         )
     return found
@@ -234,7 +239,8 @@ def benches(observed: Sequence[ObservedRecording], frequency_Hz: float, settings
 
 def library(bench: Bench) -> list[Proposal]:
     """Candidate drives of a channel, chosen so that every effect shows under one or another of them."""
-    return fast_library(bench) if bench.channel != "strain_gauge" else slow_library(bench)
+    slow = bench.quasi_static or bench.channel == "strain_gauge"
+    return slow_library(bench) if slow else fast_library(bench)
 
 
 def fast_library(bench: Bench) -> list[Proposal]:
@@ -283,7 +289,7 @@ def fast_library(bench: Bench) -> list[Proposal]:
 
 
 def slow_library(bench: Bench) -> list[Proposal]:
-    """Candidate drives of the strain gauge: loops at three rates, step and hold, nested loops, silence."""
+    """Candidate drives of a slow channel: loops at three rates, step and hold, nested loops, silence."""
     most = max(bench.high_V, -bench.low_V)
     slow, hold = bench.settings.slow_samples, bench.settings.hold_samples
     phase = 2 * np.pi * np.arange(slow) / slow

@@ -198,9 +198,12 @@ class _Judge:
             excitation = judged.proposal.excitation
             if not excitation.fast:
                 continue
-            voltages = [
-                excitation.sampled(fit.head.plant(fit.active.pairs).at_ceramic_V(excitation)) for fit in self.fits
-            ]
+            try:
+                voltages = [
+                    excitation.sampled(fit.head.plant(fit.active.pairs).at_ceramic_V(excitation)) for fit in self.fits
+                ]
+            except NUMERICAL:
+                continue
             apart = [voltages[i] - voltages[j] for i, j in self.pairs]
             found = _Judged(
                 judged.proposal,

@@ -16,7 +16,7 @@ from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.settings import DiagnosisSettings, FittingSettings
 from inkjet_env.plant.wording import with_prefix
-from inkjet_env.printhead import Printhead
+from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
 from inkjet_env.recordings import Campaign
 
 
@@ -48,12 +48,15 @@ def base_model(
     Returns
     -------
     OutputErrorFit
-        Its ``base`` is the fitted base model, its ``noise`` the noise of that model's residuals.
+        Its ``base`` is the fitted base model, its ``noise`` the noise of that model's residuals. If no recording shows
+        the resonator and no printhead with dynamics is given, the base model is the hysteresis with gains and offsets:
+        the resonator of its head is then a placeholder, which no result may contain.
 
     Raises
     ------
     ValueError
-        No base model can be identified from the recordings, or the printhead belongs to another head.
+        No base model can be identified from the recordings, the printhead belongs to another head, or it has no
+        dynamics and the recordings need them.
     """
     given = printhead is not None
     if printhead is None:
@@ -62,7 +65,9 @@ def base_model(
         found = identify(campaign, degree_rule=rule, held_out=held_out, progress=progress)
         gains = {channel: gain.value for channel, gain in found.gains.items()}
         offsets, printhead, otherwise = dict(found.offsets), found.printhead, dict(found.noise)
+        observed, printhead = _static_if_unknown(observed, printhead)
     else:
+        observed, printhead = _static_if_unknown(observed, printhead)
         gains, offsets = gains_and_offsets(observed, printhead)
         otherwise = {}
     channels = {o.channel for o in observed}
@@ -82,6 +87,18 @@ def base_model(
             "then identified."
         )
     return joint
+
+
+def _static_if_unknown(
+    observed: Sequence[ObservedRecording], printhead: Printhead
+) -> tuple[Sequence[ObservedRecording], Printhead]:
+    """Recordings and head unchanged; if the head has no dynamics, static recordings and a placeholder resonator."""
+    if not isinstance(printhead, QuasiStaticPrinthead):
+        return observed, printhead
+    if any(o.channel == "self_sensing" and not o.still for o in observed):
+        return observed, printhead.with_dynamics()
+    observed = [replace(o, excitation=replace(o.excitation, quasi_static=True, cache={})) for o in observed]
+    return observed, printhead.with_placeholder(0.1 / min(o.excitation.step_s for o in observed))
 
 
 def substeps_for(frequency_Hz: float, step_s: float, settings: FittingSettings) -> int:

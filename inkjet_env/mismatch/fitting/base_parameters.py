@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
-from inkjet_env.plant import Effect, Plant, SimulationError, Values
+from inkjet_env.plant import Effect, Excitation, Plant, SimulationError, Values
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -117,14 +117,23 @@ class Head:
             columns[:, j] = gain * plant.motion_of_power(j, excitation)
         if excitation.fast:
             for place in (0, 1):
-                for sign in (1, -1):
-                    step = np.zeros(self.size)
-                    step[d + place] = sign * 1e-5
-                    other = self.moved(step).plant().motion(drive_V, excitation)
-                    columns[:, d + place] += sign * gain / 2e-5 * other
+                ends = {sign: self._motion_beside(place, sign * SMALL, excitation) for sign in (1, -1)}
+                # Of a resonator about to be overdamped, one neighbour does not ring.
+                found = {sign: total if end is None else end for sign, end in ends.items()}
+                apart = SMALL * max(sum(end is not None for end in ends.values()), 1)
+                columns[:, d + place] = gain / apart * (found[1] - found[-1])
         if excitation.channel in self.free_gains:
             columns[:, d + 2 + self.free_gains.index(excitation.channel)] = gain * total
         return columns
+
+    def _motion_beside(self, place: int, change: float, excitation: Excitation) -> Real | None:
+        """Motion of the head with ``ln a0`` (place 0) or ``ln a1`` (1) changed; None if such a head does not ring."""
+        step = np.zeros(self.size)
+        step[self.degree + place] = change
+        try:
+            return self.moved(step).plant().motion(excitation.drive_at_nodes_V, excitation)
+        except SimulationError:
+            return None
 
     def _differences(self, observed: ObservedRecording, effects: Sequence[tuple[Effect, Values]]) -> Real:
         """`sensitivities` by finite differences of the plant."""
@@ -169,12 +178,16 @@ def _chebyshev(degree: int, reach: float) -> Real:
 
 
 def in_convention(head: Head) -> Head:
-    """The same head with its law's swing set by convention and gains and ``b1`` scaled to match."""
-    law = head.printhead
-    factor = conventional_swing(law.full_scale_V) / float(law.branch_law.Q(1.0))
-    if not (math.isfinite(factor) and factor > 0):
+    """The same head with its law's swing set by convention and gains and ``b1`` scaled to match.
+
+    A head whose law has no swing, or so small a one that the scaled head would be invalid, is returned unchanged.
+    """
+    law, swing = head.printhead, float(head.printhead.branch_law.Q(1.0))
+    factor = conventional_swing(law.full_scale_V) / swing if swing > 0 else math.inf
+    try:
+        scaled = replace(law, coefficients=tuple(factor * c for c in law.coefficients), b1=law.b1 / factor)
+    except ValueError:
         return head
-    scaled = replace(law, coefficients=tuple(factor * c for c in law.coefficients), b1=law.b1 / factor)
     gains = {c: g if c == "drive_monitor" else g / factor for c, g in head.gains.items()}
     return Head(scaled, gains, head.offsets)
 

@@ -90,6 +90,7 @@ def observe(
                 recording.neighbour_V,
                 substeps,
                 largest_signal=float(np.abs(signal).max()),
+                quasi_static=measurement.quasi_static,
             )
             found[name] = [
                 ObservedRecording(

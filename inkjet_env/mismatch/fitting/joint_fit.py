@@ -231,8 +231,13 @@ class OutputErrorFit:
         damping, converged = 1e-3, False
         jacobian, jacobian_at = np.zeros((residuals.size, 0)), here
         for _ in range(settings.most_steps if most_steps is None else most_steps):
+            try:
+                jacobian = self.jacobian(here, low, high, known)
+            except NUMERICAL:
+                if here is jacobian_at:  # at the start: nothing is known of this fit
+                    raise
+                break
             jacobian_at = here
-            jacobian = self.jacobian(here, low, high, known)
             enough = max(settings.step_gain, settings.step_gain_share * (nll - 0.5 * residuals.size))
             own = residuals - q @ (q.T @ residuals)
             in_base = q.T @ jacobian
@@ -365,7 +370,13 @@ class OutputErrorFit:
             if active.theta[k] + size > high[k]:
                 size = -size
             touched = [o for o in self.seen if effect.changes(parameter.name, o.excitation, values[effect.id])]
-            signals = self.signals(replace(at, active=active.stepped(k, size)), touched)
+            try:
+                signals = self.signals(replace(at, active=active.stepped(k, size)), touched)
+            except NUMERICAL:  # the plant may be simulated on the other side alone
+                if not low[k] <= active.theta[k] - size <= high[k]:
+                    raise
+                size = -size
+                signals = self.signals(replace(at, active=active.stepped(k, size)), touched)
             for o in touched:
                 changed[o.name][k] = (signals[o.name] - here[o.name]) / size
         for o, end in zip(self.seen, self.ends, strict=True):

@@ -229,9 +229,10 @@ def _rows(
         if noise.samples[k]:
             continue
         mine = key == i  # noise known from residuals alone: each cell is compared with all
-        level = squares[mine].sum() / max(alone[mine].sum(), 1e-300)
+        degrees = float(alone[mine].sum())  # none may remain where a fit has as many parameters as samples
+        level = squares[mine].sum() / degrees if degrees > 1e-9 else 1.0
         squares[mine] /= level or 1.0
-        noise_degrees[i] = max(alone[mine].sum(), 1.0)
+        noise_degrees[i] = max(degrees, 1.0)
     return Rows(squares, alone, key, record, noise_degrees, by_line, smooth, axis, settings)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,7 +116,10 @@ def signatures(
         Without the starts that cannot be simulated or cannot be distinguished from the base parameters.
     """
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
-    tasks = [(effect, start) for effect in effects for start in effect.starts(joint.base.head.printhead, excitations)]
+    tasks: list[tuple[Effect, dict[str, float]]] = []
+    for effect in effects:
+        with suppress(*NUMERICAL):  # an effect that finds no start on these recordings is not tried
+            tasks.extend((effect, start) for start in effect.starts(joint.base.head.printhead, excitations))
 
     def column(task: tuple[Effect, dict[str, float]]) -> Real | None:
         try:
@@ -164,11 +168,11 @@ def superposed(joint: OutputErrorFit, effect: Effect, residuals: Real, basis: Re
         Values of the effect's parameters, in their units; empty where the fit may start at the plain law.
     """
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
-    law = effect.superposed(joint.base.head.printhead, excitations)
-    if law is None:
-        return []
-    plain, starts, weights = law
     try:
+        law = effect.superposed(joint.base.head.printhead, excitations)
+        if law is None:
+            return []
+        plain, starts, weights = law
         columns = np.column_stack([joint.signature(effect, values) for values in plain])
     except NUMERICAL:
         return []

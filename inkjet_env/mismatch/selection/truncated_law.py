@@ -16,7 +16,7 @@ from inkjet_env.mismatch.fitting.base_parameters import Head, in_convention
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis
-from inkjet_env.plant.errors import NUMERICAL
+from inkjet_env.plant.errors import NUMERICAL, SimulationError
 from inkjet_env.typing import Real
 
 NODES = 400
@@ -80,8 +80,11 @@ def _bend(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> float:
 
     It is computed to first order, by projection, because a law enters linearly.
     """
-    other = joint.anew(head=narrower(chosen.fit.head, part), base=joint.base)
-    own, (columns, _) = chosen.columns, other.basis
+    try:
+        other = joint.anew(head=narrower(chosen.fit.head, part), base=joint.base)
+        own, (columns, _) = chosen.columns, other.basis
+    except NUMERICAL:
+        return -math.inf
     for _ in range(2):  # twice, because they are nearly parallel
         columns = columns - own @ (own.T @ columns)
     u, sines, _ = np.linalg.svd(columns, full_matrices=False)
@@ -91,19 +94,28 @@ def _bend(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> float:
 
 def _fitted(joint: OutputErrorFit, chosen: Hypothesis, part: float) -> FitResult | None:
     """A hypothesis fitted on from a law of another full scale; None if it cannot be simulated with that law."""
-    begun = chosen.fit.moved(head=narrower(chosen.fit.head, part))
     try:
+        begun = chosen.fit.moved(head=narrower(chosen.fit.head, part))
         return joint.near(begun).fit(begun.active, most_steps=joint.settings.selection.law_steps)
     except NUMERICAL:
         return None
 
 
 def narrower(head: Head, part: float) -> Head:
-    """The head with its full scale reduced to a share; its law is the polynomial nearest to the old one there."""
+    """The head with its full scale reduced to a share; its law is the polynomial nearest to the old one there.
+
+    Raises
+    ------
+    SimulationError
+        There is no valid head of this full scale.
+    """
     old = head.printhead
     full_scale_V = part * old.full_scale_V
     x: Real = np.linspace(0.0, 1.0, NODES)
     swing = np.array([old.full_scale_V * old.branch_law.Q(part * at) for at in x]) / full_scale_V
     ascending = np.linalg.lstsq(x[:, None] ** np.arange(1, head.degree + 1), swing, rcond=None)[0]
     coefficients = (*(float(c) for c in ascending[::-1]), 0.0)
-    return replace(head, printhead=replace(old, coefficients=coefficients, full_scale_V=full_scale_V))
+    try:
+        return replace(head, printhead=replace(old, coefficients=coefficients, full_scale_V=full_scale_V))
+    except ValueError as error:
+        raise SimulationError(str(error)) from error

@@ -26,7 +26,14 @@ class AmplifierBandwidth(Effect):
     parameters = (BANDWIDTH, SECOND_ORDER)
     strengths = ("bandwidth_Hz",)
     signature = "edges of the drive are rounded and delayed, whatever their slope and level"
-    confusable_with = ("sensor_bandwidth", "trigger_delay", "slew_limit")
+    confusable_with = (
+        "sensor_bandwidth",
+        "trigger_delay",
+        "slew_limit",
+        "drive_resonance",
+        "generator_steps",
+        "nonlinear_capacitance",
+    )
     shown_by = "the voltage at the head as well (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -57,7 +57,7 @@ class AsymmetricHysteresis(Effect):
     strengths = ("asymmetry", "bowing", "bending", "arching", "lean", "tilt")
     terms = (("asymmetry",), ("bowing", "knee_V"), ("bending",), ("arching",), ("lean",), ("tilt",))
     signature = "even harmonics, also at slow rates; the response to an inverted drive is not the inverted response"
-    confusable_with = ("sensor_saturation",)
+    confusable_with = ("sensor_saturation", "voltage_dependent_gain", "depolarisation")
     shown_by = "a pulse, the same pulse inverted, and a slow loop over the whole range"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -20,6 +20,8 @@ MULTIPLES = 5
 """Number of multiples in the starts with multiples, the tone included."""
 FASTEST = 2.0
 """Periods per sample of the fastest tone that a recording may show; a slow instrument does not follow faster ones."""
+MOST_IMAGES = 3
+"""Largest number of lines for which a search starts at their images as well."""
 LEAST_OWN = 1e-3
 """Smallest share of a wave that is independent of the waves before it, relative to its size."""
 
@@ -55,11 +57,13 @@ class MainsHum(Effect):
         for frequency in (*seen, *usual, *(periods / longest_s for periods in (3, 10))):
             if all(abs(frequency - other) * longest_s > 0.5 for other in guesses):
                 guesses.append(frequency)
-        return [
+        found = [
             {"frequency_Hz": f, "multiples": float(multiples), "amplitude": 1.0}
             for multiples in (1, MULTIPLES)
             for f in guesses[:MOST_STARTS]
         ]
+        images = _images_Hz(seen[:MOST_IMAGES], excitations)
+        return [*found, *({"frequency_Hz": f, "multiples": 1.0, "amplitude": 1.0} for f in images)]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"frequency_Hz": 0.9 * printhead.frequency_Hz, "multiples": 1.0, "amplitude": 2.0 * noise_rms}
@@ -79,7 +83,8 @@ class MainsHum(Effect):
         angle = 2 * np.pi * frequency * excitation.step_s * np.arange(excitation.samples)
         waves = np.column_stack([wave(k * angle) for k in heard for wave in (np.cos, np.sin)])
         # With fewer than two samples per period, one wave may look like another, or like none.
-        own = np.abs(np.diag(np.linalg.qr(waves, mode="r")))
+        own = np.zeros(waves.shape[1])
+        own[: excitation.samples] = np.abs(np.diag(np.linalg.qr(waves, mode="r")))
         return waves[:, own > LEAST_OWN * np.sqrt(excitation.samples)]
 
     def random_amplitudes(self, count: int, rng: np.random.Generator) -> Real:
@@ -91,3 +96,16 @@ class MainsHum(Effect):
 def _shows(excitation: Excitation, frequency_Hz: float) -> bool:
     """Whether a recording has more than two samples per period and lasts at least half a period."""
     return frequency_Hz * excitation.step_s < 0.5 <= frequency_Hz * excitation.step_s * excitation.samples
+
+
+def _images_Hz(lines_Hz: Sequence[float], excitations: Sequence[Excitation]) -> list[float]:
+    """Faster tones that look like these lines at one of the sampling rates, if others tell them apart, in hertz."""
+    rates_Hz = sorted({1 / excitation.step_s for excitation in excitations})
+    if len(rates_Hz) < 2:
+        return []
+    found: list[float] = []
+    for line in lines_Hz:
+        for rate in (rates_Hz[0], rates_Hz[-1]):
+            images = [image for image in (rate - line, rate + line, 2 * rate - line) if image > rate / 2]
+            found += [image for image in images if all(abs(image - other) > 1e-9 * image for other in found)]
+    return found

@@ -48,7 +48,7 @@ class MeniscusRefill(Effect):
     )
     strengths = ("stiffness_change", "flow_change")
     signature = "the same pulse rings at a different frequency after other pulses than after a rest"
-    confusable_with = ("thermal_drift", "cubic_stiffness", "creep")
+    confusable_with = ("thermal_drift", "cubic_stiffness", "creep", "self_heating")
     shown_by = "pairs of equal pulses with several different gaps"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

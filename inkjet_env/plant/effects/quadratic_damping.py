@@ -36,7 +36,7 @@ class QuadraticDamping(Effect):
     )
     strengths = ("damping_per_V",)
     signature = "the logarithmic decrement grows in proportion to the amplitude; the frequency does not change"
-    confusable_with = ("ferroelastic_softening", "cubic_stiffness")
+    confusable_with = ("ferroelastic_softening", "cubic_stiffness", "coulomb_friction")
     shown_by = "the same pulse at three amplitudes or more, each with its ring-down"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -50,7 +50,7 @@ class SecondMode(Effect):
     )
     strengths = ("strength",)
     signature = "a second peak in the spectrum, the same at every amplitude; it beats with the main mode"
-    confusable_with = ("wave_echo", "air_bubble")
+    confusable_with = ("wave_echo", "air_bubble", "drive_resonance")
     shown_by = "a multisine over many octaves, and a steep step with its whole ring-down"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -25,7 +25,7 @@ class SensorBandwidth(Effect):
     parameters = (BANDWIDTH, SECOND_ORDER)
     strengths = ("bandwidth_Hz",)
     signature = "the signal is delayed and smoothed, equally for every drive, amplitude and recording"
-    confusable_with = ("amplifier_bandwidth", "trigger_delay")
+    confusable_with = ("amplifier_bandwidth", "trigger_delay", "generator_steps", "nonlinear_capacitance")
     shown_by = "the voltage at the head as well (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

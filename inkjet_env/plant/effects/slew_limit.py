@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.recorded_motion import too_slow
 from inkjet_env.plant.wording import with_prefix
@@ -34,12 +34,12 @@ SETTLED = 1e-9
 
 
 class SlewLimit(Effect):
-    """The rate of the drive is limited, equally for rising and falling edges."""
+    """The rate of the drive is limited, equally for rising and falling edges or at a ratio."""
 
     id = "slew_limit"
     stage = "drive"
     sentence = "The amplifier cannot follow steep edges."
-    equation = "u' = S tanh((u_requested - u) / (S τ))"
+    equation = "u' = S tanh((u_requested - u) / (S τ)), S for rising and S fall_ratio for falling voltages"
     source = (
         "Horowitz & Hill, The Art of Electronics, 3rd edition, 2015, chapter 4: slew rate; J. E. Solomon, The "
         "monolithic op amp: a tutorial study, IEEE J. Solid-State Circuits 9(6), 1974: a tanh input stage"
@@ -47,10 +47,14 @@ class SlewLimit(Effect):
     parameters = (
         Parameter("slew_rate_V_s", "V/s", 1.0, math.inf, "reciprocal", "steepest slope that it can follow"),
         Parameter("lag_s", "s", 0.0, 1.0, meaning="τ: lag on gentler edges", open_ended=True, plain=0.0),
-    )
+        Parameter(
+            "fall_ratio", "1", 0.05, 20.0, "log", "steepest fall over steepest rise",
+            open_ended=True, plain=1.0, later=True,
+        ),
+    )  # fmt: skip
     strengths = ("slew_rate_V_s",)
     signature = "only edges steeper than some slope are delayed; gentler ones at the same level are not"
-    confusable_with = ("amplifier_bandwidth",)
+    confusable_with = ("amplifier_bandwidth", "nonlinear_capacitance")
     shown_by = "trapezoids of one level, with edges from gentle to as steep as the generator allows"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
@@ -65,7 +69,7 @@ class SlewLimit(Effect):
             slopes = np.array([printhead.full_scale_V * printhead.frequency_Hz])
         limits = np.geomspace(STEEPEST * slopes.max(), GENTLEST * np.median(slopes[slopes > 0]), STARTS)
         lags_s = [lag / printhead.frequency_Hz for lag in LAGS]
-        return [{"slew_rate_V_s": float(limit), "lag_s": lag_s} for lag_s in lags_s for limit in limits]
+        return [complete(self, slew_rate_V_s=float(limit), lag_s=lag_s) for lag_s in lags_s for limit in limits]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"slew_rate_V_s": 450.0 * printhead.frequency_Hz}
@@ -78,16 +82,24 @@ class SlewLimit(Effect):
         return too_slow(excitations)
 
     def description(self, values: Values, unit: str = "V") -> str:
-        return f"The amplifier cannot follow edges steeper than {with_prefix(values['slew_rate_V_s'], 'V/s', 3)}."
+        rise, ratio = values["slew_rate_V_s"], values["fall_ratio"]
+        rising = with_prefix(rise, "V/s", 3)
+        if ratio == 1:
+            return f"The amplifier cannot follow edges steeper than {rising}."
+        falling = with_prefix(ratio * rise, "V/s", 3)
+        return (
+            f"The amplifier cannot follow rising edges steeper than {rising} and falling ones steeper than {falling}."
+        )
 
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         if math.isinf(values["slew_rate_V_s"]):
             return drive_V
         lag = values["lag_s"] / excitation.node_step_s
-        return slew_limited(drive_V, values["slew_rate_V_s"] * excitation.node_step_s, excitation.periodic, lag)
+        most = values["slew_rate_V_s"] * excitation.node_step_s
+        return slew_limited(drive_V, most, excitation.periodic, lag, values["fall_ratio"])
 
 
-def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0) -> Real:
+def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0, fall_ratio: float = 1.0) -> Real:
     """Follow a signal that is linear between nodes by at most ``most`` per node, shape (n,).
 
     Parameters
@@ -95,29 +107,32 @@ def slew_limited(signal: Real, most: float, periodic: bool, lag: float = 0.0) ->
     signal : ndarray, shape (n,)
         Signal at the nodes, in volts.
     most : float
-        Largest change per node, in volts.
+        Largest change per node, in volts: the largest rise.
     periodic : bool
         Whether the result is a steady state of the repeated signal; otherwise it starts at the first value.
     lag : float
         Time constant, in nodes, with which edges below the limit are followed.
+    fall_ratio : float
+        Largest fall per node over the largest rise.
     """
     from inkjet_env.plant import compiled_drive
 
     ends = np.append(signal, signal[0]) if periodic else np.ascontiguousarray(signal)
     result = np.empty(ends.size)
+    fall = fall_ratio * most
 
     def after_a_period(start: float) -> float:
         if lag < FEWEST_STEPS:
-            end: float = compiled_drive.slew_limited(ends, most, start, result)
+            end: float = compiled_drive.slew_limited(ends, most, fall, start, result)
         else:
-            end = compiled_drive.softly_slewed(ends, most, most * lag, start, result)
+            end = compiled_drive.softly_slewed(ends, most, fall, lag, start, result)
         return end
 
     start = float(ends[0])
     end = after_a_period(start)
     if periodic and end != start:
         start, end = end, after_a_period(end)
-    if periodic and abs(end - start) > SETTLED * most:  # it would need many periods to catch up
+    if periodic and abs(end - start) > SETTLED * min(most, fall):  # it would need many periods to catch up
         low, high = (start, float(ends.max())) if end > start else (float(ends.min()), start)
         for _ in range(HALVINGS):  # a period brings any two states closer: below the steady state it rises
             middle = 0.5 * (low + high)

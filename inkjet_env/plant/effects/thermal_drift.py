@@ -49,7 +49,7 @@ class ThermalDrift(Effect):
     strengths = tuple(parameter.name for parameter in parameters[1:])
     terms = (strengths[:KNOTS], strengths[KNOTS:])
     signature = "width and frequency of the resonance follow the order of the recordings, whatever their drives"
-    confusable_with = ("air_bubble", "meniscus_refill", "quadratic_damping")
+    confusable_with = ("air_bubble", "meniscus_refill", "quadratic_damping", "self_heating")
     shown_by = "the same drive repeatedly throughout the session, and amplitudes in random order"
     depends_on_order = True
 

@@ -30,7 +30,7 @@ class TriggerDelay(Effect):
     parameters = (Parameter("delay_s", "s", -1.0, 1.0, meaning="delay of the drive at the ceramic"),)
     strengths = ("delay_s",)
     signature = "every response is late or early by the same time, its shape unchanged"
-    confusable_with = ("amplifier_bandwidth", "sensor_bandwidth")
+    confusable_with = ("amplifier_bandwidth", "sensor_bandwidth", "generator_steps", "nonlinear_capacitance")
     shown_by = "a steep step, sampled as finely as the instrument allows"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:

@@ -1,0 +1,122 @@
+"""Depolarisation: beyond a coercive voltage of negative sign the ceramic loses gain, which recovers in part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.errors import SimulationError
+from inkjet_env.plant.excitation import Excitation
+from inkjet_env.plant.wording import percent, with_prefix
+from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
+
+REFERENCE_V = 100.0
+"""Excess over the coercive voltage, in volts, to which the loss refers."""
+SHARES = (0.3, 0.6)
+"""Coercive voltages of the starts, as shares of the most negative drive."""
+RECOVERIES = (2.0, 30.0)
+"""Recovery times of the starts, in periods of the head."""
+LOST = 0.03
+"""Largest loss in the starts."""
+LEAST_LEFT = 0.02
+"""Share of the gain that must be left."""
+
+
+class Depolarisation(Effect):
+    """A gain that falls with the largest excess over the coercive voltage so far, forgotten with a time constant.
+
+    At the start of a recording from the demagnetised state the ceramic is fully polarised.
+    """
+
+    id = "depolarisation"
+    stage = "hysteresis"
+    sentence = "Strong negative drives depolarise the ceramic, which loses gain and regains it in part."
+    equation = (
+        "v (1 - loss (permanent n∞ + (1 - permanent) n)), n(t) = max over s ≤ t of e(s) exp((s - t) / recovery_s), n∞ "
+        "the same with recovery_s = ∞, e = max(-u - coercive_V, 0) / 100 V"
+    )
+    source = (
+        "B. Jaffe, W. R. Cook, H. Jaffe, Piezoelectric Ceramics, Academic Press, 1971: depoling; the recovery is an "
+        "empirical law"
+    )
+    parameters = (
+        Parameter("loss", "1", -0.2, 5.0, meaning="relative fall of the gain, 100 V beyond the coercive voltage"),
+        Parameter("coercive_V", "V", 0.0, 1e3, meaning="magnitude of the negative voltage at which the loss begins"),
+        Parameter("recovery_s", "s", 1e-9, 1e6, "log", "time constant of the recovery", open_ended=True),
+        Parameter("permanent", "1", 0.0, 1.0, meaning="share of the loss that does not recover", plain=0.0),
+    )
+    strengths = ("loss",)
+    signature = "after a strong negative voltage the same pulse moves the head less; positive ones change nothing"
+    confusable_with = ("asymmetric_hysteresis", "voltage_dependent_gain")
+    shown_by = "the same small pulse before and after negative pulses of growing voltage"
+
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        lowest_V = _lowest_V(excitations) or 0.5 * printhead.full_scale_V
+        return [
+            {
+                "loss": min(LOST * REFERENCE_V / ((1 - share) * lowest_V), 5.0),
+                "coercive_V": min(share * lowest_V, 1e3),
+                "recovery_s": periods / printhead.frequency_Hz,
+                "permanent": 0.0,
+            }
+            for share in SHARES
+            for periods in RECOVERIES
+        ]
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"loss": 0.2, "coercive_V": 30.0, "recovery_s": 10 / printhead.frequency_Hz}
+
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        lowest_V = _lowest_V(excitations)
+        narrower = {"coercive_V": (0.0, min(0.95 * lowest_V, 1e3))} if lowest_V > 1e-6 else {}
+        shortest_s = min((s.step_s for s in excitations), default=1e-9)
+        longest_s = max((s.samples * s.step_s for s in excitations), default=1e4)
+        return narrower | {"recovery_s": (max(shortest_s, 1e-9), min(100 * longest_s, 1e6))}
+
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return None if _lowest_V(excitations) > 0 else "no recording has a negative drive"
+
+    def description(self, values: Values, unit: str = "V") -> str:
+        loses = "loses" if values["loss"] > 0 else "gains"
+        text = (
+            f"Below -{with_prefix(values['coercive_V'], 'V')} the ceramic {loses} "
+            f"{percent(abs(values['loss']) / 10)} of its gain per 10 V, with a recovery time of "
+            f"{with_prefix(values['recovery_s'], 's')}"
+        )
+        return f"{text}; {percent(values['permanent'])} of that is permanent." if values["permanent"] else f"{text}."
+
+    def hysteresis(
+        self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
+    ) -> Real:
+        if values["loss"] == 0:
+            return hysteretic_V
+        excess = np.maximum(-drive_V - values["coercive_V"], 0.0) / REFERENCE_V
+        lost = remembered(excess, math.exp(-excitation.node_step_s / values["recovery_s"]), excitation.periodic)
+        if values["permanent"]:
+            lost = lost + values["permanent"] * (remembered(excess, 1.0, excitation.periodic) - lost)
+        left = 1 - values["loss"] * lost
+        if left.min() < LEAST_LEFT:
+            raise SimulationError("nothing is left of the piezoelectric gain.")
+        return hysteretic_V * left
+
+
+def remembered(excess: Real, keep: float, periodic: bool) -> Real:
+    """Largest excess so far, of which a share ``keep`` is remembered from node to node, at the nodes, shape (n,).
+
+    Exact for maxima at the nodes. In steady state if periodic; otherwise there was none before the first node.
+    """
+    from inkjet_env.plant import compiled_hysteresis
+
+    result = np.empty(excess.size)
+    # An excess is largest in the period in which it occurs, so one period before the recording is enough.
+    compiled_hysteresis.remembered_maximum(np.ascontiguousarray(excess), keep, 2 if periodic else 1, result)
+    return result
+
+
+def _lowest_V(excitations: Sequence[Excitation]) -> float:
+    """Magnitude of the most negative drive, in volts; 0 if none is negative."""
+    return max((-float(s.drive_V.min()) for s in excitations), default=0.0)

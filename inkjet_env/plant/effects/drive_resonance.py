@@ -1,0 +1,81 @@
+"""Inductance of the cable and capacitance of the head: the voltage at the ceramic overshoots and rings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effects.second_mode import resolved_Hz
+from inkjet_env.plant.excitation import Excitation
+from inkjet_env.plant.low_pass import low_passed
+from inkjet_env.plant.recorded_motion import too_slow
+from inkjet_env.plant.wording import with_prefix
+from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
+
+GUESSES = (1.5, 2.2, 3.3, 5.0, 7.5, 11.0, 17.0, 25.0)
+"""Frequencies of the starts, relative to that of the head."""
+DAMPING_RATIOS = (0.3, 0.1)
+"""Damping ratios of the starts."""
+MOST_PERIODS_A_NODE = 1e6
+"""Periods per node from which the voltage follows at once, to rounding."""
+
+
+class DriveResonance(Effect):
+    """Under-damped low-pass of second order between amplifier and ceramic.
+
+    Above a damping ratio of 0.5 it is an amplifier of limited bandwidth.
+    """
+
+    id = "drive_resonance"
+    stage = "drive"
+    sentence = "The cable's inductance and the head's capacitance resonate, so the drive rings after its edges."
+    equation = "u + 2 ζ/ω u' + u''/ω² = u_requested, ω = 2π frequency_Hz = 1/√(L C)"
+    source = (
+        "A. J. Fleming, K. K. Leang, Design, Modeling and Control of Nanopositioning Systems, Springer, 2014, chapter "
+        "on electrical considerations: cable and capacitive load"
+    )
+    parameters = (
+        Parameter("frequency_Hz", "Hz", 0.1, math.inf, "reciprocal", "undamped frequency of cable and head"),
+        Parameter("damping_ratio", "1", 0.01, 0.5, "log", "ζ: damping ratio of cable and head"),
+    )
+    strengths = ("frequency_Hz",)
+    signature = (
+        "the drive itself rings at one frequency after each of its corners, in proportion to its change of slope"
+    )
+    confusable_with = ("amplifier_bandwidth", "sensor_bandwidth", "trigger_delay", "second_mode")
+    shown_by = "the voltage at the head as well (column drive_monitor_V)"
+
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        highest_Hz = resolved_Hz(excitations)[1]
+        ratios = [ratio for ratio in GUESSES if ratio * printhead.frequency_Hz < highest_Hz] or GUESSES[:1]
+        return [
+            {"frequency_Hz": ratio * printhead.frequency_Hz, "damping_ratio": damping}
+            for damping in DAMPING_RATIOS
+            for ratio in ratios
+        ]
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"frequency_Hz": 6 * printhead.frequency_Hz, "damping_ratio": 0.15}
+
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        return {"frequency_Hz": resolved_Hz(excitations)}
+
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
+
+    def description(self, values: Values, unit: str = "V") -> str:
+        overshoot = math.exp(-math.pi * values["damping_ratio"] / math.sqrt(1 - values["damping_ratio"] ** 2))
+        return (
+            f"Cable and head resonate at {with_prefix(values['frequency_Hz'], 'Hz', 3)}: after a jump the voltage "
+            f"at the ceramic overshoots by {100 * overshoot:.2g} %."
+        )
+
+    def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
+        if values["frequency_Hz"] * excitation.node_step_s > MOST_PERIODS_A_NODE:
+            return drive_V
+        damping = values["damping_ratio"]
+        time_s = 2 * damping / (2 * math.pi * values["frequency_Hz"])
+        q = 1 / (4 * damping * damping)  # 1 + τ s + q τ² s² = 1 + 2 ζ s/ω + s²/ω²
+        return low_passed(drive_V, time_s, q, excitation.node_step_s, excitation.periodic)

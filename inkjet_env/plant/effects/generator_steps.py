@@ -1,0 +1,141 @@
+"""A generator whose output is a staircase: it is updated at intervals, in steps of its converter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effects.trigger_delay import late
+from inkjet_env.plant.excitation import Excitation
+from inkjet_env.plant.recorded_motion import too_slow
+from inkjet_env.plant.wording import with_prefix
+from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
+
+PERIODS = (0.01, 0.025, 0.05, 0.1, 0.2)
+"""Update intervals of the starts, in periods of the head."""
+BITS = (8, 7, 6, 5, 4)
+"""Numbers of bits of the starts, for a range as large as the drive's."""
+UNRESOLVED = 1 / 16
+"""Update interval in nodes below which its steps are not followed; the hold is then a delay by half an interval."""
+LEAST_V = 1e-9
+"""Step in volts below which there is none."""
+
+
+class GeneratorSteps(Effect):
+    """Zero-order hold, begun with the recording, and rounding to the levels of the converter.
+
+    A node has the mean of the staircase over one node step, so that edges between nodes count.
+    """
+
+    id = "generator_steps"
+    stage = "drive"
+    sentence = "The generator's output is a staircase: it is updated at intervals and has a finite resolution."
+    equation = (
+        "u(t) = q round(u_requested(⌊t/T⌋ T) / q), T update_s, q resolution_V; T = 0: no hold, q = 0: no rounding"
+    )
+    source = (
+        "A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 3rd edition, Pearson, 2010, chapter 4: "
+        "zero-order hold and quantisation"
+    )
+    parameters = (
+        Parameter("update_s", "s", 0.0, 1.0, meaning="T: interval between updates of the output"),
+        Parameter("resolution_V", "V", 0.0, 1e3, meaning="q: step between neighbouring levels"),
+    )
+    strengths = ("update_s", "resolution_V")
+    signature = "edges are staircases, late by half an update on average; held levels are off by up to half a step"
+    confusable_with = ("trigger_delay", "amplifier_bandwidth", "sensor_bandwidth")
+    shown_by = "slow edges sampled finely, and the voltage at the head (column drive_monitor_V)"
+
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        swing_V = max((float(np.ptp(s.drive_V)) for s in excitations if s.fast), default=0.0) or printhead.full_scale_V
+        held = [{"update_s": part / printhead.frequency_Hz, "resolution_V": 0.0} for part in PERIODS]
+        return [*held, *({"update_s": 0.0, "resolution_V": swing_V / 2**bits} for bits in BITS)]
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"update_s": 0.05 / printhead.frequency_Hz, "resolution_V": 1.0}
+
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        largest_V = max((float(np.abs(s.drive_V).max()) for s in excitations), default=0.0)
+        most_V = min(largest_V, 1e3) if largest_V > LEAST_V else 1e3
+        return {"update_s": (0.0, min(1.0 / printhead.frequency_Hz, 1.0)), "resolution_V": (0.0, most_V)}
+
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
+
+    def description(self, values: Values, unit: str = "V") -> str:
+        said = []
+        if values["update_s"]:
+            said.append(f"is updated only every {with_prefix(values['update_s'], 's', 3)}")
+        if values["resolution_V"]:
+            said.append(f"has steps of {with_prefix(values['resolution_V'], 'V', 3)}")
+        return f"The generator's output {' and '.join(said)}." if said else self.sentence
+
+    def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
+        nodes = min(values["update_s"], excitation.nodes * excitation.node_step_s) / excitation.node_step_s
+        step_V = values["resolution_V"]
+        if step_V < LEAST_V:
+            step_V = 0.0
+        if nodes == step_V == 0:
+            return drive_V
+        if nodes < UNRESOLVED:
+            held_V = late(drive_V, nodes / 2, excitation.periodic) if nodes else drive_V
+            stairs_V = _cell_means(held_V, excitation.periodic, step_V)
+        else:
+            stairs_V = staircase_means(drive_V, nodes, step_V, excitation.periodic)
+        result: Real = drive_V + stairs_V - _cell_means(drive_V, excitation.periodic)
+        return result
+
+
+def staircase_means(drive_V: Real, nodes: float, step_V: float, periodic: bool) -> Real:
+    """Mean of the held and rounded drive from half a node before to half a node after each node, shape (n,).
+
+    Parameters
+    ----------
+    drive_V : ndarray, shape (n,)
+        Requested drive at the nodes, in volts, linear between them.
+    nodes : float
+        Update interval in nodes, above 0. The first update is at the first node.
+    step_V : float
+        Step of the converter, in volts; 0: none.
+    periodic : bool
+        Whether the drive is repeated, and the updates with it; otherwise its ends are held.
+    """
+    n = drive_V.size
+    ends_V = np.append(drive_V, drive_V[0] if periodic else drive_V[-1])
+    updates = nodes * np.arange(math.floor(n / nodes) + 1)
+    levels_V = np.interp(updates, np.arange(n + 1), ends_V)
+    if step_V > 0:
+        levels_V = step_V * np.round(levels_V / step_V)
+    knots = np.append(updates, max(n, float(updates[-1])))
+    area = np.append(0.0, np.cumsum(levels_V * np.diff(knots)))
+    until = np.interp(np.arange(n + 1) - 0.5, knots, area)
+    until[0] = until[-1] - area[-1] if periodic else -0.5 * levels_V[0]
+    means: Real = np.diff(until)
+    return means
+
+
+def _cell_means(drive_V: Real, periodic: bool, step_V: float = 0.0) -> Real:
+    """Mean of the drive, rounded to multiples of a step above 0, over half a node step on either side of each node."""
+    before, after = np.roll(drive_V, 1), np.roll(drive_V, -1)
+    if not periodic:
+        before[0], after[-1] = drive_V[0], drive_V[-1]
+    middles = [0.5 * (drive_V + neighbour) for neighbour in (before, after)]
+    if step_V == 0:
+        means: Real = 0.25 * (middles[0] + middles[1]) + 0.5 * drive_V
+        return means
+    first, second = (_rounded_mean(drive_V / step_V, middle / step_V) for middle in middles)
+    rounded: Real = 0.5 * step_V * (first + second)
+    return rounded
+
+
+def _rounded_mean(a: Real, b: Real) -> Real:
+    """Mean of ``round`` over the straight line from a to b."""
+    whole_a, whole_b = np.round(a), np.round(b)
+    area = whole_b * (b - 0.5 * whole_b) - whole_a * (a - 0.5 * whole_a)
+    same = whole_a == whole_b
+    result: Real = np.where(same, whole_a, area / np.where(same, 1.0, b - a))
+    return result

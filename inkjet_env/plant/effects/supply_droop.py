@@ -1,0 +1,107 @@
+"""A supply that sags with the charge of each pulse and recovers: later pulses of a burst are smaller."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.errors import SimulationError
+from inkjet_env.plant.excitation import Excitation
+from inkjet_env.plant.recorded_motion import too_slow
+from inkjet_env.plant.wording import percent, with_prefix
+from inkjet_env.printhead import Printhead
+from inkjet_env.typing import Real
+
+CHARGE_V = 100.0
+"""Rise of the voltage's magnitude, in volts, that draws one unit of charge."""
+SAG = 0.03
+"""Largest sag in the starts."""
+RECOVERIES = (1.0, 4.0, 15.0, 60.0)
+"""Recovery times of the starts, in periods of the head."""
+LEAST_LEFT = 0.05
+"""Share of the supply that must be left."""
+
+
+class SupplyDroop(Effect):
+    """The drive is multiplied by what is left of a supply that every charging of the ceramic draws down.
+
+    Charge is drawn while the magnitude of the requested drive rises; discharging returns none.
+    """
+
+    id = "supply_droop"
+    stage = "drive"
+    sentence = "The supply sags with the charge that the pulses draw, and recovers with a time constant."
+    equation = "u = u_requested (1 - droop s), s' = -s / τ + max(|u_requested|', 0) / 100 V"
+    source = (
+        "P. Horowitz, W. Hill, The Art of Electronics, 3rd edition, 2015, chapter 9: reservoir capacitors and the "
+        "output impedance of supplies"
+    )
+    parameters = (
+        Parameter("droop", "1", -0.1, 0.9, meaning="relative fall of the supply after charging by 100 V"),
+        Parameter("recovery_s", "s", 1e-9, 1e4, "log", "τ: time constant of the supply's recovery"),
+    )
+    strengths = ("droop",)
+    signature = "later pulses of a burst are smaller, in proportion to the charge drawn before; a gap restores them"
+    confusable_with = ("slew_limit", "rate_dependent_hysteresis", "meniscus_refill")
+    shown_by = "bursts of equal pulses with several gaps, and the voltage at the head (column drive_monitor_V)"
+
+    def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
+        found = []
+        for periods in RECOVERIES:
+            recovery_s = periods / printhead.frequency_Hz
+            largest = max((float(drawn(s.drive_at_nodes_V, recovery_s, s).max()) for s in excitations), default=1.0)
+            found.append({"droop": min(SAG / max(largest, 1e-12), 0.5), "recovery_s": recovery_s})
+        return found
+
+    def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
+        return {"droop": 0.05, "recovery_s": 10 / printhead.frequency_Hz}
+
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        longest_s = max((s.samples * s.step_s for s in excitations if s.fast), default=1.0)
+        shortest_s = 0.1 / printhead.frequency_Hz
+        return {"recovery_s": (shortest_s, max(10 * longest_s, 2 * shortest_s))}
+
+    def untestable(self, excitations: Sequence[Excitation]) -> str | None:
+        return too_slow(excitations)
+
+    def description(self, values: Values, unit: str = "V") -> str:
+        does = "sags" if values["droop"] > 0 else "rises"
+        return (
+            f"Charging the head by {CHARGE_V:g} V, the supply {does} by {percent(abs(values['droop']))}; it recovers "
+            f"with a time constant of {with_prefix(values['recovery_s'], 's')}."
+        )
+
+    def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
+        if values["droop"] == 0:
+            return drive_V
+        left = 1 - values["droop"] * drawn(drive_V, values["recovery_s"], excitation)
+        if left.min() < LEAST_LEFT:
+            raise SimulationError("the supply collapses.")
+        return drive_V * left
+
+
+def drawn(drive_V: Real, recovery_s: float, excitation: Excitation) -> Real:
+    """Charge drawn and not yet returned, ``s``, in units of 100 V, at the nodes, shape (nodes,).
+
+    Exact for a drive that is linear between nodes. In steady state if periodic, otherwise from rest.
+    """
+    from inkjet_env.plant import compiled
+
+    ends_V = np.append(drive_V, drive_V[0]) if excitation.periodic else drive_V
+    before_V, after_V = np.abs(ends_V[:-1]), np.abs(ends_V[1:])
+    crosses = ends_V[:-1] * ends_V[1:] < 0
+    # The magnitude rises during the last part of a step across 0 V, and during all of any other.
+    rises_V = np.where(crosses, after_V, np.maximum(after_V - before_V, 0.0))
+    part = np.where(crosses, after_V / np.where(crosses, before_V + after_V, 1.0), 1.0)
+    z = excitation.node_step_s / recovery_s
+    mean = -np.expm1(-part * z) / np.maximum(part * z, 1e-300)
+    gained = np.append(0.0, rises_V / CHARGE_V * np.where(part * z > 1e-12, mean, 1.0))
+    state = np.empty(gained.size)
+    start = 0.0
+    if excitation.periodic:
+        start = compiled.lagged(gained, math.exp(-z), 0.0, 1.0, 0.0, state) / -math.expm1(-z * drive_V.size)
+    compiled.lagged(gained, math.exp(-z), 0.0, 1.0, start, state)
+    return state[: drive_V.size]
