@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -189,26 +189,12 @@ def attribute(
     """
     given, settings = beside.fit, joint.settings.selection
     hopeless = settings.hopeless_gain if hopeless is None else hopeless
-
-    def few_steps(question: tuple[ActiveEffects, FitResult, int]) -> FitResult | None:
-        return _tried(joint, *question, known=given.jacobian if given.active.effects else None)
-
-    best_score = found.best(beside.residuals)
-    fair = settings.fair_score * max(best_score.values(), default=0.0)
-    tasks = [
-        (given.active.plus(effect, start), given, settings.first_steps)
-        for effect in effects
-        if effect.id in best_score and effect.id not in given.ids
-        for _, start in found.ranked(effect, beside.residuals)[
-            : settings.starts if best_score[effect.id] >= fair else 1
-        ]
-    ]
+    begun = _begun(joint, beside, effects, found, context)
     best: dict[str, FitResult] = {}
-    for k, fit in enumerate(context.fits(joint, few_steps, tasks, tasks)):
-        ids = tasks[k][0].ids
-        context.progress(f"fitting {' + '.join(ids)} (start {k + 1} of {len(tasks)})")
-        if fit is not None and (ids[-1] not in best or fit.nll < best[ids[-1]].nll):
-            best[ids[-1]] = fit
+    for fit in begun:
+        name = fit.active.last.id
+        if name not in best or fit.nll < best[name].nll:
+            best[name] = fit
     most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
     promising = [fit for fit in best.values() if given.nll - fit.nll >= hopeless * most]
     hypotheses = [Hypothesis(fit, joint) for fit in best.values() if given.nll - fit.nll < hopeless * most]
@@ -229,6 +215,48 @@ def attribute(
                 context.progress(f"refining {' + '.join(fit.ids)} with all parameters ({k + 1} of {len(partial)})")
                 ended = [h for h in ended if h.ids != fit.ids] + [Hypothesis(fit, joint.near(fit))]
     return sorted([*hypotheses, *ended], key=lambda h: -h.score)
+
+
+def _begun(
+    joint: OutputErrorFit, beside: Hypothesis, effects: Sequence[Effect], found: Signatures, context: FitContext
+) -> list[FitResult]:
+    """A few steps from the starts of each effect; those that two steps show to be alike or hopeless get no more."""
+    given, settings = beside.fit, joint.settings.selection
+    known = given.jacobian if given.active.effects else None
+    best_score = found.best(beside.residuals)
+    largest = max(best_score.values(), default=0.0)
+
+    def stepped(name: str, tasks: Sequence[tuple[ActiveEffects, FitResult]], steps: int) -> Iterator[FitResult | None]:
+        questions = [(active, begin, steps) for active, begin in tasks]
+        fits = context.fits(joint, lambda task: _tried(joint, *task, steps, known=known), tasks, questions)
+        for k, ((active, _), fit) in enumerate(zip(tasks, fits, strict=True)):
+            context.progress(f"{name} {' + '.join(active.ids)} (start {k + 1} of {len(tasks)})")
+            yield fit
+
+    starts = [
+        (given.active.plus(effect, start), given)
+        for effect in effects
+        if effect.id not in given.ids and best_score.get(effect.id, 0.0) >= settings.least_score * largest
+        for _, start in found.ranked(effect, beside.residuals)[
+            : settings.starts if best_score[effect.id] >= settings.fair_score * largest else 1
+        ]
+    ]
+    screened = [fit for fit in stepped("screening", starts, settings.screening_steps) if fit is not None]
+    most = max((given.nll - fit.nll for fit in screened), default=0.0)
+    following, ended = [], []
+    for effect in effects:
+        mine = sorted((fit for fit in screened if fit.active.last.id == effect.id), key=lambda fit: fit.nll)
+        apart: list[FitResult] = []
+        for fit in mine:
+            if given.nll - fit.nll < settings.screened_gain * most and apart:
+                break
+            if all(fit.nll - other.nll > settings.alike_gain * (given.nll - other.nll) for other in apart):
+                apart.append(fit)
+        ended += [fit for fit in apart if fit.converged or given.nll - fit.nll < settings.screened_gain * most]
+        following += [fit for fit in apart[: settings.screened_starts] if not any(fit is one for one in ended)]
+    more = [(fit.active, fit) for fit in following]
+    steps = settings.first_steps - settings.screening_steps
+    return ended + [fit for fit in stepped("fitting", more, steps) if fit is not None]
 
 
 def shaped(joint: OutputErrorFit, fit: FitResult, beside: Hypothesis) -> Hypothesis:
