@@ -130,7 +130,7 @@ class SelectionSettings(_Settings):
     """Relative difference of two starts' gains below which they count as one. Unit: 1. Source: speed."""
     first_steps: int = 6
     """Number of steps from each start. Unit: 1. Source: speed."""
-    hopeless_gain: float = 0.3
+    hopeless_gain: float = 0.5
     """Share of the best effect's gain, after the first steps, below which an effect is not fitted to the end. Unit: 1.
     Source: speed."""
     most_rounds: int = 4
@@ -194,11 +194,9 @@ class SelectionSettings(_Settings):
     """Full scales, relative to the base model's, whose laws together with its own reveal a bend wherever it is. Unit:
     1. Source: speed."""
     law_scales: tuple[float, ...] = tuple(float(scale) for scale in np.linspace(0.975, 0.5, 20))
-    """Full scales that are fitted, relative to the base model's, in this order; none is smaller. Unit: 1. Source:
-    tables."""
-    law_scale_refuted: float = 1.0
-    """Loss from which a full scale is too small, and so are all below it. Unit: log-likelihood per sample. Source:
-    speed."""
+    """Full scales that are compared, relative to the base model's; none is smaller. Unit: 1. Source: tables."""
+    law_scales_fitted: int = 3
+    """Number of them that are fitted: those that promise most to first order. Unit: 1. Source: speed."""
     law_steps: int = 3
     """Largest number of steps of a fit with another full scale. Unit: 1. Source: speed."""
     law_scale_tolerance: float = 2e-3

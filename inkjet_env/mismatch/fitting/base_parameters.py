@@ -137,18 +137,27 @@ class Head:
 
     def _differences(self, observed: ObservedRecording, effects: Sequence[tuple[Effect, Values]]) -> Real:
         """`sensitivities` by finite differences of the plant."""
+        excitation, channel, d = observed.excitation, observed.channel, self.degree
         largest = max(float(np.abs(observed.measured).max()), 1e-12)
         directions = self._directions(observed)
-        sizes = np.full(self.size, SMALL)
-        sizes[self.degree + 2 + len(self.free_gains) :] *= largest
-        here = self.plant(effects).signal(observed.excitation)
-        columns = np.empty((here.size, self.size))
-        for k, size in enumerate(sizes):
+        here = self.plant(effects).signal(excitation)
+        columns = np.zeros((here.size, self.size))
+        steps = dict.fromkeys(range(d), SMALL)
+        if excitation.fast:
+            steps |= {d: SMALL, d + 1: SMALL}
+        if channel in self.free_gains:
+            steps[d + 2 + self.free_gains.index(channel)] = SMALL
+        offset = d + 2 + len(self.free_gains) + list(self.offsets).index(channel)
+        if any(effect.stage == "sensing" for effect, _ in effects):
+            steps[offset] = SMALL * largest
+        else:
+            columns[:, offset] = 1.0
+        for k, size in steps.items():
             step = np.zeros(self.size)
             step[k] = size
-            if k < self.degree:
-                step[: self.degree] = size * directions[:, k]
-            columns[:, k] = (self.moved(step).plant(effects).signal(observed.excitation) - here) / size
+            if k < d:
+                step[:d] = size * directions[:, k]
+            columns[:, k] = (self.moved(step).plant(effects).signal(excitation) - here) / size
         columns[:, : self.degree] = np.linalg.solve(directions.T, columns[:, : self.degree].T).T
         return columns
 

@@ -57,6 +57,8 @@ class OutputErrorFit:
         The base model on these recordings; fitted unless given.
     around : FitResult, optional
         Fit with whose effects on the base sensitivities are taken; without effects unless given.
+    root : OutputErrorFit, optional
+        The same fits with the base sensitivities of the base model.
     """
 
     def __init__(
@@ -68,8 +70,10 @@ class OutputErrorFit:
         random_effects: Sequence[tuple[Effect, Values]] = (),
         base: FitResult | None = None,
         around: FitResult | None = None,
+        root: OutputErrorFit | None = None,
     ) -> None:
         self.settings = settings
+        self.root = root
         self.random_effects = tuple(random_effects)
         self.around = around
         self.observed = tuple(observed)
@@ -98,6 +102,11 @@ class OutputErrorFit:
         q, r = np.linalg.qr(columns / size)
         identifiable = np.abs(np.diag(r)) > 1e-10
         return q[:, identifiable], r[identifiable] * size
+
+    @cached_property
+    def base_rank(self) -> int:
+        """Number of base parameters that these recordings determine, effects or not."""
+        return self.root.base_rank if self.root else int(self.basis[0].shape[1])
 
     def _sensitivities(self, o: ObservedRecording, on: Sequence[tuple[Effect, Values]]) -> Real:
         try:
@@ -169,7 +178,7 @@ class OutputErrorFit:
 
     def near(self, fit: FitResult) -> OutputErrorFit:
         """The same fits, with the base sensitivities taken at the end of another fit, its effects on."""
-        return self.anew(head=fit.head, base=self.base, around=fit)
+        return self.anew(head=fit.head, base=self.base, around=fit, root=self.root or self)
 
     def anew(
         self,
@@ -179,6 +188,7 @@ class OutputErrorFit:
         random_effects: Sequence[tuple[Effect, Values]] | None = None,
         base: FitResult | None = None,
         around: FitResult | None = None,
+        root: OutputErrorFit | None = None,
     ) -> OutputErrorFit:
         """Fits of the same diagnosis with other recordings, noise, start or random effects; the others stay.
 
@@ -193,6 +203,7 @@ class OutputErrorFit:
             self.random_effects if random_effects is None else random_effects,
             base,
             around,
+            root,
         )
 
     def fit(

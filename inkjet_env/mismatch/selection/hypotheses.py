@@ -99,7 +99,8 @@ class Hypothesis:
     @property
     def excess(self) -> float:
         """Sum of squared residuals beyond the noise's expectation."""
-        return 2 * self.fit.nll - (self.residuals.size - self.columns.shape[1])
+        moved = int(np.count_nonzero(np.any(self.fit.jacobian, axis=0)))
+        return 2 * self.fit.nll - (self.residuals.size - self.joint.base_rank - moved)
 
     @property
     def leaves_much(self) -> bool:

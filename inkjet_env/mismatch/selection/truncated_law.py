@@ -48,6 +48,7 @@ def fit_truncated_law(joint: OutputErrorFit, chosen: Hypothesis, least: float = 
     least = max(0.5 * math.log(chosen.residuals.size), settings.equation_error * chosen.gain, least)
     if max(_bend(joint, chosen, part) for part in settings.law_scales_screened) <= least:
         return None
+    bends = {part: _bend(joint, chosen, part) for part in settings.law_scales}
     fits: dict[float, FitResult] = {}
 
     def nll(part: float) -> float:
@@ -57,12 +58,8 @@ def fit_truncated_law(joint: OutputErrorFit, chosen: Hypothesis, least: float = 
         fits[part] = found
         return found.nll
 
-    lowest = chosen.fit.nll
-    for part in settings.law_scales:
-        found = nll(part)
-        if found > lowest + settings.law_scale_refuted * chosen.residuals.size:
-            break
-        lowest = min(lowest, found)
+    for part in sorted(bends, key=lambda part: -bends[part])[: settings.law_scales_fitted]:
+        nll(part)
     if not fits:
         return None
     best, step = min(fits, key=lambda part: fits[part].nll), settings.law_scales[0] - settings.law_scales[1]
