@@ -13,6 +13,7 @@ from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.mismatch.diagnosis import HypothesisScore, NamedEffect
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.selection.clustered_errors import clustered_errors
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.stepwise import Selection, cosine
@@ -200,19 +201,21 @@ def closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], fl
 
 
 def _errors(chosen: Hypothesis) -> Real:
-    """Standard errors of the effects' coordinates, shape (k,), widened where residuals exceed the noise.
+    """Standard errors of the effects' coordinates, shape (k,), base parameters projected out.
 
-    Eq. (2) of docs/explanation/identification.md with ``S = s² I``, base parameters projected out.
+    The larger of two: Eq. (2) of docs/explanation/identification.md with ``S = s² I``, widened where residuals exceed
+    the noise, and `clustered_errors`.
     """
     q, _ = chosen.joint.basis
     jacobian = chosen.fit.jacobian - q @ (q.T @ chosen.fit.jacobian)
     size = np.linalg.norm(jacobian, axis=0)
     determined = size > 1e-9 * np.maximum(np.linalg.norm(chosen.fit.jacobian, axis=0), 1e-300)
     errors: Real = np.full(size.size, np.inf)
-    columns = jacobian[:, determined] / size[determined]
-    inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-12)
+    own, triangle = np.linalg.qr(jacobian[:, determined] / size[determined])
+    weights = np.linalg.pinv(triangle, rcond=1e-6)  # the root of 1e-12, for the covariance
     loud = max(1.0, 2 * chosen.fit.nll / max(chosen.residuals.size - chosen.columns.shape[1], 1))  # s² of Eq. (2)
-    errors[determined] = np.sqrt(np.maximum(np.diag(inverse), 0) * loud) / size[determined]  # Eq. (2)
+    classical = np.linalg.norm(weights, axis=1) * math.sqrt(loud)  # Eq. (2)
+    errors[determined] = np.maximum(classical, clustered_errors(weights, own, chosen.predicted)) / size[determined]
     return errors
 
 

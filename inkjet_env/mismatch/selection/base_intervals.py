@@ -4,7 +4,8 @@ The covariance of all fitted parameters is Eq. (2) of docs/explanation/identific
 
     Cov(θ̂) = (JᵀJ)⁻¹ JᵀS J (JᵀJ)⁻¹,                                                                              (2)
 
-with ``J`` the whitened Jacobian and ``S = s² I``; ``s²`` is 1 if the residuals are noise alone, and larger if not.
+with ``J`` the whitened Jacobian and ``S = s² I``; ``s²`` is 1 if the residuals are noise alone, and larger if not. If
+the scatter between conditions (`clustered_errors`) is larger still, it is the error.
 """
 
 from __future__ import annotations
@@ -12,9 +13,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inkjet_env.identification import Estimate
 from inkjet_env.identification.outcome import QUANTILE_90
+from inkjet_env.mismatch.selection.clustered_errors import clustered_errors
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis
 from inkjet_env.typing import Real
 
@@ -51,11 +54,14 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
             directions[2, d + 2 + head.free_gains.index("self_sensing")] = 1.0
     q, r = joint.basis
     across = q.T @ fit.jacobian
-    _, beyond = np.linalg.qr(fit.jacobian - q @ across)
+    further, beyond = np.linalg.qr(fit.jacobian - q @ across)
     columns = np.block([[r, across], [np.zeros((beyond.shape[0], head.size)), beyond]])
     loud = max(1.0, 2 * fit.nll / max(hypothesis.residuals.size - hypothesis.columns.shape[1], 1))  # s² of Eq. (2)
     unidentifiable = joint.settings.selection.unidentifiable
-    errors = np.sqrt(loud) * _errors(columns, directions, unidentifiable) if fit.converged else np.full(3, np.inf)
+    weights, unknown = _weights(columns, directions, unidentifiable)
+    classical = np.sqrt(loud) * np.linalg.norm(weights, axis=1)  # Eq. (2)
+    errors = np.maximum(classical, clustered_errors(weights, np.hstack([q, further]), hypothesis.predicted))
+    errors[unknown | (not fit.converged)] = np.inf
     return {
         "a0": _estimate(law.a0, errors[0], 0.0, unidentifiable),
         "a1": _estimate(law.a1, errors[1], 0.0, unidentifiable),
@@ -71,18 +77,17 @@ def _estimate(value: float, error: float, least: float, unidentifiable: float) -
     return Estimate(value, min(ends), max(ends))
 
 
-def _errors(columns: Real, directions: Real, unidentifiable: float) -> Real:
-    """Standard error along each direction for ``S = I``, Eq. (2), shape (k,); infinite if it is not identifiable.
+def _weights(columns: Real, directions: Real, unidentifiable: float) -> tuple[Real, NDArray[np.bool_]]:
+    """Combinations of rows that estimate each direction, shape (k, rows), and which cannot be identified, shape (k,).
 
     ``columns`` (rows, p) is the Jacobian or its triangle, ``directions`` (k, p) are combinations of the parameters.
     """
     size = np.linalg.norm(columns, axis=0)
     determined = size > SINGULAR * size.max()
     scaled, aims = columns[:, determined] / size[determined], directions[:, determined] / size[determined]
-    result: Real = np.linalg.norm(aims @ np.linalg.pinv(scaled, rcond=SINGULAR), axis=1)  # Eq. (2)
     _, values, axes = np.linalg.svd(scaled)
     least = SINGULAR * values.max(initial=0.0)
     across = axes[np.count_nonzero(values > least) :]  # directions that the columns do not determine, within rounding
     beyond = np.linalg.norm(aims @ across.T, axis=1) > unidentifiable * least
-    result[beyond | directions[:, ~determined].any(axis=1) | ~directions.any(axis=1)] = np.inf
-    return result
+    unknown = beyond | directions[:, ~determined].any(axis=1) | ~directions.any(axis=1)
+    return aims @ np.linalg.pinv(scaled, rcond=SINGULAR), unknown
