@@ -1,4 +1,4 @@
-"""Noise of one channel: coloured parts with a memory in seconds, tails, spikes, levels that follow signal or recording."""
+"""Noise of one channel: parts with a memory in seconds, tails, spikes, levels that follow signal or recording."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,8 +1,8 @@
 """The kinds of noise that a case may carry, each drawn anew for each channel; none of them is a law of a catalogue.
 
-No kind has a coherent line (that is a hum) or a spectrum that falls with the square of the frequency down to that of the
-recording (that is a drift). Times are drawn in nominal sampling intervals of the channel and kept in seconds, so that a
-recording at another rate has the same physical noise.
+No kind has a coherent line (that is a hum) or a spectrum that falls with the square of the frequency down to that of
+the recording (that is a drift). Times are drawn in nominal sampling intervals of the channel and kept in seconds, so
+that a recording at another rate has the same physical noise.
 """
 
 from dataclasses import replace

@@ -8,9 +8,9 @@ In the dimensionless time ω₀t, with the deflection x in volts of static drive
            − F [1 + f exp(−v²/v_f²)] tanh(v/δ) − Σ cⱼ zⱼ + μ[ρ²(x₂ − x) + 2ζ₂ρ(v₂ − v)]
 
 h is the hysteretic drive, u the voltage, q a slow state (meniscus, temperature), A = √(x² + v²) the ring's envelope, R
-Rayleigh's hysteretic law with the memory of its turning points, zⱼ the diffusive states of a fractional derivative, x₂ a
-second mass on its own spring. With an inertance that depends on the volume the mass is 1 + m x; with an autoparametric
-mode a second oscillator is driven by x² and pulls back with 2xq₂.
+Rayleigh's hysteretic law with the memory of its turning points, zⱼ the diffusive states of a fractional derivative, x₂
+a second mass on its own spring. With an inertance that depends on the volume the mass is 1 + m x; with an
+autoparametric mode a second oscillator is driven by x² and pulls back with 2xq₂.
 """
 
 from dataclasses import dataclass, field, fields, replace

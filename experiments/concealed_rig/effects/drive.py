@@ -19,8 +19,8 @@ def low_pass_denominator(kind: str, bandwidth_Hz: float) -> list[float]:
     "first_order"; "second_order" of damping 0.7; "two_poles", the second one 2.5 times as high; "lossy_line", four
     sections of resistance and capacitance, whose delay is that of one pole at the bandwidth.
 
-    Source: A. V. Oppenheim, A. S. Willsky, Signals and Systems (1997), chapter 6; W. C. Elmore, J. Appl. Phys. 19 (1948)
-    55 (delay of a chain of resistances and capacitances).
+    Source: A. V. Oppenheim, A. S. Willsky, Signals and Systems (1997), chapter 6; W. C. Elmore, J. Appl. Phys. 19
+    (1948) 55 (delay of a chain of resistances and capacitances).
     """
     w = 2 * np.pi * bandwidth_Hz
     if kind == "first_order":

@@ -48,12 +48,12 @@ class DriveResonance(Effect):
     """Cable and head ring with each other; its strength is f₀ over the frequency of that ringing.
 
     Variants: "series", inductance and capacitance, 1/(s²/w² + 2ζs/w + 1); "ladder", two such sections, the second one
-    1.7 times as high; "ferrite", an inductance that a resistance bridges, (1 + 2ζs/w)/(s²/w² + 2ζs/w + 1), without a mean
-    delay; "line", a cable of some length whose two ends reflect, v = (1 − q)u(t − T) + q v(t − 2T), q < 0, ringing at
-    1/(4T).
+    1.7 times as high; "ferrite", an inductance that a resistance bridges, (1 + 2ζs/w)/(s²/w² + 2ζs/w + 1), without a
+    mean delay; "line", a cable of some length whose two ends reflect, v = (1 − q)u(t − T) + q v(t − 2T), q < 0, ringing
+    at 1/(4T).
 
-    Source: H. W. Johnson, M. Graham, High-Speed Digital Design (1993), chapters 3 and 4 (ringing of a lumped circuit; of
-    a line with a low source and a high load impedance).
+    Source: H. W. Johnson, M. Graham, High-Speed Digital Design (1993), chapters 3 and 4 (ringing of a lumped circuit;
+    of a line with a low source and a high load impedance).
     """
 
     id = "drive_resonance"
@@ -164,8 +164,8 @@ class GeneratorSteps(Effect):
     """The generator holds its output between updates, and has few bits; strength: update interval or step.
 
     Variants: "hold", a clock of its own, its interval as a share of the resonance's period; "memory", a fixed number of
-    points in each recording; "bits", a rounded voltage, its step as a share of 100 V. Of a hold the mean delay of half an
-    interval is no part: the trigger is set by what comes out, and a delay has an id of its own.
+    points in each recording; "bits", a rounded voltage, its step as a share of 100 V. Of a hold the mean delay of half
+    an interval is no part: the trigger is set by what comes out, and a delay has an id of its own.
 
     Source: A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing (2010), chapter 4 (zero-order hold);
     B. Widrow, I. Kollár, Quantization Noise (2008).
@@ -245,7 +245,7 @@ def _charged(u, step, time, bend, turn, laps, out):
 class NonlinearCapacitance(Effect):
     """The head's capacitance follows its voltage; its strength is RC₀ω₀, or the residual charge at the sensor.
 
-    Variants: "growing", C = C₀(1 + b(v/100 V)²) behind a resistor, b of 1 … 3; "butterfly", C = C₀(1 + b v/100 V·sgn(dv/dt)),
+    Variants: "growing", C₀(1 + b(v/100 V)²) behind a resistor, b of 1 … 3; "butterfly", C₀(1 + b v/100 V·sgn(dv/dt)),
     which depends on the direction too; "self_sensing", a bridge that is balanced for C₀ alone and passes
     C₀ b(v/100 V)² dv/dt.
 

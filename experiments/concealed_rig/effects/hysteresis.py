@@ -47,8 +47,8 @@ class Creep(Effect):
     """Displacement goes on after the voltage has come to rest; its strength is the share of the hysteretic drive.
 
     Variants: "kelvin_voigt", a chain of a few elements; "logarithmic", so many of them that a step is followed by
-    γ·lg(t); "fractional", a springpot, followed by t^α with α of 0.12 … 0.35; "creep_operators", elements that relax only
-    towards their own dead band.
+    γ·lg(t); "fractional", a springpot, followed by t^α with α of 0.12 … 0.35; "creep_operators", elements that relax
+    only towards their own dead band.
 
     Source: K. Kuhnen, P. Krejčí, IEEE Trans. Automat. Control 54 (2009) 537 (creep operators; log-type creep);
     W. N. Findley et al., Creep and Relaxation of Nonlinear Viscoelastic Materials (1976) (chains); F. Mainardi,

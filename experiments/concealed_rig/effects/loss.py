@@ -151,8 +151,9 @@ class SelfHeating(Effect):
     "burst", within 0.4 … 2 ms, as a thin layer of ink does; "session", one that is carried on from recording to
     recording: T' = (P − T)/τ with P the mean loss of each recording.
 
-    Source: H. Wijshoff, Physics Reports 491 (2010) 77 (dissipation of the actuator; viscosity and speed of sound against
-    temperature); K. Uchino, J. Zheng et al., J. Electroceramics 2 (1998) 33 (heat generation of driven actuators).
+    Source: H. Wijshoff, Physics Reports 491 (2010) 77 (dissipation of the actuator; viscosity and speed of sound
+    against temperature); K. Uchino, J. Zheng et al., J. Electroceramics 2 (1998) 33 (heat generation of driven
+    actuators).
     """
 
     id = "self_heating"

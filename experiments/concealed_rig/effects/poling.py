@@ -14,8 +14,8 @@ from experiments.concealed_rig.grid import Grid
 class Backlash(Effect):
     """A dead zone between ceramic and channel; its strength is half its width, or the share that is lost in it.
 
-    Variants: "gap", h − clip(h, ±g), nothing is passed on within the gap; "glue", a soft layer of given width within which
-    a share of the motion is lost, h − s·g·tanh(h/g).
+    Variants: "gap", h − clip(h, ±g), nothing is passed on within the gap; "glue", a soft layer of given width within
+    which a share of the motion is lost, h − s·g·tanh(h/g).
 
     Source: M. Nordin, P.-O. Gutman, Automatica 38 (2002) 1633 (dead zone models of backlash); G. Tao, P. V. Kokotović,
     Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), chapter 2.
@@ -106,12 +106,12 @@ def _switched(rate, towards, step, state, out):
 class Depolarisation(Effect):
     """Poling is lost under reverse field or with use; its strength is the share of the gain that is lost.
 
-    Variants: "reverse_field", a state that reverse voltage beyond a threshold drives to 1 and forward voltage back to 0,
-    within milliseconds to seconds; "ratchet", lost in each recording that goes beyond the threshold, and not recovered;
-    "cycles", lost with the logarithm of the number of recordings.
+    Variants: "reverse_field", a state that reverse voltage beyond a threshold drives to 1 and forward voltage back to
+    0, within milliseconds to seconds; "ratchet", lost in each recording that goes beyond the threshold, and not
+    recovered; "cycles", lost with the logarithm of the number of recordings.
 
-    Source: D. C. Lupascu, J. Rödel, Adv. Eng. Mater. 7 (2005) 882 (fatigue with cycles); Q. Zhang et al., J. Appl. Phys. 86
-    (1999) 3352 (depoling under reverse field, relaxation).
+    Source: D. C. Lupascu, J. Rödel, Adv. Eng. Mater. 7 (2005) 882 (fatigue with cycles); Q. Zhang et al., J. Appl.
+    Phys. 86 (1999) 3352 (depoling under reverse field, relaxation).
     """
 
     id = "depolarisation"

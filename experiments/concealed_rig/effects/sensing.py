@@ -25,7 +25,8 @@ class Feedthrough(Effect):
     """A part of C dU/dt reaches the sensor; its strength is its largest value over the largest signal.
 
     Variants: "capacitive"; "with_loss", tan δ makes the current lead less than 90°; "high_pass", the residual
-    capacitance with a series resistance; "relaxing", a part of the residual capacitance charges late, as in Debye's law.
+    capacitance with a series resistance; "relaxing", a part of the residual capacitance charges late, as in Debye's
+    law.
 
     Source: J. J. Dosch, D. J. Inman, E. Garcia, J. Intell. Mater. Syst. Struct. 3 (1992) 166 (bridge of self-sensing
     out of balance); IEEE Std 176-1987 (tan δ); A. K. Jonscher, Dielectric Relaxation in Solids (1983).

@@ -84,8 +84,8 @@ class VolumeInertance(Effect):
 
     A membrane that opens a gap moves more, or less, ink: the kinetic energy is (1 + m x)v²/2.
 
-    Source: H. Lamb, Hydrodynamics (1932), chapter 6 (Lagrange's equations of a solid in a fluid, inertia that depends on
-    the position).
+    Source: H. Lamb, Hydrodynamics (1932), chapter 6 (Lagrange's equations of a solid in a fluid, inertia that depends
+    on the position).
     """
 
     id = "volume_inertance"
@@ -116,8 +116,8 @@ class VolumeInertance(Effect):
 class QuadraticSpring(Effect):
     """A spring with a term in x², as of a gas that is compressed; its strength is it at the largest deflection.
 
-    Source: H. von Helmholtz, On the Sensations of Tone (1885), appendix 12 (asymmetric spring); A. H. Nayfeh, D. T. Mook,
-    Nonlinear Oscillations (1979), chapter 2.
+    Source: H. von Helmholtz, On the Sensations of Tone (1885), appendix 12 (asymmetric spring); A. H. Nayfeh, D. T.
+    Mook, Nonlinear Oscillations (1979), chapter 2.
     """
 
     id = "quadratic_spring"
@@ -146,7 +146,7 @@ class QuadraticSpring(Effect):
 
 @dataclass(frozen=True)
 class AutoparametricMode(Effect):
-    """A mode near twice the frequency is driven by x² and pulls back with x q, an internal resonance; strength: coupling.
+    """A mode near twice the frequency is driven by x² and pulls back with x q; its strength is the coupling.
 
     With the potential a x²q: x'' + x = h − 2a x q, q'' + 2ζρq' + ρ²q = −a x².
 
@@ -198,8 +198,8 @@ def _relay(u, high, low, state, out):
 class DomainJumps(Effect):
     """A few large domains switch at once: relays on the voltage; their strength is their height over 100 V.
 
-    Source: I. D. Mayergoyz, Mathematical Models of Hysteresis (1991) (hysteron); G. Bertotti, Hysteresis in Magnetism (1998),
-    chapter 9 (Barkhausen jumps).
+    Source: I. D. Mayergoyz, Mathematical Models of Hysteresis (1991) (hysteron); G. Bertotti, Hysteresis in Magnetism
+    (1998), chapter 9 (Barkhausen jumps).
     """
 
     id = "domain_jumps"

@@ -24,8 +24,8 @@ def _heard(effect: Effect, measurement: Measurement) -> bool:
 class SensorHysteresis(Effect):
     """The sensor itself has play: a share of the signal goes through plays of its own; strength is that share.
 
-    Source: M. Brokate, J. Sprekels, Hysteresis and Phase Transitions (1996), chapter 2; P. Horowitz, W. Hill, The Art of
-    Electronics (2015) (hysteresis of cores and dielectrics in the signal's path).
+    Source: M. Brokate, J. Sprekels, Hysteresis and Phase Transitions (1996), chapter 2; P. Horowitz, W. Hill, The Art
+    of Electronics (2015) (hysteresis of cores and dielectrics in the signal's path).
     """
 
     id = "sensor_hysteresis"
@@ -142,10 +142,11 @@ class MissedAcquisition(Effect):
 class DopplerDelay(Effect):
     """The delay of the signal's path follows the signal: y(t − D y/Y); strength is the delay at the largest signal.
 
-    Phase that follows the level: a sensor that moves with what it hears, or a stage whose group delay depends on its level.
+    Phase that follows the level: a sensor that moves with what it hears, or a stage whose group delay depends on its
+    level.
 
-    Source: G. L. Beers, H. Belar, Proc. IRE 31 (1943) 132 (frequency modulation by motion); M. J. Hawksford, J. Audio Eng.
-    Soc. 47 (1999) 430 (level-dependent delay).
+    Source: G. L. Beers, H. Belar, Proc. IRE 31 (1943) 132 (frequency modulation by motion); M. J. Hawksford, J. Audio
+    Eng. Soc. 47 (1999) 430 (level-dependent delay).
     """
 
     id = "doppler_delay"
@@ -274,7 +275,8 @@ class NonlinearEcho(Effect):
 class LockedInterference(Effect):
     """A burst at a fixed time after the trigger, whatever is driven: a strobe or a valve; strength is its height.
 
-    Source: H. W. Ott, Electromagnetic Compatibility Engineering (2009) (switching transients of synchronised equipment).
+    Source: H. W. Ott, Electromagnetic Compatibility Engineering (2009) (switching transients of synchronised
+    equipment).
     """
 
     id = "locked_interference"

@@ -13,7 +13,7 @@ from experiments.concealed_rig.resonator import Motion, Resonator
 
 
 def half_steps(stepped: np.ndarray, grid: Grid) -> np.ndarray:
-    """Values at the steps, shape (steps + 1,), at the half steps too, shape (2·steps + 1,): four points, third degree."""
+    """Values at the steps, shape (steps + 1,), at the half steps too, shape (2·steps + 1,), by cubics."""
     if grid.periodic:
         before, after = stepped[-2], stepped[1]
     else:
