@@ -86,8 +86,8 @@ def _shaped(noise: Noise, kind: str, step_s: float, reference: float, rng: np.ra
     return noise
 
 
-def _rounded(largest: float, kind: str, rng: np.random.Generator) -> tuple[Noise, Converter]:
-    """Eight, ten or twelve bits; noise of 0.1 … 0.6 steps besides, and a triangular dither of half a step or none.
+def _rounded(largest_rms: float, largest: float, kind: str, rng: np.random.Generator) -> tuple[Noise, Converter]:
+    """Eight, ten or twelve bits, a triangular dither of half a step or none, and noise of 0.1 … 0.6 steps or 60 dB.
 
     Eight bits are 36 dB below the signal: the range is the signal's own, with its headroom.
     """
@@ -95,7 +95,8 @@ def _rounded(largest: float, kind: str, rng: np.random.Generator) -> tuple[Noise
     converter = Converter(float(rng.uniform(1.0, 1.1)) * largest, bits)
     step = converter.step
     dither = step / 2 if kind == "dithered_rounding" else 0.0
-    variances = np.array([(step * rng.uniform(0.1, 0.6)) ** 2, dither**2 / 6, step**2 / 12])
+    analogue = max(step * rng.uniform(0.1, 0.6), largest_rms * 10 ** (-QUIETEST_DB / 20))
+    variances = np.array([analogue**2, dither**2 / 6, step**2 / 12])
     total = float(np.sum(variances))
     share = float(variances[1] + variances[2]) / total
     return Noise(float(np.sqrt(total)), rounding_share=share, dither=dither), converter
@@ -128,7 +129,7 @@ def drawn_noise(
     kinds = [str(k) for k in rng.choice(NOISES[1:-1], 2, replace=False)] if kind == "mixture" else [kind]
     rounded = [k for k in kinds if k in ROUNDED]
     if rounded:
-        noise, converter = _rounded(largest, rounded[0], rng)
+        noise, converter = _rounded(largest_rms, largest, rounded[0], rng)
     else:
         noise = Noise(largest_rms * 10 ** (-float(rng.uniform(LOUDEST_DB, QUIETEST_DB)) / 20))
         converter = drawn_converter(largest, noise.sigma, rng)

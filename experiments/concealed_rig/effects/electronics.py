@@ -139,7 +139,9 @@ class SupplyDroop(Effect):
 
     def _sag(self, edges_V_per_s: np.ndarray, grid: Grid) -> np.ndarray:
         """State of a reservoir at the half steps: 1 after an edge of 100 V that is short against its recovery."""
-        load = np.append(edges_V_per_s, edges_V_per_s[-1]) * self.recovery_s / 100.0
+        ends = (edges_V_per_s[-1], edges_V_per_s[0]) if grid.periodic else (edges_V_per_s[0], edges_V_per_s[-1])
+        around = np.concatenate((ends[:1], edges_V_per_s, ends[1:]))
+        load = (around[:-1] + around[1:]) / 2 * self.recovery_s / 100.0
         state = relaxations(load, np.array([self.recovery_s]), grid.half_s, grid.periodic)[0]
         return np.maximum(state - self.reserve, 0.0)
 

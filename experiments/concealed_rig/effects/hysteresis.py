@@ -78,9 +78,9 @@ class Creep(Effect):
         if variant == "fractional":
             power = float(rng.uniform(0.12, 0.35))
             times = np.geomspace(low, high, int(6 * np.log10(high / low)) + 1)
-            weights = (times / high) ** power
-            weights = tuple((weights / np.sum(weights)).tolist())
-            return cls(variant=variant, times_s=tuple(times.tolist()), weights=weights, power=power)
+            spectrum = (times / high) ** power
+            shares = tuple((spectrum / np.sum(spectrum)).tolist())
+            return cls(variant=variant, times_s=tuple(times.tolist()), weights=shares, power=power)
         count = int(rng.integers(3, 6))
         times = np.geomspace(low, high, count) * 10 ** rng.uniform(-0.25, 0.25, count)
         weights = rng.dirichlet(np.full(count, 4.0))

@@ -154,8 +154,8 @@ class SensorSaturation(Effect):
             return signal
         level = self.largest_V / self.strength
         if self.variant in ("clip", "clip_one_side", "unequal_rails"):
-            rails = sorted((self.side * level, -self.side * self.other_rail * level))
-            return np.clip(signal, *rails)
+            low, high = sorted((self.side * level, -self.side * self.other_rail * level))
+            return np.clip(signal, low, high)
         if self.variant == "tanh":
             return level * np.tanh(signal / level)
         return signal / (1 + np.maximum(self.side * signal, 0.0) / level)
