@@ -9,14 +9,15 @@ import numpy as np
 
 from experiments.concealed_rig.battery import measuring_plan
 from experiments.concealed_rig.case import Case
-from experiments.concealed_rig.effects.catalogue import CATALOGUE, OUTSIDE
+from experiments.concealed_rig.converter import converted
+from experiments.concealed_rig.effects.catalogue import CATALOGUE, DEVELOPMENT, OUTSIDE
 from experiments.concealed_rig.effects.effect import Effect, Situation
 from experiments.concealed_rig.fresh import fresh_drives
 from experiments.concealed_rig.head import Head, drawn_head
 from experiments.concealed_rig.instruments import Instruments, drawn_instruments
 from experiments.concealed_rig.location import location
 from experiments.concealed_rig.measurement import Measurement
-from experiments.concealed_rig.nuisances import converted, noise_row
+from experiments.concealed_rig.noise import noise_row
 from experiments.concealed_rig.peak_cost import firing, peak_cost, peaks_V
 from experiments.concealed_rig.plant import Hysteresis, Plant, Trace, trace
 from experiments.concealed_rig.strength import solved_strength
@@ -46,7 +47,9 @@ class Setup:
     def noise(self, row: Measurement) -> np.ndarray:
         """This recording's noise, shape (n,)."""
         rng = np.random.default_rng([self.case.seed, self.case.number, 100, row.order])
-        return noise_row(self.instruments.noise[row.channel], row.drive_V.size, rng)
+        # A level that grows with the signal follows the base plant's: what is concealed changes no noise.
+        base = self.base[row.order - 1].signal
+        return noise_row(self.instruments.noise[row.channel], base, row.step_s, rng)
 
     def by_chance(self, plant: Plant, row: Measurement, signal: Trace) -> np.ndarray:
         """What chance makes of this recording beyond signal and noise, shape (n,)."""
@@ -87,13 +90,26 @@ def _setup(case: Case, head: Head) -> Setup:
     neighbour = bool(rng.random() < 0.5) or "crosstalk" in case.effects
     plan = case.generator("plan")
     rows = measuring_plan(head, plan, meagre=case.meagre, neighbour=neighbour, displacement=case.displacement)
+    if case.slow_only:
+        rows = slow_alone(rows)
     base = [trace(Plant(head), row) for row in rows]
-    instruments = drawn_instruments(rows, [t.signal for t in base], rng)
+    instruments = drawn_instruments(rows, [t.signal for t in base], case.noise_kind, rng)
     return Setup(case, rows, base, instruments, base_tangent(head, rows, instruments.sigma))
 
 
+def slow_alone(rows: list[Measurement]) -> list[Measurement]:
+    """The strain gauge's recordings of a plan, in their order, counted anew."""
+    kept = [row for row in rows if row.channel == "strain_gauge"]
+    order = {row.order: number for number, row in enumerate(kept, 1)}
+    return [
+        replace(row, order=order[row.order], repeat_of=None if row.repeat_of is None else order[row.repeat_of])
+        for row in kept
+    ]
+
+
 def _situation(setup: Setup, head: Head) -> Situation:
-    fast = [(row, t) for row, t in zip(setup.rows, setup.base, strict=True) if row.channel == "self_sensing"]
+    traces = list(zip(setup.rows, setup.base, strict=True))
+    fast = [(row, t) for row, t in traces if row.channel == "self_sensing"] or traces
     return Situation(
         head=head,
         last_order=len(setup.rows),
@@ -103,6 +119,8 @@ def _situation(setup: Setup, head: Head) -> Situation:
         largest_deflection_V=max(t.largest_deflection_V for _, t in fast),
         largest_speed_V=max(t.largest_speed_V for _, t in fast),
         steepest_V_per_s=max(float(np.max(np.abs(np.diff(row.drive_V)))) / row.step_s for row, _ in fast),
+        lowest_V=tuple(float(np.min(row.drive_V)) for row in setup.rows),
+        mean_square_speed_V2=tuple(t.mean_square_speed_V2 for t in setup.base),
     )
 
 
@@ -202,6 +220,8 @@ class Concealed:
             "seed": case.seed,
             "family": case.family,
             "meagre": case.meagre,
+            "slow_only": case.slow_only,
+            "noise": case.noise_kind,
             "effects": effects,
             "rho_asked": case.rho,
             "rho": reached,
@@ -282,7 +302,7 @@ def build(case: Case) -> Concealed:
     if case.family == "base":
         plant = Plant(head, (), _other_law(setup, head, case.effects[0], rng))
         return Concealed(setup, plant, ())
-    kinds = OUTSIDE if case.family == "outside" else CATALOGUE
+    kinds = {**OUTSIDE, **DEVELOPMENT} if case.family == "outside" else CATALOGUE
     situation = _situation(setup, head)
     effects: tuple[Effect, ...] = ()
     for name in case.effects:

@@ -31,7 +31,7 @@ class Head:
     loop_V : float
         What the plays add to a full swing of 180 V.
     density : str
-        "exponential" or "polynomial".
+        "exponential", "polynomial" or "smooth": the exponential of a random cosine series.
     shape : tuple of float
         Of the density, over the threshold as a share of `LARGEST_DRIVE_V`.
     """
@@ -71,7 +71,10 @@ class Head:
             return np.exp(-share / self.shape[0])
         if self.density == "polynomial":
             return np.polynomial.polynomial.polyval(share, np.array(self.shape))
-        raise ValueError(f'density must be "exponential" or "polynomial"; got {self.density!r}.')
+        if self.density == "smooth":
+            orders = np.arange(1, len(self.shape) + 1)
+            return np.exp(np.cos(np.pi * np.multiply.outer(share, orders)) @ np.array(self.shape))
+        raise ValueError(f'density must be "exponential", "polynomial" or "smooth"; got {self.density!r}.')
 
     def plays(self, count: int = PLAYS) -> tuple[np.ndarray, np.ndarray]:
         """Thresholds in volts and weights, shape (count,) each, by the midpoint rule.
@@ -92,9 +95,15 @@ def drawn_head(rng: np.random.Generator) -> Head:
     ----------
     rng : numpy.random.Generator
     """
-    if rng.random() < 0.5:
+    choice = rng.random()
+    if choice < 0.5:
+        # Any positive density: each further order smaller with its inverse, so that it stays smooth.
+        density = "smooth"
+        orders = np.arange(1, 7)
+        shape: tuple[float, ...] = tuple((rng.standard_normal(6) * 0.8 / orders).tolist())
+    elif choice < 0.75:
         density = "exponential"
-        shape: tuple[float, ...] = (float(rng.uniform(0.35, 1.5)),)
+        shape = (float(rng.uniform(0.35, 1.5)),)
     else:
         # 1 + c (1 − 2x) + d (1 − 2x)² stays positive on 0 … 1 for |c| + |d| < 1.
         c, d = rng.uniform(-0.2, 0.5), rng.uniform(-0.3, 0.3)

@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from experiments.concealed_rig.converter import Converter, converted
 from experiments.concealed_rig.measurement import Measurement
-from experiments.concealed_rig.nuisances import Converter, Noise, converted, drawn_converter, drawn_noise
+from experiments.concealed_rig.noise import Noise
+from experiments.concealed_rig.noise_kinds import drawn_noise
 
 
 @dataclass(frozen=True)
@@ -44,9 +46,7 @@ class Instruments:
         """Ready for JSON."""
         return {
             channel: {
-                "noise_rms": noise.sigma,
-                "noise_poles": list(noise.poles),
-                "flicker_share": noise.flicker,
+                "noise": noise.described(),
                 "converter_bits": self.converter[channel].bits,
                 "converter_range": self.converter[channel].range,
             }
@@ -54,7 +54,9 @@ class Instruments:
         } | {"drive_monitor": self.monitor is not None}
 
 
-def drawn_instruments(rows: list[Measurement], signals: list[np.ndarray], rng: np.random.Generator) -> Instruments:
+def drawn_instruments(
+    rows: list[Measurement], signals: list[np.ndarray], kind: str, rng: np.random.Generator
+) -> Instruments:
     """Draw the instruments for the base plant's signals; a monitor in two cases of five.
 
     Parameters
@@ -62,14 +64,17 @@ def drawn_instruments(rows: list[Measurement], signals: list[np.ndarray], rng: n
     rows : list of Measurement
     signals : list of ndarray
         Noise-free, nothing concealed: what is concealed changes no instrument.
+    kind : str
+        Of noise, on all channels, each with its own numbers.
     rng : numpy.random.Generator
     """
     noise, converter = {}, {}
     for channel in sorted({row.channel for row in rows}):
         own = [s for row, s in zip(rows, signals, strict=True) if row.channel == channel]
-        noise[channel] = drawn_noise(max(float(np.std(s)) for s in own), channel, rng)
+        loudest = max(float(np.std(s)) for s in own)
         largest = 1.2 * max(float(np.max(np.abs(s))) for s in own)
-        converter[channel] = drawn_converter(largest, noise[channel].sigma, rng)
+        reference = float(np.mean([np.mean((s - np.median(s)) ** 2) for s in own]))
+        noise[channel], converter[channel] = drawn_noise(kind, channel, loudest, largest, reference, rng)
     monitored = bool(rng.random() < 0.4)
     bits, level, gain = int(rng.integers(12, 17)), 100 * 10 ** (-rng.uniform(55, 70) / 20), 1 + 0.002 * rng.normal()
     monitor = Converter(200.0, bits) if monitored else None

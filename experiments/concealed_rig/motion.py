@@ -10,7 +10,10 @@ from numba import njit
 # The order of resonator.Resonator's scalars.
 OMEGA, ZETA, CUBIC, DRAG, RAYLEIGH, ADDED, FRICTION, FRICTION_SPEED, ELECTRO, GAP, GAP_SOFT = range(11)
 CAVITATION, CAVITATION_SPEED, MASS, SECOND, SECOND_ZETA = range(11, 16)
-MENISCUS, MENISCUS_KIND, MENISCUS_TIME, MENISCUS_ZETA, MENISCUS_V = range(16, 21)
+MENISCUS, MENISCUS_KIND, MENISCUS_TIME, MENISCUS_ZETA, MENISCUS_V, MENISCUS_DAMPING = range(16, 22)
+CUBIC_BOUND, DRAG_POWER, STRIBECK, STRIBECK_SPEED, ENVELOPE, ENVELOPE_LOSS = range(22, 28)
+QUADRATIC, INERTANCE, VAN_DER_POL, VAN_DER_POL_V, STOP_AT, STOP, STOP_LOSS = range(28, 35)
+AUTO, AUTO_RATIO, AUTO_ZETA = range(35, 38)
 STATES = 6  # x, v, x2, v2, q, q'
 MOST_TURNS = 256
 
@@ -18,13 +21,35 @@ MOST_TURNS = 256
 @njit(cache=True)
 def _derivative(s, h, u, p, slip, slip_weight, slip_state, branch, rate, weight, out):
     x, v = s[0], s[1]
-    force = h - (1.0 + p[ELECTRO] * u + p[MENISCUS] * s[4] + p[ADDED]) * x - p[CUBIC] * x * x * x
+    force = h - (1.0 + p[ELECTRO] * u + p[MENISCUS] * s[4] + p[ADDED]) * x
+    if p[CUBIC] != 0.0:
+        force -= p[CUBIC] * x * x * x / (1.0 + p[CUBIC_BOUND] * x * x)
     damping = 2.0 * p[ZETA] * v
+    if p[MENISCUS_DAMPING] != 0.0:
+        damping += 2.0 * p[ZETA] * p[MENISCUS_DAMPING] * s[4] * v
+    if p[ENVELOPE] != 0.0 or p[ENVELOPE_LOSS] != 0.0:
+        size = np.sqrt(x * x + v * v)
+        force += p[ENVELOPE] * size * x
+        damping += p[ENVELOPE_LOSS] * size * v
+    force -= p[QUADRATIC] * x * x
+    if p[VAN_DER_POL] != 0.0:
+        damping -= 2.0 * p[ZETA] * p[VAN_DER_POL] * (1.0 - (x / p[VAN_DER_POL_V]) ** 2) * v
+    if p[STOP] != 0.0 and x > p[STOP_AT]:
+        force -= p[STOP] * (x - p[STOP_AT])
+        damping += p[STOP_LOSS] * (x - p[STOP_AT]) * v
     if p[CAVITATION] != 0.0 and -v > p[CAVITATION_SPEED]:
         damping += 2.0 * p[ZETA] * p[CAVITATION] * (v + p[CAVITATION_SPEED])
-    damping += p[DRAG] * abs(v) * v
+    if p[DRAG] != 0.0:
+        if p[DRAG_POWER] == 0.0:
+            damping += p[DRAG] * abs(v) * v
+        else:
+            # of the same force as the square at the speed 1 / DRAG in which powers are measured
+            damping += abs(p[DRAG]) ** p[DRAG_POWER] * abs(v) ** p[DRAG_POWER] * v
     if p[FRICTION] != 0.0:
-        damping += p[FRICTION] * np.tanh(v / p[FRICTION_SPEED])
+        dry = p[FRICTION] * np.tanh(v / p[FRICTION_SPEED])
+        if p[STRIBECK] != 0.0:
+            dry *= 1.0 + p[STRIBECK] * np.exp(-((v / p[STRIBECK_SPEED]) ** 2))
+        damping += dry
     if p[GAP_SOFT] != 0.0:
         force += p[GAP_SOFT] * max(-p[GAP], min(p[GAP], x))
     if p[RAYLEIGH] != 0.0:
@@ -45,14 +70,27 @@ def _derivative(s, h, u, p, slip, slip_weight, slip_state, branch, rate, weight,
         force += p[MASS] * pull
         out[2] = s[3]
         out[3] = -pull
+    if p[AUTO] != 0.0:
+        # potential: AUTO x² q, so that energy is exchanged and never made
+        force -= 2.0 * p[AUTO] * x * s[2]
+        out[2] = s[3]
+        out[3] = -p[AUTO_RATIO] * (p[AUTO_RATIO] * s[2] + 2.0 * p[AUTO_ZETA] * s[3]) - p[AUTO] * x * x
     if p[MENISCUS_KIND] == 1.0:
         out[4] = (abs(v) / p[MENISCUS_V] - s[4]) / p[MENISCUS_TIME]
     elif p[MENISCUS_KIND] == 2.0:
         w = 1.0 / p[MENISCUS_TIME]
         out[4] = s[5]
         out[5] = w * w * ((v / p[MENISCUS_V]) ** 2 - s[4]) - 2.0 * p[MENISCUS_ZETA] * w * s[5]
+    elif p[MENISCUS_KIND] == 3.0:
+        out[4] = (max(v, 0.0) / p[MENISCUS_V] - s[4]) / p[MENISCUS_TIME]
+    elif p[MENISCUS_KIND] == 4.0:
+        out[4] = ((v / p[MENISCUS_V]) ** 2 - s[4]) / p[MENISCUS_TIME]
     out[0] = v
-    out[1] = force - damping
+    if p[INERTANCE] == 0.0:
+        out[1] = force - damping
+    else:
+        # kinetic energy (1 + m x) v²/2
+        out[1] = (force - damping - 0.5 * p[INERTANCE] * v * v) / (1.0 + p[INERTANCE] * x)
 
 
 @njit(cache=True)
@@ -123,7 +161,7 @@ def integrate(h, u, step, p, slip, slip_weight, rate, weight, laps, tolerance, x
             return 1
         if laps == 1 or difference <= tolerance * largest:
             return 0
-        if lap >= 2 and p[MENISCUS_KIND] == 1.0:
+        if lap >= 2 and p[MENISCUS_KIND] != 0.0 and p[MENISCUS_KIND] != 2.0:
             # A slow state settles like exp(−t/T): go to where this lap's change would end.
             left = 1.0 - np.exp(-steps * step / p[MENISCUS_TIME])
             s[4] = slow + (s[4] - slow) / left

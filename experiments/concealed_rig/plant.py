@@ -72,7 +72,7 @@ class Trace:
     ----------
     signal, applied_V, slope : ndarray, shape (n,)
         Noise-free sensor signal, applied voltage, and the signal's slope a second.
-    largest_deflection_V, largest_speed_V : float
+    largest_deflection_V, largest_speed_V, mean_square_speed_V2 : float
     """
 
     signal: np.ndarray
@@ -80,11 +80,13 @@ class Trace:
     slope: np.ndarray
     largest_deflection_V: float
     largest_speed_V: float
+    mean_square_speed_V2: float = 0.0
 
 
-def _logarithmic_rate(drive_V: np.ndarray, grid: Grid, settings: PlaySettings) -> np.ndarray:
-    """lg(1 + |dU/dt|/rate) after a relaxation, at the half steps; the rate is constant between them."""
-    rate = np.log10(1 + np.abs(np.diff(drive_V)) / grid.half_s / settings.rate_V_per_s)
+def _measure_of_rate(drive_V: np.ndarray, grid: Grid, settings: PlaySettings) -> np.ndarray:
+    """lg(1 + |dU/dt|/rate), or a power of it, after a relaxation, at the half steps; constant between them."""
+    rate = np.abs(np.diff(drive_V)) / grid.half_s / settings.rate_V_per_s
+    rate = rate**settings.rate_power if settings.rate_power else np.log10(1 + rate)
     keep = np.exp(-grid.half_s / settings.rate_time_s)
     laps = 2 if grid.periodic else 1
     relaxed = lfilter([1 - keep], [1, -keep], np.tile(rate, laps))[-rate.size :]
@@ -97,7 +99,7 @@ def _plays_V(head: Head, drive_V: np.ndarray, grid: Grid, settings: PlaySettings
         return play_sum_V(drive_V, threshold, weight, grid.periodic)
     rate = None
     if settings.threshold_growth_V or settings.weight_growth:
-        rate = _logarithmic_rate(drive_V, grid, settings)
+        rate = _measure_of_rate(drive_V, grid, settings)
     return changing_play_sum_V(
         drive_V,
         threshold,
@@ -123,7 +125,7 @@ def _other_law_V(head: Head, drive_V: np.ndarray, grid: Grid, hysteresis: Hyster
     raise ValueError(f'law must be "plays", "bouc_wen" or "preisach"; got {hysteresis.law!r}.')
 
 
-def hysteretic_V(plant: Plant, applied_V: np.ndarray, grid: Grid) -> np.ndarray:
+def hysteretic_V(plant: Plant, applied_V: np.ndarray, grid: Grid, order: int = 1) -> np.ndarray:
     """Hysteretic drive at the half steps, shape (2·steps + 1,), of the voltage at the head."""
     seen, settings = applied_V, PlaySettings()
     for effect in plant.effects:
@@ -134,7 +136,7 @@ def hysteretic_V(plant: Plant, applied_V: np.ndarray, grid: Grid) -> np.ndarray:
         plays = (1 - law.share) * plays + law.share * _other_law_V(plant.head, seen, grid, law)
     hysteretic = plant.head.reversible * seen + plays
     for effect in plant.effects:
-        hysteretic = effect.on_hysteretic(hysteretic, grid)
+        hysteretic = effect.on_poled(effect.on_hysteretic(hysteretic, grid), applied_V, grid, order)
     return hysteretic
 
 
@@ -183,13 +185,14 @@ def trace(plant: Plant, measurement: Measurement) -> Trace:
     applied = grid.halves(measurement.drive_V)
     for effect in plant.effects:
         applied = effect.on_drive(applied, grid)
-    hysteretic = hysteretic_V(plant, applied, grid)
-    deflection = speed = 0.0
+    hysteretic = hysteretic_V(plant, applied, grid, measurement.order)
+    deflection = speed = power = 0.0
     if slow:
         signal = head.gauge_gain_V_per_V * hysteretic[::2] + head.gauge_offset_V
     else:
         moved = _motion(plant, hysteretic, applied, grid, measurement.order)
         deflection, speed = float(np.max(np.abs(moved.deflection_V))), float(np.max(np.abs(moved.speed_V)))
+        power = float(np.mean(moved.speed_V**2))
         if measurement.channel == "self_sensing":
             signal = head.b1_per_s / head.angular_rad_per_s * moved.speed_V + head.self_sensing_offset_V
         else:
@@ -202,6 +205,7 @@ def trace(plant: Plant, measurement: Measurement) -> Trace:
         slope=grid.at_samples(np.gradient(signal, grid.step_s)),
         largest_deflection_V=deflection,
         largest_speed_V=speed,
+        mean_square_speed_V2=power,
     )
 
 

@@ -3,11 +3,14 @@
 In the dimensionless time ω₀t, with the deflection x in volts of static drive::
 
     x' = v
-    v' = h − (1 + e u + m q) x − k₃x³ + g clip(x, ±d) + Σ wⱼ playⱼ(x) + r R(x)
-           − 2ζ [1 + c_v H(−v − p)] v − c₂|v|v − F tanh(v/δ) − Σ cⱼ zⱼ + μ[ρ²(x₂ − x) + 2ζ₂ρ(v₂ − v)]
+    v' = h − (1 + e u + m q − s A) x − k₂x² − k₃x³/(1 + bx²) + g clip(x, ±d) + Σ wⱼ playⱼ(x) + r R(x)
+           − k_s (x − x_s)⁺(1 + d v) − 2ζ [1 + c_v H(−v − p) + c_q q − c_w(1 − x²/x_w²)] v − c_A A v − c₂|v|ⁿv
+           − F [1 + f exp(−v²/v_f²)] tanh(v/δ) − Σ cⱼ zⱼ + μ[ρ²(x₂ − x) + 2ζ₂ρ(v₂ − v)]
 
-h is the hysteretic drive, u the voltage, q the meniscus, R Rayleigh's hysteretic law with the memory of its turning
-points, zⱼ the diffusive states of a fractional derivative, x₂ a second mass on its own spring.
+h is the hysteretic drive, u the voltage, q a slow state (meniscus, temperature), A = √(x² + v²) the ring's envelope, R
+Rayleigh's hysteretic law with the memory of its turning points, zⱼ the diffusive states of a fractional derivative, x₂
+a second mass on its own spring. With an inertance that depends on the volume the mass is 1 + m x; with an
+autoparametric mode a second oscillator is driven by x² and pulls back with 2xq₂.
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -46,9 +49,28 @@ class Resonator:
         Damping is larger by this share where the pressure, −v, exceeds the threshold.
     mass_ratio, second_ratio, second_damping : float
         A second mass on the first: its share, its frequency over f₀, its damping ratio.
-    meniscus_gain, meniscus_kind, meniscus_s, meniscus_damping, meniscus_V : float
-        Stiffness for each unit of the meniscus' state; 1 relaxes, 2 oscillates; its time; its damping ratio; the
-        speed that drives it to 1.
+    meniscus_gain, meniscus_kind, meniscus_s, meniscus_damping, meniscus_V, meniscus_loss : float
+        Stiffness for each unit of the slow state; 1 relaxes after the speed, 2 oscillates, 3 relaxes after the outflow
+        alone, 4 after the speed's square; its time; its damping ratio; the speed that drives it to 1; relative change
+        of the damping for each unit.
+    cubic_bound_per_V2 : float
+        The cubic spring is x³/(1 + bound·x²).
+    drag_power : float
+        0: the drag is c₂|v|v; else (c₂|v|)ⁿv.
+    stribeck, stribeck_speed_V : float
+        By how much dry friction is larger at rest, and the speed within which that fades.
+    envelope_softening_per_V, envelope_loss_per_V : float
+        Of stiffness and damping a volt of the ring's envelope √(x² + v²).
+    quadratic_per_V : float
+        Spring force in x².
+    inertance_per_V : float
+        Relative change of the mass a volt of deflection.
+    van_der_pol, van_der_pol_V : float
+        Share of the damping that is missing at rest, and the deflection at which it is there again.
+    stop_V, stop_stiffness, stop_loss_per_V : float
+        A stop on one side: where it is, its stiffness, and its damping a volt of penetration.
+    auto_per_V, auto_ratio, auto_damping : float
+        Coupling of an autoparametric mode, its frequency over f₀, and its damping ratio.
     slip_V, slip_weight : tuple of float
         Plays on the deflection (Iwan's or Jenkins' elements).
     diffusive_rate, diffusive_weight : tuple of float
@@ -76,6 +98,23 @@ class Resonator:
     meniscus_s: float = 1.0
     meniscus_damping: float = 0.5
     meniscus_V: float = 1.0
+    meniscus_loss: float = 0.0
+    cubic_bound_per_V2: float = 0.0
+    drag_power: float = 0.0
+    stribeck: float = 0.0
+    stribeck_speed_V: float = 1.0
+    envelope_softening_per_V: float = 0.0
+    envelope_loss_per_V: float = 0.0
+    quadratic_per_V: float = 0.0
+    inertance_per_V: float = 0.0
+    van_der_pol: float = 0.0
+    van_der_pol_V: float = 1.0
+    stop_V: float = 0.0
+    stop_stiffness: float = 0.0
+    stop_loss_per_V: float = 0.0
+    auto_per_V: float = 0.0
+    auto_ratio: float = 2.0
+    auto_damping: float = 0.0
     slip_V: tuple[float, ...] = field(default=())
     slip_weight: tuple[float, ...] = field(default=())
     diffusive_rate: tuple[float, ...] = field(default=())
@@ -84,7 +123,7 @@ class Resonator:
     @property
     def fastest_Hz(self) -> float:
         """The highest frequency that the integrator has to follow, with room for the second mass."""
-        second = self.second_ratio / 2 if self.mass_ratio else 0.0
+        second = self.second_ratio / 2 if self.mass_ratio else self.auto_ratio / 2 if self.auto_per_V else 0.0
         return self.angular_rad_per_s / (2 * np.pi) * max(1.0, second)
 
     def numbers(self) -> np.ndarray:

@@ -80,10 +80,19 @@ def _described(draw: Draw) -> str:
     return f"case {draw.number} ({draw.family} {'+'.join(draw.effects)}, {draw.strength})"
 
 
-def families(rig: str = RIG) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Families of effects that the plant has and no catalogue contains, and the plant's own hysteresis laws."""
+def families(rig: str = RIG, published: bool = False) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Families of effects that no catalogue contains, the plant's own hysteresis laws, and its kinds of noise.
+
+    Parameters
+    ----------
+    rig : str
+        Module of the concealed plant.
+    published : bool
+        Whether the families are those of the published corpus; development sees others.
+    """
     module = import_rig(f"{rig}.case")
-    return tuple(module.OUTSIDE), tuple(module.BASES)
+    outside = module.OUTSIDE if published else module.DEVELOPMENT
+    return tuple(outside), tuple(module.BASES), tuple(module.NOISES)
 
 
 def plant_of(draw: Draw, attempt: int, rig: str = RIG) -> Any:
@@ -96,5 +105,7 @@ def plant_of(draw: Draw, attempt: int, rig: str = RIG) -> Any:
         effects=draw.effects,
         strength=None if draw.strength == "none" else draw.strength,
         meagre=draw.meagre,
+        noise=draw.noise,
+        slow_only=draw.slow_only,
     )
     return module.build(case)

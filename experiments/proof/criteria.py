@@ -17,6 +17,42 @@ RESAMPLES = 2000
 
 
 @dataclass(frozen=True)
+class Goals:
+    """Criteria of a first-rate diagnosis; None where there is none.
+
+    Attributes
+    ----------
+    alarms, wrong, wrong_outside, size, calibration : float
+        Largest fraction of false alarms, of wrong names inside and outside the catalogue, mean size of a set, and
+        calibration error.
+    detected, right, unknown, closure, tenth_closure, f1, worst_coverage, time, frequency : float
+        Smallest values.
+    """
+
+    alarms: float
+    detected: float
+    right: float
+    size: float
+    wrong: float
+    wrong_outside: float
+    unknown: float
+    closure: float
+    tenth_closure: float
+    f1: float
+    worst_coverage: float | None = None
+    time: float | None = None
+    frequency: float | None = None
+    calibration: float | None = None
+
+
+GOALS = {
+    1: Goals(8 / 300, 0.95, 0.90, 1.5, 0.03, 0.10, 0.80, 0.9, 0.6, 0.8),
+    2: Goals(0.01, 0.99, 0.95, 1.3, 0.02, 0.05, 0.90, 0.99, 0.9, 0.93, 0.80, 0.80, 0.85, 0.05),
+}
+"""By version of the corpus."""
+
+
+@dataclass(frozen=True)
 class Figure:
     """A figure of the table.
 

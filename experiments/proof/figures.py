@@ -50,14 +50,15 @@ def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
 def confusion_figure(table: Mapping[str, Mapping[str, int]]) -> Figure:
     """Confusion matrix of heads. Rows: concealed; columns: verdict. Blue: right, orange: wrong, grey: abstained."""
     rows = [name for name, counts in table.items() if sum(counts.values())]
-    columns = [*STAGES, *OUTCOMES]
-    figure, axes = plotting.new_figure(8.6, 1.9 + 0.235 * len(rows))
+    columns = list(next(iter(table.values())))
+    ids = columns[: -len(OUTCOMES)]
+    figure, axes = plotting.new_figure(max(8.6, 0.26 * len(columns) + 2), 1.9 + 0.235 * len(rows))
     share = np.array([[table[row][column] / sum(table[row].values()) for column in columns] for row in rows])
     image = np.ones((*share.shape, 3))
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
             if share[i, j]:
-                colour = _colour(row, column)
+                colour = _colour(row, column, ids)
                 base = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
                 least = LEAST_WRONG if colour == WRONG else LEAST_SHADE
                 depth = least + (1 - least) * share[i, j]
@@ -80,10 +81,10 @@ def confusion_figure(table: Mapping[str, Mapping[str, int]]) -> Figure:
     axes.tick_params(which="minor", length=0)
     for edge in axes.spines.values():
         edge.set_visible(False)
-    axes.axvline(len(STAGES) - 0.5, color="#444444", lw=0.8)
+    axes.axvline(len(ids) - 0.5, color="#444444", lw=0.8)
     if "nothing" in rows:
         axes.axhline(rows.index("nothing") + 0.5, color="#444444", lw=0.8)
-    inside = sum(row == "nothing" or row in STAGES for row in rows)
+    inside = sum(row == "nothing" or row in ids for row in rows)
     if inside < len(rows):
         axes.axhline(inside - 0.5, color="#444444", lw=0.8)
     axes.set_ylabel("concealed")
@@ -91,10 +92,10 @@ def confusion_figure(table: Mapping[str, Mapping[str, int]]) -> Figure:
     return figure
 
 
-def _colour(row: str, column: str) -> str:
+def _colour(row: str, column: str, ids: Sequence[str]) -> str:
     if row == "nothing":
         return RIGHT if column == "none" else WRONG
-    if row in STAGES:
+    if row in ids:
         return RIGHT if column in (row, "set") else ABSTAINED if column in ("unknown", "none", "refused") else WRONG
     return RIGHT if column == "unknown" else ABSTAINED if column in ("none", "refused") else WRONG
 

@@ -16,7 +16,7 @@ from inkjet_env.experiments.proof.sealing import JUDGE_SOURCES
 COMPARED = {
     ("amplifier_bandwidth", "bandwidth_Hz"): ("bandwidth_Hz", ("first_order",)),
     ("sensor_bandwidth", "bandwidth_Hz"): ("bandwidth_Hz", ("first_order",)),
-    ("slew_limit", "slew_rate_V_s"): ("slew_rate_V_per_s", ()),
+    ("slew_limit", "slew_rate_V_s"): ("slew_rate_V_per_s", ("hard", "soft")),
     ("trigger_delay", "delay_s"): ("delay_s", ()),
     ("second_mode", "frequency_Hz"): ("frequency_Hz", ("parallel",)),
     ("second_mode", "damping_ratio"): ("damping_ratio", ("parallel",)),
@@ -54,7 +54,8 @@ def questions(draws: Sequence[Draw], reoptimise: int, baselines: int) -> dict[in
     shown = []
     for draw in sorted(draws, key=lambda draw: draw.number):
         effect = draw.effects[0] if draw.family == "effect" else ""
-        if effect and draw.strength == "strong" and not draw.meagre and effect not in UNPREDICTABLE:
+        whole = not (draw.meagre or draw.slow_only)
+        if effect and draw.strength == "strong" and whole and effect not in UNPREDICTABLE:
             shown.append((turns[effect], draw.number))
             turns[effect] += 1
     chosen = [number for _, number in sorted(shown)]
@@ -98,6 +99,8 @@ def judge_case(
     if verdict is None:
         return nothing
     found = nothing | {"parameters": parameters(verdict, truth), "location": located(verdict, truth)}
+    if draw.slow_only:  # without dynamics there is nothing to predict fresh drives with
+        return found
     plant = plant_of(draw, case["attempt"], rig)
     if draw.family in ("effect", "pair", "outside", "base"):
         from inkjet_env.experiments.proof.fresh_drive_error import UNPREDICTABLE, closure, model_of

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from inkjet_env.experiments.proof import figures
+from inkjet_env.experiments.proof.corpus import FULL_SIZE
 from inkjet_env.experiments.proof.printing import figure_text, interval_text
 from inkjet_env.extras import extra
 from inkjet_env.reporting.plotting import svg_text
@@ -107,7 +108,8 @@ def sentences(found: Mapping[str, Any]) -> list[str]:
     ]
     if found["profile"] == "quick":
         said.append(
-            f"This quick proof has {found['cases']} cases, so its intervals are wide. The full corpus has 1,200."
+            f"This quick proof has {found['cases']} cases, so its intervals are wide. The full corpus has "
+            f"{FULL_SIZE[found['version']]:,}."
         )
     if found["short"]:
         said.append("Criteria not met: " + "; ".join(found["short"]) + ".")

@@ -23,7 +23,7 @@ from typing import Any
 from inkjet_env.experiments.concealed_plant import RIG
 from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
 from inkjet_env.experiments.proof.campaign_files import ProofError, check_campaign_only, digest
-from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, STAGES, VERSION
+from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, RIGS, STAGES, VERSION
 from inkjet_env.storage import UNFINISHED, json_text, remove_unfinished, write_atomically
 
 SETTINGS, MANIFEST, ANSWERS = "proof.json", "manifest.json", "answers.json"
@@ -33,6 +33,8 @@ SOURCES = {
     "finder": ("inkjet_env/**/*.py",),
 }
 """Files that determine the campaigns ("rig") and the answers ("finder")."""
+NOTHING, NONE_OF_THESE = "nothing", "none of these"
+"""Labels of a verdict's probabilities besides the ids: nothing is concealed, or something that no id stands for."""
 JUDGE_SOURCES = (
     *(*SOURCES["rig"], *SOURCES["finder"], "optimizers/**/*.py", "experiments/proof/*.py"),
     *(f"experiments/{room}/**/*.py" for room in ("execution", "benchmark", "validation")),
@@ -57,6 +59,11 @@ class Settings:
     profile: str
     rig: str = RIG
 
+    @property
+    def published(self) -> bool:
+        """Whether the corpus is the published one."""
+        return self.seed == PUBLISHED_SEED
+
     def to_json(self) -> dict[str, Any]:
         """The settings as plain JSON values, with digests of the code and the versions of packages."""
         return {
@@ -64,7 +71,7 @@ class Settings:
             "version": VERSION,
             "seed": self.seed,
             "profile": self.profile,
-            "published": self.seed == PUBLISHED_SEED,
+            "published": self.published,
             "rig": self.rig,
             "code": {part: code_digest(patterns) for part, patterns in SOURCES.items()},
             "versions": versions(),
@@ -87,6 +94,12 @@ def open_folder(folder: Path, settings: Settings) -> None:
         stored = read_json(file)
         if (folder / ANSWERS).exists() and isinstance(code := stored.get("code"), dict):
             asked["versions"], asked["code"]["finder"] = stored.get("versions"), code.get("finder")
+        if (version := stored.get("version")) in RIGS and version != VERSION:
+            raise ProofError(
+                f"{folder} holds a proof of corpus version {version}, and this code has version {VERSION}: the rig of "
+                f"version {version} is at commit {RIGS[version]}. Check that out to judge its campaigns again; "
+                "python -m inkjet_env.experiments.publish.proof_tables counts its stored judgements with this code too."
+            )
         if difference := first_difference(stored, asked):
             raise ProofError(
                 f"{folder} holds a proof with other settings: {difference}. "
@@ -208,6 +221,18 @@ def check_answer(folder: Path, entry: Mapping[str, Any], manifest: Mapping[str, 
             raise ProofError(
                 f"the verdict on {name} names {one!r}, which is not an id of the catalogue. Nothing is scored."
             )
+    probabilities = verdict.get("probabilities") or {}
+    for label in probabilities:
+        if label not in STAGES and label not in (NOTHING, NONE_OF_THESE):
+            raise ProofError(
+                f"the verdict on {name} gives a probability of {label!r}, which is neither an id of the catalogue nor "
+                f"{NOTHING!r} or {NONE_OF_THESE!r}. Nothing is scored."
+            )
+    total = sum(probabilities.values())
+    if probabilities and not abs(total - 1) < 1e-3:
+        raise ProofError(
+            f"the probabilities in the verdict on {name} must sum to 1; their sum is {total:.6g}. Nothing is scored."
+        )
     for path in entry["run"]["seen"]:
         if Path(path).is_relative_to(folder.resolve()):
             raise ProofError(

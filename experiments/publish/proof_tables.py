@@ -1,8 +1,8 @@
 """Tables of a proof in Markdown, for the record in ``docs``.
 
 ``python -m inkjet_env.experiments.publish.proof_tables FOLDER`` prints them, and draws the figures with ``--figures``.
-The stored judgements of a folder are counted again after both commitments have been checked; the campaigns may be
-absent."""
+The stored judgements of a folder are counted again after both commitments have been checked, with the ids and criteria
+of its version of the corpus; the campaigns may be absent."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from inkjet_env.experiments.proof.campaign_files import ProofError
-from inkjet_env.experiments.proof.corpus import STAGES
 from inkjet_env.experiments.proof.printing import figure_text, interval_text
 from inkjet_env.experiments.proof.protocol import as_judged
 from inkjet_env.experiments.proof.score import SCORE_FORMAT, score
@@ -69,14 +68,24 @@ def said_table(found: Mapping[str, Any]) -> str:
         counts = {column: count for column, count in row.items() if count}
         if not counts:
             continue
-        right = (
-            counts.pop(hidden, 0) if hidden in STAGES else counts.pop("none" if hidden == "nothing" else "unknown", 0)
-        )
+        right = counts.pop(hidden, 0) if hidden in row else counts.pop("none" if hidden == "nothing" else "unknown", 0)
         others = sorted(counts.items(), key=lambda item: -item[1])
         rows.append(
             (hidden, str(sum(row.values())), str(right), "; ".join(f"{WORDS.get(k, k)} {n}" for k, n in others))
         )
     return markdown_table(("concealed", "heads", "right", "other verdicts"), rows)
+
+
+def noise_table(found: Mapping[str, Any]) -> str:
+    """False alarms by kind of noise."""
+    rows = [(kind, str(len(alarms)), str(sum(alarms))) for kind, alarms in found["noise"].items()]
+    return markdown_table(("noise", "heads with nothing concealed", "false alarms"), rows)
+
+
+def coverage_table(found: Mapping[str, Any]) -> str:
+    """Intervals that contain the truth, by effect."""
+    rows = [(effect, str(len(inside)), str(sum(inside))) for effect, inside in found["coverage"].items()]
+    return markdown_table(("effect", "intervals", "contain the truth"), rows)
 
 
 def waveform_gain_table(found: Mapping[str, Any]) -> str:
@@ -139,6 +148,8 @@ def document(found: Mapping[str, Any]) -> str:
         ("Figures", figures_table(found)),
         ("Detection against strength", curve_table(found)),
         ("Verdicts by concealed effect", said_table(found)),
+        ("False alarms by kind of noise", noise_table(found)) if found.get("noise") else None,
+        ("Coverage by effect", coverage_table(found)) if found.get("noise") else None,
         ("Waveform gain", waveform_gain_table(found)) if found["waveform_gain"]["heads"] else None,
         ("Other methods", methods_table(found)) if found["baselines"]["cases"] else None,
         ("Wrong names and sets", misses_table(found)),

@@ -12,7 +12,7 @@ CASES = [
     Case(3, 50, meagre=True),
     Case(3, 50, "effect", ("air_bubble",), "strong", True),
     Case(3, 50, "effect", ("mains_hum",), "strong", True),
-    Case(3, 50, "outside", ("coarse_quantisation",), "medium", True),
+    Case(3, 50, "outside", ("locked_interference",), "medium", True),
     Case(3, 50, "base", ("bouc_wen",), meagre=True),
 ]
 

@@ -25,12 +25,23 @@ def triangle(top, samples):
     return top * np.interp(np.arange(samples) / samples, [0, 0.25, 0.75, 1], [0, 1, -1, 0])
 
 
-@pytest.mark.parametrize(("second", "response"), [(False, 1 / (1 + 1j)), (True, 1 / 1.4j)])
-def test_a_tone_at_the_bandwidth_loses_three_decibels(second, response):
+LADDER = np.prod(
+    1 + 0.1j / (2 - 2 * np.cos((2 * np.arange(1, 5) - 1) * np.pi / 9))
+)  # by the eigenvalues of four sections
+RESPONSES = [
+    ("first_order", 1 / (1 + 1j)),
+    ("second_order", 1 / 1.4j),
+    ("two_poles", 1 / (1 + 1j) / (1 + 0.4j)),
+    ("lossy_line", 1 / LADDER),
+]
+
+
+@pytest.mark.parametrize(("kind", "response"), RESPONSES)
+def test_a_tone_at_the_bandwidth_is_lowered_as_its_poles_say(kind, response):
     """The tone's line, less what straight lines between the points take, sinc²; left: their aliases, 1e-11."""
     t = np.arange(4001) * 1e-8
     tone = np.sin(2 * np.pi * 1e5 * t)
-    out = low_passed(tone, 1e5, second, 1e-8, True)[:-1]
+    out = low_passed(tone, 1e5, kind, 1e-8, True)[:-1]
     line = 2j * np.mean(out * np.exp(-2j * np.pi * 1e5 * t[:-1]))
     assert line == pytest.approx(response * np.sinc(1e-3) ** 2, rel=1e-9)
 
@@ -67,7 +78,9 @@ def test_a_delay_of_whole_points_is_a_shift(periodic):
     drive = triangle(50.0, 400)
     drive = np.append(drive, drive[0])
     grid = Grid(200, 1e-7, 1, periodic)
-    late = TriggerDelay(0.01, variant="constant", period_s=2e-5).on_drive(drive, grid)
+    late = TriggerDelay(0.01, variant="late", period_s=2e-5).on_drive(drive, grid)
+    early = TriggerDelay(0.01, variant="early", period_s=2e-5).on_drive(drive, grid)
+    np.testing.assert_allclose(early[:-4], drive[4:], rtol=0, atol=1e-9)
     np.testing.assert_allclose(late[4:], drive[:-4], rtol=0, atol=1e-9)
 
 

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipk, lambertw
 
 from experiments.concealed_rig.effects.course import AirBubble, ThermalDrift
-from experiments.concealed_rig.effects.outside_motion import diffusive_states
+from experiments.concealed_rig.effects.loss import diffusive_states
 from experiments.concealed_rig.effects.spring import FerroelasticSoftening
 from experiments.concealed_rig.effects.wave import WaveEcho, channel_echo, coupled_modes_Hz
 from experiments.concealed_rig.grid import Grid

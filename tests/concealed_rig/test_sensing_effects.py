@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy.signal import TransferFunction, lsim
 
+from experiments.concealed_rig.converter import Converter, converted
 from experiments.concealed_rig.effects.chance import BaselineDrift, MainsHum
 from experiments.concealed_rig.effects.outside_sensing import (
     ClockJitter,
-    CoarseQuantisation,
     GainWander,
-    VoltageDependentGain,
+    SensitivityByVoltage,
 )
 from experiments.concealed_rig.effects.sensing import Crosstalk, Feedthrough, SensorBandwidth, SensorSaturation
 from experiments.concealed_rig.grid import Grid
 from experiments.concealed_rig.measurement import Measurement
-from experiments.concealed_rig.nuisances import Converter, Noise, converted, noise_row
 
 GRID = Grid(1000, 1e-7, 1, True)
 TIME_S = np.arange(1001) * 1e-7
@@ -124,7 +123,7 @@ def test_a_resonant_neighbour_is_heard_through_its_own_resonance_and_a_silent_on
 
 
 def test_gain_follows_the_voltage_or_the_recording_and_never_the_offset():
-    follows = VoltageDependentGain(0.1, variant="linear", offset_V=0.5)
+    follows = SensitivityByVoltage(0.1, variant="linear", offset_V=0.5)
     out = follows.on_sensor(SIGNAL + 0.5, DRIVE_V, ROW, GRID)
     np.testing.assert_allclose(out - 0.5, SIGNAL * (1 + 0.1 * DRIVE_V[::2] / 100), rtol=0, atol=1e-12)
     wanders = GainWander(0.1, variant="per_recording", course=(1.0, -2.0), offset_V=0.5)
@@ -134,26 +133,13 @@ def test_gain_follows_the_voltage_or_the_recording_and_never_the_offset():
         np.testing.assert_array_equal(wanders.on_sensor(SIGNAL, DRIVE_V, GAUGE, GRID), SIGNAL)
 
 
-def test_jitter_is_the_slope_times_the_time_and_quantisation_a_multiple_of_its_step():
+def test_jitter_is_the_slope_times_the_time():
     for variant, memory in (("white", 0.0), ("wandering", 0.995)):
         jitter = ClockJitter(0.2, variant=variant, memory=memory)
         late = [jitter.added(SIGNAL[:401], SLOPE[:401], ROW, OneDraw(k)) for k in range(401)]
         # The wandering phase starts on time.
         grown = np.sqrt(1 - memory ** (2 * np.arange(1, 402)))
         np.testing.assert_allclose(np.sqrt(np.sum(np.square(late), axis=0)), 2e-8 * np.abs(SLOPE[:401]) * grown)
-    coarse = CoarseQuantisation(4.0, variant="rounding", sigma=(("self_sensing", 0.01),)).on_recorded(SIGNAL, ROW)
-    np.testing.assert_allclose(coarse / 0.04, np.round(coarse / 0.04), rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    "noise", [Noise(0.3), Noise(0.3, (0.6,)), Noise(0.3, (0.5, -0.4)), Noise(0.3, (), 0.4), Noise(0.3, (0.6,), 0.3)]
-)
-def test_noise_of_any_colour_has_the_standard_deviation_that_is_said(noise):
-    """Of 1/f noise the last line is real: at n points 3/(8n ln 2n) of its power is missing; the rest is rounding."""
-    points = 60
-    rows = [noise_row(noise, points, OneDraw(k)) for k in range(400 + 5 * points)]
-    missing = noise.flicker * 3 / (8 * points) / np.sum(1 / np.arange(1, 2 * points + 1))
-    np.testing.assert_allclose(np.sum(np.square(rows), axis=0), 0.3**2 * (1 - missing), rtol=1e-12)
 
 
 def test_a_converter_rounds_and_ends_at_its_range():

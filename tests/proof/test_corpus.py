@@ -2,10 +2,21 @@ from collections import Counter
 
 import pytest
 
-from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, STAGES, Draw, corpus, opaque_name
+from inkjet_env.experiments.proof.corpus import (
+    FULL_SIZE,
+    IDS,
+    PUBLISHED_SEED,
+    SLOW,
+    STAGES,
+    VERSION,
+    Draw,
+    corpus,
+    opaque_name,
+)
 from inkjet_env.plant import catalogue
 
-OUTSIDE, BASES = ("friction", "backlash", "jitter"), ("bouc_wen", "preisach")
+OUTSIDE, BASES = ("stop", "agc", "jitter"), ("bouc_wen", "preisach")
+NOISES = ("white", "flicker", "bumps")
 
 
 def test_the_ids_are_those_of_the_catalogue():
@@ -13,26 +24,47 @@ def test_the_ids_are_those_of_the_catalogue():
 
 
 def test_the_full_corpus_holds_what_was_promised():
-    draws = corpus(1, "full", OUTSIDE, BASES)
-    kinds = Counter((d.family, d.strength, d.meagre) for d in draws)
-    assert kinds["null", "none", False] == 300
-    assert all(kinds["effect", strength, False] == 200 for strength in ("strong", "medium", "faint"))
+    draws = corpus(1, "full", OUTSIDE, BASES, NOISES)
+    kinds = Counter((d.family, d.strength, d.meagre) for d in draws if not d.slow_only)
+    assert kinds["null", "none", False] == 360
+    assert all(kinds["effect", strength, False] == 8 * len(STAGES) for strength in ("strong", "medium"))
+    assert kinds["effect", "faint", False] == 3 * len(STAGES)
     assert kinds["outside", "strong", False] == kinds["outside", "medium", False] == 60
     assert kinds["pair", "strong", False] == 100
     assert kinds["base", "none", False] == 40
-    assert sum(d.meagre for d in draws) == 40
-    assert Counter(d.effects for d in draws if d.family == "effect" and d.strength == "faint") == {
-        (name,): 10 for name in STAGES
-    }
+    assert kinds["null", "none", True] == 20
+    assert Counter(d.effects for d in draws if d.family == "effect" and d.meagre) == {(name,): 1 for name in STAGES}
+    assert Counter(d.family for d in draws if d.slow_only) == {"null": 6, "effect": 3 * len(SLOW)}
+    assert {d.effects[0] for d in draws if d.slow_only and d.effects} == set(SLOW)
+    assert len(draws) == FULL_SIZE[VERSION]
+
+
+def test_every_kind_of_noise_is_drawn_as_often_over_the_nulls_and_over_the_rest():
+    draws = corpus(1, "full", OUTSIDE, BASES, NOISES)
+    for nulls in (True, False):
+        counts = Counter(d.noise for d in draws if (d.family == "null") == nulls)
+        assert set(counts) == set(NOISES)
+        assert max(counts.values()) - min(counts.values()) <= 1
+
+
+def test_the_ids_of_version_one_keep_their_meaning():
+    assert len(IDS[1]) == 20
+    assert set(IDS[1]) < set(IDS[2]) == set(STAGES)
+
+
+def test_a_draw_of_version_one_is_still_read():
+    old = {"number": 3, "family": "null", "effects": [], "strength": "none", "meagre": False, "seed": 1192}
+    draw = Draw.from_json(old)
+    assert (draw.noise, draw.slow_only) == ("", False)
 
 
 def test_the_quick_corpus_is_sixty_of_every_kind():
-    draws = corpus(1, "quick", OUTSIDE, BASES)
+    draws = corpus(1, "quick", OUTSIDE, BASES, NOISES)
     assert len(draws) == 60
-    assert Counter(d.family for d in draws) == {"null": 16, "effect": 33, "outside": 8, "pair": 2, "base": 1}
-    whole = [d for d in draws if d.family == "effect" and not d.meagre]
+    assert Counter(d.family for d in draws) == {"null": 13, "effect": 38, "outside": 6, "pair": 2, "base": 1}
+    whole = [d for d in draws if d.family == "effect" and not (d.meagre or d.slow_only)]
     assert sorted(d.effects[0] for d in whole) == sorted(STAGES)
-    assert Counter(d.strength for d in whole) == {"strong": 14, "medium": 6}
+    assert Counter(d.strength for d in whole) == {"strong": 22, "medium": 10}
 
 
 def test_pairs_are_of_different_stages_and_none_is_there_twice():

@@ -158,9 +158,36 @@ def test_a_folder_whose_settings_are_damaged_is_refused(proof, damaged, finished
 
 
 def test_versions_are_not_mixed(proof, monkeypatch):
-    monkeypatch.setattr(sealing, "VERSION", 2)
-    with pytest.raises(ProofError, match="version is 1 there and 2 here"):
+    monkeypatch.setattr(sealing, "VERSION", 3)
+    with pytest.raises(ProofError, match="version is 2 there and 3 here"):
         open_folder(proof, SETTINGS)
+
+
+def test_a_folder_of_an_earlier_version_tells_where_its_rig_is(proof):
+    changed(proof / "proof.json", lambda settings: settings.update(version=1))
+    with pytest.raises(ProofError, match="the rig of version 1 is at commit 0e17b70") as told:
+        open_folder(proof, SETTINGS)
+    assert "proof_tables" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "sentence"),
+    [
+        ({"creep": 0.5, "gremlins": 0.5}, "a probability of 'gremlins'"),
+        ({"creep": 0.5, "nothing": 0.4}, "must sum to 1; their sum is 0.9"),
+    ],
+)
+def test_probabilities_that_are_none_stop_the_run(proof, probabilities, sentence):
+    entry = read_answer(proof, a_campaign(proof).name)
+    entry["answer"]["verdict"]["probabilities"] = probabilities
+    with pytest.raises(ProofError, match=sentence):
+        check_answer(proof, entry, read_json(proof / "manifest.json"))
+
+
+def test_probabilities_may_be_given_to_every_label(proof):
+    entry = read_answer(proof, a_campaign(proof).name)
+    entry["answer"]["verdict"]["probabilities"] = {"creep": 0.5, "nothing": 0.25, "none of these": 0.25}
+    check_answer(proof, entry, read_json(proof / "manifest.json"))
 
 
 @pytest.mark.parametrize("part", ["finder", "rig"])

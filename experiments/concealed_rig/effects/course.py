@@ -16,7 +16,8 @@ class AirBubble(Effect):
     """From some recording on, a bubble takes part; its strength is its coupling.
 
     Variants: "attached", a second oscillator coupled to the first; "compliant", a lower resonance (the bubble's
-    compliance beside the channel's) and the bubble's own mode in the sum.
+    compliance beside the channel's) and the bubble's own mode in the sum; "growing", an attached bubble that grows by
+    rectified diffusion from recording to recording, so that its coupling rises and its frequency falls.
 
     Source: R. Jeurissen et al., J. Acoust. Soc. Am. 126 (2009) 2184 and J. de Jong et al., J. Acoust. Soc. Am. 120
     (2006) 1257 (air bubbles in piezo printheads: shift of the resonance and a mode of their own).
@@ -33,12 +34,15 @@ class AirBubble(Effect):
     damping_ratio: float = field(default=0.05, kw_only=True)
     shift: float = field(default=0.2, kw_only=True)
     onset: int = field(default=1, kw_only=True)
+    growth: float = field(default=0.0, kw_only=True)
 
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "AirBubble":
         """Onset in the middle of the campaign."""
+        variant = str(rng.choice(["attached", "compliant", "growing"]))
         return cls(
-            variant=str(rng.choice(["attached", "compliant"])),
+            variant=variant,
+            growth=float(rng.uniform(2, 6)) if variant == "growing" else 0.0,
             resonance_Hz=situation.head.resonance_Hz,
             frequency_Hz=float(situation.head.resonance_Hz * rng.uniform(0.45, 0.85)),
             damping_ratio=float(rng.uniform(0.03, 0.1)),
@@ -55,8 +59,12 @@ class AirBubble(Effect):
             return resonator
         if self.variant == "compliant":
             return changed(resonator, frequency=1 / np.sqrt(1 + self.shift * self.strength))
-        ratio = self.frequency_Hz / self.resonance_Hz
-        return replace(resonator, mass_ratio=self.strength, second_ratio=ratio, second_damping=self.damping_ratio)
+        ratio, coupling = self.frequency_Hz / self.resonance_Hz, self.strength
+        if self.growth:
+            # Share of its final volume; the frequency goes with the inverse radius.
+            volume = 1 - np.exp(-(order - self.onset + 1) / self.growth)
+            coupling, ratio = coupling * volume, ratio / volume ** (1 / 3)
+        return replace(resonator, mass_ratio=coupling, second_ratio=ratio, second_damping=self.damping_ratio)
 
     def on_motion(
         self, motion: Motion, hysteretic_V: np.ndarray, resonator: Resonator, grid: Grid, order: int
@@ -71,9 +79,9 @@ class AirBubble(Effect):
     def parameters(self) -> dict[str, Any]:
         """Onset, the bubble's frequency and damping, and what becomes of the first resonance."""
         named = {"onset_order": self.onset, "frequency_Hz": self.frequency_Hz, "damping_ratio": self.damping_ratio}
-        if self.variant == "attached":
+        if self.variant in ("attached", "growing"):
             modes = coupled_modes_Hz(self.resonance_Hz, self.strength, self.frequency_Hz / self.resonance_Hz)
-            return {**named, "mass_ratio": self.strength, "modes_Hz": modes}
+            return {**named, "mass_ratio": self.strength, "modes_Hz": modes, "growth_recordings": self.growth}
         lower = self.resonance_Hz / np.sqrt(1 + self.shift * self.strength)
         return {**named, "share": self.strength, "resonance_Hz": float(lower)}
 
@@ -82,7 +90,8 @@ class AirBubble(Effect):
 class MeniscusRefill(Effect):
     """A slow state, driven by the flow just before, shifts the stiffness and recovers; strength is the shift a unit.
 
-    Variants: "relaxing", a first-order recovery after |flow|; "oscillating", a second-order refill after its square.
+    Variants: "relaxing", a first-order recovery after |flow|; "oscillating", a second-order refill after its square;
+    "outflow", a first-order recovery after the outward flow alone.
 
     Source: H. Wijshoff, Physics Reports 491 (2010) 77 (refill and overfill of the meniscus).
     """
@@ -101,8 +110,8 @@ class MeniscusRefill(Effect):
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "MeniscusRefill":
         """Times of 50 … 400 µs; refills of 2 … 8 kHz."""
-        variant = str(rng.choice(["relaxing", "oscillating"]))
-        time = rng.uniform(5e-5, 4e-4) if variant == "relaxing" else 1 / (2 * np.pi * rng.uniform(2e3, 8e3))
+        variant = str(rng.choice(["relaxing", "oscillating", "outflow"]))
+        time = 1 / (2 * np.pi * rng.uniform(2e3, 8e3)) if variant == "oscillating" else rng.uniform(5e-5, 4e-4)
         return cls(
             variant=variant,
             time_s=float(time),
@@ -118,7 +127,7 @@ class MeniscusRefill(Effect):
         return replace(
             resonator,
             meniscus_gain=self.sign * self.strength,
-            meniscus_kind=1.0 if self.variant == "relaxing" else 2.0,
+            meniscus_kind={"relaxing": 1.0, "oscillating": 2.0, "outflow": 3.0}[self.variant],
             meniscus_s=self.time_s,
             meniscus_damping=self.damping_ratio,
             meniscus_V=self.speed_V,
@@ -127,7 +136,7 @@ class MeniscusRefill(Effect):
     def parameters(self) -> dict[str, Any]:
         """Recovery time, or the refill's frequency; stiffness a unit of the state."""
         named = {"stiffness_shift": self.sign * self.strength, "speed_V": self.speed_V}
-        if self.variant == "relaxing":
+        if self.variant != "oscillating":
             return {**named, "recovery_s": self.time_s}
         return {**named, "frequency_Hz": 1 / (2 * np.pi * self.time_s), "damping_ratio": self.damping_ratio}
 
@@ -136,7 +145,8 @@ class MeniscusRefill(Effect):
 class ThermalDrift(Effect):
     """Frequency and damping wander with the order of the recordings; strength is the largest change of frequency.
 
-    Variants: "warm_up", exponential; "sinusoid", the room's own rhythm; "random_walk".
+    Variants: "warm_up", exponential; "sinusoid", the room's own rhythm; "random_walk"; "thermostat", a heater that is
+    switched on and off between two temperatures, so that the head warms and cools in a sawtooth.
 
     Source: viscosity falls with temperature by some per cent a kelvin and the speed of sound by some tenths:
     H. Wijshoff, Physics Reports 491 (2010) 77.
@@ -154,12 +164,16 @@ class ThermalDrift(Effect):
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "ThermalDrift":
         """A course over the campaign, its mean zero and its largest value one."""
-        variant = str(rng.choice(["warm_up", "sinusoid", "random_walk"]))
+        variant = str(rng.choice(["warm_up", "sinusoid", "random_walk", "thermostat"]))
         k = np.arange(situation.last_order + 1)
         if variant == "warm_up":
             course = np.exp(-k / (rng.uniform(0.2, 0.6) * k.size))
         elif variant == "sinusoid":
             course = np.sin(2 * np.pi * k * rng.uniform(0.7, 2.0) / k.size + rng.uniform(0, 2 * np.pi))
+        elif variant == "thermostat":
+            heating = rng.uniform(0.2, 0.5)  # share of a cycle
+            phase = (k * rng.uniform(1.2, 2.5) / k.size + rng.random()) % 1.0
+            course = np.where(phase < heating, phase / heating, (1 - phase) / (1 - heating))
         else:
             course = np.cumsum(rng.standard_normal(k.size))
             course[-1] = course[-2]

@@ -21,6 +21,7 @@ class PlaySettings:
     rate_time_s: float = 1e-6
     skew: float = 0.0
     relaxation_s: float = 0.0
+    rate_power: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class Situation:
         Largest speed of it, over ω₀.
     steepest_V_per_s : float
         Steepest edge of the fast recordings.
+    lowest_V, mean_square_speed_V2 : tuple of float
+        By order: the lowest voltage of a recording, and the mean square of the resonator's speed (0 where it rests).
     """
 
     head: Head
@@ -54,6 +57,8 @@ class Situation:
     largest_deflection_V: float
     largest_speed_V: float
     steepest_V_per_s: float
+    lowest_V: tuple[float, ...] = (0.0,)
+    mean_square_speed_V2: tuple[float, ...] = (0.0,)
 
 
 @dataclass(frozen=True)
@@ -96,6 +101,10 @@ class Effect:
 
     def on_hysteretic(self, hysteretic_V: np.ndarray, grid: Grid) -> np.ndarray:
         """Hysteretic drive at the half steps."""
+        return hysteretic_V
+
+    def on_poled(self, hysteretic_V: np.ndarray, applied_V: np.ndarray, grid: Grid, order: int) -> np.ndarray:
+        """Hysteretic drive at the half steps, of a ceramic whose poling follows the voltage or the campaign."""
         return hysteretic_V
 
     def on_resonator(self, resonator: Resonator, order: int) -> Resonator:

@@ -1,4 +1,4 @@
-"""Outside the catalogue, in sensing: gains that follow the voltage or the recording, a coarse converter, a clock."""
+"""Outside the catalogue, for development, in sensing: gains that follow the voltage or the recording, a clock."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,13 +11,13 @@ from experiments.concealed_rig.measurement import Measurement
 
 
 @dataclass(frozen=True)
-class VoltageDependentGain(Effect):
+class SensitivityByVoltage(Effect):
     """Self-sensing whose gain follows the voltage, C(u); its strength is the change at 100 V.
 
     Source: D. Damjanovic, Rep. Prog. Phys. 61 (1998) 1267 (permittivity under bias).
     """
 
-    id = "voltage_dependent_gain"
+    id = "sensitivity_by_voltage"
     stage = "sensing"
     start = 1e-2
     weakest = 1e-7
@@ -27,7 +27,7 @@ class VoltageDependentGain(Effect):
     offset_V: float = field(default=0.0, kw_only=True)
 
     @classmethod
-    def drawn(cls, situation: Situation, rng: np.random.Generator) -> "VoltageDependentGain":
+    def drawn(cls, situation: Situation, rng: np.random.Generator) -> "SensitivityByVoltage":
         """Proportional to the voltage, or to its square."""
         return cls(
             variant=str(rng.choice(["linear", "quadratic"])),
@@ -46,39 +46,6 @@ class VoltageDependentGain(Effect):
     def parameters(self) -> dict[str, Any]:
         """Relative change at 100 V."""
         return {"gain_change_at_100_V": self.sign * self.strength}
-
-
-@dataclass(frozen=True)
-class CoarseQuantisation(Effect):
-    """A converter with too few steps; its strength is its step over the noise.
-
-    Source: B. Widrow, I. Kollár, Quantization Noise (2008).
-    """
-
-    id = "coarse_quantisation"
-    stage = "sensing"
-    by_chance = True
-    start = 3.0
-    weakest = 1e-2
-    strongest = 300.0
-
-    sigma: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
-
-    @classmethod
-    def drawn(cls, situation: Situation, rng: np.random.Generator) -> "CoarseQuantisation":
-        """One variant: rounding."""
-        return cls(variant="rounding", sigma=tuple(sorted(situation.sigma.items())))
-
-    def on_recorded(self, recorded: np.ndarray, measurement: Measurement) -> np.ndarray:
-        """Round to the coarse step."""
-        if not self.strength:
-            return recorded
-        step = self.strength * dict(self.sigma)[measurement.channel]
-        return np.round(recorded / step) * step
-
-    def parameters(self) -> dict[str, Any]:
-        """Step in the sensor's unit."""
-        return {"step": {channel: self.strength * sigma for channel, sigma in self.sigma}}
 
 
 @dataclass(frozen=True)

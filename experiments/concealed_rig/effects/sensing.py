@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.concealed_rig.effects.drive import low_passed
+from experiments.concealed_rig.effects.drive import LOW_PASSES, low_passed
 from experiments.concealed_rig.effects.effect import Effect, Situation
 from experiments.concealed_rig.grid import Grid
-from experiments.concealed_rig.linear import filtered, linear_motion
+from experiments.concealed_rig.linear import filtered, linear_motion, relaxations
 from experiments.concealed_rig.measurement import Measurement
 
 
@@ -25,10 +25,11 @@ class Feedthrough(Effect):
     """A part of C dU/dt reaches the sensor; its strength is its largest value over the largest signal.
 
     Variants: "capacitive"; "with_loss", tan δ makes the current lead less than 90°; "high_pass", the residual
-    capacitance with a series resistance.
+    capacitance with a series resistance; "relaxing", a part of the residual capacitance charges late, as in Debye's
+    law.
 
     Source: J. J. Dosch, D. J. Inman, E. Garcia, J. Intell. Mater. Syst. Struct. 3 (1992) 166 (bridge of self-sensing
-    out of balance); IEEE Std 176-1987 (tan δ).
+    out of balance); IEEE Std 176-1987 (tan δ); A. K. Jonscher, Dielectric Relaxation in Solids (1983).
     """
 
     id = "feedthrough"
@@ -41,18 +42,22 @@ class Feedthrough(Effect):
     steepest_V_per_s: float = field(default=1e8, kw_only=True)
     loss: float = field(default=0.0, kw_only=True)
     time_s: float = field(default=0.0, kw_only=True)
+    late: float = field(default=0.0, kw_only=True)
+    late_s: float = field(default=1e-5, kw_only=True)
     angular_rad_per_s: float = field(default=3e5, kw_only=True)
 
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "Feedthrough":
         """Of either sign of the imbalance."""
-        variant = str(rng.choice(["capacitive", "with_loss", "high_pass"]))
+        variant = str(rng.choice(["capacitive", "with_loss", "high_pass", "relaxing"]))
         return cls(
             variant=variant,
             largest_V=float(rng.choice([-1.0, 1.0])) * situation.largest_V,
             steepest_V_per_s=situation.steepest_V_per_s,
             loss=float(rng.uniform(0.01, 0.05)) if variant == "with_loss" else 0.0,
             time_s=float(rng.uniform(2e-7, 1e-6)) if variant == "high_pass" else 0.0,
+            late=float(rng.uniform(0.2, 0.6)) if variant == "relaxing" else 0.0,
+            late_s=float(rng.uniform(3e-6, 3e-5)),
             angular_rad_per_s=situation.head.angular_rad_per_s,
         )
 
@@ -64,6 +69,9 @@ class Feedthrough(Effect):
             current = filtered([1.0, 0.0], [self.time_s, 1.0], applied_V, grid.half_s, grid.periodic)[::2]
         else:
             current = slope_V_per_s(applied_V, grid) + self.loss * self.angular_rad_per_s * applied_V[::2]
+        if self.late:
+            after = relaxations(applied_V, np.array([self.late_s]), grid.half_s, grid.periodic)[0]
+            current = (1 - self.late) * current + self.late * (applied_V - after)[::2] / self.late_s
         return signal + self._gain_s() * current
 
     def _gain_s(self) -> float:
@@ -71,14 +79,16 @@ class Feedthrough(Effect):
 
     def parameters(self) -> dict[str, Any]:
         """Sensor volts for each V/s, tan δ at the resonance, time of the series resistance."""
-        return {"feedthrough_s": self._gain_s(), "loss_tangent": self.loss, "time_s": self.time_s}
+        return {"feedthrough_s": self._gain_s(), "loss_tangent": self.loss, "time_s": self.time_s} | (
+            {"late_share": self.late, "late_s": self.late_s} if self.late else {}
+        )
 
 
 @dataclass(frozen=True)
 class SensorBandwidth(Effect):
     """The sensing amplifier is a low-pass; its strength is f₀ over its bandwidth.
 
-    Source: see `drive.low_passed`.
+    Variants: see `drive.low_pass_denominator`.
     """
 
     id = "sensor_bandwidth"
@@ -91,9 +101,8 @@ class SensorBandwidth(Effect):
 
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "SensorBandwidth":
-        """First or second order."""
-        variant = str(rng.choice(["first_order", "second_order"]))
-        return cls(variant=variant, resonance_Hz=situation.head.resonance_Hz)
+        """One of four low-passes."""
+        return cls(variant=str(rng.choice(LOW_PASSES)), resonance_Hz=situation.head.resonance_Hz)
 
     def on_sensor(self, signal: np.ndarray, applied_V: np.ndarray, measurement: Measurement, grid: Grid) -> np.ndarray:
         """Low-pass of the fast channels."""
@@ -103,18 +112,19 @@ class SensorBandwidth(Effect):
         # Straight lines between the steps are a low-pass of 1 − (ω·step)²/12; a second difference makes up for it.
         ends = (signal[-2], signal[1]) if grid.periodic else (signal[0], signal[-1])
         bend = np.diff(np.concatenate((ends[:1], signal, ends[1:])), 2)
-        return low_passed(signal - bend / 12, bandwidth, self.variant == "second_order", grid.step_s, grid.periodic)
+        return low_passed(signal - bend / 12, bandwidth, self.variant, grid.step_s, grid.periodic)
 
     def parameters(self) -> dict[str, Any]:
-        """Bandwidth (−3 dB of first order; natural frequency of second order)."""
-        return {"bandwidth_Hz": self.resonance_Hz / self.strength, "order": 1 + (self.variant == "second_order")}
+        """Bandwidth (−3 dB of first order; natural frequency of second order; lower pole; of the line's delay)."""
+        return {"bandwidth_Hz": self.resonance_Hz / self.strength}
 
 
 @dataclass(frozen=True)
 class SensorSaturation(Effect):
     """The sensor clips or compresses; its strength is the largest signal over the level.
 
-    Variants: "clip"; "tanh"; "one_sided", y/(1 + y/level) on one polarity.
+    Variants: "clip"; "clip_one_side", one rail only; "unequal_rails", the other rail 1.2 … 2 times as far; "tanh";
+    "one_sided", y/(1 + y/level) on one polarity.
 
     Source: P. Horowitz, W. Hill, The Art of Electronics (2015): output range of an operational amplifier; tanh is the
     transfer of a differential pair.
@@ -128,34 +138,41 @@ class SensorSaturation(Effect):
 
     largest_V: float = field(default=5.0, kw_only=True)
     side: float = field(default=1.0, kw_only=True)
+    other_rail: float = field(default=1.0, kw_only=True)
 
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "SensorSaturation":
-        """One of three."""
-        variant = str(rng.choice(["clip", "tanh", "one_sided"]))
-        return cls(variant=variant, largest_V=situation.largest_V, side=float(rng.choice([-1.0, 1.0])))
+        """One of five."""
+        variant = str(rng.choice(["clip", "clip_one_side", "unequal_rails", "tanh", "one_sided"]))
+        other = {"clip_one_side": 1e3, "unequal_rails": float(rng.uniform(1.2, 2.0))}.get(variant, 1.0)
+        side = float(rng.choice([-1.0, 1.0]))
+        return cls(variant=variant, largest_V=situation.largest_V, side=side, other_rail=other)
 
     def on_sensor(self, signal: np.ndarray, applied_V: np.ndarray, measurement: Measurement, grid: Grid) -> np.ndarray:
         """Compress self-sensing."""
         if not self.strength or measurement.channel != "self_sensing":
             return signal
         level = self.largest_V / self.strength
-        if self.variant == "clip":
-            return np.clip(signal, -level, level)
+        if self.variant in ("clip", "clip_one_side", "unequal_rails"):
+            low, high = sorted((self.side * level, -self.side * self.other_rail * level))
+            return np.clip(signal, low, high)
         if self.variant == "tanh":
             return level * np.tanh(signal / level)
         return signal / (1 + np.maximum(self.side * signal, 0.0) / level)
 
     def parameters(self) -> dict[str, Any]:
-        """The level."""
-        return {"level_V": self.largest_V / self.strength, "side": self.side if self.variant == "one_sided" else 0.0}
+        """The level, or the nearer rail and its side, and the other rail where there is one."""
+        level = self.largest_V / self.strength
+        named = {"level_V": level, "side": 0.0 if self.variant in ("clip", "tanh") else self.side}
+        return {**named, "other_level_V": self.other_rail * level} if self.variant == "unequal_rails" else named
 
 
 @dataclass(frozen=True)
 class Crosstalk(Effect):
     """The neighbouring channel's drive is heard; its strength is its share.
 
-    Variants: "resonant", through the neighbour's own resonance; "direct", through a stray capacitance and resistance.
+    Variants: "resonant", through the neighbour's own resonance; "acoustic", the same, 2 … 12 µs later through the wall;
+    "direct", through a stray capacitance and resistance; "capacitive", through a capacitance alone.
 
     Source: H. Wijshoff, Physics Reports 491 (2010) 77 (direct, acoustic and electric crosstalk).
     """
@@ -171,13 +188,16 @@ class Crosstalk(Effect):
     gain_V_per_V: float = field(default=0.06, kw_only=True)
     capacitive_s: float = field(default=0.0, kw_only=True)
     resistive: float = field(default=0.0, kw_only=True)
+    delay_s: float = field(default=0.0, kw_only=True)
 
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "Crosstalk":
         """The neighbour is a head of nearly the same frequency."""
-        head, mix = situation.head, rng.uniform(0.2, 0.8)
+        variant = str(rng.choice(["resonant", "acoustic", "direct", "capacitive"]))
+        head, mix = situation.head, 1.0 if variant == "capacitive" else rng.uniform(0.2, 0.8)
         return cls(
-            variant=str(rng.choice(["resonant", "direct"])),
+            variant=variant,
+            delay_s=float(rng.uniform(2e-6, 12e-6)) if variant == "acoustic" else 0.0,
             frequency_Hz=float(head.resonance_Hz * rng.uniform(0.88, 1.15)),
             damping_ratio=float(head.damping_ratio * rng.uniform(0.7, 1.4)),
             gain_V_per_V=head.b1_per_s / head.angular_rad_per_s,
@@ -190,7 +210,11 @@ class Crosstalk(Effect):
         if not self.strength or measurement.neighbour_V is None or measurement.channel != "self_sensing":
             return signal
         drive = grid.halves(measurement.neighbour_V)
-        if self.variant == "resonant":
+        if self.delay_s:
+            late = np.arange(drive.size) - self.delay_s / grid.half_s
+            late = late % (drive.size - 1) if grid.periodic else np.maximum(late, 0.0)
+            drive = np.interp(late, np.arange(drive.size), drive)
+        if self.variant in ("resonant", "acoustic"):
             heard = self.gain_V_per_V * linear_motion(2 * np.pi * self.frequency_Hz, self.damping_ratio, drive, grid)[1]
         else:
             heard = self.capacitive_s * slope_V_per_s(drive, grid) + self.resistive * drive[::2]
@@ -198,8 +222,8 @@ class Crosstalk(Effect):
 
     def parameters(self) -> dict[str, Any]:
         """Share and resonance, or the stray gains."""
-        if self.variant == "resonant":
-            named = {"frequency_Hz": self.frequency_Hz, "damping_ratio": self.damping_ratio}
+        if self.variant in ("resonant", "acoustic"):
+            named = {"frequency_Hz": self.frequency_Hz, "damping_ratio": self.damping_ratio, "delay_s": self.delay_s}
             return {"share": self.strength, **named}
         gains = {"capacitive_s": self.capacitive_s, "resistive_V_per_V": self.resistive}
         return {name: self.strength * value for name, value in gains.items()}

@@ -8,8 +8,21 @@ from numba import njit
 
 from experiments.concealed_rig.effects.effect import Effect, Situation
 from experiments.concealed_rig.grid import Grid
-from experiments.concealed_rig.linear import linear_motion
+from experiments.concealed_rig.linear import filtered, linear_motion
 from experiments.concealed_rig.resonator import Motion, Resonator
+
+
+def half_steps(stepped: np.ndarray, grid: Grid) -> np.ndarray:
+    """Values at the steps, shape (steps + 1,), at the half steps too, shape (2·steps + 1,), by cubics."""
+    if grid.periodic:
+        before, after = stepped[-2], stepped[1]
+    else:
+        before, after = 2 * stepped[0] - stepped[1], 2 * stepped[-1] - stepped[-2]
+    wide = np.concatenate(([before], stepped, [after]))
+    out = np.empty(2 * stepped.size - 1)
+    out[::2] = stepped
+    out[1::2] = (9 * (wide[1:-2] + wide[2:-1]) - wide[:-3] - wide[3:]) / 16
+    return out
 
 
 def with_parallel_mode(
@@ -42,10 +55,11 @@ def coupled_modes_Hz(resonance_Hz: float, mass_ratio: float, second_ratio: float
 class SecondMode(Effect):
     """Another mode; its strength is its share of the sum, or its mass over the first one's.
 
-    Variants: "parallel", a sum of two modes; "coupled", a second mass on the first one.
+    Variants: "parallel", a sum of two modes; "coupled", a second mass on the first one; "cascaded", a structure that
+    is shaken by the first mode, does not act back, and is seen by the sensor too.
 
     Source: D. J. Ewins, Modal Testing (2000) (sum); J. P. Den Hartog, Mechanical Vibrations (1956)
-    (coupled pair).
+    (coupled pair; a light structure shaken by a heavy one).
     """
 
     id = "second_mode"
@@ -63,13 +77,13 @@ class SecondMode(Effect):
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "SecondMode":
         """Below or above the first mode."""
         ratio = rng.uniform(0.35, 0.75) if rng.random() < 0.4 else rng.uniform(1.35, 2.6)
-        variant = str(rng.choice(["parallel", "coupled"]))
+        variant = str(rng.choice(["parallel", "coupled", "cascaded"]))
         return cls(
             variant=variant,
             resonance_Hz=situation.head.resonance_Hz,
             frequency_Hz=float(ratio * situation.head.resonance_Hz),
             damping_ratio=float(rng.uniform(0.015, 0.06)),
-            sign=float(rng.choice([-1.0, 1.0])) if variant == "parallel" else 1.0,
+            sign=float(rng.choice([-1.0, 1.0])) if variant != "coupled" else 1.0,
         )
 
     def on_resonator(self, resonator: Resonator, order: int) -> Resonator:
@@ -82,10 +96,13 @@ class SecondMode(Effect):
     def on_motion(
         self, motion: Motion, hysteretic_V: np.ndarray, resonator: Resonator, grid: Grid, order: int
     ) -> Motion:
-        """The parallel sum."""
-        if self.variant != "parallel" or not self.strength:
+        """The parallel sum, or what the shaken structure adds."""
+        if self.variant == "coupled" or not self.strength:
             return motion
         share = self.sign * self.strength
+        if self.variant == "cascaded":
+            shaken = half_steps(motion.deflection_V, grid)
+            return with_parallel_mode(motion, shaken, resonator, grid, share, self.frequency_Hz, self.damping_ratio)
         return with_parallel_mode(motion, hysteretic_V, resonator, grid, share, self.frequency_Hz, self.damping_ratio)
 
     def parameters(self) -> dict[str, Any]:
@@ -195,7 +212,8 @@ def channel_echo(
 class WaveEcho(Effect):
     """A travelling wave returns after a delay; its strength is the share of the signal that travels.
 
-    Variants: "single_return"; "channel", reflections at nozzle and refill, over and over; "lossy_channel".
+    Variants: "single_return"; "lossy_return", a single return through a first-order loss, of either sign; "channel",
+    reflections at nozzle and refill, over and over; "lossy_channel".
 
     Source: see `channel_echo`.
     """
@@ -215,7 +233,7 @@ class WaveEcho(Effect):
     @classmethod
     def drawn(cls, situation: Situation, rng: np.random.Generator) -> "WaveEcho":
         """Channels of 6 … 25 mm each side at 900 … 1300 m/s."""
-        variant = str(rng.choice(["single_return", "channel", "lossy_channel"]))
+        variant = str(rng.choice(["single_return", "lossy_return", "channel", "lossy_channel"]))
         speed = rng.uniform(900, 1300)
         return cls(
             variant=variant,
@@ -223,10 +241,13 @@ class WaveEcho(Effect):
             refill_s=float(2 * rng.uniform(8e-3, 25e-3) / speed),
             nozzle_reflection=float(rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 0.8)),
             refill_reflection=float(-rng.uniform(0.5, 0.9)),
-            loss_s=float(rng.uniform(0.5e-6, 2.5e-6)) if variant == "lossy_channel" else 0.0,
+            loss_s=float(rng.uniform(0.5e-6, 2.5e-6)) if variant.startswith("lossy") else 0.0,
         )
 
     def _echo(self, signal: np.ndarray, grid: Grid) -> np.ndarray:
+        if self.variant == "lossy_return":
+            duller = filtered([1.0], [self.loss_s, 1.0], signal - signal[0], grid.step_s, grid.periodic) + signal[0]
+            return float(np.sign(self.nozzle_reflection)) * replace(self, variant="single_return")._echo(duller, grid)
         if self.variant == "single_return":
             late = np.arange(signal.size) - self.nozzle_s / grid.step_s
             if grid.periodic:
@@ -250,6 +271,9 @@ class WaveEcho(Effect):
         """Delays and reflections."""
         if self.variant == "single_return":
             return {"delay_s": self.nozzle_s, "share": self.strength}
+        if self.variant == "lossy_return":
+            share = float(np.sign(self.nozzle_reflection)) * self.strength
+            return {"delay_s": self.nozzle_s, "share": share, "loss_s": self.loss_s}
         return {
             "share": self.strength,
             "nozzle_delay_s": self.nozzle_s,

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass
 
-OUTSIDE = {"coulomb_friction": None, "clock_jitter": None}
+OUTSIDE = {"one_sided_stop": None, "doppler_delay": None}
+DEVELOPMENT = {"cavitation": None, "clock_jitter": None}
 BASES = ("bouc_wen",)
+NOISES = ("white", "flicker")
 
 
 @dataclass(frozen=True)
@@ -14,3 +16,5 @@ class Case:
     effects: tuple
     strength: str | None
     meagre: bool
+    noise: str = ""
+    slow_only: bool = False
