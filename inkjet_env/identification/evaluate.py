@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,8 @@ from inkjet_env.typing import Real
 
 MOST_ROUNDS = 12
 """Largest number of Gauss–Newton steps for a free initial state."""
+NODES_A_PERIOD = 100
+"""Least number of nodes in a period of the resonance: a recording may have fewer than ten samples there."""
 SETTLED = 1e-6
 """Change of a free initial state below which it has converged, as a share of the full scale."""
 
@@ -170,6 +173,8 @@ def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gai
     base = head.printhead
     whole = base.with_placeholder() if isinstance(base, QuasiStaticPrinthead) else base
     plant = Plant(whole, {recordings[0].channel: 1.0 if gain is None else gain}, effects=head.effects)
+    # A gain that is still to be fitted is fitted without the remainder, whose weights have the unit of the signal.
+    plant = replace(plant, remainder=None if gain is None else head.remainder)
     excitations = [_shot(recording, plant, not base.has_dynamics) for recording in recordings]
     small_V = 1e-4 * head.printhead.full_scale_V
     for _ in range(MOST_ROUNDS):
@@ -204,6 +209,7 @@ def _shot(recording: Recording, plant: Plant, quasi_static: bool) -> Excitation:
         recording.drive_V,
         recording.order,
         recording.neighbour_V,
+        substeps=2 * max(1, math.ceil(NODES_A_PERIOD / 2 * plant.printhead.frequency_Hz * recording.step_s)),
         quasi_static=quasi_static,
     )
     if excitation.initial_state != "free":

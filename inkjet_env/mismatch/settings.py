@@ -305,11 +305,31 @@ class VerdictSettings(_Settings):
     regression_gain: float = 8.0
     """Least gain from which a prediction of the discrepancy regression counts as mismatch. Unit: log-likelihood.
     Source: tables."""
-    correction_standard_errors: float = 2.0
-    """Amount by which the discrepancy regression must gain on held-out recordings to be offered as correction. Unit:
-    standard errors. Source: tables."""
     most_listed: int = 24
     """Largest number of hypotheses that a diagnosis lists. Unit: hypotheses. Source: reader."""
+
+
+@dataclass(frozen=True)
+class RemainderSettings(_Settings):
+    """How the unexplained remainder is modelled, and when it is used."""
+
+    standard_errors: float = 2.0
+    """Amount by which the remainder must gain on held-out recordings to be used. Unit: standard errors. Source:
+    decision 10."""
+    least_fall: float = 0.05
+    """Share by which it must lower the held-out residual's RMS to be used. Unit: 1. Source: decision 10."""
+    ridge_penalties: tuple[float, ...] = tuple(float(penalty) for penalty in np.geomspace(1e-6, 1e5, 23))
+    """Ridge penalties that are tried, for features of unit norm. Unit: 1. Source: tables."""
+    delays: tuple[float, ...] = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)
+    """Delays of the copies of the motion. Unit: periods of the resonance. Source: tables."""
+    coarse_samples: float = 40.0
+    """Samples per period of the resonance below which copies of the drive come earlier as well as later. Unit: samples.
+    Source: decision 10."""
+    lags: int = 6
+    """Number of low-pass copies of the drive, between three samples and a third of a recording. Unit: 1. Source:
+    tables."""
+    plays: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4, 0.6, 0.8)
+    """Thresholds of the copies of the drive behind play operators. Unit: largest drive. Source: tables."""
 
 
 @dataclass(frozen=True)
@@ -364,6 +384,8 @@ class DiagnosisSettings:
         How the mismatch is located without knowledge of effects.
     verdict : VerdictSettings
         When a name is given, a set, or none.
+    remainder : RemainderSettings
+        How the unexplained remainder is modelled, and when it is used.
     design : DesignSettings
         How the next experiment is designed.
 
@@ -383,4 +405,5 @@ class DiagnosisSettings:
     selection: SelectionSettings = field(default_factory=SelectionSettings)
     localization: LocalizationSettings = field(default_factory=LocalizationSettings)
     verdict: VerdictSettings = field(default_factory=VerdictSettings)
+    remainder: RemainderSettings = field(default_factory=RemainderSettings)
     design: DesignSettings = field(default_factory=DesignSettings)

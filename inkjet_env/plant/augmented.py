@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 from inkjet_env.plant.effect import Effect, Values, complete
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.extrema import extrema
+from inkjet_env.plant.head_motion import head_motion
 from inkjet_env.plant.registry import own_class
+from inkjet_env.plant.remainder import Remainder
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.stages import Plant
 from inkjet_env.printhead import PeakCost, Printhead, SampledResponse, Waveform, as_waveform_array, check_name
@@ -57,12 +59,15 @@ class AugmentedPrinthead:
         Gain of each channel, in its unit per hysteretic volt.
     order : int
         Order of the recording at which effects that change within the session are evaluated.
+    remainder : Remainder, optional
+        Discrepancy model that corrects the signals of some channels; see `without_remainder`.
     """
 
     printhead: Printhead
     effects: tuple[tuple[Effect, Values], ...]
     gains: Mapping[str, float] = field(default_factory=dict)
     order: int = 1
+    remainder: Remainder | None = None
 
     def __post_init__(self) -> None:
         whole = tuple((effect, complete(effect, **values)) for effect, values in self.effects)
@@ -85,8 +90,12 @@ class AugmentedPrinthead:
 
     @property
     def plant(self) -> Plant:
-        """Head, sensors and effects as a plant for recordings."""
-        return Plant(self.printhead, self.gains, effects=self.effects)
+        """Head, sensors, effects and remainder as a plant for recordings."""
+        return Plant(self.printhead, self.gains, effects=self.effects, remainder=self.remainder)
+
+    def without_remainder(self) -> AugmentedPrinthead:
+        """The same head with its named effects alone."""
+        return replace(self, remainder=None)
 
     def respond(
         self,
@@ -197,9 +206,19 @@ class AugmentedPrinthead:
             resonance = resonance.refilled(repeated_V, before)
             if resonance.softening is not None:
                 resonance = replace(resonance, softening=resonance.softening[: first.nodes])
-            signal = head.b1 * resonance.motion(hysteretic_V, first)
+            more = None
+            own = None if self.remainder is None else self.remainder.of("self_sensing")
+            if own is None:
+                signal = head.b1 * resonance.motion(hysteretic_V, first)
+            else:
+                before_it = head_motion(resonance, drive_V[: first.nodes], hysteretic_V, first)
+                push_V, more = own.pushes_V(before_it), own.shown_at_samples(before_it)
+                pushed_V = hysteretic_V if push_V is None else hysteretic_V + push_V - push_V[0]
+                signal = head.b1 * resonance.motion(pushed_V, first)  # Eq. (12)
             for effect, values in plant.of("sensing"):
                 signal = effect.sensing(values, signal, drive_V[: first.nodes], head, first)
+            if more is not None:
+                signal = signal + more
         except FloatingPointError as error:
             raise ValueError(
                 "the printhead with its effects cannot be simulated under a drive of up to "
@@ -218,7 +237,9 @@ class AugmentedPrinthead:
         fit: Mapping[str, Any] | None = None,
         effect_intervals: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
     ) -> dict[str, Any]:
-        """A ``printhead/1`` with the keys "effects" and "order"; a user's own effect has a "class" beside its id.
+        """A ``printhead/1`` with the keys "effects", "order" and, if there is one, "remainder".
+
+        A user's own effect has a "class" beside its id.
 
         Parameters
         ----------
@@ -243,7 +264,8 @@ class AugmentedPrinthead:
             of_the_user = {} if named is None else {"class": named}
             effects.append({"id": effect.id, **of_the_user, "parameters": parameters})
         base = self.printhead.as_json(intervals, {"channels": channels} | dict(fit or {}))
-        return base | {"effects": effects, "order": self.order}
+        remainder = {} if self.remainder is None else {"remainder": self.remainder.as_json()}
+        return base | {"effects": effects, "order": self.order} | remainder
 
 
 @dataclass(frozen=True, eq=False)
