@@ -65,7 +65,8 @@ class ChannelRemainder:
         Lists of `TIMES`: delays of the copies of the drive and of the motion and time constants of lags, in seconds;
         thresholds of plays, dimensionless shares of the largest drive.
     most_push_V, most_shown : float
-        Limits of the magnitude of the two sums, in hysteretic volts and in the channel's unit.
+        Limits of the magnitude of the two sums, in hysteretic volts and in the channel's unit; null in a file if
+        infinite.
     """
 
     scales_V: Mapping[str, float]
@@ -136,8 +137,8 @@ class Remainder:
                 **{name: list(own.times[name]) for name in TIMES},
                 "push": {name: asdict(term) for name, term in own.push.items()},
                 "shown": {name: asdict(term) for name, term in own.shown.items()},
-                "most_push_V": own.most_push_V,
-                "most_shown": own.most_shown,
+                "most_push_V": own.most_push_V if math.isfinite(own.most_push_V) else None,  # JSON has no infinity
+                "most_shown": own.most_shown if math.isfinite(own.most_shown) else None,
             }
         return {"format": FORMAT, "channels": channels}
 
@@ -180,7 +181,8 @@ def _channel(label: str, entry: Any) -> ChannelRemainder:
             raise ValueError(f"{label}: {name} must not be negative; got {min(times[name]):g}.")
     push = _terms(f"{label}: push", entry.get("push"), push_names(times) if fast else ())
     shown = _terms(f"{label}: shown", entry.get("shown"), shown_names(times, fast))
-    most = [_number(f"{label}: {name}", entry.get(name)) for name in ("most_push_V", "most_shown")]
+    limits = {name: entry.get(name) for name in ("most_push_V", "most_shown")}
+    most = [math.inf if limit is None else _number(f"{label}: {name}", limit) for name, limit in limits.items()]
     if min(most) < 0:
         raise ValueError(f"{label}: most_push_V and most_shown must not be negative; got {min(most):g}.")
     return ChannelRemainder(scales_V, push, shown, times, *most)
