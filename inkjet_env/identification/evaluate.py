@@ -19,6 +19,8 @@ MOST_ROUNDS = 12
 """Largest number of Gauss–Newton steps for a free initial state."""
 NODES_A_PERIOD = 100
 """Least number of nodes in a period of the resonance: a recording may have fewer than ten samples there."""
+MOST_PAIRS = 32
+"""Largest number of pairs of nodes in a sampling step."""
 SETTLED = 1e-6
 """Change of a free initial state below which it has converged, as a share of the full scale."""
 
@@ -209,9 +211,11 @@ def _shot(recording: Recording, plant: Plant, quasi_static: bool) -> Excitation:
         recording.drive_V,
         recording.order,
         recording.neighbour_V,
-        substeps=2 * max(1, math.ceil(NODES_A_PERIOD / 2 * plant.printhead.frequency_Hz * recording.step_s)),
         quasi_static=quasi_static,
     )
+    if excitation.fast:
+        pairs_a_sample = math.ceil(NODES_A_PERIOD / 2 * plant.printhead.frequency_Hz * recording.step_s)
+        excitation = replace(excitation, substeps=2 * min(max(pairs_a_sample, 1), MOST_PAIRS))
     if excitation.initial_state != "free":
         return excitation
     return replace(excitation, start=(float(plant.hysteretic_V(plant.at_ceramic_V(excitation), excitation)[0]), 0.0))

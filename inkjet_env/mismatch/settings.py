@@ -318,8 +318,10 @@ class RemainderSettings(_Settings):
     decision 10."""
     least_fall: float = 0.05
     """Share by which it must lower the held-out residual's RMS to be used. Unit: 1. Source: decision 10."""
-    ridge_penalties: tuple[float, ...] = tuple(float(penalty) for penalty in np.geomspace(1e-6, 1e5, 23))
+    ridge_penalties: tuple[float, ...] = (1e-4, 1e-2, 1.0)
     """Ridge penalties that are tried, for features of unit norm. Unit: 1. Source: tables."""
+    most_features: int = 40
+    """Largest number of features of a channel. Unit: features. Source: tables."""
     delays: tuple[float, ...] = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)
     """Delays of the copies of the motion. Unit: periods of the resonance. Source: tables."""
     coarse_samples: float = 40.0

@@ -16,7 +16,7 @@ from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.extrema import extrema
 from inkjet_env.plant.head_motion import head_motion
 from inkjet_env.plant.registry import own_class
-from inkjet_env.plant.remainder import Remainder
+from inkjet_env.plant.remainder import ChannelRemainder, Remainder
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.stages import Plant
 from inkjet_env.printhead import PeakCost, Printhead, SampledResponse, Waveform, as_waveform_array, check_name
@@ -187,6 +187,7 @@ class AugmentedPrinthead:
     def _answer(self, at_nodes_V: Real, step_s: float, initial_state: str) -> tuple[Real, Real]:
         """Hysteretic drive since the start, and the self-sensed signal, both shape (steps,)."""
         plant, head = self.plant, self.printhead
+        own = None if self.remainder is None else self.remainder.of("self_sensing")
         first = Excitation(
             "self_sensing", "demagnetised", step_s, at_nodes_V[::SUBSTEPS], self.order, substeps=SUBSTEPS
         )
@@ -200,25 +201,12 @@ class AugmentedPrinthead:
             repeated_V = plant.hysteretic_V(drive_V.copy(), before)
             repeated_V = repeated_V - repeated_V[0]  # zero where the head rests
             hysteretic_V = repeated_V[: first.nodes]
-            resonance = Resonance(head.a0, head.a1, head.a0)
-            for effect, values in plant.of("resonator"):
-                resonance = effect.resonator(values, resonance, before)
-            resonance = resonance.refilled(repeated_V, before)
-            if resonance.softening is not None:
-                resonance = replace(resonance, softening=resonance.softening[: first.nodes])
-            more = None
-            own = None if self.remainder is None else self.remainder.of("self_sensing")
-            if own is None:
-                signal = head.b1 * resonance.motion(hysteretic_V, first)
-            else:
-                before_it = head_motion(resonance, drive_V[: first.nodes], hysteretic_V, first)
-                push_V, more = own.pushes_V(before_it), own.shown_at_samples(before_it)
-                pushed_V = hysteretic_V if push_V is None else hysteretic_V + push_V - push_V[0]
-                signal = head.b1 * resonance.motion(pushed_V, first)  # Eq. (12)
+            resonance = _resonance(plant, repeated_V, before, first)
+            if own is not None:
+                return self._corrected(own, plant, resonance, drive_V, hysteretic_V, first, before)
+            signal = head.b1 * resonance.motion(hysteretic_V, first)
             for effect, values in plant.of("sensing"):
                 signal = effect.sensing(values, signal, drive_V[: first.nodes], head, first)
-            if more is not None:
-                signal = signal + more
         except FloatingPointError as error:
             raise ValueError(
                 "the printhead with its effects cannot be simulated under a drive of up to "
@@ -226,6 +214,29 @@ class AugmentedPrinthead:
                 "stay within those."
             ) from None
         return first.sampled(hysteretic_V), signal
+
+    def _corrected(
+        self,
+        own: ChannelRemainder,
+        plant: Plant,
+        resonance: Resonance,
+        drive_V: Real,
+        hysteretic_V: Real,
+        first: Excitation,
+        before: Excitation,
+    ) -> tuple[Real, Real]:
+        """`_answer` with a remainder, Eq. (12); both signals are zero where the head rests at the start."""
+        motion = head_motion(resonance, drive_V[: first.nodes], hysteretic_V, first)
+        push_V, more = own.pushes_V(motion), own.shown_at_samples(motion)
+        refitted = plant.refitted(own, "self_sensing")
+        repeated_V = refitted.hysteretic_V(drive_V.copy(), before)
+        repeated_V = repeated_V - repeated_V[0]
+        pushed_V = repeated_V[: first.nodes] if push_V is None else repeated_V[: first.nodes] + push_V - push_V[0]
+        head = refitted.printhead
+        signal = head.b1 * _resonance(refitted, repeated_V, before, first).motion(pushed_V, first)
+        for effect, values in refitted.of("sensing"):
+            signal = effect.sensing(values, signal, drive_V[: first.nodes], head, first)
+        return first.sampled(pushed_V), signal if more is None else signal + more - more[0]
 
     def to_json(self, path: str | os.PathLike[str], **options: Any) -> None:
         """Write a ``printhead/1`` file atomically; options as in `as_json`."""
@@ -321,6 +332,14 @@ class AugmentedResponse:
     def cost(self, peak_cost: PeakCost | None = None) -> float:
         """Peak cost in volts; the default is `PeakCost()`."""
         return (peak_cost or PeakCost())(self.peaks_V)
+
+
+def _resonance(plant: Plant, repeated_V: Real, before: Excitation, first: Excitation) -> Resonance:
+    """Resonance after the repeated hysteretic drive, its changes of stiffness at the nodes of ``first``."""
+    resonance = plant.resonance(before).refilled(repeated_V, before)
+    if resonance.softening is None:
+        return resonance
+    return replace(resonance, softening=resonance.softening[: first.nodes])
 
 
 def _finite_window(window_s: float) -> float:

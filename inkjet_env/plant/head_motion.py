@@ -32,9 +32,10 @@ class HeadMotion:
     excitation: Excitation
     signals_V: Mapping[str, Real]
 
-    def largest_V(self) -> dict[str, float]:
-        """Largest magnitude of each signal, in volts."""
-        return {name: float(np.abs(signal).max(initial=0.0)) for name, signal in self.signals_V.items()}
+    def largest_V(self, samples: int) -> dict[str, float]:
+        """Largest magnitude of each signal in the first samples, in volts."""
+        nodes = samples * self.excitation.substeps
+        return {name: float(np.abs(signal[:nodes]).max(initial=0.0)) for name, signal in self.signals_V.items()}
 
     def scaled(self, scales_V: Mapping[str, float]) -> ScaledMotion:
         """The signals divided by their scales, and limited to the range from -1 to 1.

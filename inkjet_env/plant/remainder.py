@@ -7,15 +7,17 @@ the hysteretic drive and the head is simulated once more with it, which is as st
     y = g · M[v + Σ_i p_i φ_i(M[v])] + o + Σ_j s_j ψ_j(M[v]),                                                  (12)
 
 with the motion M of the head with its effects under the hysteretic drive v, and the channel's gain g and offset o (its
-sensor's effects are left out here). Extrapolation is bounded three times: signals, features and the two sums are each
-limited to what the fitted recordings contain. Under a larger drive the remainder no longer grows.
+sensor's effects are left out here). The base parameters of the outer M, g and o are fitted together with the weights:
+without a remainder they have absorbed a part of what it explains. Extrapolation is bounded three times: signals,
+features and the two sums are each limited to what the fitted recordings contain. Under a larger drive the remainder no
+longer grows.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +25,7 @@ import numpy as np
 
 from inkjet_env.plant.head_motion import SIGNALS, HeadMotion
 from inkjet_env.plant.remainder_features import TIMES, feature, push_names, shown_names
+from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 FORMAT = "remainder/1"
@@ -49,6 +52,35 @@ class Term:
     largest: float
 
 
+@dataclass(frozen=True)
+class RefittedBase:
+    """Parameters of the base model as they are beside a remainder, fitted together with it.
+
+    Parameters
+    ----------
+    a0, a1, b1 : float
+        The resonator, in 1/s² and 1/s, and the gain of self-sensing, in 1/s.
+    coefficients : tuple of float
+        Coefficients of the branch law, highest power first.
+    gain : float
+        Gain of the channel, in its unit per hysteretic volt (self-sensing: ``b1``).
+    offset_change : float
+        Change of the channel's offset, in its unit.
+    """
+
+    a0: float
+    a1: float
+    b1: float
+    coefficients: tuple[float, ...]
+    gain: float
+    offset_change: float
+
+    def of(self, head: Printhead) -> Printhead:
+        """A head with these parameters instead of its own; one without dynamics keeps having none."""
+        dynamics = {"a0": self.a0, "a1": self.a1, "b1": self.b1} if head.has_dynamics else {}
+        return replace(head, coefficients=self.coefficients, **dynamics)
+
+
 @dataclass(frozen=True, eq=False)
 class ChannelRemainder:
     """The remainder of one channel.
@@ -67,6 +99,9 @@ class ChannelRemainder:
     most_push_V, most_shown : float
         Limits of the magnitude of the two sums, in hysteretic volts and in the channel's unit; null in a file if
         infinite.
+    base : RefittedBase, optional
+        Base parameters with which the channel is simulated; those of the head unless given. What a head does, of which
+        the features are functions, is always simulated with the head's own.
     """
 
     scales_V: Mapping[str, float]
@@ -75,6 +110,7 @@ class ChannelRemainder:
     times: Mapping[str, tuple[float, ...]]
     most_push_V: float = math.inf
     most_shown: float = math.inf
+    base: RefittedBase | None = None
 
     @cached_property
     def is_zero(self) -> bool:
@@ -138,6 +174,7 @@ class Remainder:
                 "push": {name: asdict(term) for name, term in own.push.items()},
                 "shown": {name: asdict(term) for name, term in own.shown.items()},
                 "most_push_V": own.most_push_V if math.isfinite(own.most_push_V) else None,  # JSON has no infinity
+                **({} if own.base is None else {"base": asdict(own.base)}),
                 "most_shown": own.most_shown if math.isfinite(own.most_shown) else None,
             }
         return {"format": FORMAT, "channels": channels}
@@ -182,10 +219,26 @@ def _channel(label: str, entry: Any) -> ChannelRemainder:
     push = _terms(f"{label}: push", entry.get("push"), push_names(times) if fast else ())
     shown = _terms(f"{label}: shown", entry.get("shown"), shown_names(times, fast))
     limits = {name: entry.get(name) for name in ("most_push_V", "most_shown")}
-    most = [math.inf if limit is None else _number(f"{label}: {name}", limit) for name, limit in limits.items()]
-    if min(most) < 0:
-        raise ValueError(f"{label}: most_push_V and most_shown must not be negative; got {min(most):g}.")
-    return ChannelRemainder(scales_V, push, shown, times, *most)
+    push_V, added = (math.inf if v is None else _number(f"{label}: {name}", v) for name, v in limits.items())
+    if min(push_V, added) < 0:
+        raise ValueError(f"{label}: most_push_V and most_shown must not be negative; got {min(push_V, added):g}.")
+    return ChannelRemainder(scales_V, push, shown, times, push_V, added, _base(f"{label}: base", entry.get("base")))
+
+
+def _base(label: str, entry: Any) -> RefittedBase | None:
+    if entry is None:
+        return None
+    names = [part.name for part in fields(RefittedBase) if part.name != "coefficients"]
+    known = _known(label, entry, [*names, "coefficients"])
+    if missing := [name for name in (*names, "coefficients") if name not in known]:
+        raise ValueError(f"{label}: {missing[0]} is missing.")
+    numbers = {name: _number(f"{label}, {name}", known[name]) for name in names}
+    base = RefittedBase(**numbers, coefficients=_list(f"{label}, coefficients", known["coefficients"]))
+    try:
+        base.of(Printhead.published())
+    except ValueError as error:
+        raise ValueError(f"{label}: {error}") from None
+    return base
 
 
 def _terms(label: str, data: Any, names: Sequence[str]) -> dict[str, Term]:

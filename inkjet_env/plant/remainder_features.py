@@ -27,6 +27,7 @@ OF_THE_DRIVE: Mapping[str, Shape] = {
     "drive": lambda m: m["drive"],
     "|drive|": lambda m: np.abs(m["drive"]),
     "drive^2": lambda m: m["drive"] ** 2,
+    "drive*|drive|": lambda m: m["drive"] * np.abs(m["drive"]),
     "drive^3": lambda m: m["drive"] ** 3,
     "hysteretic": lambda m: m["hysteretic"],
     "|hysteretic|": lambda m: np.abs(m["hysteretic"]),

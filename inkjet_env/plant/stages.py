@@ -11,7 +11,7 @@ from inkjet_env.plant.effect import Effect, Values
 from inkjet_env.plant.errors import EffectError
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.head_motion import HeadMotion, head_motion
-from inkjet_env.plant.remainder import Remainder
+from inkjet_env.plant.remainder import ChannelRemainder, Remainder
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -72,9 +72,19 @@ class Plant:
         hysteretic_V = self.hysteretic_V(drive_V, excitation)
         before = self.head_motion(drive_V, hysteretic_V, excitation)
         push_V, more = own.pushes_V(before), own.shown_at_samples(before)
-        pushed_V = hysteretic_V if push_V is None else hysteretic_V + push_V
-        signal = self.shown(self.motion_under(pushed_V, excitation), drive_V, excitation)  # Eq. (12)
+        refitted = self.refitted(own, excitation.channel)
+        pushed_V = hysteretic_V if refitted is self else refitted.hysteretic_V(drive_V, excitation)
+        pushed_V = pushed_V if push_V is None else pushed_V + push_V
+        signal = refitted.shown(refitted.motion_under(pushed_V, excitation), drive_V, excitation)  # Eq. (12)
         return signal if more is None else signal + more
+
+    def refitted(self, own: ChannelRemainder, channel: str) -> Plant:
+        """The same plant with the base parameters that belong to a channel's remainder."""
+        if own.base is None:
+            return self
+        gains = self.gains if channel == "self_sensing" else {**self.gains, channel: own.base.gain}
+        offsets = {**self.offsets, channel: self.offsets.get(channel, 0.0) + own.base.offset_change}
+        return replace(self, printhead=own.base.of(self.printhead), gains=gains, offsets=offsets)
 
     def shown(self, motion: Real, drive_V: Real, excitation: Excitation) -> Real:
         """Sensor signal of a `motion` at the samples, shape (n,), in the channel's unit."""

@@ -1,9 +1,10 @@
 """The remainder beside a hypothesis: fitted to what it leaves in the fitted recordings, kept where it predicts others.
 
-Gauss–Newton steps in the weights of Eq. (12) of `inkjet_env.plant.remainder`: near a set of weights the signal is
-linear in them, with the sensitivities of the head with its effects, by finite differences. Each step is a ridge
-regression, whose penalty is the largest that predicts left-out conditions nearly best. Whether a channel keeps its
-remainder is decided by full simulations of held-out recordings alone.
+Gauss–Newton steps in the weights of Eq. (12) of `inkjet_env.plant.remainder` and in the base parameters: near a set of
+weights the signal is linear in them, with the sensitivities of the head with its effects, by finite differences.
+Features are added in the order of orthogonal matching pursuit. The fewest with which left-out conditions are predicted
+nearly best are used, with a ridge penalty. Whether a channel keeps its remainder is decided by full simulations of
+held-out recordings alone.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.noise import NoiseModel
+from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
@@ -24,7 +26,7 @@ from inkjet_env.mismatch.settings import RemainderSettings
 from inkjet_env.plant import Excitation, Plant
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.plant.head_motion import HeadMotion
-from inkjet_env.plant.remainder import ChannelRemainder, Remainder, Term
+from inkjet_env.plant.remainder import ChannelRemainder, RefittedBase, Remainder, Term
 from inkjet_env.plant.remainder_features import feature, push_names, shown_names
 from inkjet_env.typing import Real
 
@@ -44,6 +46,10 @@ NEARLY = 1.05
 """Sum of squares of left-out rows, relative to the least one, up to which a larger penalty is preferred."""
 SLACK = 1.05
 """Limit of a sum relative to its largest magnitude on the nodes of the fit."""
+BASE_RIDGE = 1e-4
+"""Penalty of base parameters, whose columns are orthonormal: one that no other condition determines stays."""
+INDEPENDENT = 1e-6
+"""Share of a feature that base parameters cannot represent, below which it is left to them."""
 FOLDS = 4
 """Largest number of folds, of several conditions each."""
 
@@ -151,8 +157,7 @@ def _gain(
         square += float(np.sum((was - now) ** 2))
         power += float(was @ was)
     each = np.array([gains[number] for number in sorted(gains)])
-    spread = math.sqrt(each.size * float(np.var(each, ddof=1))) if each.size > 1 else 0.0
-    return each, max(math.sqrt(square), spread), power
+    return each, math.sqrt(square), power
 
 
 def _heldout_rms(unseen: Sequence[ObservedRecording], signals: dict[str, Real]) -> float:
@@ -161,46 +166,75 @@ def _heldout_rms(unseen: Sequence[ObservedRecording], signals: dict[str, Real]) 
 
 
 def _channel_remainder(joint: OutputErrorFit, fit: FitResult, channel: str) -> ChannelRemainder | None:
-    """The remainder of one channel, by ridge regression of the fitted recordings' residuals."""
+    """The remainder of one channel with its base parameters, by ridge regression of the fitted residuals.
+
+    All channels determine the base parameters, but only this one has features.
+    """
     settings, pairs = joint.settings.remainder, fit.active.pairs
-    plant = fit.head.plant(pairs)
+    plant, states = fit.head.plant(pairs), fit.end.states
     seen = [o for o in joint.seen if o.channel == channel]
+    rows = np.concatenate([np.full(o.fitted, o.channel == channel) for o in joint.seen])
     coarse = finer(seen, min(SUBSTEPS, max(o.excitation.substeps for o in seen)))
-    states = fit.end.states
     shots = [replace(o.excitation, start=states.get(o.name, (0.0, 0.0))) for o in coarse]
     runs = [_Run.of(plant, shot) for shot in shots]
-    largest = [run.motion.largest_V() for run in runs]
-    scales_V = {name: max(one[name] for one in largest) for name in largest[0]}
+    scales_V = _largest([run.motion.largest_V(o.fitted) for run, o in zip(runs, coarse, strict=True)])
     if min(scales_V.values()) <= 0:
         return None
     times = _times(shots, plant.printhead.frequency_Hz, settings)
     names = _Names(push_names(times) if shots[0].fast else [], shown_names(times, shots[0].fast))
-    empty = ChannelRemainder(scales_V, {}, {}, times)
-    features = [run.features(empty, names) for run in runs]
-    largest = np.max([np.abs(table).max(axis=0) for table in features], axis=0)
+    features = [run.features(ChannelRemainder(scales_V, {}, {}, times), names) for run in runs]
+    ends = [o.fitted * o.excitation.substeps for o in coarse]
+    largest = np.max([np.abs(t[:end]).max(axis=0) for t, end in zip(features, ends, strict=True)], axis=0)
     features = [table / np.where(largest > 0, largest, np.inf) for table in features]
-    weights, ridge, best = np.zeros(len(names.all)), None, (math.inf, empty)
+    fixed, r = joint.basis
+    still = _residuals(joint, fit, joint.seen, None)
+    weights, moved = np.zeros(len(names.all)), np.zeros(fixed.shape[1])
+    used, ridge, least, best = None, math.inf, math.inf, None
     for _ in range(ROUNDS):  # Gauss–Newton: pushes may be large enough for the head's response to be nonlinear
-        trial = names.remainder(weights, largest, empty)
-        left = _left(joint, fit, seen, trial)
-        if not float(left @ left) < best[0]:
+        base = _refitted(fit.head, fit.head.moved(np.linalg.lstsq(r, moved, rcond=1e-12)[0]), channel)
+        trial = ChannelRemainder(scales_V, *names.terms(weights, largest), times, base=base)
+        left = still - fixed @ moved
+        left[rows] = _residuals(joint, fit, seen, Remainder({channel: trial}) if weights.any() else None)
+        square = float(left @ left)
+        if not square < (1 - ENOUGH) * least:
             break
-        gained, best = (
-            best[0] - float(left @ left),
-            (float(left @ left), _limited(trial, features, weights, names)),
+        least, best = square, _limited(trial, features, weights, names)
+        around = replace(plant.refitted(trial, channel), effects=plant.effects) if weights.any() else plant
+        tables = [
+            replace(run, plant=around, hysteretic_V=around.hysteretic_V(run.drive_V, run.excitation)).sensitivities(
+                table, weights, names, scales_V
+            )
+            for run, table in zip(runs, features, strict=True)
+        ]
+        columns = np.zeros((rows.size, weights.size))
+        columns[rows] = np.concatenate(
+            [joint.whitened(o, t, pairs)[: o.fitted] for o, t in zip(seen, tables, strict=True)]
         )
-        if gained < ENOUGH * best[0] or (ridge is not None and not names.pushed):
-            break
-        tables = [run.sensitivities(table, weights, names, scales_V) for run, table in zip(runs, features, strict=True)]
-        white = [joint.whitened(o, t, pairs)[: o.fitted] for o, t in zip(seen, tables, strict=True)]
-        columns = np.concatenate(white)
-        norms = np.linalg.norm(columns, axis=0)
+        norms = np.linalg.norm(columns - fixed @ (fixed.T @ columns), axis=0)
+        norms[norms <= INDEPENDENT * np.linalg.norm(columns, axis=0)] = np.inf  # the base parameters suffice
+        columns = columns / norms
+        norms[np.isinf(norms)] = 0.0
+        target = left + columns @ (weights * norms) + fixed @ moved
         norms[norms == 0] = np.inf
-        columns, start = columns / norms, np.where(np.isfinite(norms), weights * norms, 0.0)
-        target = left + columns @ start
-        ridge = _best_ridge(columns, target, _folds(seen), settings.ridge_penalties) if ridge is None else ridge
-        weights = _ridge(columns, target, ridge) / norms
-    return best[1]
+        problem = _Regression(np.column_stack([fixed, columns]), target, fixed.shape[1])
+        if used is None:
+            used, ridge = problem.selected(_folds(joint.seen), rows, settings)
+        solution = problem.solved(used, ridge)
+        moved, weights = solution[: fixed.shape[1]], solution[fixed.shape[1] :] / norms
+        if not weights.any():
+            break
+    return best
+
+
+def _largest(found: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    return {name: max(one[name] for one in found) for name in found[0]}
+
+
+def _refitted(before: Head, after: Head, channel: str) -> RefittedBase:
+    head = after.printhead
+    change = after.offsets.get(channel, 0.0) - before.offsets.get(channel, 0.0)
+    gain = after.gains.get(channel, head.b1)
+    return RefittedBase(head.a0, head.a1, head.b1, tuple(head.coefficients), gain, change)
 
 
 def _limited(own: ChannelRemainder, features: Sequence[Real], weights: Real, names: _Names) -> ChannelRemainder:
@@ -211,11 +245,12 @@ def _limited(own: ChannelRemainder, features: Sequence[Real], weights: Real, nam
     return replace(own, most_push_V=SLACK * push_V, most_shown=SLACK * shown)
 
 
-def _left(joint: OutputErrorFit, fit: FitResult, seen: Sequence[ObservedRecording], own: ChannelRemainder) -> Real:
+def _residuals(
+    joint: OutputErrorFit, fit: FitResult, chosen: Sequence[ObservedRecording], remainder: Remainder | None
+) -> Real:
     """Whitened residuals of the fitted rows with a remainder, shape (rows,)."""
-    channel = seen[0].channel
-    signals = joint.signals(fit.end, seen, Remainder({channel: own}))
-    return np.concatenate([joint.whitened(o, o.measured - signals[o.name], fit.active.pairs)[: o.fitted] for o in seen])
+    signals, pairs = joint.signals(fit.end, chosen, remainder), fit.active.pairs
+    return np.concatenate([joint.whitened(o, o.measured - signals[o.name], pairs)[: o.fitted] for o in chosen])
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,12 +264,12 @@ class _Names:
     def all(self) -> list[str]:
         return [*self.pushed, *self.shown]
 
-    def remainder(self, weights: Real, largest: Real, empty: ChannelRemainder) -> ChannelRemainder:
-        """The remainder with these weights, shape (k,), of features with these largest values; 0: not a feature."""
+    def terms(self, weights: Real, largest: Real) -> tuple[dict[str, Term], dict[str, Term]]:
+        """Terms that are pushed and shown, of features with these weights, 0 if not used, and largest values."""
         terms = [Term(float(w), float(m)) for w, m in zip(weights, largest, strict=True)]
-        push = {name: term for name, term in zip(self.pushed, terms, strict=False) if term.largest > 0}
-        shown = {n: t for n, t in zip(self.shown, terms[len(self.pushed) :], strict=True) if t.largest > 0}
-        return replace(empty, push=push, shown=shown)
+        push = {name: term for name, term in zip(self.pushed, terms, strict=False) if term.weight}
+        shown = {n: t for n, t in zip(self.shown, terms[len(self.pushed) :], strict=True) if t.weight}
+        return push, shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,25 +340,65 @@ def _folds(seen: Sequence[ObservedRecording]) -> list[NDArray[np.intp]]:
     return [np.concatenate(each[k::FOLDS]) for k in range(min(FOLDS, len(each)))]
 
 
-def _best_ridge(columns: Real, target: Real, folds: Sequence[NDArray[np.intp]], penalties: Sequence[float]) -> float:
-    """The largest penalty that predicts left-out rows nearly best; infinite if none predicts anything."""
-    gram, moment = columns.T @ columns, columns.T @ target
-    errors = np.zeros(len(penalties))
-    for rows in folds:
-        out = columns[rows]
-        values, vectors = np.linalg.eigh(gram - out.T @ out)
-        rotated, image = vectors.T @ (moment - out.T @ target[rows]), out @ vectors
-        for k, ridge in enumerate(penalties):
-            residuals = target[rows] - image @ (rotated / (np.maximum(values, 0) + ridge))
-            errors[k] += float(residuals @ residuals)
-    if not errors.min() < float(target @ target):
-        return math.inf
-    return max(p for p, error in zip(penalties, errors, strict=True) if error <= NEARLY * errors.min())
+@dataclass(frozen=True, eq=False)
+class _Regression:
+    """Ridge regression on columns of which the first ones, those of the base parameters, are hardly penalised."""
 
+    columns: Real
+    target: Real
+    fixed: int
 
-def _ridge(columns: Real, target: Real, ridge: float) -> Real:
-    """Weights, shape (k,), with a penalty; zero if it is infinite."""
-    if math.isinf(ridge):
-        return np.zeros(columns.shape[1])
-    gram = columns.T @ columns
-    return np.asarray(np.linalg.solve(gram + ridge * np.eye(len(gram)), columns.T @ target), dtype=np.float64)
+    def selected(
+        self, folds: Sequence[NDArray[np.intp]], scored: NDArray[np.bool_], settings: RemainderSettings
+    ) -> tuple[NDArray[np.intp], float]:
+        """Places of the columns that are used, and their penalty: the fewest that predict left-out rows nearly best."""
+        order, fixed = self._order(settings.most_features), list(range(self.fixed))
+        gram, moment = self.columns.T @ self.columns, self.columns.T @ self.target
+        errors = np.zeros((order.size + 1, len(settings.ridge_penalties)))
+        for rows in folds:
+            out, mine = self.columns[rows], self.columns[rows[scored[rows]]]
+            wanted = self.target[rows[scored[rows]]]
+            rest, toward = gram - out.T @ out, moment - out.T @ self.target[rows]
+            square, image, power = mine.T @ mine, mine.T @ wanted, float(wanted @ wanted)
+            for count in range(order.size + 1):
+                used = np.array([*fixed, *order[:count]], dtype=np.intp)
+                for k, ridge in enumerate(settings.ridge_penalties):
+                    solution = self._solution(rest, toward, used, ridge)
+                    errors[count, k] += power + float(solution @ (square @ solution - 2 * image))
+        good = errors <= NEARLY * errors.min()
+        count = int(np.flatnonzero(good.any(axis=1))[0])
+        place = int(np.argmin(errors[count]))
+        return np.array([*fixed, *order[:count]], dtype=np.intp), settings.ridge_penalties[place]
+
+    def _order(self, most: int) -> NDArray[np.intp]:
+        """Columns in the order of orthogonal matching pursuit, at most ``most``, those without influence left out."""
+        q = self.columns[:, : self.fixed]
+        own = self.columns[:, self.fixed :]
+        own = own - q @ (q.T @ own)
+        left = self.target - q @ (q.T @ self.target)
+        gram, moment = own.T @ own, own.T @ left
+        places: list[int] = []
+        for _ in range(min(most, own.shape[1])):
+            # Gains of the remaining columns, those that are used projected out of them.
+            chosen = np.linalg.lstsq(
+                gram[np.ix_(places, places)], np.column_stack([gram[places], moment[places]]), rcond=1e-12
+            )[0]
+            size = np.diag(gram) - np.einsum("ij,ij->j", gram[places], chosen[:, :-1])
+            toward = moment - gram[:, places] @ chosen[:, -1]
+            size[places] = 0.0
+            gains = np.where(size > INDEPENDENT, toward**2 / np.maximum(size, INDEPENDENT), 0.0)
+            best = int(np.argmax(gains))
+            if gains[best] <= 0:
+                break
+            places.append(best)
+        return self.fixed + np.array(places, dtype=np.intp)
+
+    def solved(self, used: NDArray[np.intp], ridge: float) -> Real:
+        """Coefficients of all columns, shape (k,); 0 for those that are not used."""
+        return self._solution(self.columns.T @ self.columns, self.columns.T @ self.target, used, ridge)
+
+    def _solution(self, gram: Real, moment: Real, used: NDArray[np.intp], ridge: float) -> Real:
+        penalty = np.where(used < self.fixed, BASE_RIDGE, ridge)
+        solution = np.zeros(moment.size)
+        solution[used] = np.linalg.solve(gram[np.ix_(used, used)] + np.diag(penalty), moment[used])
+        return solution
