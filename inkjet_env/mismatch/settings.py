@@ -320,8 +320,29 @@ class RemainderSettings(_Settings):
     """Share by which it must lower the held-out residual's RMS to be used. Unit: 1. Source: decision 10."""
     ridge_penalties: tuple[float, ...] = (1e-4, 1e-2, 1.0)
     """Ridge penalties that are tried, for features of unit norm. Unit: 1. Source: tables."""
+    base_ridge: float = 1e-4
+    """Penalty of the base parameters' orthonormal columns: what no other condition determines stays. Unit: 1. Source:
+    tables."""
     most_features: int = 40
     """Largest number of features of a channel. Unit: features. Source: tables."""
+    nearly_best: float = 1.05
+    """Squared error of left-out rows, relative to the least one, up to which fewer features are preferred. Unit: 1.
+    Source: tables."""
+    folds: int = 4
+    """Largest number of folds, of several conditions each. Unit: folds. Source: tables."""
+    fewest_conditions: int = 3
+    """Number of conditions below which stretches of time are left out instead. Unit: conditions. Source: tables."""
+    blocks: int = 8
+    """Number of these stretches. Unit: 1. Source: tables."""
+    rounds: int = 4
+    """Largest number of Gauss-Newton rounds. Unit: rounds. Source: tables."""
+    enough: float = 0.01
+    """Relative fall of the sum of squares, below which a round is the last. Unit: 1. Source: tables."""
+    substeps: int = 4
+    """Largest number of nodes per sampling step at which sensitivities are taken. Unit: nodes. Source: speed."""
+    slack: float = 1.05
+    """Limit of a sum of features, relative to its largest magnitude in the fitted recordings. Unit: 1. Source:
+    the few nodes on which that is computed."""
     delays: tuple[float, ...] = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)
     """Delays of the copies of the motion. Unit: periods of the resonance. Source: tables."""
     coarse_samples: float = 40.0

@@ -21,6 +21,7 @@ from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.selection.feature_pursuit import FeaturePursuit
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis
 from inkjet_env.mismatch.settings import RemainderSettings
 from inkjet_env.plant import Excitation, Plant
@@ -30,28 +31,10 @@ from inkjet_env.plant.remainder import ChannelRemainder, RefittedBase, Remainder
 from inkjet_env.plant.remainder_features import feature, push_names, shown_names
 from inkjet_env.typing import Real
 
-PUSH = 1e-4
+DIFFERENCE = 1e-4
 """Finite-difference step of a push, as a share of the largest hysteretic drive."""
-SUBSTEPS = 4
-"""Largest number of nodes per sampling step at which sensitivities are taken: they only give the weights."""
-BLOCKS = 8
-"""Number of stretches of time that are left out in turn if there are fewer than `FEWEST_CONDITIONS`."""
-FEWEST_CONDITIONS = 3
-"""Least number of conditions that are left out in turn."""
-ROUNDS = 4
-"""Largest number of Gauss–Newton rounds."""
-ENOUGH = 0.01
-"""Relative fall of the sum of squares, below which a round is the last."""
-NEARLY = 1.05
-"""Sum of squares of left-out rows, relative to the least one, up to which a larger penalty is preferred."""
-SLACK = 1.05
-"""Limit of a sum relative to its largest magnitude on the nodes of the fit."""
-BASE_RIDGE = 1e-4
-"""Penalty of base parameters, whose columns are orthonormal: one that no other condition determines stays."""
-INDEPENDENT = 1e-6
+SINGULAR = 1e-6
 """Share of a feature that base parameters cannot represent, below which it is left to them."""
-FOLDS = 4
-"""Largest number of folds, of several conditions each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +157,7 @@ def _channel_remainder(joint: OutputErrorFit, fit: FitResult, channel: str) -> C
     plant, states = fit.head.plant(pairs), fit.end.states
     seen = [o for o in joint.seen if o.channel == channel]
     rows = np.concatenate([np.full(o.fitted, o.channel == channel) for o in joint.seen])
-    coarse = finer(seen, min(SUBSTEPS, max(o.excitation.substeps for o in seen)))
+    coarse = finer(seen, min(settings.substeps, max(o.excitation.substeps for o in seen)))
     shots = [replace(o.excitation, start=states.get(o.name, (0.0, 0.0))) for o in coarse]
     runs = [_Run.of(plant, shot) for shot in shots]
     scales_V = _largest([run.motion.largest_V(o.fitted) for run, o in zip(runs, coarse, strict=True)])
@@ -190,15 +173,15 @@ def _channel_remainder(joint: OutputErrorFit, fit: FitResult, channel: str) -> C
     still = _residuals(joint, fit, joint.seen, None)
     weights, moved = np.zeros(len(names.all)), np.zeros(fixed.shape[1])
     used, ridge, least, best = None, math.inf, math.inf, None
-    for _ in range(ROUNDS):  # Gauss–Newton: pushes may be large enough for the head's response to be nonlinear
+    for _ in range(settings.rounds):  # Gauss–Newton: pushes may be large enough for the head's response to be nonlinear
         base = _refitted(fit.head, fit.head.moved(np.linalg.lstsq(r, moved, rcond=1e-12)[0]), channel)
         trial = ChannelRemainder(scales_V, *names.terms(weights, largest), times, base=base)
         left = still - fixed @ moved
         left[rows] = _residuals(joint, fit, seen, Remainder({channel: trial}) if weights.any() else None)
         square = float(left @ left)
-        if not square < (1 - ENOUGH) * least:
+        if not square < (1 - settings.enough) * least:
             break
-        least, best = square, _limited(trial, features, weights, names)
+        least, best = square, _limited(trial, features, weights, names, settings.slack)
         around = replace(plant.refitted(trial, channel), effects=plant.effects) if weights.any() else plant
         tables = [
             replace(run, plant=around, hysteretic_V=around.hysteretic_V(run.drive_V, run.excitation)).sensitivities(
@@ -211,14 +194,14 @@ def _channel_remainder(joint: OutputErrorFit, fit: FitResult, channel: str) -> C
             [joint.whitened(o, t, pairs)[: o.fitted] for o, t in zip(seen, tables, strict=True)]
         )
         norms = np.linalg.norm(columns - fixed @ (fixed.T @ columns), axis=0)
-        norms[norms <= INDEPENDENT * np.linalg.norm(columns, axis=0)] = np.inf  # the base parameters suffice
+        norms[norms <= SINGULAR * np.linalg.norm(columns, axis=0)] = np.inf  # the base parameters suffice
         columns = columns / norms
         norms[np.isinf(norms)] = 0.0
         target = left + columns @ (weights * norms) + fixed @ moved
         norms[norms == 0] = np.inf
-        problem = _Regression(np.column_stack([fixed, columns]), target, fixed.shape[1])
+        problem = FeaturePursuit(np.column_stack([fixed, columns]), target, fixed.shape[1], settings)
         if used is None:
-            used, ridge = problem.selected(_folds(joint.seen), rows, settings)
+            used, ridge = problem.selected(_folds(joint.seen, settings), rows)
         solution = problem.solved(used, ridge)
         moved, weights = solution[: fixed.shape[1]], solution[fixed.shape[1] :] / norms
         if not weights.any():
@@ -237,12 +220,14 @@ def _refitted(before: Head, after: Head, channel: str) -> RefittedBase:
     return RefittedBase(head.a0, head.a1, head.b1, tuple(head.coefficients), gain, change)
 
 
-def _limited(own: ChannelRemainder, features: Sequence[Real], weights: Real, names: _Names) -> ChannelRemainder:
+def _limited(
+    own: ChannelRemainder, features: Sequence[Real], weights: Real, names: _Names, slack: float
+) -> ChannelRemainder:
     """A remainder whose two sums may exceed their largest magnitudes in these recordings by a little only."""
     count = len(names.pushed)
     push_V = max(float(np.abs(table[:, :count] @ weights[:count]).max(initial=0.0)) for table in features)
     shown = max(float(np.abs(table[:, count:] @ weights[count:]).max(initial=0.0)) for table in features)
-    return replace(own, most_push_V=SLACK * push_V, most_shown=SLACK * shown)
+    return replace(own, most_push_V=slack * push_V, most_shown=slack * shown)
 
 
 def _residuals(
@@ -298,7 +283,7 @@ class _Run:
 
     def sensitivities(self, features: Real, weights: Real, names: _Names, scales_V: Mapping[str, float]) -> Real:
         """Derivative of the signal with respect to each weight, shape (n, k), at these weights, shape (k,)."""
-        count, size = len(names.pushed), PUSH * scales_V["hysteretic"]
+        count, size = len(names.pushed), DIFFERENCE * scales_V["hysteretic"]
         columns = np.empty((self.excitation.samples, features.shape[1]))
         columns[:, count:] = self.excitation.sampled(features[:, count:])
         if count:
@@ -331,74 +316,10 @@ def _times(
     }
 
 
-def _folds(seen: Sequence[ObservedRecording]) -> list[NDArray[np.intp]]:
+def _folds(seen: Sequence[ObservedRecording], settings: RemainderSettings) -> list[NDArray[np.intp]]:
     """Rows that are left out together: whole conditions, or stretches of time if there are few conditions."""
     numbers = np.concatenate([np.full(o.fitted, o.condition) for o in seen])
     each = [np.flatnonzero(numbers == number) for number in np.unique(numbers)]
-    if len(each) < FEWEST_CONDITIONS:
-        return list(np.array_split(np.arange(numbers.size), BLOCKS))
-    return [np.concatenate(each[k::FOLDS]) for k in range(min(FOLDS, len(each)))]
-
-
-@dataclass(frozen=True, eq=False)
-class _Regression:
-    """Ridge regression on columns of which the first ones, those of the base parameters, are hardly penalised."""
-
-    columns: Real
-    target: Real
-    fixed: int
-
-    def selected(
-        self, folds: Sequence[NDArray[np.intp]], scored: NDArray[np.bool_], settings: RemainderSettings
-    ) -> tuple[NDArray[np.intp], float]:
-        """Places of the columns that are used, and their penalty: the fewest that predict left-out rows nearly best."""
-        order, fixed = self._order(settings.most_features), list(range(self.fixed))
-        gram, moment = self.columns.T @ self.columns, self.columns.T @ self.target
-        errors = np.zeros((order.size + 1, len(settings.ridge_penalties)))
-        for rows in folds:
-            out, mine = self.columns[rows], self.columns[rows[scored[rows]]]
-            wanted = self.target[rows[scored[rows]]]
-            rest, toward = gram - out.T @ out, moment - out.T @ self.target[rows]
-            square, image, power = mine.T @ mine, mine.T @ wanted, float(wanted @ wanted)
-            for count in range(order.size + 1):
-                used = np.array([*fixed, *order[:count]], dtype=np.intp)
-                for k, ridge in enumerate(settings.ridge_penalties):
-                    solution = self._solution(rest, toward, used, ridge)
-                    errors[count, k] += power + float(solution @ (square @ solution - 2 * image))
-        good = errors <= NEARLY * errors.min()
-        count = int(np.flatnonzero(good.any(axis=1))[0])
-        place = int(np.argmin(errors[count]))
-        return np.array([*fixed, *order[:count]], dtype=np.intp), settings.ridge_penalties[place]
-
-    def _order(self, most: int) -> NDArray[np.intp]:
-        """Columns in the order of orthogonal matching pursuit, at most ``most``, those without influence left out."""
-        q = self.columns[:, : self.fixed]
-        own = self.columns[:, self.fixed :]
-        own = own - q @ (q.T @ own)
-        left = self.target - q @ (q.T @ self.target)
-        gram, moment = own.T @ own, own.T @ left
-        places: list[int] = []
-        for _ in range(min(most, own.shape[1])):
-            # Gains of the remaining columns, those that are used projected out of them.
-            chosen = np.linalg.lstsq(
-                gram[np.ix_(places, places)], np.column_stack([gram[places], moment[places]]), rcond=1e-12
-            )[0]
-            size = np.diag(gram) - np.einsum("ij,ij->j", gram[places], chosen[:, :-1])
-            toward = moment - gram[:, places] @ chosen[:, -1]
-            size[places] = 0.0
-            gains = np.where(size > INDEPENDENT, toward**2 / np.maximum(size, INDEPENDENT), 0.0)
-            best = int(np.argmax(gains))
-            if gains[best] <= 0:
-                break
-            places.append(best)
-        return self.fixed + np.array(places, dtype=np.intp)
-
-    def solved(self, used: NDArray[np.intp], ridge: float) -> Real:
-        """Coefficients of all columns, shape (k,); 0 for those that are not used."""
-        return self._solution(self.columns.T @ self.columns, self.columns.T @ self.target, used, ridge)
-
-    def _solution(self, gram: Real, moment: Real, used: NDArray[np.intp], ridge: float) -> Real:
-        penalty = np.where(used < self.fixed, BASE_RIDGE, ridge)
-        solution = np.zeros(moment.size)
-        solution[used] = np.linalg.solve(gram[np.ix_(used, used)] + np.diag(penalty), moment[used])
-        return solution
+    if len(each) < settings.fewest_conditions:
+        return list(np.array_split(np.arange(numbers.size), settings.blocks))
+    return [np.concatenate(each[k :: settings.folds]) for k in range(min(settings.folds, len(each)))]
