@@ -225,7 +225,7 @@ class AugmentedPrinthead:
         first: Excitation,
         before: Excitation,
     ) -> tuple[Real, Real]:
-        """`_answer` with the pushes of a remainder, Eq. (12); both signals are zero where the head rests at the start."""
+        """`_answer` with the pushes of a remainder, Eq. (12); both signals are zero where the head rests."""
         motion = head_motion(resonance, drive_V[: first.nodes], hysteretic_V, first)
         push_V, more = own.pushes_V(motion), own.shown_at_samples(motion)
         refitted = plant.refitted(own, "self_sensing")
