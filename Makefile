@@ -8,7 +8,7 @@ READY := .venv/.ready
 # One process per core, each test file in one process; linear algebra uses one thread per process, to avoid contention.
 TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist loadfile
 
-.PHONY: help setup bench test lint check docs format figures speed accuracy identification diagnosis lock clean
+.PHONY: help setup bench test lint check docs format figures speed accuracy identification diagnosis measured lock clean
 
 help:                ## print this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -64,6 +64,9 @@ identification: $(READY)  ## study the identification: errors, coverage, alterna
 
 diagnosis: $(READY)  ## study the diagnosis: no effect, each effect, pairs, withheld effects (ARGS="null --seeds 3")
 	$(PY) -m inkjet_env.experiments.validation.diagnosis_study $(ARGS)
+
+measured: $(READY)   ## diagnose measured campaigns (DIR=folder of campaigns; ARGS="--hold-out NAME:r1,r2")
+	$(PY) -m inkjet_env.experiments.validation.measured $(DIR) $(ARGS)
 
 lock: $(READY)       ## write requirements.lock from the packages in .venv
 	{ echo "# The environment in which the tests pass. Written by \`make lock\`; pyproject.toml states the requirements and their reasons."; \

@@ -21,6 +21,7 @@ from inkjet_env.cli.options import (
     PlotFile,
     PrintheadFile,
     Window,
+    WithRemainder,
 )
 from inkjet_env.cli.own_effects import register_own
 
@@ -42,6 +43,7 @@ def optimize(
     budget: Annotated[int | None, typer.Option(help="number of evaluations, for any optimiser (2000)")] = None,
     seed: Annotated[int | None, typer.Option(help="seed of all random numbers (0)")] = None,
     printhead: PrintheadFile = None,
+    remainder: WithRemainder = True,
     effect: OwnEffects = None,
     cost_a: CostA = None,
     cost_b: CostB = None,
@@ -70,7 +72,7 @@ def optimize(
     from dataclasses import replace
 
     from inkjet_env.experiments.benchmark.single_run import Optimisation, read_record
-    from inkjet_env.plant.printhead_file import chosen_head
+    from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
 
     check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
     check_rate(sample_rate)
@@ -83,6 +85,7 @@ def optimize(
         "--budget": budget,
         "--seed": seed,
         "--printhead": printhead,
+        "--no-remainder": None if remainder else True,
         "--cost-a": cost_a,
         "--cost-b": cost_b,
         "--effective": effective,
@@ -104,8 +107,14 @@ def optimize(
         chosen = chosen_problem(problem, (cost_a, cost_b, effective), window, initial_state)
         if printhead is not None:
             check_changeable(chosen)
-            chosen = replace(chosen, name="custom", printhead=chosen_head(printhead))
+            chosen = replace(chosen, name="custom", printhead=chosen_head(printhead, remainder))
         plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
+    head, largest_V = (
+        plan.problem.printhead,
+        max(map(abs, (plan.problem.bounds.lower[1], plan.problem.bounds.upper[0]))),
+    )
+    if (said := remainder_sentence(head, ("self_sensing",), largest_V)) is not None:
+        print(said, file=sys.stderr)
     run = plan.carry_out(recorded)
     _finish_optimize(plan, run, out, sample_rate, plot, json, effect)
 

@@ -63,7 +63,9 @@ def model_of(data: Mapping[str, Any]) -> Model:
     gains = {channel: float(entry["gain"]["value"]) for channel, entry in channels.items() if "gain" in entry}
     known = frozenset({"self_sensing", *gains})
     if isinstance(head, AugmentedPrinthead):
-        return Model(head, Plant(head.printhead, gains, effects=head.effects), head.order, known)
+        return Model(
+            head, Plant(head.printhead, gains, effects=head.effects, remainder=head.remainder), head.order, known
+        )
     return Model(head, Plant(head, gains), 1, known)
 
 

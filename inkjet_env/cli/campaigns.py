@@ -17,7 +17,7 @@ from inkjet_env.cli.campaign_reading import (
     files_of,
     reading_options,
 )
-from inkjet_env.cli.options import JsonFile, OwnEffects, PrintheadFile
+from inkjet_env.cli.options import JsonFile, OwnEffects, PrintheadFile, WithRemainder
 
 if TYPE_CHECKING:
     from inkjet_env.identification import Identification
@@ -153,6 +153,7 @@ def identify(
 def evaluate(
     folder: Folder,
     printhead: PrintheadFile = None,
+    remainder: WithRemainder = True,
     effect: OwnEffects = None,
     json: JsonFile = None,
     channel: ScopeChannel = None,
@@ -174,7 +175,7 @@ def evaluate(
 
     check_outputs((printhead, *files_of(folder)), json=json)
     register_own(effect)
-    found, unit = evaluation_json(folder, printhead, reading_options(channel, columns, initial_state))
+    found, unit = evaluation_json(folder, printhead, reading_options(channel, columns, initial_state), remainder)
     if json is not None:
         write_json(json, found)
     if str(json) != "-":

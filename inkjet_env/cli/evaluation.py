@@ -14,18 +14,20 @@ import numpy as np
 from inkjet_env.cli.campaign_reading import checked, warn
 from inkjet_env.identification import evaluate
 from inkjet_env.plant.augmented import AugmentedPrinthead
-from inkjet_env.plant.printhead_file import chosen_head
+from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
 from inkjet_env.recordings import read_campaign
 
 
-def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+def evaluation_json(
+    folder: Path, head_file: Path | None, reading: Mapping[str, Any], remainder: bool = True
+) -> tuple[dict[str, Any], str]:
     """The ``evaluation/1`` of a printhead on the campaign in a folder, and the unit of its overall ``rms``.
 
     The overall ``rms`` is over all samples of the fast channel: self-sensing, else displacement, else the strain gauge.
-    Warnings go to standard error.
+    ``remainder`` says whether a remainder that the file has is used. Warnings go to standard error.
     """
     campaign = read_campaign(folder, **reading)
-    head = chosen_head(head_file)
+    head = chosen_head(head_file, remainder)
     warn(checked(campaign, head))
     gains = {} if head_file is None or isinstance(head, AugmentedPrinthead) else _gains(head_file)
     try:
@@ -35,6 +37,9 @@ def evaluation_json(folder: Path, head_file: Path | None, reading: Mapping[str, 
     for channel in refitted:
         print(f"warning: the printhead file gives no gain for {channel}; it was fitted here.", file=sys.stderr)
     channels = {e.recording.channel for e in found}
+    largest_V = max(float(np.abs(e.recording.drive_V).max()) for e in found)
+    if (said := remainder_sentence(head, channels, largest_V)) is not None:
+        print(said, file=sys.stderr)
     main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in channels)
     mine = [e for e in found if e.recording.channel == main]
     residuals = np.concatenate([e.recording.sensor - e.modelled for e in mine])

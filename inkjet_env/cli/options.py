@@ -11,6 +11,12 @@ PrintheadFile = Annotated[
     Path | None,
     typer.Option("--printhead", help="printhead.json from identify or diagnose; the published head unless given"),
 ]
+WithRemainder = Annotated[
+    bool,
+    typer.Option(
+        "--remainder/--no-remainder", help="whether to use the unexplained remainder that the printhead file may have"
+    ),
+]
 OwnEffects = Annotated[
     list[str] | None,
     typer.Option(

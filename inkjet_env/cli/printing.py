@@ -34,6 +34,8 @@ def print_diagnosis(found: Diagnosis) -> None:
     for group in found.candidates:
         print(f"- These recordings cannot distinguish between: {', '.join(group)}.")
     print(f"- Location: {found.location.sentence}")
+    if found.remainder is not None:
+        print(f"- {found.remainder_sentence}")
     if found.next_experiment is not None:
         print(f"- Next experiment: {found.next_experiment.sentence}")
     shown_by = {effect.id: effect.shown_by for effect in known_effects()}

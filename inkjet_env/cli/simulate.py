@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +19,7 @@ from inkjet_env.cli.options import (
     PlotFile,
     PrintheadFile,
     Window,
+    WithRemainder,
 )
 
 
@@ -31,6 +33,7 @@ def simulate(
     plot: PlotFile = None,
     json: JsonFile = None,
     printhead: PrintheadFile = None,
+    remainder: WithRemainder = True,
     effect: OwnEffects = None,
     cost_a: CostA = None,
     cost_b: CostB = None,
@@ -55,7 +58,7 @@ def simulate(
     from inkjet_env.cli.drive_csv import read_drive, write_columns
     from inkjet_env.cli.own_effects import register_own
     from inkjet_env.plant.augmented import AugmentedPrinthead
-    from inkjet_env.plant.printhead_file import chosen_head
+    from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
     from inkjet_env.printhead import Waveform, respond_sampled
     from inkjet_env.printhead.window import DEFAULT_WINDOW_S
     from inkjet_env.storage import write_json
@@ -64,7 +67,7 @@ def simulate(
     if waveform is not None and drive is not None:
         raise ValueError("give --waveform or --drive, not both.")
     register_own(effect)
-    head, cost = chosen_head(printhead), chosen_cost((cost_a, cost_b, effective))
+    head, cost = chosen_head(printhead, remainder), chosen_cost((cost_a, cost_b, effective))
     state, window_s = initial_state or "periodic", DEFAULT_WINDOW_S if window is None else window
     response: Any  # of a head with or without effects, to a waveform or to samples
     if waveform is not None:
@@ -82,6 +85,9 @@ def simulate(
             raise ValueError(f"{drive}: {error}") from None
     else:
         raise ValueError("give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
+    largest_V = max(abs(v) for v in waveform[:2]) if waveform is not None else float(abs(response.drive_V).max())
+    if (said := remainder_sentence(head, ("self_sensing",), largest_V)) is not None:
+        print(said, file=sys.stderr)
     found = {
         "format": "simulation/1",
         "peaks_V": [float(v) for v in response.peaks_V],

@@ -94,7 +94,8 @@ def make_task(
     if context == "random" and isinstance(head, AugmentedPrinthead):
         raise ValueError(
             'context="random" varies a printhead without effects; this one has '
-            f'{", ".join(effect.id for effect, _ in head.effects)}, fitted to one head. Use context="fixed".'
+            f"{', '.join(effect.id for effect, _ in head.effects) or 'a remainder'}, fitted to one head. "
+            'Use context="fixed".'
         )
     if isinstance(noise, bool) or not (isinstance(noise, (int, float, np.number)) and 0 <= noise <= 1e6):
         raise ValueError(f"noise must be a standard deviation of 0 to 1e6 V; got {noise!r}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,10 @@ from inkjet_env.typing import Real
 
 MOST_ROUNDS = 12
 """Largest number of Gauss–Newton steps for a free initial state."""
+NODES_A_PERIOD = 100
+"""Least number of nodes in a period of the resonance: a recording may have fewer than ten samples there."""
+MOST_PAIRS = 32
+"""Largest number of pairs of nodes in a sampling step."""
 SETTLED = 1e-6
 """Change of a free initial state below which it has converged, as a share of the full scale."""
 
@@ -170,6 +175,8 @@ def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gai
     base = head.printhead
     whole = base.with_placeholder() if isinstance(base, QuasiStaticPrinthead) else base
     plant = Plant(whole, {recordings[0].channel: 1.0 if gain is None else gain}, effects=head.effects)
+    # A gain that is still to be fitted is fitted without the remainder, whose weights have the unit of the signal.
+    plant = replace(plant, remainder=None if gain is None else head.remainder)
     excitations = [_shot(recording, plant, not base.has_dynamics) for recording in recordings]
     small_V = 1e-4 * head.printhead.full_scale_V
     for _ in range(MOST_ROUNDS):
@@ -206,6 +213,9 @@ def _shot(recording: Recording, plant: Plant, quasi_static: bool) -> Excitation:
         recording.neighbour_V,
         quasi_static=quasi_static,
     )
+    if excitation.fast:
+        pairs_a_sample = math.ceil(NODES_A_PERIOD / 2 * plant.printhead.frequency_Hz * recording.step_s)
+        excitation = replace(excitation, substeps=2 * min(max(pairs_a_sample, 1), MOST_PAIRS))
     if excitation.initial_state != "free":
         return excitation
     return replace(excitation, start=(float(plant.hysteretic_V(plant.at_ceramic_V(excitation), excitation)[0]), 0.0))

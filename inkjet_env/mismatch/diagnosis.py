@@ -13,11 +13,12 @@ from inkjet_env.estimate import Estimate
 from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
 from inkjet_env.mismatch.localization.location import Location
+from inkjet_env.mismatch.remainder_words import remainder_sentence
+from inkjet_env.mismatch.selection.remainder_fit import FittedRemainder
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Effect
 from inkjet_env.plant.wording import SENSOR_UNIT
 from inkjet_env.printhead import Printhead
-from inkjet_env.typing import Real
 
 VERDICTS = ("none", "named", "set", "unknown")
 """No effect is missing; the missing effects are named; several cannot be distinguished; the cause is unknown."""
@@ -89,26 +90,6 @@ class HypothesisScore:
 
 
 @dataclass(frozen=True, eq=False)
-class Correction:
-    """Discrepancy regression of what no effect explains: it corrects without explaining.
-
-    Attributes
-    ----------
-    share : float
-        Share of the held-out sum of squared residuals that it removes.
-    gain, gain_error : float
-        Gain in log-likelihood of the held-out recordings, and its standard error.
-    modelled : dict of str to ndarray
-        What it adds to the augmented model's signal, by recording, whitened, shape (n,).
-    """
-
-    share: float
-    gain: float
-    gain_error: float
-    modelled: Mapping[str, Real]
-
-
-@dataclass(frozen=True, eq=False)
 class Diagnosis:
     """Where a campaign and the base model differ, and why; made by `diagnose`.
 
@@ -142,8 +123,9 @@ class Diagnosis:
         By id, the effects that these recordings cannot show: why not, and which recordings would.
     next_experiment : NextExperiment or None
         Recording that would separate the candidates; None unless the verdict is "set".
-    correction : Correction or None
-        Discrepancy regression; None unless the verdict is "unknown" and it predicts held-out recordings.
+    remainder : FittedRemainder or None
+        Discrepancy model of what the named effects leave, or the base model if the verdict is "unknown"; None unless it
+        predicts held-out recordings better. It corrects without explaining.
     printhead : Printhead
         The base part of the augmented model; the base model if the verdict is unknown. A `QuasiStaticPrinthead` if no
         recording shows the resonator and no head with dynamics was given.
@@ -178,7 +160,7 @@ class Diagnosis:
     attributions: tuple[HypothesisScore, ...]
     untestable: Mapping[str, str]
     next_experiment: NextExperiment | None
-    correction: Correction | None
+    remainder: FittedRemainder | None
     printhead: Printhead
     gains: Mapping[str, float]
     offsets: Mapping[str, float]
@@ -197,8 +179,8 @@ class Diagnosis:
 
         Parameters
         ----------
-        which : {"base", "augmented", "noise"}
-            Residuals of the base or of the augmented model, or the noise.
+        which : {"base", "augmented", "with_remainder", "noise"}
+            Residuals of the base model, of the augmented model or of the model with the remainder, or the noise.
         """
         mine = [r for r in self.recordings if r.held_out and r.channel == self.main_channel]
         if not mine:
@@ -258,6 +240,7 @@ class Diagnosis:
             "next_experiment": None
             if self.next_experiment is None
             else {"sentence": self.next_experiment.sentence, "drive_csv": drive_csv},
+            "remainder": self._remainder_json(),
             "attributions": [
                 {
                     "ids": list(a.ids),
@@ -275,8 +258,38 @@ class Diagnosis:
             **({"plugins": self.plugins} if self.plugins else {}),
         }
 
+    @property
+    def carrier(self) -> str:
+        """The model that carries the remainder: "base" if the verdict is "unknown", else "augmented"."""
+        return "base" if self.verdict == "unknown" else "augmented"
+
+    @property
+    def remainder_sentence(self) -> str | None:
+        """What the remainder does, in plain words; None if there is none."""
+        if self.remainder is None:
+            return None
+        channels = tuple(self.remainder.remainder.channels)
+        return remainder_sentence(self.recordings, channels, self.carrier, self.remainder.share)
+
+    def _remainder_json(self) -> dict[str, Any] | None:
+        if self.remainder is None:
+            return None
+        return {
+            "sentence": self.remainder_sentence,
+            "channels": list(self.remainder.remainder.channels),
+            "heldout_rms_V": _finite(self.heldout_rms("with_remainder")),
+            "augmented_heldout_rms_V": _finite(self.heldout_rms(self.carrier)),
+            "share": self.remainder.share,
+            "delta_nll": self.remainder.gain,
+            "delta_nll_error": self.remainder.gain_error,
+            "features": self.remainder.remainder.size,
+        }
+
     def augmented_json(self) -> dict[str, Any]:
-        """The augmented model as ``printhead/1``, effects with their intervals; the base model if none was found."""
+        """The corrected model as ``printhead/1``: effects with their intervals, and the remainder if there is one.
+
+        It is the base model, with the remainder if there is one, if no effect was found.
+        """
         from inkjet_env.plant.augmented import AugmentedPrinthead
 
         units = {r.channel: r.unit for r in self.recordings}
@@ -289,11 +302,14 @@ class Diagnosis:
         dynamics = {name: (estimate.low, estimate.high) for name, estimate in self.dynamics.items()}
         if not self.effects:
             of_another = ("augmented_heldout_rms_V", "closure")  # the model that came closest has no name, so no file
-            return self.base_printhead.as_json(dynamics, {k: v for k, v in fit.items() if k not in of_another})
+            base = self.base_printhead.as_json(dynamics, {k: v for k, v in fit.items() if k not in of_another})
+            return base if self.remainder is None else base | {"remainder": self.remainder.remainder.as_json()}
         values = tuple((e.effect, dict(e.values)) for e in self.effects)
         intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in self.effects}
         last = max(r.order for r in self.recordings)
-        augmented = AugmentedPrinthead(self.printhead, values, self.gains, last)
+        augmented = AugmentedPrinthead(
+            self.printhead, values, self.gains, last, None if self.remainder is None else self.remainder.remainder
+        )
         return augmented.as_json(dynamics, fit, effect_intervals=intervals)
 
 

@@ -315,11 +315,54 @@ class VerdictSettings(_Settings):
     regression_gain: float = 8.0
     """Least gain from which a prediction of the discrepancy regression counts as mismatch. Unit: log-likelihood.
     Source: tables."""
-    correction_standard_errors: float = 2.0
-    """Amount by which the discrepancy regression must gain on held-out recordings to be offered as correction. Unit:
-    standard errors. Source: tables."""
     most_listed: int = 24
     """Largest number of hypotheses that a diagnosis lists. Unit: hypotheses. Source: reader."""
+
+
+@dataclass(frozen=True)
+class RemainderSettings(_Settings):
+    """How the unexplained remainder is modelled, and when it is used."""
+
+    standard_errors: float = 2.0
+    """Amount by which the remainder must gain on held-out recordings to be used. Unit: standard errors. Source:
+    decision 10."""
+    least_fall: float = 0.05
+    """Share by which it must lower the held-out residual's RMS to be used. Unit: 1. Source: decision 10."""
+    ridge_penalties: tuple[float, ...] = (1e-4, 1e-2, 1.0)
+    """Ridge penalties that are tried, for features of unit norm. Unit: 1. Source: tables."""
+    base_ridge: float = 1e-4
+    """Penalty of the base parameters' orthonormal columns: what no other condition determines stays. Unit: 1. Source:
+    tables."""
+    most_features: int = 40
+    """Largest number of features of a channel. Unit: features. Source: tables."""
+    nearly_best: float = 1.05
+    """Squared error of left-out rows, relative to the least one, up to which fewer features are preferred. Unit: 1.
+    Source: tables."""
+    folds: int = 4
+    """Largest number of folds, of several conditions each. Unit: folds. Source: tables."""
+    fewest_conditions: int = 3
+    """Number of conditions below which stretches of time are left out instead. Unit: conditions. Source: tables."""
+    blocks: int = 8
+    """Number of these stretches. Unit: 1. Source: tables."""
+    rounds: int = 4
+    """Largest number of Gauss-Newton rounds. Unit: rounds. Source: tables."""
+    enough: float = 0.01
+    """Relative fall of the sum of squares, below which a round is the last. Unit: 1. Source: tables."""
+    substeps: int = 4
+    """Largest number of nodes per sampling step at which sensitivities are taken. Unit: nodes. Source: speed."""
+    slack: float = 1.05
+    """Limit of a sum of features, relative to its largest magnitude in the fitted recordings. Unit: 1. Source:
+    the few nodes on which that is computed."""
+    delays: tuple[float, ...] = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)
+    """Delays of the copies of the motion. Unit: periods of the resonance. Source: tables."""
+    coarse_samples: float = 40.0
+    """Samples per period of the resonance below which copies of the drive come earlier as well as later. Unit: samples.
+    Source: decision 10."""
+    lags: int = 6
+    """Number of low-pass copies of the drive, between three samples and a third of a recording. Unit: 1. Source:
+    tables."""
+    plays: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4, 0.6, 0.8)
+    """Thresholds of the copies of the drive behind play operators. Unit: largest drive. Source: tables."""
 
 
 @dataclass(frozen=True)
@@ -374,6 +417,8 @@ class DiagnosisSettings:
         How the mismatch is located without knowledge of effects.
     verdict : VerdictSettings
         When a name is given, a set, or none.
+    remainder : RemainderSettings
+        How the unexplained remainder is modelled, and when it is used.
     design : DesignSettings
         How the next experiment is designed.
 
@@ -393,4 +438,5 @@ class DiagnosisSettings:
     selection: SelectionSettings = field(default_factory=SelectionSettings)
     localization: LocalizationSettings = field(default_factory=LocalizationSettings)
     verdict: VerdictSettings = field(default_factory=VerdictSettings)
+    remainder: RemainderSettings = field(default_factory=RemainderSettings)
     design: DesignSettings = field(default_factory=DesignSettings)

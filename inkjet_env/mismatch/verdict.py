@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from inkjet_env.estimate import Estimate
 from inkjet_env.mismatch.design.next_experiment import next_experiment
-from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, NamedEffect
+from inkjet_env.mismatch.diagnosis import Diagnosis, NamedEffect
 from inkjet_env.mismatch.evidence import (
     closest,
     closure_of,
@@ -27,6 +27,7 @@ from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegr
 from inkjet_env.mismatch.selection.held_out_refit import explains_held_out_after_refit, held_out_misfits
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.random_effects import RandomEffect
+from inkjet_env.mismatch.selection.remainder_fit import fit_remainder
 from inkjet_env.mismatch.selection.stepwise import Selection
 from inkjet_env.mismatch.stopwatch import Stopwatch
 from inkjet_env.plant import Effect
@@ -139,10 +140,16 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         fits = _candidate_fits(found)
         following = next_experiment(fits, joint.noise, joint.observed, found.effects, settings.design)
     stopwatch.took("next experiment")
-    correction, regression = None, found.discrepancy
-    if verdict == "unknown" and regression.predicted > settings.verdict.correction_standard_errors * regression.error:
-        correction = Correction(regression.share, regression.predicted, regression.error, regression.modelled)
     stands = base_hypothesis(joint) if verdict == "unknown" else chosen  # never half of a model that is not named
+    remainder = None
+    if verdict != "none":
+        context.progress("fitting the remainder")
+        remainder = fit_remainder(stands)
+        stopwatch.took("remainder")
+    if remainder is not None:
+        recordings = tuple(
+            replace(r, modelled={**r.modelled, "with_remainder": remainder.modelled[r.name]}) for r in recordings
+        )
     if not stands.fit.converged:
         of = " with ".join(name.replace("_", " ") for name in stands.ids) or "the base model"
         last = f"The fit of {of} did not converge: its values are those at which it stopped, without known intervals."
@@ -156,7 +163,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (),
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share,
-        found.selection.base_p_value, compared(found.selection), found.untestable, following, correction,
+        found.selection.base_p_value, compared(found.selection), found.untestable, following, remainder,
         found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
         dynamics(stands) if known else nothing, tuple(notes), stopwatch.seconds, stopwatch.stages, settings, own,
     )  # fmt: skip

@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 from inkjet_env.plant.effect import Effect, Values, complete
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.extrema import extrema
+from inkjet_env.plant.head_motion import head_motion
 from inkjet_env.plant.registry import own_class
+from inkjet_env.plant.remainder import ChannelRemainder, Remainder
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.stages import Plant
 from inkjet_env.printhead import PeakCost, Printhead, SampledResponse, Waveform, as_waveform_array, check_name
@@ -57,12 +59,15 @@ class AugmentedPrinthead:
         Gain of each channel, in its unit per hysteretic volt.
     order : int
         Order of the recording at which effects that change within the session are evaluated.
+    remainder : Remainder, optional
+        Discrepancy model that corrects the signals of some channels; see `without_remainder`.
     """
 
     printhead: Printhead
     effects: tuple[tuple[Effect, Values], ...]
     gains: Mapping[str, float] = field(default_factory=dict)
     order: int = 1
+    remainder: Remainder | None = None
 
     def __post_init__(self) -> None:
         whole = tuple((effect, complete(effect, **values)) for effect, values in self.effects)
@@ -85,8 +90,12 @@ class AugmentedPrinthead:
 
     @property
     def plant(self) -> Plant:
-        """Head, sensors and effects as a plant for recordings."""
-        return Plant(self.printhead, self.gains, effects=self.effects)
+        """Head, sensors, effects and remainder as a plant for recordings."""
+        return Plant(self.printhead, self.gains, effects=self.effects, remainder=self.remainder)
+
+    def without_remainder(self) -> AugmentedPrinthead:
+        """The same head with its named effects alone."""
+        return replace(self, remainder=None)
 
     def respond(
         self,
@@ -178,6 +187,7 @@ class AugmentedPrinthead:
     def _answer(self, at_nodes_V: Real, step_s: float, initial_state: str) -> tuple[Real, Real]:
         """Hysteretic drive since the start, and the self-sensed signal, both shape (steps,)."""
         plant, head = self.plant, self.printhead
+        own = None if self.remainder is None else self.remainder.of("self_sensing")
         first = Excitation(
             "self_sensing", "demagnetised", step_s, at_nodes_V[::SUBSTEPS], self.order, substeps=SUBSTEPS
         )
@@ -191,12 +201,9 @@ class AugmentedPrinthead:
             repeated_V = plant.hysteretic_V(drive_V.copy(), before)
             repeated_V = repeated_V - repeated_V[0]  # zero where the head rests
             hysteretic_V = repeated_V[: first.nodes]
-            resonance = Resonance(head.a0, head.a1, head.a0)
-            for effect, values in plant.of("resonator"):
-                resonance = effect.resonator(values, resonance, before)
-            resonance = resonance.refilled(repeated_V, before)
-            if resonance.softening is not None:
-                resonance = replace(resonance, softening=resonance.softening[: first.nodes])
+            resonance = _resonance(plant, repeated_V, before, first)
+            if own is not None:
+                return self._corrected(own, plant, resonance, drive_V, hysteretic_V, first, before)
             signal = head.b1 * resonance.motion(hysteretic_V, first)
             for effect, values in plant.of("sensing"):
                 signal = effect.sensing(values, signal, drive_V[: first.nodes], head, first)
@@ -208,6 +215,29 @@ class AugmentedPrinthead:
             ) from None
         return first.sampled(hysteretic_V), signal
 
+    def _corrected(
+        self,
+        own: ChannelRemainder,
+        plant: Plant,
+        resonance: Resonance,
+        drive_V: Real,
+        hysteretic_V: Real,
+        first: Excitation,
+        before: Excitation,
+    ) -> tuple[Real, Real]:
+        """`_answer` with the pushes of a remainder, Eq. (12); both signals are zero where the head rests."""
+        motion = head_motion(resonance, drive_V[: first.nodes], hysteretic_V, first)
+        push_V, more = own.pushes_V(motion), own.shown_at_samples(motion)
+        refitted = plant.refitted(own, "self_sensing")
+        repeated_V = refitted.hysteretic_V(drive_V.copy(), before)
+        repeated_V = repeated_V - repeated_V[0]
+        pushed_V = repeated_V[: first.nodes] if push_V is None else repeated_V[: first.nodes] + push_V - push_V[0]
+        head = refitted.printhead
+        signal = head.b1 * _resonance(refitted, repeated_V, before, first).motion(pushed_V, first)
+        for effect, values in refitted.of("sensing"):
+            signal = effect.sensing(values, signal, drive_V[: first.nodes], head, first)
+        return first.sampled(pushed_V), signal if more is None else signal + more - more[0]
+
     def to_json(self, path: str | os.PathLike[str], **options: Any) -> None:
         """Write a ``printhead/1`` file atomically; options as in `as_json`."""
         write_json(path, self.as_json(**options))
@@ -218,7 +248,9 @@ class AugmentedPrinthead:
         fit: Mapping[str, Any] | None = None,
         effect_intervals: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
     ) -> dict[str, Any]:
-        """A ``printhead/1`` with the keys "effects" and "order"; a user's own effect has a "class" beside its id.
+        """A ``printhead/1`` with the keys "effects", "order" and, if there is one, "remainder".
+
+        A user's own effect has a "class" beside its id.
 
         Parameters
         ----------
@@ -243,7 +275,8 @@ class AugmentedPrinthead:
             of_the_user = {} if named is None else {"class": named}
             effects.append({"id": effect.id, **of_the_user, "parameters": parameters})
         base = self.printhead.as_json(intervals, {"channels": channels} | dict(fit or {}))
-        return base | {"effects": effects, "order": self.order}
+        remainder = {} if self.remainder is None else {"remainder": self.remainder.as_json()}
+        return base | {"effects": effects, "order": self.order} | remainder
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,6 +332,14 @@ class AugmentedResponse:
     def cost(self, peak_cost: PeakCost | None = None) -> float:
         """Peak cost in volts; the default is `PeakCost()`."""
         return (peak_cost or PeakCost())(self.peaks_V)
+
+
+def _resonance(plant: Plant, repeated_V: Real, before: Excitation, first: Excitation) -> Resonance:
+    """Resonance after the repeated hysteretic drive, its changes of stiffness at the nodes of ``first``."""
+    resonance = plant.resonance(before).refilled(repeated_V, before)
+    if resonance.softening is None:
+        return resonance
+    return replace(resonance, softening=resonance.softening[: first.nodes])
 
 
 def _finite_window(window_s: float) -> float:

@@ -1,11 +1,11 @@
-"""Reading of ``printhead/1`` files, with or without effects of the catalogue or of the user's own."""
+"""Reading of ``printhead/1`` files: with or without a remainder, and effects of the catalogue or of the user's own."""
 
 from __future__ import annotations
 
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.effect import Effect, Values
 from inkjet_env.plant.effects import catalogue
 from inkjet_env.plant.registry import UnregisteredEffectError, known_effects, own_class, registered_effect
+from inkjet_env.plant.remainder import remainder_of
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.printhead_json import printhead_data
 
@@ -24,13 +25,13 @@ SLACK = 1e-9
 
 
 def read_printhead(path: str | os.PathLike[str]) -> Printhead | AugmentedPrinthead:
-    """The head of a ``printhead/1`` file: augmented if it has effects.
+    """The head of a ``printhead/1`` file: augmented if it has effects or a remainder.
 
     Raises
     ------
     ValueError
         Anything that `Printhead.from_json` refuses; an effect that is not in the catalogue; a parameter that is missing
-        or out of bounds. The message names the file.
+        or out of bounds; a malformed remainder. The message names the file.
     UnregisteredEffectError
         A user's own effect whose class is not registered in this process; see `inkjet_env.plant.register`. It is a
         ``ValueError``.
@@ -48,7 +49,8 @@ def printhead_of(data: Mapping[str, Any]) -> Printhead | AugmentedPrinthead:
     """The head described by the content of a ``printhead/1`` file; ``ValueError`` names the broken rule."""
     base = Printhead.from_data(data)
     entries = data.get("effects") or []
-    if not entries:
+    remainder = None if data.get("remainder") is None else remainder_of(data["remainder"])
+    if not entries and remainder is None:
         return base
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise ValueError('effects must be a list of {"id", "parameters"}.')
@@ -58,7 +60,7 @@ def printhead_of(data: Mapping[str, Any]) -> Printhead | AugmentedPrinthead:
         raise ValueError(f"each effect may occur only once; got {', '.join(ids)}.")
     values = [_values(effect, entry.get("parameters")) for effect, entry in zip(found, entries, strict=True)]
     effects = tuple(zip(found, values, strict=True))
-    return AugmentedPrinthead(base, effects, _gains(data.get("fit")), _order(data, effects))
+    return AugmentedPrinthead(base, effects, _gains(data.get("fit")), _order(data, effects), remainder)
 
 
 def _effect(entry: Mapping[str, Any]) -> Effect:
@@ -135,6 +137,41 @@ def _order(data: Mapping[str, Any], effects: Sequence[tuple[Effect, Values]]) ->
     return order
 
 
-def chosen_head(path: Path | None) -> Printhead | AugmentedPrinthead:
-    """The head of a printhead.json, with its effects if it has any; without a path, the published head."""
-    return Printhead.published() if path is None else read_printhead(path)
+def chosen_head(path: Path | None, remainder: bool = True) -> Printhead | AugmentedPrinthead:
+    """The head of a printhead.json, with its effects if it has any; without a path, the published head.
+
+    Parameters
+    ----------
+    path : Path, optional
+        The file.
+    remainder : bool
+        Whether to keep the remainder that the file may have.
+    """
+    head = Printhead.published() if path is None else read_printhead(path)
+    if remainder or not isinstance(head, AugmentedPrinthead) or head.remainder is None:
+        return head
+    return head.without_remainder() if head.effects else head.printhead
+
+
+def remainder_sentence(head: Printhead | AugmentedPrinthead, channels: Collection[str], largest_V: float) -> str | None:
+    """What a user must know of a head's remainder in a simulation; None if it has none.
+
+    Parameters
+    ----------
+    head : Printhead or AugmentedPrinthead
+        The simulated head.
+    channels : collection of str
+        Simulated channels.
+    largest_V : float
+        Largest magnitude of the drive, in volts.
+    """
+    if not isinstance(head, AugmentedPrinthead) or head.remainder is None:
+        return None
+    used = sorted(set(channels) & set(head.remainder.channels))
+    if not used:
+        return f"The head's unexplained remainder is for {', '.join(head.remainder.channels)}; it changes nothing here."
+    said = "The head's unexplained remainder is used; --no-remainder leaves it away."
+    fitted_V = min(head.remainder.largest_drive_V[channel] for channel in used)
+    if largest_V > fitted_V * (1 + SLACK):
+        said += f" It was fitted to drives of up to {fitted_V:.4g} V and no longer grows beyond them."
+    return said

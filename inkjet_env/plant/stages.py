@@ -10,6 +10,8 @@ import numpy as np
 from inkjet_env.plant.effect import Effect, Values
 from inkjet_env.plant.errors import EffectError
 from inkjet_env.plant.excitation import Excitation
+from inkjet_env.plant.head_motion import HeadMotion, head_motion
+from inkjet_env.plant.remainder import ChannelRemainder, Remainder
 from inkjet_env.plant.resonance import Resonance
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -30,12 +32,15 @@ class Plant:
         Offset of each channel, in its unit.
     effects : tuple of (Effect, values)
         Effects that are on, each with the values of all its parameters in their units.
+    remainder : Remainder, optional
+        Discrepancy model that corrects the signal of some channels.
     """
 
     printhead: Printhead
     gains: Mapping[str, float] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     effects: tuple[tuple[Effect, Values], ...] = ()
+    remainder: Remainder | None = None
 
     def of(self, stage: str) -> Sequence[tuple[Effect, Values]]:
         """The effects of a stage, in the given order."""
@@ -61,12 +66,37 @@ class Plant:
             return self.gain(excitation.channel) * excitation.sampled(drive_V) + self.offsets.get(
                 excitation.channel, 0.0
             )
-        signal = self.gain(excitation.channel) * self.motion(drive_V, excitation) + self.offsets.get(
-            excitation.channel, 0.0
-        )
+        own = None if self.remainder is None else self.remainder.of(excitation.channel)
+        if own is None:
+            return self.shown(self.motion(drive_V, excitation), drive_V, excitation)
+        hysteretic_V = self.hysteretic_V(drive_V, excitation)
+        before = self.head_motion(drive_V, hysteretic_V, excitation)
+        push_V, more = own.pushes_V(before), own.shown_at_samples(before)
+        refitted = self.refitted(own, excitation.channel)
+        pushed_V = hysteretic_V if refitted is self else refitted.hysteretic_V(drive_V, excitation)
+        pushed_V = pushed_V if push_V is None else pushed_V + push_V
+        signal = refitted.shown(refitted.motion_under(pushed_V, excitation), drive_V, excitation)  # Eq. (12)
+        return signal if more is None else signal + more
+
+    def refitted(self, own: ChannelRemainder, channel: str) -> Plant:
+        """The same plant with the base parameters that belong to a channel's remainder."""
+        if own.base is None:
+            return self
+        gains = self.gains if channel == "self_sensing" else {**self.gains, channel: own.base.gain}
+        offsets = {**self.offsets, channel: self.offsets.get(channel, 0.0) + own.base.offset_change}
+        return replace(self, printhead=own.base.of(self.printhead), gains=gains, offsets=offsets)
+
+    def shown(self, motion: Real, drive_V: Real, excitation: Excitation) -> Real:
+        """Sensor signal of a `motion` at the samples, shape (n,), in the channel's unit."""
+        signal = self.gain(excitation.channel) * motion + self.offsets.get(excitation.channel, 0.0)
         for effect, values in self.of("sensing"):
             signal = _like(signal, effect.sensing(values, signal, drive_V, self.printhead, excitation), effect)
         return signal
+
+    def head_motion(self, drive_V: Real, hysteretic_V: Real, excitation: Excitation) -> HeadMotion:
+        """What the head does under this drive at the ceramic, without a remainder."""
+        resonance = self.resonance(excitation) if excitation.fast else None
+        return head_motion(resonance, drive_V, hysteretic_V, excitation)
 
     def at_ceramic_V(self, excitation: Excitation) -> Real:
         """Voltage at the ceramic, at the nodes, shape (nodes,)."""
@@ -77,9 +107,16 @@ class Plant:
 
     def motion(self, drive_V: Real, excitation: Excitation) -> Real:
         """Motion as a channel shows it for a gain of 1 and no offset, at the samples, shape (n,)."""
-        hysteretic_V = self.hysteretic_V(drive_V, excitation)
+        return self.motion_under(self.hysteretic_V(drive_V, excitation), excitation)
+
+    def motion_under(self, hysteretic_V: Real, excitation: Excitation) -> Real:
+        """`motion` under a hysteretic drive at the nodes."""
         if not excitation.fast:
             return excitation.sampled(hysteretic_V)
+        return self.resonance(excitation).motion(hysteretic_V, excitation)
+
+    def resonance(self, excitation: Excitation) -> Resonance:
+        """Resonance of the head in this recording, with its effects."""
         resonance = Resonance(self.printhead.a0, self.printhead.a1, self.printhead.a0)
         for effect, values in self.of("resonator"):
             resonance = effect.resonator(values, resonance, excitation)
@@ -88,7 +125,7 @@ class Plant:
                 raise EffectError(
                     f"effect {effect.id!r}: its resonator() must return a Resonance; got {got}. Correct the effect."
                 )
-        return resonance.motion(hysteretic_V, excitation)
+        return resonance
 
     def motion_of_power(self, power: int, excitation: Excitation) -> Real:
         """`motion` of the base model under a single power of the law (0: the first), for a coefficient of 1."""

@@ -96,7 +96,7 @@ class Printhead:
         A file whose dynamics are null gives a `QuasiStaticPrinthead`.
         """
         data = printhead_data(path)
-        if ids := effect_ids(data):
+        if ids := effect_ids(data) + (["an unexplained remainder"] if data.get("remainder") else []):
             raise ValueError(
                 f"{path}: has effects beyond the base model ({', '.join(ids)}), which a Printhead cannot represent. "
                 "Use something that can: inkjet simulate, optimize, evaluate, gymnasium.make, or "

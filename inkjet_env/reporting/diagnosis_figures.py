@@ -37,8 +37,8 @@ MOST_CONDITIONS = 60
 """Largest number of conditions in a figure; the table has all."""
 BINS = 160
 """Number of frequency bins of a spectrum, equally wide on a logarithmic axis."""
-LABELS = {"base": "base model", "augmented": "augmented model", "corrected": "with regression of the residuals"}
-COLOURS = {"base": BASE, "augmented": AUGMENTED, "corrected": CORRECTED}
+LABELS = {"base": "base model", "augmented": "augmented model", "with remainder": "with the unexplained remainder"}
+COLOURS = {"base": BASE, "augmented": AUGMENTED, "with remainder": CORRECTED}
 
 
 def figures_of(diagnosis: Diagnosis, conditions: Sequence[tuple[Row, list[Row]]]) -> dict[str, Any]:
@@ -98,8 +98,8 @@ def models_of(recording: ModelledRecording, diagnosis: Diagnosis) -> dict[str, R
     models = {"base": recording.modelled["base"]}
     if augmented([recording]):
         models["augmented"] = recording.modelled["augmented"]
-    if diagnosis.correction is not None and recording.name in diagnosis.correction.modelled:
-        models["corrected"] = recording.modelled["augmented"] + diagnosis.correction.modelled[recording.name]
+    if diagnosis.remainder is not None and recording.channel in diagnosis.remainder.remainder.channels:
+        models["with remainder"] = recording.modelled["with_remainder"]
     return models
 
 
@@ -153,7 +153,7 @@ def view_figure(
     recording : ModelledRecording
         The recording, of n samples.
     models : mapping of str to ndarray, shape (n,)
-        Modelled signals in the recording's unit by "base", "augmented", "corrected"; drawn in that order.
+        Modelled signals in the recording's unit by "base", "augmented", "with remainder"; drawn in that order.
     samples : slice
         Samples to draw.
     zoom : slice, optional

@@ -9,6 +9,8 @@ from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.benchmark.single_run import Optimisation, read_record, write_record
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.remainder import ChannelRemainder, Remainder, Term
+from inkjet_env.plant.remainder_features import TIMES
 from inkjet_env.printhead import Printhead, Waveform
 from inkjet_env.recordings import Campaign, Recording, write_campaign
 from tests.cli.command import run
@@ -80,6 +82,83 @@ def test_evaluate_takes_the_effects_along(tmp_path, head_file, capsys):
         assert run("evaluate", tmp_path / "campaign", "--printhead", tmp_path / f"{name}.json", "--json", out) == 0
         rms[name] = json.loads(out.read_text())["rms"]
     assert rms["head"] < 1e-3 < 0.05 < rms["base"]
+
+
+REMAINDER = Remainder(
+    {
+        "self_sensing": ChannelRemainder(
+            {"drive": 80.0, "hysteretic": 100.0, "deflection": 150.0, "speed": 150.0},
+            {"speed*|speed|": Term(-3.0, 1.0)},
+            {"drive": Term(0.2, 1.0)},
+            dict.fromkeys(TIMES, ()),
+        )
+    }
+)
+
+
+@pytest.fixture
+def with_remainder(tmp_path):
+    AugmentedPrinthead(HEAD, AUGMENTED.effects, remainder=REMAINDER).to_json(tmp_path / "whole.json")
+    return tmp_path / "whole.json"
+
+
+def told_of_it(capsys):
+    """Whether standard error has one line about the remainder."""
+    lines = [line for line in capsys.readouterr().err.splitlines() if "remainder" in line]
+    assert len(lines) <= 1
+    return bool(lines)
+
+
+@pytest.mark.parametrize("option", ["--remainder", "--no-remainder"])
+def test_simulate_uses_the_remainder_unless_told_not_to(tmp_path, with_remainder, option, capsys):
+    out = tmp_path / "simulation.json"
+    assert run("simulate", "--waveform", *WAVEFORM, "--printhead", with_remainder, option, "--json", out) == 0
+    whole = AugmentedPrinthead(HEAD, AUGMENTED.effects, remainder=REMAINDER)
+    expected = (AUGMENTED if option == "--no-remainder" else whole).respond(Waveform(*WAVEFORM))
+    assert json.loads(out.read_text())["peaks_V"] == expected.peaks_V.tolist()
+    assert told_of_it(capsys) == (option == "--remainder")
+
+
+@pytest.mark.parametrize("option", ["--remainder", "--no-remainder"])
+def test_optimize_uses_the_remainder_unless_told_not_to(tmp_path, with_remainder, option, capsys):
+    found_file, out = tmp_path / "optimum.json", tmp_path / "optimum.csv"
+    settings = ("--particles", 4, "--generations", 2, "--printhead", with_remainder, option, "--window", 2e-4)
+    assert run("optimize", *settings, "--json", found_file, "--out", out) == 0
+    found = json.loads(found_file.read_text())
+    whole = AugmentedPrinthead(HEAD, AUGMENTED.effects, remainder=REMAINDER)
+    head = AUGMENTED if option == "--no-remainder" else whole
+    assert found["cost"] == head.costs([found["waveform"]], window_s=2e-4)[0]
+    assert told_of_it(capsys) == (option == "--remainder")
+
+
+def test_a_problem_on_a_head_with_a_remainder_comes_back_from_its_settings():
+    problem = Problem("custom", AugmentedPrinthead(HEAD, (), remainder=REMAINDER))
+    again = Problem.from_settings("custom", json.loads(json.dumps(problem.settings())))
+    points = np.zeros((1, 7))
+    assert again.evaluate(points) == problem.evaluate(points) != Problem("custom", HEAD).evaluate(points)
+
+
+@pytest.mark.parametrize("option", ["--remainder", "--no-remainder"])
+def test_evaluate_uses_the_remainder_unless_told_not_to(tmp_path, with_remainder, option, capsys):
+    time_s = 2e-7 * np.arange(1000)
+    drive_V = Waveform(*WAVEFORM).drive_V(time_s)
+    whole = AugmentedPrinthead(HEAD, AUGMENTED.effects, remainder=REMAINDER)
+    signal = whole.respond_sampled(time_s, drive_V, "demagnetised").sensor_V
+    recording = Recording("r", time_s, drive_V, signal, "V", "self_sensing", initial_state="demagnetised")
+    write_campaign(tmp_path / "campaign", Campaign("c", (recording,)))
+    out = tmp_path / "evaluation.json"
+    assert run("evaluate", tmp_path / "campaign", "--printhead", with_remainder, option, "--json", out) == 0
+    rms = json.loads(out.read_text())["rms"]
+    assert rms > 0.01 if option == "--no-remainder" else rms < 1e-3
+    assert told_of_it(capsys) == (option == "--remainder")
+
+
+def test_a_malformed_remainder_is_bad_input(tmp_path, with_remainder, capsys):
+    data = json.loads(with_remainder.read_text())
+    data["remainder"]["channels"]["self_sensing"]["push"]["speed*|speed|"]["weight"] = None
+    with_remainder.write_text(json.dumps(data))
+    assert run("simulate", "--waveform", *WAVEFORM, "--printhead", with_remainder) == 2
+    assert "weight: must be a finite number; got None" in capsys.readouterr().err.strip().splitlines()[-1]
 
 
 def test_a_head_that_has_no_rest_where_a_recording_starts_is_told_in_a_sentence(tmp_path, capsys):

@@ -90,7 +90,7 @@ def found(campaign):
         next_experiment=NextExperiment(
             "Record the voltage at the head.", "self_sensing", "periodic", 1e-7, DRIVE_V, 9.0
         ),
-        correction=None,
+        remainder=None,
         printhead=HEAD,
         gains={"self_sensing": HEAD.b1},
         offsets={"self_sensing": 0.01},

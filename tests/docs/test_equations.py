@@ -28,6 +28,7 @@ SYMBOLS = {
     "response": r"amplitude|λ|pole|moments|decay|∂|``c``|m_k",
     "peak-cost": r"cost|peaks|y_e\||magnitude|e >= 0",
     "swarm": r"\bc1\b|update|_v\b",
+    "remainder": r"push|weights|Σ_i p_i|refitted",
     "forces": r"[Ff]orce|stiffness|F\(|λ|decay",
 }
 """What stands beside each equation of the page wherever the code refers to it, and never beside its neighbours."""

@@ -15,7 +15,7 @@ def test_nothing_is_found_where_nothing_is(seed, diagnosed):
     found = diagnosed(seed=seed)
     assert (found.verdict, ids(found), found.candidates) == ("none", [], ())
     assert found.next_experiment is None
-    assert found.correction is None
+    assert found.remainder is None
     assert math.isnan(found.closure)
     assert found.heldout_rms("augmented") == found.heldout_rms("base")
     assert found.heldout_rms("base") == pytest.approx(found.heldout_rms("noise"), rel=0.15)
@@ -119,6 +119,8 @@ def test_what_no_effect_explains_is_unknown_and_still_located(diagnosed):
     assert (found.verdict, ids(found), found.candidates) == ("unknown", [], ())
     assert found.location.recordings
     assert found.location.recordings[0] in found.headline
-    assert found.correction.share > 0.5
-    assert found.correction.gain > 100
+    assert found.remainder.share > 0.5
+    assert found.remainder.gain > 100
+    assert found.remainder.carrier == ()  # no effect is named, so the base model carries it
+    assert found.as_json()["remainder"]["heldout_rms_V"] < 0.8 * found.heldout_rms("base")
     assert found.next_experiment is None

@@ -9,9 +9,11 @@ import pytest
 from inkjet_env.estimate import Estimate
 from inkjet_env.identification import ModelledRecording
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
-from inkjet_env.mismatch.diagnosis import Correction, Diagnosis, HypothesisScore, NamedEffect
+from inkjet_env.mismatch.diagnosis import Diagnosis, HypothesisScore, NamedEffect
 from inkjet_env.mismatch.localization.location import Location
+from inkjet_env.mismatch.selection.remainder_fit import FittedRemainder
 from inkjet_env.plant import Excitation, Plant, catalogue
+from inkjet_env.plant.remainder import ChannelRemainder, Remainder, Term
 from inkjet_env.printhead import Printhead
 from inkjet_env.reporting.diagnosis_figures import augmented, models_of, proof_recording, residual_densities, zoom_of
 from inkjet_env.reporting.diagnosis_report import diagnosis_html, write_diagnosis_report
@@ -99,7 +101,7 @@ def named():
         ),
         untestable={"crosstalk": "no recording has the neighbouring channel's drive (column neighbour_V)"},
         next_experiment=None,
-        correction=None,
+        remainder=None,
         printhead=HEAD,
         gains={"self_sensing": HEAD.b1, "strain_gauge": 0.01},
         offsets={"self_sensing": 0.0, "strain_gauge": 0.1},
@@ -129,7 +131,12 @@ def diagnoses(named):
     experiment = NextExperiment(
         "Record the voltage at the head along with the drive.", "self_sensing", "periodic", 1e-7, drive, 84.0
     )
-    flexible = {r.name: 0.6 * r.residual("base") for r in named.recordings if r.channel == "self_sensing"}
+    corrected = tuple(
+        replace(r, modelled={**r.modelled, "with_remainder": r.modelled["base"] + 0.6 * r.residual("base")})
+        for r in same
+    )
+    terms = {"drive": Term(0.2, 1.0)}
+    remainder = Remainder({"self_sensing": ChannelRemainder({}, terms, {}, {})})
     nothing = {"effects": (), "closure": math.nan, "attributions": ()}
     return {
         "named": named,
@@ -146,9 +153,9 @@ def diagnoses(named):
             verdict="unknown",
             headline="Structure is left that no effect of the catalogue explains.",
             effects=(),
-            recordings=same,
+            recordings=corrected,
             closure=0.0,
-            correction=Correction(0.84, 410.0, 30.0, flexible),
+            remainder=FittedRemainder(remainder, 410.0, 30.0, 0.84, {}, ()),
         ),
         "none": replace(
             named,
@@ -206,7 +213,7 @@ def test_each_verdict_shows_what_belongs_to_it_alone(pages):
     belongs = {
         "named": "nV s/V",
         "set": "Candidates that these recordings cannot distinguish",
-        "unknown": "corrects but does not explain",
+        "unknown": "corrects without explaining",
         "none": "This does not state the smallest effect",
     }
     for verdict, page in pages.items():
@@ -296,12 +303,12 @@ def test_the_zoom_holds_the_largest_difference_and_six_periods(named):
         assert (zoom.stop - zoom.start) * recording.step_s == pytest.approx(6 / HEAD.frequency_Hz, rel=0.01)
 
 
-def test_a_flexible_correction_is_drawn_upon_the_augmented_model(diagnoses):
+def test_a_remainder_is_drawn_upon_the_model_that_carries_it(diagnoses):
     found = diagnoses["unknown"]
     recording = proof_recording(found)
     models = models_of(recording, found)
-    assert list(models) == ["base", "corrected"]
-    left = np.std(recording.measured - models["corrected"])
+    assert list(models) == ["base", "with remainder"]
+    left = np.std(recording.measured - models["with remainder"])
     assert left == pytest.approx(0.4 * np.std(recording.residual("base")), rel=1e-6)
 
 

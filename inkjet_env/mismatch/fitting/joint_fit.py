@@ -30,6 +30,7 @@ from inkjet_env.plant import Effect, Plant, Values
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import limits
 from inkjet_env.plant.errors import NUMERICAL
+from inkjet_env.plant.remainder import Remainder
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -143,13 +144,19 @@ class OutputErrorFit:
             columns.append(free_ringing(o.excitation.samples, o.excitation.step_s, head.a0, head.a1))
         return self.noise.whitened(o, np.column_stack(columns)) if columns else None
 
-    def signals(self, at: ModelState, chosen: Sequence[ObservedRecording]) -> dict[str, Real]:
-        """Free-run signals by recording, in each channel's unit, shape (n,)."""
-        return _signals(at.head.plant(at.active.pairs), at.states, chosen)
+    def signals(
+        self, at: ModelState, chosen: Sequence[ObservedRecording], remainder: Remainder | None = None
+    ) -> dict[str, Real]:
+        """Free-run signals by recording, in each channel's unit, shape (n,), with a remainder if one is given."""
+        return _signals(replace(at.head.plant(at.active.pairs), remainder=remainder), at.states, chosen)
 
-    def modelled(self, fit: FitResult) -> dict[str, Real]:
-        """A fit's signal of every recording, in the channel's unit: free-run, plus its own random-effect amplitudes."""
-        signals = self.signals(fit.end, self.observed)
+    def modelled(self, fit: FitResult, remainder: Remainder | None = None) -> dict[str, Real]:
+        """A fit's signal of every recording, in the channel's unit: free-run, plus its own random-effect amplitudes.
+
+        A remainder, if one is given, corrects the free-run signals; unknown initial states are fitted anew with it.
+        """
+        end = fit.end if remainder is None else self._with_states(self._with_states(fit.end, remainder), remainder)
+        signals = self.signals(end, self.observed, remainder)
         for o in self.observed:
             on = (*self.random_effects, *fit.active.pairs)
             columns = [
@@ -332,12 +339,12 @@ class OutputErrorFit:
         nll = 0.5 * float(residuals @ residuals)  # Eq. (1), halved
         return residuals, nll if math.isfinite(nll) else WORST
 
-    def _with_states(self, at: ModelState) -> ModelState:
+    def _with_states(self, at: ModelState, remainder: Remainder | None = None) -> ModelState:
         """Unknown initial states after one linear least-squares step towards each recording."""
         if not at.states:
             return at
         chosen = [o for o in self.observed if o.name in at.states]
-        signals = self.signals(at, chosen)
+        signals = self.signals(at, chosen, remainder)
         plant, moved = at.head.plant(), {}
         for o in chosen:
             rows = o.fitted or o.excitation.samples
