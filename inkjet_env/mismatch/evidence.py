@@ -13,7 +13,7 @@ from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.mismatch.diagnosis import HypothesisScore, NamedEffect
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.selection.clustered_errors import clustered_errors
+from inkjet_env.mismatch.selection.clustered_errors import robust_errors
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.stepwise import Selection, cosine
@@ -203,8 +203,8 @@ def closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], fl
 def _errors(chosen: Hypothesis) -> Real:
     """Standard errors of the effects' coordinates, shape (k,), base parameters projected out.
 
-    The larger of two: Eq. (2) of docs/explanation/identification.md with ``S = s² I``, widened where residuals exceed
-    the noise, and `clustered_errors`.
+    They are `robust_errors`, the classical ones by Eq. (2) of docs/explanation/identification.md with ``S = s² I``,
+    widened where residuals exceed the noise.
     """
     q, _ = chosen.joint.basis
     jacobian = chosen.fit.jacobian - q @ (q.T @ chosen.fit.jacobian)
@@ -215,7 +215,7 @@ def _errors(chosen: Hypothesis) -> Real:
     weights = np.linalg.pinv(triangle, rcond=1e-6)  # the root of 1e-12, for the covariance
     loud = max(1.0, 2 * chosen.fit.nll / max(chosen.residuals.size - chosen.columns.shape[1], 1))  # s² of Eq. (2)
     classical = np.linalg.norm(weights, axis=1) * math.sqrt(loud)  # Eq. (2)
-    errors[determined] = np.maximum(classical, clustered_errors(weights, own, chosen.predicted)) / size[determined]
+    errors[determined] = robust_errors(classical, weights, own, chosen.predicted) / size[determined]
     return errors
 
 
@@ -256,7 +256,8 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
     """The chosen effects with intervals and evidence, without the parameters of terms that are off.
 
     If the fit has not converged, its sensitivities say nothing about how far the values may be off: the intervals are
-    infinite then, and the sentence says why. If the other effects cannot be simulated alone, the gain of an effect is
+    infinite then, and the sentence says why. A value at the end of its range is bounded on one side only, which the
+    sentence says as well. If the other effects cannot be simulated alone, the gain of an effect is
     that of all of them together.
 
     Parameters
@@ -279,7 +280,7 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
         if rest.ids:
             with suppress(*NUMERICAL):
                 smaller = Hypothesis(joint.fit(rest, chosen.fit.head), joint)
-        estimates = {}
+        estimates, rails = {}, []
         for k, p in enumerate(effect.parameters, start=mine.start):
             if idle[k] and lower[k] < upper[k]:
                 continue
@@ -287,6 +288,13 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
             ends = [p.value(float(np.clip(active.theta[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
             if not chosen.fit.converged:
                 ends = [-math.inf, math.inf]
+            room = joint.settings.selection.at_bound * (upper[k] - lower[k])
+            for bound, end in ((lower[k], 0), (upper[k], 1)):
+                if abs(active.theta[k] - bound) <= room and p.value(float(bound)) != 0:
+                    ends[end] = math.copysign(
+                        math.inf, p.value(float(bound)) - p.value(float(sum((lower[k], upper[k])) / 2))
+                    )
+                    rails.append(p.name)
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
         gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[mine]))
         p_value = selection.p_values.get(effect.id, p_value_bound(gain, free, len(selection.compared)))
@@ -294,5 +302,8 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
         sentence = effect.description(_surely(effect, values, estimates), unit)
         if not chosen.fit.converged:
             sentence = f"{sentence} {NOT_CONVERGED}"
+        elif rails:
+            ends_at = f"{' and '.join(rails)} {'is' if len(rails) == 1 else 'are'} at the end of the range"
+            sentence = f"{sentence} {ends_at} that was searched and may lie beyond."
         result.append(NamedEffect(effect, sentence, gain, p_value, estimates, values, unit))
     return result

@@ -65,7 +65,7 @@ class FittingSettings(_Settings):
     share of the signal, so it is quieter still."""
     shortest_rest: int = 100
     """Least number of samples before the drive from which the noise can be estimated. Unit: samples. Source: tables."""
-    law_degree: int = 9
+    law_degree: int = 14
     """Least degree of the branch law: the base model explains all that it can before an effect is named. Unit: 1.
     Source: decision 6."""
     poor_start_share: float = 0.7

@@ -190,12 +190,11 @@ def attribute(
     """
     given, settings = beside.fit, joint.settings.selection
     hopeless = settings.hopeless_gain if hopeless is None else hopeless
-    begun = _begun(joint, beside, effects, found, context)
     best: dict[str, FitResult] = {}
-    for fit in begun:
-        name = fit.active.last.id
-        if name not in best or fit.nll < best[name].nll:
-            best[name] = fit
+    for begun in _begun(joint, beside, effects, found, context):
+        name = begun.active.last.id
+        if name not in best or begun.nll < best[name].nll:
+            best[name] = begun
     most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
     promising = [fit for fit in best.values() if given.nll - fit.nll >= hopeless * most]
     hypotheses = [Hypothesis(fit, joint) for fit in best.values() if given.nll - fit.nll < hopeless * most]
