@@ -19,6 +19,7 @@ from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.stepwise import Selection, cosine
 from inkjet_env.mismatch.settings import VerdictSettings
 from inkjet_env.plant import Effect
+from inkjet_env.plant.effect import Parameter
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
@@ -219,6 +220,20 @@ def _errors(chosen: Hypothesis) -> Real:
     return errors
 
 
+def _beyond(p: Parameter, theta: float, low: float, high: float, at_bound: float) -> float:
+    """Infinity on the side where a coordinate is at the end of its range; 0 if it is not, or if that end is natural.
+
+    The natural ends are an effect that is off, 0 and, for a share, 1.
+    """
+    for bound, other in ((low, high), (high, low)):
+        if bound == 0 and p.scale != "log":
+            continue
+        near = abs(theta - bound) <= at_bound * min(high - low, abs(bound) or math.inf) and low < high
+        if near and p.value(bound) not in ((0.0, 1.0) if p.unit == "1" else (0.0,)):
+            return math.copysign(math.inf, p.value(bound) - p.value(other))
+    return 0.0
+
+
 def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estimate]) -> dict[str, float]:
     """The values, with strengths whose intervals include 0 set to 0; unchanged if that is so for every strength."""
     surely = {name for name, e in estimates.items() if not e.low <= 0 <= e.high}
@@ -288,13 +303,11 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
             ends = [p.value(float(np.clip(active.theta[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
             if not chosen.fit.converged:
                 ends = [-math.inf, math.inf]
-            room = joint.settings.selection.at_bound * (upper[k] - lower[k])
-            for bound, end in ((lower[k], 0), (upper[k], 1)):
-                if abs(active.theta[k] - bound) <= room and p.value(float(bound)) != 0:
-                    ends[end] = math.copysign(
-                        math.inf, p.value(float(bound)) - p.value(float(sum((lower[k], upper[k])) / 2))
-                    )
-                    rails.append(p.name)
+            if beyond := _beyond(
+                p, active.theta[k], float(lower[k]), float(upper[k]), joint.settings.selection.at_bound
+            ):
+                ends.append(beyond)
+                rails.append(p.name)
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
         gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[mine]))
         p_value = selection.p_values.get(effect.id, p_value_bound(gain, free, len(selection.compared)))

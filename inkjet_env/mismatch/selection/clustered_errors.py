@@ -1,9 +1,9 @@
 """Standard errors that hold when a model is slightly wrong: residuals of one condition count as one observation.
 
 Cluster-robust ("sandwich") covariance by condition, with each condition's residuals predicted without it (CR3 of Bell &
-McCaffrey 2002, i.e. the jackknife over conditions): Eq. (3) of docs/explanation/diagnosis.md,
+McCaffrey 2002, i.e. the jackknife over conditions): Eq. (4) of docs/explanation/diagnosis.md,
 
-    Cov(θ̂) = Σ_c w_c r̃_c r̃_cᵀ w_cᵀ,    r̃_c = (I − H_cc)⁻¹ r_c,                                                  (3)
+    Cov(θ̂) = Σ_c w_c r̃_c r̃_cᵀ w_cᵀ,    r̃_c = (I − H_cc)⁻¹ r_c,                                                  (4)
 
 with ``w = (JᵀJ)⁻¹Jᵀ`` and ``H`` the hat matrix. The classical error assumes that residuals are noise; it is reported
 unless conditions scatter by significantly more.
@@ -26,9 +26,9 @@ SIGNIFICANT = 0.95
 
 
 def robust_errors(classical: Real, weights: Real, basis: Real, left_out: LeaveOutResiduals) -> Real:
-    """The classical standard errors, or those of Eq. (3) where conditions scatter by significantly more, shape (k,).
+    """The classical standard errors, or those of Eq. (4) where conditions scatter by significantly more, shape (k,).
 
-    Multiplied by the normal quantile, either gives the interval: those of Eq. (3) are widened by the ratio of Student's
+    Multiplied by the normal quantile, either gives the interval: those of Eq. (4) are widened by the ratio of Student's
     quantile to it for the effective number of conditions.
 
     Parameters
@@ -51,7 +51,7 @@ def robust_errors(classical: Real, weights: Real, basis: Real, left_out: LeaveOu
 
 
 def clustered_errors(weights: Real, basis: Real, left_out: LeaveOutResiduals) -> tuple[Real, Real]:
-    """Standard errors by Eq. (3), and the effective number of conditions that determine each parameter, (k,) each.
+    """Standard errors by Eq. (4), and the effective number of conditions that determine each parameter, (k,) each.
 
     Parameters are those of `robust_errors`.
     """
@@ -61,4 +61,4 @@ def clustered_errors(weights: Real, basis: Real, left_out: LeaveOutResiduals) ->
         information.append(np.sum((weights @ basis[rows].T) ** 2, axis=1))
     share = np.array(information) / np.maximum(np.sum(information, axis=0), 1e-300)
     conditions = 1 / np.maximum(np.sum(share**2, axis=0), 1e-300)
-    return np.sqrt(np.sum(np.square(change), axis=0)), conditions  # Eq. (3)
+    return np.sqrt(np.sum(np.square(change), axis=0)), conditions  # Eq. (4)

@@ -250,7 +250,7 @@ def _begun(
         for fit in mine:
             if given.nll - fit.nll < settings.screened_gain * most and apart:
                 break
-            if all(fit.nll - other.nll > settings.alike_gain * (given.nll - other.nll) for other in apart):
+            if all(fit.nll - other.nll > settings.same_start_gain * (given.nll - other.nll) for other in apart):
                 apart.append(fit)
         ended += [fit for fit in apart if fit.converged or given.nll - fit.nll < settings.screened_gain * most]
         following += [fit for fit in apart[: settings.screened_starts] if not any(fit is one for one in ended)]
