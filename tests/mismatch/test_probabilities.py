@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.proof.calibration import calibration_error
-from inkjet_env.experiments.validation.calibrate_probabilities import coefficients, cross_validated, logit, right
+from inkjet_env.experiments.publish.calibrate_probabilities import coefficients, cross_validated, logit, right
 from inkjet_env.mismatch.probabilities import NONE_OF_THESE, NOTHING, calibration
 
 IDS = ("creep", "second_mode", "wave_echo")

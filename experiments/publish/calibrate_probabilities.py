@@ -1,6 +1,6 @@
 """Fit the coefficients of the probabilities in a verdict to the answers of a proof.
 
-``python -m inkjet_env.experiments.validation.calibrate_probabilities FOLDER [--now-known FAMILY ...] [--out FILE]``
+``python -m inkjet_env.experiments.publish.calibrate_probabilities FOLDER [--now-known FAMILY ...] [--out FILE]``
 
 FOLDER is a judged proof, as `inkjet prove --out FOLDER` leaves it or as an archive of docs/proof unpacks. Its families
 outside the catalogue must not be those of the proof by which the probabilities are judged. ``--now-known`` names
