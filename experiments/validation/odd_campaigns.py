@@ -3,7 +3,7 @@
 ``python -m inkjet_env.experiments.validation.odd_campaigns --count 300``
 
 A campaign has few samples or a single recording, a drive that never moves, a huge offset, a silent or a rounded sensor,
-mixed channels and states, or a system that is no printhead: Bouc–Wen hysteresis, backlash, many modes, pure noise. Each
+mixed channels and states, or a system that is no printhead: Bouc–Wen hysteresis, play, many modes, pure noise. Each
 must end with a verdict or with a refusal in a plain sentence: no other exception, no warning of NumPy. The exit status
 is 1 if any does not. A case is reproduced by ``--first SEED --count 1``.
 """
@@ -31,7 +31,7 @@ from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.storage import json_text
 from inkjet_env.typing import Real
 
-SYSTEMS = ("head", "head", "bouc_wen", "backlash", "many_modes", "noise", "static")
+SYSTEMS = ("head", "head", "bouc_wen", "dead_play", "many_modes", "noise", "static")
 """Systems that are recorded, as often as they occur here."""
 STATES = ("demagnetised", "periodic", "free")
 UNITS = {"self_sensing": ("V",), "strain_gauge": ("V",), "displacement": ("um", "nm", "V")}
@@ -218,8 +218,8 @@ def _signal(
         return np.zeros(drive_V.size)
     if system == "static":
         return np.tanh(drive_V / 50) + 0.1 * np.sign(np.gradient(drive_V))
-    if system == "backlash":
-        return _backlash(drive_V, 0.2 * float(np.ptp(drive_V)))
+    if system == "dead_play":
+        return _dead_play(drive_V, 0.2 * float(np.ptp(drive_V)))
     if system == "bouc_wen":
         return _bouc_wen(head, step_s, drive_V, channel)
     plant = Plant(head, {"strain_gauge": 0.02, "displacement": 0.01})
@@ -232,7 +232,7 @@ def _signal(
     return signal
 
 
-def _backlash(drive_V: Real, gap_V: float) -> Real:
+def _dead_play(drive_V: Real, gap_V: float) -> Real:
     """Output of a play with this gap."""
     out, result = 0.0, np.empty(drive_V.size)
     for k, u in enumerate(drive_V):
@@ -247,7 +247,7 @@ def _bouc_wen(head: Printhead, step_s: float, drive_V: Real, channel: str) -> Re
     fine = 8
     h = omega * step_s / fine
     if h > 0.5:  # quasi-static: no time step of the resonator is worth taking
-        return _backlash(drive_V, 0.2 * float(np.ptp(drive_V)))
+        return _dead_play(drive_V, 0.2 * float(np.ptp(drive_V)))
     scale = float(np.abs(drive_V).max()) or 1.0
 
     def slopes(state: Real, u: float) -> Real:

@@ -216,7 +216,9 @@ def _errors(chosen: Hypothesis) -> Real:
     weights = np.linalg.pinv(triangle, rcond=1e-6)  # the root of 1e-12, for the covariance
     loud = max(1.0, 2 * chosen.fit.nll / max(chosen.residuals.size - chosen.columns.shape[1], 1))  # s² of Eq. (2)
     classical = np.linalg.norm(weights, axis=1) * math.sqrt(loud)  # Eq. (2)
-    errors[determined] = robust_errors(classical, weights, own, chosen.predicted) / size[determined]
+    errors[determined] = (
+        robust_errors(classical, weights, own, chosen.predicted, chosen.joint.settings.selection) / size[determined]
+    )
     return errors
 
 

@@ -28,8 +28,6 @@ NONE_OF_THESE, NOTHING = "none of these", "nothing"
 """Labels besides the ids of effects: physics that the catalogue lacks, and no missing physics at all."""
 LEAST_LEFT, LEAST_OPEN = 1e-3, 10**-2.5
 """Least unexplained share and least ``1 − closure`` that count; below, both are noise."""
-LEAST_WEIGHT = 1e-3
-"""Relative weight below which an explanation is left out."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +77,7 @@ class Calibration:
                 other = 1 - nothing
             return {NOTHING: nothing, NONE_OF_THESE: other, **dict.fromkeys(effects, each)}
         right = self.explained(left_over, closure) * (1 - self.nothing_if_found)
-        heavy = {name: weight for name, weight in weights.items() if weight >= LEAST_WEIGHT}
-        found = {name: right * weight / sum(heavy.values()) for name, weight in heavy.items()}
+        found = {name: right * weight / sum(weights.values()) for name, weight in weights.items()}
         return {**found, NONE_OF_THESE: 1 - self.nothing_if_found - right, NOTHING: self.nothing_if_found}
 
 

@@ -192,6 +192,12 @@ class SelectionSettings(_Settings):
     alike_weight: float = 0.5
     """Relative weight exp(−Δ/T) from which an effect could replace another. Unit: 1. Source: on the same answers, 98 %
     of the sets hold the truth, with 1.4 members."""
+    least_conditions: float = 3.0
+    """Effective number of conditions that determine a parameter, below which their scatter says nothing about its
+    error. Unit: conditions. Source: two degrees of freedom."""
+    conditions_significance: float = 0.95
+    """Probability that the scatter between conditions is not taken for more than noise where it is noise. Unit: 1.
+    Source: intervals keep their coverage to within two percent."""
     unidentifiable: float = 5.0
     """Standard error of a parameter's logarithm, above which the parameter is reported as not identifiable. Unit: 1.
     Source: a factor of 3,700 (90 %): no interval of use to anybody."""
@@ -313,6 +319,8 @@ class VerdictSettings(_Settings):
     least_probability: float = 0.5
     """Probability, Eq. (3) of docs/explanation/diagnosis.md, that what was found is right, below which the verdict is
     unknown. Unit: 1. Source: more likely right than wrong."""
+    least_weight: float = 1e-3
+    """Relative weight below which an explanation has no probability of its own. Unit: 1. Source: reader."""
     most_alike: int = 6
     """Largest number of effects in a set: if more explain the recordings equally well, the verdict is unknown. Unit:
     effects. Source: decision 6."""

@@ -186,6 +186,7 @@ def _probabilities(
         most = max(named, key=lambda n: n.delta_nll).effect.id
         alike = dict.fromkeys((most, *found.indistinguishable.get(most, ())), 1.0)
         tried = alike if most not in found.chosen.ids else weights(found.selection, most)
+        tried = {name: w for name, w in tried.items() if w >= found.joint.settings.verdict.least_weight}
         return calibration().probabilities(tried, unexplained, closure, ids)
     # Something is there, and nothing that was tried is supported: what came closest leaves the rest.
     come_closest = closest(base_hypothesis(found.joint), found.selection)

@@ -203,10 +203,9 @@ class Oscillator:
         rest_V = hysteretic_V / stiffness
         if not self.forces:
             return rest_V
-        values = [np.array(force.values) for force in self.forces]
         with np.errstate(over="ignore", invalid="ignore"):
             for step in range(1, MOST_REST_STEPS + 1):
-                pushed_V = sum(force.law(rest_V, 0.0, at) for force, at in zip(self.forces, values, strict=True))
+                pushed_V = sum(force.law(rest_V, 0.0, np.array(force.values)) for force in self.forces)
                 before_V, rest_V = rest_V, (hysteretic_V - pushed_V) / stiffness
                 change_V = abs(rest_V - before_V)
                 if change_V == 0 or (step >= REST_STEPS and (repeated or change_V <= AT_REST * abs(rest_V))):

@@ -60,7 +60,7 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     unidentifiable = joint.settings.selection.unidentifiable
     weights, unknown = _weights(columns, directions, unidentifiable)
     classical = np.sqrt(loud) * np.linalg.norm(weights, axis=1)  # Eq. (2)
-    errors = robust_errors(classical, weights, np.hstack([q, further]), hypothesis.predicted)
+    errors = robust_errors(classical, weights, np.hstack([q, further]), hypothesis.predicted, joint.settings.selection)
     errors[unknown | (not fit.converged)] = np.inf
     return {
         "a0": _estimate(law.a0, errors[0], 0.0, unidentifiable),

@@ -17,15 +17,13 @@ from scipy.stats import t as student
 
 from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.mismatch.selection.cross_validation import LeaveOutResiduals
+from inkjet_env.mismatch.settings import SelectionSettings
 from inkjet_env.typing import Real
 
-LEAST_CONDITIONS = 3.0
-"""Effective number of conditions that determine a parameter, below which their scatter says nothing about its error."""
-SIGNIFICANT = 0.95
-"""Probability, if residuals are noise, that the scatter between conditions is not taken for larger."""
 
-
-def robust_errors(classical: Real, weights: Real, basis: Real, left_out: LeaveOutResiduals) -> Real:
+def robust_errors(
+    classical: Real, weights: Real, basis: Real, left_out: LeaveOutResiduals, settings: SelectionSettings
+) -> Real:
     """The classical standard errors, or those of Eq. (4) where conditions scatter by significantly more, shape (k,).
 
     Multiplied by the normal quantile, either gives the interval: those of Eq. (4) are widened by the ratio of Student's
@@ -41,12 +39,14 @@ def robust_errors(classical: Real, weights: Real, basis: Real, left_out: LeaveOu
         Orthonormal columns.
     left_out : LeaveOutResiduals
         Residuals ``r̃`` with each condition left out.
+    settings : SelectionSettings
+        When the scatter counts.
     """
     errors, conditions = clustered_errors(weights, basis, left_out)
     freedom = np.maximum(conditions - 1, 1.0)
-    more = (errors / np.maximum(classical, 1e-300)) ** 2 > chi2.ppf(SIGNIFICANT, freedom) / freedom
+    more = (errors / np.maximum(classical, 1e-300)) ** 2 > chi2.ppf(settings.conditions_significance, freedom) / freedom
     return np.where(
-        more & (conditions >= LEAST_CONDITIONS), student.ppf(0.95, freedom) / QUANTILE_90 * errors, classical
+        more & (conditions >= settings.least_conditions), student.ppf(0.95, freedom) / QUANTILE_90 * errors, classical
     )
 
 

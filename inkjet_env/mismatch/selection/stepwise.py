@@ -215,7 +215,7 @@ def _as_good(
         behind = chosen.score - other.score  # one that needs more parameters for it is no equal
         apart = float(np.linalg.norm(other.residuals - chosen.residuals))
         alike = abs(cosine(without, chosen, other)) > settings.same_signature and 2 * behind < chosen.excess
-        weighty = math.exp(-behind / temperature(without, chosen)) >= settings.alike_weight
+        weighty = behind <= -math.log(settings.alike_weight) * temperature(without, chosen)
         if behind <= settings.predicted_standard_errors * apart or alike or weighty:
             same.append((behind, effect.id))
     return tuple(name for _, name in sorted(same))
@@ -237,7 +237,7 @@ def weights(selection: Selection, name: str) -> dict[str, float]:
     for ids, other in tried.items():
         if rest < ids and len(ids) == len(rest) + 1 and name not in ids and not other.degenerate:
             behind = max(chosen.score - other.score, 0.0)
-            found[next(iter(ids - rest))] = math.exp(-behind / temperature(without, chosen))
+            found[min(ids - rest)] = math.exp(-behind / temperature(without, chosen))
     return found
 
 

@@ -5,7 +5,9 @@ import pytest
 
 from inkjet_env.mismatch.selection.clustered_errors import clustered_errors, robust_errors
 from inkjet_env.mismatch.selection.cross_validation import predicted
+from inkjet_env.mismatch.settings import DiagnosisSettings
 
+SETTINGS = DiagnosisSettings().selection
 GROUPS = [np.arange(40 * k, 40 * (k + 1)) for k in range(12)]
 
 
@@ -46,7 +48,7 @@ def test_intervals_hold_the_truth(shared, least, most):
         columns, target = regression(rng, shared)
         value = np.linalg.lstsq(columns, target, rcond=None)[0]
         classical, *model = fitted(columns, target)
-        inside += abs(value[0] - 1) < 1.645 * robust_errors(classical, *model)[0]
+        inside += abs(value[0] - 1) < 1.645 * robust_errors(classical, *model, SETTINGS)[0]
         classical_inside += abs(value[0] - 1) < 1.645 * classical[0]
     assert least * 400 < inside < most * 400
     assert not shared or classical_inside < 0.6 * 400
@@ -57,6 +59,6 @@ def test_a_parameter_of_one_condition_alone_keeps_its_classical_error():
     columns[:, 0] = 1.0
     columns[:40, 1] = np.linspace(-1, 1, 40)
     classical, *model = fitted(columns, 5 * np.sin(np.arange(480.0) / 40))
-    errors = robust_errors(classical, *model)
+    errors = robust_errors(classical, *model, SETTINGS)
     assert errors[1] == classical[1]
     assert errors[0] > classical[0]
