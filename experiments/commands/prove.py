@@ -27,7 +27,7 @@ def prove(
             "--published", help="use the corpus of the published seed: once per version, when the code is final"
         ),
     ] = False,
-    quick: Annotated[bool, typer.Option("--quick", help="60 cases of all kinds instead of 1,200")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="60 cases of all kinds instead of all")] = False,
     scheduler: Annotated[
         str | None,
         typer.Option(help="address of a Dask cluster, such as tcp://host:8786; local processes unless given"),

@@ -137,7 +137,7 @@ class Diagnosis:
         ``a0`` in 1/s², ``a1`` and ``b1`` in 1/s, of the same model as ``printhead``, with 90 % intervals.
     probabilities : dict of str to float
         By id of the effect that explains most of the mismatch, "nothing" and "none of these" among them; they sum to 1.
-        Calibrated over heads like those of the proof, a quarter of which had no mismatch; see `mismatch.probabilities`.
+        Calibrated over heads like those of the proof's version 1; see `mismatch.probabilities`.
     notes : tuple of str
         Sentences about the noise, the fits and what was not checked.
     seconds : float

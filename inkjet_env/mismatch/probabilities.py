@@ -12,7 +12,8 @@ equations that are slightly wrong are wrong by a share of what they explain:
     T = T₀ + α · gain.                                                                                           (2)
 
 The coefficients are in ``calibration.json``; `experiments.publish.calibrate_probabilities` fits them to diagnoses of
-concealed heads, among them physics outside the catalogue, of other families than those of the published proof.
+concealed heads, among them physics outside the catalogue, of other families than those of version 2 of the
+proof.
 """
 
 from __future__ import annotations
