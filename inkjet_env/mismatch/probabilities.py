@@ -6,10 +6,10 @@ outside it, the share ``l`` that it leaves unexplained and its closure ``c`` on 
 
     P(right) = 1 / (1 + exp(−β₀ − β₁ (lg l + 3) − β₂ (lg(1 − c) + 2.5) − β₃ [c unknown])).                       (3)
 
-Which effect is it then? Weights of hypotheses, exp(gain / T), with a temperature that grows with the gain, because
-equations that are slightly wrong are wrong by a share of what they explain:
+Which effect is it then? Weights of hypotheses, exp(gain / T), with a temperature that grows with the sum of squares
+``e`` that the best one leaves beyond noise, because its equations may be wrong by as much:
 
-    T = T₀ + α · gain.                                                                                           (2)
+    T = T₀ + α e.                                                                                                (2)
 
 The coefficients are in ``calibration.json``; `experiments.publish.calibrate_probabilities` fits them to diagnoses of
 concealed heads, among them physics outside the catalogue, of other families than those of version 2 of the

@@ -215,16 +215,16 @@ def _as_good(
         behind = chosen.score - other.score  # one that needs more parameters for it is no equal
         apart = float(np.linalg.norm(other.residuals - chosen.residuals))
         alike = abs(cosine(without, chosen, other)) > settings.same_signature and 2 * behind < chosen.excess
-        weighty = behind <= -math.log(settings.alike_weight) * temperature(without, chosen)
+        weighty = behind <= -math.log(settings.alike_weight) * temperature(chosen)
         if behind <= settings.predicted_standard_errors * apart or alike or weighty:
             same.append((behind, effect.id))
     return tuple(name for _, name in sorted(same))
 
 
-def temperature(without: Hypothesis, with_it: Hypothesis) -> float:
-    """Difference of scores that counts as little, Eq. (2) of docs/explanation/diagnosis.md."""
-    settings = with_it.joint.settings.selection
-    return settings.alike_gain + settings.alike_gain_share * max(with_it.gain - without.gain, 0.0)
+def temperature(chosen: Hypothesis) -> float:
+    """Difference of scores that counts as little beside a hypothesis, Eq. (2) of docs/explanation/diagnosis.md."""
+    settings = chosen.joint.settings.selection
+    return settings.alike_gain + settings.alike_excess * max(chosen.excess if chosen.noise_known else 0.0, 0.0)
 
 
 def weights(selection: Selection, name: str) -> dict[str, float]:
@@ -232,12 +232,11 @@ def weights(selection: Selection, name: str) -> dict[str, float]:
     chosen = selection.chosen
     rest = set(chosen.ids) - {name}
     tried = {frozenset(h.ids): h for h in selection.compared}
-    without = tried.get(frozenset(rest)) or base_hypothesis(chosen.joint)
     found = {name: 1.0}
     for ids, other in tried.items():
         if rest < ids and len(ids) == len(rest) + 1 and name not in ids and not other.degenerate:
             behind = max(chosen.score - other.score, 0.0)
-            found[min(ids - rest)] = math.exp(-behind / temperature(without, chosen))
+            found[min(ids - rest)] = math.exp(-behind / temperature(chosen))
     return found
 
 
