@@ -256,6 +256,11 @@ class LocalizationSettings(_Settings):
     independent_share: float = 0.5
     """Share of independent samples among those that the noise was estimated from. Unit: 1. Source: of two repeats, one
     determines the mean."""
+    heavy_tails: float = 1.3
+    """Variance of the noise's power, relative to that of normal noise, from which single samples that stand out are cut
+    down. Unit: 1. Source: tables."""
+    least_extent_degrees: float = 2.0
+    """Least number of degrees of freedom of a stretch of one recording. Unit: 1. Source: one spectral line."""
     smooth_spectrum: float = 4.0
     """Number of noise samples, per coefficient of the noise model, that count as one for the noise at a single spectral
     line. Unit: samples. Source: tables."""

@@ -17,6 +17,9 @@ from inkjet_env.typing import Real
 
 Whole = NDArray[np.intp]
 
+FEWEST_LINES = 8
+"""Least number of lines on either side of one, in the background of a spectrum."""
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -170,7 +173,7 @@ def sample_rows(
     keys = sorted({o.noise_key for o in observed})
     power, expected = [], []
     for o, columns in zip(observed, taken, strict=True):
-        power.append(fit.residuals[o.name] ** 2)
+        power.append(fit.residuals[o.name] ** 2 / _uncertain(o, noise, fit).mean())
         leverage = np.sum(columns**2, axis=1)
         expected_share = np.where(np.arange(leverage.size) < o.fitted, 1 - leverage, 1 + leverage)
         expected_share[: noise.models[o.noise_key].lost] = 0.0
@@ -198,11 +201,45 @@ def line_rows(
         predicted = np.zeros_like(columns)
         predicted[o.fitted :] = columns[o.fitted :]
         change = _spectrum(predicted, weight).sum(axis=1) - _spectrum(columns - predicted, weight).sum(axis=1)
-        power.append(_spectrum(fit.residuals[o.name][:, None], weight)[:, 0])
+        power.append(_spectrum(fit.residuals[o.name][:, None], weight)[:, 0] / _uncertain(o, noise, fit))
         expected.append(np.maximum(weight[1:] * (n - lost) / n + change, 0.0))
         axis.append(np.fft.rfftfreq(n, o.excitation.step_s)[1:])
     sizes = [p.size for p in power]
     return _rows(observed, noise, keys, power, expected, sizes, np.concatenate(axis), by_line=True, settings=settings)
+
+
+def background(residuals: Real) -> Real:
+    """Level of the lines of a recording's spectrum, without the mean, above which a line stands out; at least 1.
+
+    Where noise was not measured at a recording's sampling step, the shape of its spectrum is not known. Then only what
+    is narrower than an octave counts as mismatch: the level is the median of the lines within an octave.
+    """
+    power = np.abs(np.fft.rfft(residuals))[1:] ** 2 / residuals.size
+    line = np.arange(power.size)
+    low = np.minimum(np.floor((line + 1) / np.sqrt(2)).astype(np.intp) - 1, line - FEWEST_LINES)
+    high = np.maximum(np.ceil((line + 1) * np.sqrt(2)).astype(np.intp), line + FEWEST_LINES + 1)
+    centres = np.unique(np.round(np.geomspace(1, power.size, 80)).astype(np.intp)) - 1
+    level = [np.median(power[max(low[k], 0) : high[k]]) / np.log(2) for k in centres]  # of an exponential distribution
+    return np.maximum(np.interp(line, centres, level), 1.0)
+
+
+def without_spikes(residuals: Real, most: float = 4.0, window: int = 15) -> Real:
+    """Residuals, shape (n,), with single samples that stand out from their neighbours cut down.
+
+    A sample is cut to ``most`` times the noise, or the neighbours' level (median within ``window`` samples) if that is
+    larger: a mismatch that lasts stays as it is.
+    """
+    from scipy.ndimage import median_filter
+
+    level = np.maximum(median_filter(np.abs(residuals), min(window, residuals.size), mode="nearest") / 0.6745, 1.0)
+    return np.clip(residuals, -most * level, most * level)
+
+
+def _uncertain(o: ObservedRecording, noise: Noise, fit: FitResult) -> Real:
+    """Factor by which the noise at each line may exceed its model; 1 where it was measured."""
+    if o.noise_key not in noise.borrowed:
+        return np.ones(o.excitation.samples // 2)
+    return background(fit.residuals[o.name])
 
 
 def _spectrum(rows: Real, weight: Real) -> Real:
@@ -224,7 +261,8 @@ def _rows(
     record = np.repeat(np.arange(len(observed)), sizes)
     squares, alone = np.concatenate(power), np.concatenate(expected)
     noise_degrees = np.array([max(settings.independent_share * noise.samples[k], 1.0) for k in keys])
-    smooth = np.array([1 / (settings.smooth_spectrum * (1 + noise.models[k].lost)) for k in keys])
+    parameters = [1 + noise.models[k].lost + 3 * len(noise.models[k].bands) for k in keys]
+    smooth = np.array([1 / (settings.smooth_spectrum * count) for count in parameters])
     for i, k in enumerate(keys):
         if noise.samples[k]:
             continue

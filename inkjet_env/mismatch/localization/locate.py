@@ -16,7 +16,7 @@ import numpy as np
 from inkjet_env.mismatch.fitting.campaign_noise import Noise
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
-from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, taken_by_fit
+from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, taken_by_fit, without_spikes
 from inkjet_env.mismatch.localization.drift import Trend, shifts, trends
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.localization.views import CHANNELS, MONITOR, largest_V, views
@@ -61,6 +61,11 @@ def locate(
         ``q`` belongs to other recordings.
     """
     columns = [noise.whitened(o, fit.head.sensitivities(o)) for o in observed]
+    calm = {
+        o.name: without_spikes(fit.residuals[o.name]) if noise.tail(o) > settings.heavy_tails else fit.residuals[o.name]
+        for o in observed
+    }
+    fit = replace(fit, residuals=calm)
     taken = taken_by_fit(observed, noise, fit, columns, q)
     rows = sample_rows(observed, noise, fit, taken, settings)
     lines = line_rows(observed, noise, fit, taken, settings)
