@@ -259,6 +259,9 @@ class LocalizationSettings(_Settings):
     heavy_tails: float = 1.3
     """Variance of the noise's power, relative to that of normal noise, from which single samples that stand out are cut
     down. Unit: 1. Source: tables."""
+    weak: float = 0.01
+    """Share of the strongest cell's surplus power, per sample of one recording, below which another cell of that
+    recording is not told. Unit: 1. Source: a tenth of the amplitude."""
     least_extent_degrees: float = 2.0
     """Least number of degrees of freedom of a stretch of one recording. Unit: 1. Source: one spectral line."""
     smooth_spectrum: float = 4.0
@@ -271,7 +274,7 @@ class LocalizationSettings(_Settings):
     most_recordings: int = 10
     """Largest number of recordings that a location lists. Unit: recordings. Source: reader."""
     strong: float = 0.5
-    """Share of the strongest cell's surplus power from which a cell's interval is part of the location. Unit: 1.
+    """Share of the strongest cell's surplus power from which the sentence calls a cell one of the strongest. Unit: 1.
     Source: reader."""
     part_stands_out: float = 2.0
     """Ratio of surplus power per sample to that of the next part of the waveform, from which a part is named. Unit: 1.

@@ -40,6 +40,8 @@ class Cell:
         Channel, or channel and sampling step, that the cell belongs to.
     names : tuple of str
         Names of the recordings that it covers.
+    surplus : float
+        Residual power beyond that of noise alone, summed over its rows.
     """
 
     view: str
@@ -49,6 +51,7 @@ class Cell:
     span: tuple[float, ...] = ()
     group: str = ""
     names: tuple[str, ...] = ()
+    surplus: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +67,8 @@ class Rows:
         Index of each row's noise model and of its recording.
     noise_degrees : ndarray, shape (keys,)
         Number of independent samples that each noise was estimated from.
+    scatter : ndarray, shape (keys,)
+        Variance of the sum of a cell's power relative to that of independent, normally distributed samples; at least 1.
     by_line : bool
         Whether rows are lines of a spectrum: then only a cell's share of the noise's samples determines its noise.
     smooth : ndarray, shape (keys,)
@@ -79,6 +84,7 @@ class Rows:
     key: Whole
     record: Whole
     noise_degrees: Real
+    scatter: Real
     by_line: bool
     smooth: Real
     axis: Real
@@ -130,16 +136,18 @@ class Rows:
         found = []
         for i in np.flatnonzero(total >= self.settings.least_degrees_of_freedom):
             doubt = float(np.sum(expected[i] ** 2 / noise_degrees[i])) / total[i] ** 2
+            samples = float(total[i] ** 2 / np.sum(expected[i] * self.scatter))
             ratio = float(power[i].sum() / total[i])
             found.append(
                 Cell(
                     view,
                     labels[i],
                     ratio,
-                    surplus(ratio, float(total[i]), 1 / doubt),
+                    surplus(ratio, samples, 1 / doubt),
                     spans[i] if spans else (),
                     groups[i] if groups else "",
                     names[i] if names else (),
+                    float(power[i].sum() - total[i]),
                 )
             )
         return found
@@ -180,7 +188,7 @@ def sample_rows(
         expected.append(expected_share)
     sizes = [o.excitation.samples for o in observed]
     axis = np.concatenate([o.excitation.step_s * np.arange(o.excitation.samples) for o in observed])
-    return _rows(observed, noise, keys, power, expected, sizes, axis, by_line=False, settings=settings)
+    return _rows(observed, noise, fit, keys, power, expected, sizes, axis, by_line=False, settings=settings)
 
 
 def line_rows(
@@ -205,19 +213,19 @@ def line_rows(
         expected.append(np.maximum(weight[1:] * (n - lost) / n + change, 0.0))
         axis.append(np.fft.rfftfreq(n, o.excitation.step_s)[1:])
     sizes = [p.size for p in power]
-    return _rows(observed, noise, keys, power, expected, sizes, np.concatenate(axis), by_line=True, settings=settings)
+    return _rows(observed, noise, fit, keys, power, expected, sizes, np.concatenate(axis), by_line=True, settings=settings)
 
 
 def background(residuals: Real) -> Real:
     """Level of the lines of a recording's spectrum, without the mean, above which a line stands out; at least 1.
 
     Where noise was not measured at a recording's sampling step, the shape of its spectrum is not known. Then only what
-    is narrower than an octave counts as mismatch: the level is the median of the lines within an octave.
+    is narrower than half an octave counts as mismatch: the level is the median of the lines within that.
     """
     power = np.abs(np.fft.rfft(residuals))[1:] ** 2 / residuals.size
     line = np.arange(power.size)
-    low = np.minimum(np.floor((line + 1) / np.sqrt(2)).astype(np.intp) - 1, line - FEWEST_LINES)
-    high = np.maximum(np.ceil((line + 1) * np.sqrt(2)).astype(np.intp), line + FEWEST_LINES + 1)
+    low = np.minimum(np.floor((line + 1) / 2**0.25).astype(np.intp) - 1, line - FEWEST_LINES)
+    high = np.maximum(np.ceil((line + 1) * 2**0.25).astype(np.intp), line + FEWEST_LINES + 1)
     centres = np.unique(np.round(np.geomspace(1, power.size, 80)).astype(np.intp)) - 1
     level = [np.median(power[max(low[k], 0) : high[k]]) / np.log(2) for k in centres]  # of an exponential distribution
     return np.maximum(np.interp(line, centres, level), 1.0)
@@ -249,6 +257,7 @@ def _spectrum(rows: Real, weight: Real) -> Real:
 def _rows(
     observed: Sequence[ObservedRecording],
     noise: Noise,
+    fit: FitResult,
     keys: Sequence[tuple[str, float]],
     power: Sequence[Real],
     expected: Sequence[Real],
@@ -271,7 +280,23 @@ def _rows(
         level = squares[mine].sum() / degrees if degrees > 1e-9 else 1.0
         squares[mine] /= level or 1.0
         noise_degrees[i] = max(degrees, 1.0)
-    return Rows(squares, alone, key, record, noise_degrees, by_line, smooth, axis, settings)
+    scatter = np.array([1.0 if by_line else _scatter(observed, noise, fit, k) for k in keys])
+    return Rows(squares, alone, key, record, noise_degrees, scatter, by_line, smooth, axis, settings)
+
+
+def _scatter(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, key: tuple[str, float]) -> float:
+    """Variance of a cell's power relative to that of white normal noise: of correlated noise, and of heavy tails."""
+    mine = [o for o in observed if o.noise_key == key]
+    result = 1.0
+    if key in noise.borrowed:
+        level = np.concatenate([background(fit.residuals[o.name]) for o in mine])
+        result = float(np.mean(level**2) / np.mean(level) ** 2)
+    if noise.tail(mine[0]) > 1:
+        squares = np.concatenate([fit.residuals[o.name] for o in observed if o.channel == key[0] and o.at_rest] or [[]])
+        squares = squares[squares != 0] ** 2  # spikes have been cut down
+        own = float(squares.var() / (2 * squares.mean() ** 2)) if squares.size else noise.tail(mine[0])
+        result *= min(max(own, 1.0), noise.tail(mine[0]))
+    return result
 
 
 def taken_by_fit(
