@@ -256,6 +256,9 @@ class LocalizationSettings(_Settings):
     independent_share: float = 0.5
     """Share of independent samples among those that the noise was estimated from. Unit: 1. Source: of two repeats, one
     determines the mean."""
+    growing_noise: float = 30.0
+    """Largest number of independent samples that a noise which grows with the signal counts as estimated from: how it
+    grows is a model. Unit: samples. Source: tables."""
     heavy_tails: float = 1.3
     """Variance of the noise's power, relative to that of normal noise, from which single samples that stand out are cut
     down. Unit: 1. Source: tables."""

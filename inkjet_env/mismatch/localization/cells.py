@@ -17,6 +17,8 @@ from inkjet_env.typing import Real
 
 Whole = NDArray[np.intp]
 
+PARTS = ("time", "time in the waveform", "pulse")
+"""Views that cut recordings into parts."""
 FEWEST_LINES = 8
 """Least number of lines on either side of one, in the background of a spectrum."""
 
@@ -67,6 +69,8 @@ class Rows:
         Index of each row's noise model and of its recording.
     noise_degrees : ndarray, shape (keys,)
         Number of independent samples that each noise was estimated from.
+    noise_degrees_of_parts : ndarray, shape (keys,)
+        The same for cells that cut recordings, where a level of noise that grows with the signal is less sure.
     scatter : ndarray, shape (keys,)
         Variance of the sum of a cell's power relative to that of independent, normally distributed samples; at least 1.
     by_line : bool
@@ -84,6 +88,7 @@ class Rows:
     key: Whole
     record: Whole
     noise_degrees: Real
+    noise_degrees_of_parts: Real
     scatter: Real
     by_line: bool
     smooth: Real
@@ -126,7 +131,9 @@ class Rows:
         flat = place[seen] * keys + self.key[seen]
         power = np.bincount(flat, self.power[seen], count * keys).reshape(count, keys)
         expected = np.bincount(flat, self.expected[seen], count * keys).reshape(count, keys)
-        noise_degrees = np.broadcast_to(self.noise_degrees, expected.shape)
+        of_parts = view in PARTS and not self.by_line
+        noise_degrees = self.noise_degrees_of_parts if of_parts else self.noise_degrees
+        noise_degrees = np.broadcast_to(noise_degrees, expected.shape)
         if self.by_line:
             every = np.bincount(self.key, self.expected, keys)
             noise_degrees = np.maximum(
@@ -213,7 +220,9 @@ def line_rows(
         expected.append(np.maximum(weight[1:] * (n - lost) / n + change, 0.0))
         axis.append(np.fft.rfftfreq(n, o.excitation.step_s)[1:])
     sizes = [p.size for p in power]
-    return _rows(observed, noise, fit, keys, power, expected, sizes, np.concatenate(axis), by_line=True, settings=settings)
+    return _rows(
+        observed, noise, fit, keys, power, expected, sizes, np.concatenate(axis), by_line=True, settings=settings
+    )
 
 
 def background(residuals: Real) -> Real:
@@ -231,7 +240,7 @@ def background(residuals: Real) -> Real:
     return np.maximum(np.interp(line, centres, level), 1.0)
 
 
-def without_spikes(residuals: Real, most: float = 4.0, window: int = 15) -> Real:
+def without_spikes(residuals: Real, most: float = 3.0, window: int = 15) -> Real:
     """Residuals, shape (n,), with single samples that stand out from their neighbours cut down.
 
     A sample is cut to ``most`` times the noise, or the neighbours' level (median within ``window`` samples) if that is
@@ -281,7 +290,9 @@ def _rows(
         squares[mine] /= level or 1.0
         noise_degrees[i] = max(degrees, 1.0)
     scatter = np.array([1.0 if by_line else _scatter(observed, noise, fit, k) for k in keys])
-    return Rows(squares, alone, key, record, noise_degrees, scatter, by_line, smooth, axis, settings)
+    grows = [any(o.noise_key == k and np.ptp(noise.levels.get(o.name, 1.0)) > 0 for o in observed) for k in keys]
+    of_parts = np.where(grows, np.minimum(noise_degrees, settings.growing_noise), noise_degrees)
+    return Rows(squares, alone, key, record, noise_degrees, of_parts, scatter, by_line, smooth, axis, settings)
 
 
 def _scatter(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, key: tuple[str, float]) -> float:

@@ -1,4 +1,4 @@
-"""Extent of the mismatch in time and in frequency: within each recording from cells of all sizes, and of all together."""
+"""Extent of the mismatch in time and in frequency: of each recording from cells of all sizes, and of all together."""
 
 from __future__ import annotations
 
@@ -45,8 +45,9 @@ def reported(
 ) -> tuple[list[Extent], list[Extent], dict[str, tuple[Intervals, Intervals]]]:
     """All times and frequencies at which residuals exceed the noise, largest surplus first.
 
-    Each listed recording contributes its own; the recordings of a channel together contribute what none of them shows
-    by itself. Times of different channels or sampling steps are never merged: their recordings last differently long.
+    Each listed recording contributes its own, all recordings together contribute their bands, and their times where no
+    listed recording with the same channel and sampling step shows any by itself. Times of different channels or
+    sampling steps are never merged: their recordings last differently long.
 
     Parameters
     ----------
@@ -76,8 +77,9 @@ def reported(
             own[name][1].extend(in_frequency)
             times.setdefault(time_group(o), []).extend(in_time)
             bands.extend(in_frequency)
+    shown = {group for group, mine in times.items() if mine}
     for cell in significant:
-        if cell.view == "time" and not any(e.surplus > cell.surplus for e in times.get(cell.group, ())):
+        if cell.view == "time" and cell.group not in shown:
             times.setdefault(cell.group, []).append(Extent(*cell.span, cell.surplus))
         if cell.view == "frequency":
             bands.append(Extent(*cell.span, cell.surplus))

@@ -223,7 +223,9 @@ def _sentence(
     bands = _stretches(in_frequency, settings.strong)
     if bands:
         more = len(bands) > 2 or any(not any(a <= c.span[0] <= b for a, b in bands) for c in in_frequency)
-        parts.append(("strongest at " if more else "at ") + " and ".join(span_text(low, high, "Hz") for low, high in bands[:2]))
+        parts.append(
+            ("strongest at " if more else "at ") + " and ".join(span_text(low, high, "Hz") for low, high in bands[:2])
+        )
     parity = [c for c in significant if c.view == "distortion"]
     if parity and max(parity, key=lambda c: c.power).label.startswith("even"):
         parts.append("strongest at even multiples of the repetition rate, where this drive has no power")
