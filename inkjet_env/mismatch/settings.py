@@ -263,8 +263,8 @@ class LocalizationSettings(_Settings):
     """Variance of the noise's power, relative to that of normal noise, from which single samples that stand out are cut
     down. Unit: 1. Source: tables."""
     weak: float = 0.01
-    """Share of the strongest cell's surplus power, per sample of one recording, below which another cell of that
-    recording is not told. Unit: 1. Source: a tenth of the amplitude."""
+    """Share of the strongest cell's surplus power per sample, below which another cell of the same recording, or of all
+    together, is not told. Unit: 1. Source: a tenth of the amplitude."""
     least_extent_degrees: float = 2.0
     """Least number of degrees of freedom of a stretch of one recording. Unit: 1. Source: one spectral line."""
     smooth_spectrum: float = 4.0

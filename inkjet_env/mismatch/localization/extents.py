@@ -78,11 +78,12 @@ def reported(
             times.setdefault(time_group(o), []).extend(in_time)
             bands.extend(in_frequency)
     shown = {group for group, mine in times.items() if mine}
-    for cell in significant:
-        if cell.view == "time" and cell.group not in shown:
-            times.setdefault(cell.group, []).append(Extent(*cell.span, cell.surplus))
-        if cell.view == "frequency":
-            bands.append(Extent(*cell.span, cell.surplus))
+    for view, least in _least_power(significant, rows.settings.weak).items():
+        for cell in (c for c in significant if c.view == view and c.power - 1 >= least):
+            if view == "frequency":
+                bands.append(Extent(*cell.span, cell.surplus))
+            elif cell.group not in shown:
+                times.setdefault(cell.group, []).append(Extent(*cell.span, cell.surplus))
     everywhen = sorted((one for mine in times.values() for one in merged(mine)), key=lambda e: -e.surplus)
     by_recording = {
         name: (_intervals(merged(in_time)), _intervals(merged(in_frequency)))
@@ -90,6 +91,14 @@ def reported(
         if in_time or in_frequency
     }
     return everywhen, merged(bands), by_recording
+
+
+def _least_power(significant: Sequence[Cell], weak: float) -> dict[str, float]:
+    """Surplus power per sample from which cells of all recordings together are told, by view."""
+    return {
+        view: weak * max((c.power - 1 for c in significant if c.view == view), default=0.0)
+        for view in ("time", "frequency")
+    }
 
 
 def _intervals(found: Sequence[Extent]) -> Intervals:

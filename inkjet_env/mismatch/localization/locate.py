@@ -211,7 +211,10 @@ def _sentence(
             start = f"with drives of {span_text(least, most, 'V')}, "
         parts.append(f"{start}{CHANNELS[o.channel]} differs from the model{_amount(o, noise, fit)}")
     else:
-        o = fast[0] if fast else observed[0]
+        grouped = [c for c in significant if c.group]
+        shown = max(grouped, key=lambda c: c.z).group.split()[0] if grouped else ""
+        mine = [other for other in observed if other.channel == shown]
+        o = (mine or fast or list(observed))[0]
         parts.append(f"{CHANNELS[o.channel]} differs from the model, but in no single recording significantly")
     several = len({other.channel for other in observed}) > 1
     prefix = f"{o.channel}: " if several else ""
