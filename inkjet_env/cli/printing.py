@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 def print_diagnosis(found: Diagnosis) -> None:
     """Print the verdict, effects with intervals, the fit before and after, candidates and the next experiment."""
+    from inkjet_env.mismatch.headline import probabilities_text
     from inkjet_env.plant.registry import known_effects
     from inkjet_env.reporting.diagnosis_tables import channel_rows, parameter_rows
     from inkjet_env.reporting.formatting import share_text, short, unit_text
@@ -20,6 +21,7 @@ def print_diagnosis(found: Diagnosis) -> None:
     parameters = [(e.effect.id, *row[:4]) for e in found.effects for row in parameter_rows(e)]
     channels = channel_rows(found)
     print(found.headline)
+    print(f"Probability of what is missing: {probabilities_text(found.probabilities)}.")
     if parameters:
         print_table(("effect", "parameter", "value", "90 % interval", "unit"), parameters)
     fits = [

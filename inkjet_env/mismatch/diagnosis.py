@@ -135,6 +135,9 @@ class Diagnosis:
         The base model, fitted without any effect.
     dynamics : dict of str to Estimate
         ``a0`` in 1/s², ``a1`` and ``b1`` in 1/s, of the same model as ``printhead``, with 90 % intervals.
+    probabilities : dict of str to float
+        By id of the effect that explains most of the mismatch, "nothing" and "none of these" among them; they sum to 1.
+        Calibrated over heads like those of the proof, a quarter of which had no mismatch; see `mismatch.probabilities`.
     notes : tuple of str
         Sentences about the noise, the fits and what was not checked.
     seconds : float
@@ -166,6 +169,7 @@ class Diagnosis:
     offsets: Mapping[str, float]
     base_printhead: Printhead
     dynamics: Mapping[str, Estimate]
+    probabilities: Mapping[str, float]
     notes: tuple[str, ...]
     seconds: float
     stages: Mapping[str, float]
@@ -221,6 +225,7 @@ class Diagnosis:
                 for e in self.effects
             ],
             "candidates": [list(group) for group in self.candidates],
+            "probabilities": dict(self.probabilities),
             "location": {
                 "recordings": list(self.location.recordings),
                 "time_s": [list(pair) for pair in self.location.time_s],

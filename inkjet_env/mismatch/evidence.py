@@ -13,12 +13,13 @@ from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.outcome import QUANTILE_90
 from inkjet_env.mismatch.diagnosis import HypothesisScore, NamedEffect
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.selection.clustered_errors import clustered_errors
+from inkjet_env.mismatch.selection.clustered_errors import robust_errors
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.stepwise import Selection, cosine
 from inkjet_env.mismatch.settings import VerdictSettings
 from inkjet_env.plant import Effect
+from inkjet_env.plant.effect import Parameter
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
@@ -203,8 +204,8 @@ def closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], fl
 def _errors(chosen: Hypothesis) -> Real:
     """Standard errors of the effects' coordinates, shape (k,), base parameters projected out.
 
-    The larger of two: Eq. (2) of docs/explanation/identification.md with ``S = s² I``, widened where residuals exceed
-    the noise, and `clustered_errors`.
+    They are `robust_errors`, the classical ones by Eq. (2) of docs/explanation/identification.md with ``S = s² I``,
+    widened where residuals exceed the noise.
     """
     q, _ = chosen.joint.basis
     jacobian = chosen.fit.jacobian - q @ (q.T @ chosen.fit.jacobian)
@@ -215,8 +216,22 @@ def _errors(chosen: Hypothesis) -> Real:
     weights = np.linalg.pinv(triangle, rcond=1e-6)  # the root of 1e-12, for the covariance
     loud = max(1.0, 2 * chosen.fit.nll / max(chosen.residuals.size - chosen.columns.shape[1], 1))  # s² of Eq. (2)
     classical = np.linalg.norm(weights, axis=1) * math.sqrt(loud)  # Eq. (2)
-    errors[determined] = np.maximum(classical, clustered_errors(weights, own, chosen.predicted)) / size[determined]
+    errors[determined] = robust_errors(classical, weights, own, chosen.predicted) / size[determined]
     return errors
+
+
+def _beyond(p: Parameter, theta: float, low: float, high: float, at_bound: float) -> float:
+    """Infinity on the side where a coordinate is at the end of its range; 0 if it is not, or if that end is natural.
+
+    The natural ends are an effect that is off, 0 and, for a share, 1.
+    """
+    for bound, other in ((low, high), (high, low)):
+        if bound == 0 and p.scale != "log":
+            continue
+        near = abs(theta - bound) <= at_bound * min(high - low, abs(bound) or math.inf) and low < high
+        if near and p.value(bound) not in ((0.0, 1.0) if p.unit == "1" else (0.0,)):
+            return math.copysign(math.inf, p.value(bound) - p.value(other))
+    return 0.0
 
 
 def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estimate]) -> dict[str, float]:
@@ -256,7 +271,8 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
     """The chosen effects with intervals and evidence, without the parameters of terms that are off.
 
     If the fit has not converged, its sensitivities say nothing about how far the values may be off: the intervals are
-    infinite then, and the sentence says why. If the other effects cannot be simulated alone, the gain of an effect is
+    infinite then, and the sentence says why. A value at the end of its range is bounded on one side only, which the
+    sentence says as well. If the other effects cannot be simulated alone, the gain of an effect is
     that of all of them together.
 
     Parameters
@@ -279,7 +295,7 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
         if rest.ids:
             with suppress(*NUMERICAL):
                 smaller = Hypothesis(joint.fit(rest, chosen.fit.head), joint)
-        estimates = {}
+        estimates, rails = {}, []
         for k, p in enumerate(effect.parameters, start=mine.start):
             if idle[k] and lower[k] < upper[k]:
                 continue
@@ -287,6 +303,11 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
             ends = [p.value(float(np.clip(active.theta[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
             if not chosen.fit.converged:
                 ends = [-math.inf, math.inf]
+            if beyond := _beyond(
+                p, active.theta[k], float(lower[k]), float(upper[k]), joint.settings.selection.at_bound
+            ):
+                ends.append(beyond)
+                rails.append(p.name)
             estimates[p.name] = Estimate(values[p.name], min(ends), max(ends))
         gain, free = smaller.fit.nll - chosen.fit.nll, int(np.count_nonzero(~idle[mine]))
         p_value = selection.p_values.get(effect.id, p_value_bound(gain, free, len(selection.compared)))
@@ -294,5 +315,8 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
         sentence = effect.description(_surely(effect, values, estimates), unit)
         if not chosen.fit.converged:
             sentence = f"{sentence} {NOT_CONVERGED}"
+        elif rails:
+            ends_at = f"{' and '.join(rails)} {'is' if len(rails) == 1 else 'are'} at the end of the range"
+            sentence = f"{sentence} {ends_at} that was searched and may lie beyond."
         result.append(NamedEffect(effect, sentence, gain, p_value, estimates, values, unit))
     return result

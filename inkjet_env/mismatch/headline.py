@@ -1,9 +1,9 @@
-"""The verdict in at most two sentences: which effect is missing, and how much of the mismatch it explains."""
+"""The verdict in at most three sentences: which effect is missing, how much it explains, and how much is left."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from inkjet_env.mismatch.diagnosis import NamedEffect
 from inkjet_env.mismatch.localization.location import Location
@@ -66,13 +66,28 @@ def headline(
     if verdict == "unknown":
         refuted = [n.effect.id for n in named] or list(closest[0] if closest else ())
         return _unknown(left_over, refuted, closest, location, max(map(len, groups), default=0), settings)
+    remains = [f"They leave {percent(left_over)} of the mismatch beyond noise."] if left_over > 0 else []
     if verdict == "set":
         alike = "; ".join(_joined(group, "or") for group in groups)
         first = f"{alike[0].upper()}{alike[1:]}: these recordings cannot distinguish between them."
         certain = [n.effect.id for n in _by_weight(named) if all(n.effect.id not in group for group in groups)]
-        return " ".join([first, *_explained("Either", certain, closure)])
+        return " ".join([first, *_explained("Either", certain, closure), *remains])
     most, *others = _by_weight(named)
-    return " ".join([most.sentence, *_explained("It", [n.effect.id for n in others], closure)])
+    if remains and not others:
+        remains = [remains[0].replace("They leave", "It leaves")]
+    return " ".join([most.sentence, *_explained("It", [n.effect.id for n in others], closure), *remains])
+
+
+def probabilities_text(probabilities: Mapping[str, float]) -> str:
+    """The explanations that are at least one percent probable, as a phrase.
+
+    Examples
+    --------
+    >>> probabilities_text({"creep": 0.93, "none of these": 0.066, "nothing": 0.004})
+    'creep 93 %, none of these 6.6 %'
+    """
+    most = sorted(probabilities.items(), key=lambda pair: -pair[1])
+    return ", ".join(f"{name.replace('_', ' ')} {percent(p)}" for name, p in most if p >= 0.01)
 
 
 def _by_weight(named: Sequence[NamedEffect]) -> list[NamedEffect]:

@@ -65,7 +65,7 @@ class FittingSettings(_Settings):
     share of the signal, so it is quieter still."""
     shortest_rest: int = 100
     """Least number of samples before the drive from which the noise can be estimated. Unit: samples. Source: tables."""
-    law_degree: int = 9
+    law_degree: int = 14
     """Least degree of the branch law: the base model explains all that it can before an effect is named. Unit: 1.
     Source: decision 6."""
     poor_start_share: float = 0.7
@@ -126,7 +126,7 @@ class SelectionSettings(_Settings):
     that ended within a third of the best had less."""
     screened_starts: int = 2
     """Largest number of starts of an effect that are continued. Unit: 1. Source: speed."""
-    alike_gain: float = 0.01
+    same_start_gain: float = 0.01
     """Relative difference of two starts' gains below which they count as one. Unit: 1. Source: speed."""
     first_steps: int = 6
     """Number of steps from each start. Unit: 1. Source: speed."""
@@ -184,6 +184,14 @@ class SelectionSettings(_Settings):
     """Cosine above which a signature is nearly the winner's. Such an effect is distinguished from the winner only by a
     difference larger than what the winner itself leaves unexplained, because the equations may be wrong by as much.
     Unit: 1. Source: decision 6."""
+    alike_gain: float = 3.0
+    """Temperature T₀ of Eq. (2) of docs/explanation/diagnosis.md, at no gain. Unit: log-likelihood. Source: answers of
+    proof 1."""
+    alike_gain_share: float = 0.02
+    """Its growth α with the gain: equations are wrong by a share of what they explain. Unit: 1. Source: the same."""
+    alike_weight: float = 0.5
+    """Relative weight exp(−Δ/T) from which an effect could replace another. Unit: 1. Source: on the same answers, 98 %
+    of the sets hold the truth, with 1.4 members."""
     unidentifiable: float = 5.0
     """Standard error of a parameter's logarithm, above which the parameter is reported as not identifiable. Unit: 1.
     Source: a factor of 3,700 (90 %): no interval of use to anybody."""
@@ -308,10 +316,14 @@ class VerdictSettings(_Settings):
     """When a name is given, a set, or none."""
 
     left_over: float = 0.05
-    """Unexplained share of the mismatch, above which the verdict is unknown. Unit: 1. Source: decision 6."""
+    """Unexplained share of a mismatch in which nothing was found, above which the verdict is unknown. Unit: 1. Source:
+    decision 6."""
     least_closure: float = 0.5
     """Closure below which an effect keeps its name only if it explains the held-out recordings once they are fitted.
     Unit: 1. Source: decision 6."""
+    least_probability: float = 0.5
+    """Probability, Eq. (3) of docs/explanation/diagnosis.md, that what was found is right, below which the verdict is
+    unknown. Unit: 1. Source: more likely right than wrong."""
     most_alike: int = 6
     """Largest number of effects in a set: if more explain the recordings equally well, the verdict is unknown. Unit:
     effects. Source: decision 6."""

@@ -22,13 +22,14 @@ from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.headline import headline
 from inkjet_env.mismatch.localization.locate import locate
+from inkjet_env.mismatch.probabilities import NONE_OF_THESE, calibration
 from inkjet_env.mismatch.selection.base_intervals import dynamics
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.held_out_refit import explains_held_out_after_refit, held_out_misfits
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.random_effects import RandomEffect
 from inkjet_env.mismatch.selection.remainder_fit import fit_remainder
-from inkjet_env.mismatch.selection.stepwise import Selection
+from inkjet_env.mismatch.selection.stepwise import Selection, weights
 from inkjet_env.mismatch.stopwatch import Stopwatch
 from inkjet_env.plant import Effect
 from inkjet_env.plant.registry import own_class
@@ -120,7 +121,10 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     vague = max(map(len, groups), default=0) > settings.verdict.most_alike
     # the base model was checked on fitted recordings alone: does it hold where it predicted badly?
     unseen = () if anything or math.isnan(closure) else held_out_misfits(joint)
-    if share > settings.verdict.left_over or refuted or vague or unseen or found.doubt:
+    unexplained = share if not refuted else max(share, min(1 - closure, 1.0))  # or what it leaves where it is tested
+    sure = calibration().explained(unexplained, closure) >= settings.verdict.least_probability
+    missed = share > settings.verdict.left_over and not anything
+    if (anything and not sure) or missed or vague or unseen or found.doubt:
         verdict = "unknown"
     elif not anything:
         verdict = "none"
@@ -134,6 +138,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         verdict, named, groups, closure, share, closest(base_hypothesis(joint), found.selection), location,
         settings.verdict, all(joint.noise.known(o) for o in joint.seen), unseen,
     )  # fmt: skip
+    probabilities = _probabilities(found, named, unexplained, closure, verdict)
     context.progress("designing the next experiment")
     following = None
     if verdict == "set":
@@ -165,8 +170,27 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share,
         found.selection.base_p_value, compared(found.selection), found.untestable, following, remainder,
         found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
-        dynamics(stands) if known else nothing, tuple(notes), stopwatch.seconds, stopwatch.stages, settings, own,
+        dynamics(stands) if known else nothing, probabilities, tuple(notes), stopwatch.seconds, stopwatch.stages,
+        settings, own,
     )  # fmt: skip
+
+
+def _probabilities(
+    found: Findings, named: Sequence[NamedEffect], unexplained: float, closure: float, verdict: str
+) -> dict[str, float]:
+    """Probability of each explanation, by the effect that explains most; see `Calibration.probabilities`."""
+    ids = tuple(e.id for e in found.effects)
+    if verdict == "none":
+        return calibration().probabilities({}, 0.0, math.nan, ids)
+    if named:
+        most = max(named, key=lambda n: n.delta_nll).effect.id
+        alike = dict.fromkeys((most, *found.indistinguishable.get(most, ())), 1.0)
+        tried = alike if most not in found.chosen.ids else weights(found.selection, most)
+        return calibration().probabilities(tried, unexplained, closure, ids)
+    # Something is there, and nothing that was tried is supported: what came closest leaves the rest.
+    come_closest = closest(base_hypothesis(found.joint), found.selection)
+    name, share = (come_closest[0][0], come_closest[1]) if come_closest else (NONE_OF_THESE, 0.0)
+    return calibration().probabilities({name: 1.0}, max(unexplained, 1 - share), closure, ids)
 
 
 def _named(found: Findings) -> list[NamedEffect]:

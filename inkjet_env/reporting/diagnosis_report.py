@@ -11,6 +11,7 @@ import os
 from typing import TYPE_CHECKING
 
 from inkjet_env.extras import extra
+from inkjet_env.mismatch.headline import probabilities_text
 from inkjet_env.reporting.diagnosis_figures import augmented, figures_of
 from inkjet_env.reporting.diagnosis_tables import tables_of
 from inkjet_env.reporting.formatting import (
@@ -72,6 +73,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         diagnosis=diagnosis,
         verdict=VERDICT_WORDS[diagnosis.verdict],
         headline=diagnosis.headline.rstrip("."),
+        probabilities=probabilities_text(diagnosis.probabilities),
         augmented=augmented(diagnosis.recordings),
         explained=diagnosis.left_over <= settings.left_over,
         predicted=not diagnosis.closure < settings.least_closure,

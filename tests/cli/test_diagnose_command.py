@@ -96,6 +96,7 @@ def found(campaign):
         offsets={"self_sensing": 0.01},
         base_printhead=HEAD.varied(damping_ratio=0.05),
         dynamics={name: Estimate(v, 0.9 * v, 1.1 * v) for name in ("a0", "a1", "b1") for v in (getattr(HEAD, name),)},
+        probabilities={"sensor_bandwidth": 0.5, "amplifier_bandwidth": 0.4, "none of these": 0.1},
         notes=("A note.",),
         seconds=1.0,
         stages={"base model": 1.0},

@@ -107,6 +107,7 @@ def named():
         offsets={"self_sensing": 0.0, "strain_gauge": 0.1},
         base_printhead=HEAD.varied(damping_ratio=0.05),
         dynamics={name: Estimate(v, 0.9 * v, 1.1 * v) for name in ("a0", "a1", "b1") for v in (getattr(HEAD, name),)},
+        probabilities={"feedthrough": 0.94, "none of these": 0.05, "nothing": 0.01},
         notes=("self_sensing: noise from recordings at rest and repeats.",),
         seconds=61.2,
         stages={"base model": 8.1, "bootstrap": 40.2, "attribution": 12.9},

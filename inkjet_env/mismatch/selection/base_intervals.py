@@ -5,7 +5,7 @@ The covariance of all fitted parameters is Eq. (2) of docs/explanation/identific
     Cov(θ̂) = (JᵀJ)⁻¹ JᵀS J (JᵀJ)⁻¹,                                                                              (2)
 
 with ``J`` the whitened Jacobian and ``S = s² I``; ``s²`` is 1 if the residuals are noise alone, and larger if not. If
-the scatter between conditions (`clustered_errors`) is larger still, it is the error.
+conditions scatter by significantly more, `robust_errors` tells by how much.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from inkjet_env.identification import Estimate
 from inkjet_env.identification.outcome import QUANTILE_90
-from inkjet_env.mismatch.selection.clustered_errors import clustered_errors
+from inkjet_env.mismatch.selection.clustered_errors import robust_errors
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis
 from inkjet_env.typing import Real
 
@@ -60,7 +60,7 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     unidentifiable = joint.settings.selection.unidentifiable
     weights, unknown = _weights(columns, directions, unidentifiable)
     classical = np.sqrt(loud) * np.linalg.norm(weights, axis=1)  # Eq. (2)
-    errors = np.maximum(classical, clustered_errors(weights, np.hstack([q, further]), hypothesis.predicted))
+    errors = robust_errors(classical, weights, np.hstack([q, further]), hypothesis.predicted)
     errors[unknown | (not fit.converged)] = np.inf
     return {
         "a0": _estimate(law.a0, errors[0], 0.0, unidentifiable),

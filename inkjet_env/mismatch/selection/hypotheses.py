@@ -190,12 +190,11 @@ def attribute(
     """
     given, settings = beside.fit, joint.settings.selection
     hopeless = settings.hopeless_gain if hopeless is None else hopeless
-    begun = _begun(joint, beside, effects, found, context)
     best: dict[str, FitResult] = {}
-    for fit in begun:
-        name = fit.active.last.id
-        if name not in best or fit.nll < best[name].nll:
-            best[name] = fit
+    for begun in _begun(joint, beside, effects, found, context):
+        name = begun.active.last.id
+        if name not in best or begun.nll < best[name].nll:
+            best[name] = begun
     most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
     promising = [fit for fit in best.values() if given.nll - fit.nll >= hopeless * most]
     hypotheses = [Hypothesis(fit, joint) for fit in best.values() if given.nll - fit.nll < hopeless * most]
@@ -246,15 +245,17 @@ def _begun(
     most = max((given.nll - fit.nll for fit in screened), default=0.0)
     following, ended = [], []
     for effect in effects:
-        mine = sorted((fit for fit in screened if fit.active.last.id == effect.id), key=lambda fit: fit.nll)
+        least = settings.screened_gain * most
+        if best_score.get(effect.id, 0.0) >= settings.further_score * largest:
+            least = -math.inf  # the score promises more than two steps may show
         apart: list[FitResult] = []
-        for fit in mine:
-            if given.nll - fit.nll < settings.screened_gain * most and apart:
-                break
-            if all(fit.nll - other.nll > settings.alike_gain * (given.nll - other.nll) for other in apart):
+        for fit in sorted((fit for fit in screened if fit.active.last.id == effect.id), key=lambda fit: fit.nll):
+            alike = settings.same_start_gain
+            if not any(fit.nll - other.nll <= alike * abs(given.nll - other.nll) for other in apart):
                 apart.append(fit)
-        ended += [fit for fit in apart if fit.converged or given.nll - fit.nll < settings.screened_gain * most]
-        following += [fit for fit in apart[: settings.screened_starts] if not any(fit is one for one in ended)]
+        good = [fit for fit in apart if given.nll - fit.nll >= least]
+        following += [fit for fit in good[: settings.screened_starts] if not fit.converged]
+        ended += [fit for fit in apart if fit not in following]
     more = [(fit.active, fit) for fit in following]
     steps = settings.first_steps - settings.screening_steps
     return ended + [fit for fit in stepped("fitting", more, steps) if fit is not None]

@@ -215,9 +215,30 @@ def _as_good(
         behind = chosen.score - other.score  # one that needs more parameters for it is no equal
         apart = float(np.linalg.norm(other.residuals - chosen.residuals))
         alike = abs(cosine(without, chosen, other)) > settings.same_signature and 2 * behind < chosen.excess
-        if behind <= settings.predicted_standard_errors * apart or alike:
+        weighty = math.exp(-behind / temperature(without, chosen)) >= settings.alike_weight
+        if behind <= settings.predicted_standard_errors * apart or alike or weighty:
             same.append((behind, effect.id))
     return tuple(name for _, name in sorted(same))
+
+
+def temperature(without: Hypothesis, with_it: Hypothesis) -> float:
+    """Difference of scores that counts as little, Eq. (2) of docs/explanation/diagnosis.md."""
+    settings = with_it.joint.settings.selection
+    return settings.alike_gain + settings.alike_gain_share * max(with_it.gain - without.gain, 0.0)
+
+
+def weights(selection: Selection, name: str) -> dict[str, float]:
+    """Relative weights of one chosen effect and of all that were tried in its place, by id; the chosen one has 1."""
+    chosen = selection.chosen
+    rest = set(chosen.ids) - {name}
+    tried = {frozenset(h.ids): h for h in selection.compared}
+    without = tried.get(frozenset(rest)) or base_hypothesis(chosen.joint)
+    found = {name: 1.0}
+    for ids, other in tried.items():
+        if rest < ids and len(ids) == len(rest) + 1 and name not in ids and not other.degenerate:
+            behind = max(chosen.score - other.score, 0.0)
+            found[next(iter(ids - rest))] = math.exp(-behind / temperature(without, chosen))
+    return found
 
 
 def cosine(without: Hypothesis, one: Hypothesis, other: Hypothesis) -> float:

@@ -1,0 +1,139 @@
+"""Fit the coefficients of the probabilities in a verdict to the answers of a proof.
+
+``python -m inkjet_env.experiments.validation.calibrate_probabilities FOLDER [--now-known FAMILY ...] [--out FILE]``
+
+FOLDER is a judged proof, as `inkjet prove --out FOLDER` leaves it or as an archive of docs/proof unpacks. Its families
+outside the catalogue must not be those of the proof by which the probabilities are judged. ``--now-known`` names
+families that were outside the catalogue when the answers were given, and are not any more.
+Prints the coefficients of Eq. (3) of docs/explanation/diagnosis.md, with their expected calibration error under
+ten-fold cross-validation; ``--out inkjet_env/mismatch/calibration.json`` makes them those of the package.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+
+from inkjet_env.experiments.proof.calibration import calibration_error, reliability
+from inkjet_env.experiments.proof.protocol import as_judged
+from inkjet_env.mismatch.probabilities import Calibration
+from inkjet_env.storage import write_json
+from inkjet_env.typing import Real
+
+RIDGE = 0.01
+"""Penalty of the squared coefficients, so that separable answers have finite ones."""
+FOLDS = 10
+
+
+def answered(cases: Sequence[Mapping[str, Any]], now_known: Iterable[str] = ()) -> list[Mapping[str, Any]]:
+    """The cases with a verdict, without laws of hysteresis of their own and families that are known by now."""
+    known = set(now_known)
+    return [
+        case
+        for case in cases
+        if case["answer"]["verdict"] and case["draw"]["family"] != "base" and not known & set(case["draw"]["effects"])
+    ]
+
+
+def found(case: Mapping[str, Any]) -> set[str]:
+    """Ids that a verdict names or cannot tell apart; of what came closest, if it names none."""
+    verdict = case["answer"]["verdict"]
+    named = {effect["id"] for effect in verdict["effects"]} | {
+        name for group in verdict["candidates"] for name in group
+    }
+    best = verdict["attributions"][:1]
+    return named or {name for one in best for name in one["ids"]}
+
+
+def right(case: Mapping[str, Any]) -> bool:
+    """Whether one of these is concealed."""
+    draw = case["draw"]
+    return draw["family"] in ("effect", "pair") and bool(found(case) & set(draw["effects"]))
+
+
+def figures(case: Mapping[str, Any]) -> tuple[float, float]:
+    """Unexplained share and closure of a verdict; the closure may be NaN."""
+    fit = case["answer"]["verdict"]["fit"]
+    return float(fit["left_over"]), math.nan if fit["closure"] is None else float(fit["closure"])
+
+
+def coefficients(rows: Sequence[tuple[float, float]], labels: Sequence[bool]) -> tuple[float, ...]:
+    """``β₀ … β₃`` of Eq. (3) by penalised maximum likelihood.
+
+    Parameters
+    ----------
+    rows : sequence of (float, float)
+        Unexplained share and closure.
+    labels : sequence of bool
+        Whether the explanation was right.
+    """
+    # Eq. (3) is linear in its coefficients: its value for a unit vector is the feature.
+    table = np.array([[logit(np.eye(4)[k], *row) for k in range(4)] for row in rows])
+    truth = np.array(labels, dtype=float)
+
+    def cost(beta: Real) -> float:
+        z = table @ beta
+        return float(np.sum(np.logaddexp(0.0, z) - truth * z) + RIDGE * beta @ beta)
+
+    return tuple(float(b) for b in minimize(cost, np.zeros(4), method="BFGS").x)
+
+
+def logit(beta: Sequence[float] | Real, left_over: float, closure: float) -> float:
+    """Argument of the logistic function in Eq. (3)."""
+    b0, b1, b2, b3 = (float(b) for b in beta)
+    p = Calibration((b0, b1, b2, b3), 0.0, (1.0, 0.0)).explained(left_over, closure)
+    return math.log(p / (1 - p))
+
+
+def cross_validated(rows: Sequence[tuple[float, float]], labels: Sequence[bool]) -> list[tuple[float, bool]]:
+    """Probability that each explanation is right, predicted without its tenth of the cases, and whether it is."""
+    order = np.random.default_rng(0).permutation(len(rows))
+    told: list[tuple[float, bool]] = []
+    for k in range(FOLDS):
+        out = set(order[k::FOLDS].tolist())
+        rest = [i for i in range(len(rows)) if i not in out]
+        beta = coefficients([rows[i] for i in rest], [labels[i] for i in rest])
+        told += [(1 / (1 + math.exp(-logit(beta, *rows[i]))), labels[i]) for i in sorted(out)]
+    return told
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Fit, print and write."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("folder", type=Path, help="folder of a judged proof")
+    parser.add_argument(
+        "--now-known", nargs="*", default=[], metavar="FAMILY", help="families that are no more outside"
+    )
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    asked = parser.parse_args(arguments)
+    cases = answered(as_judged(asked.folder).cases, asked.now_known)
+    something = [case for case in cases if case["answer"]["verdict"]["verdict"] != "none"]
+    empty = [case for case in cases if case["answer"]["verdict"]["verdict"] == "none"]
+    not_null = [case for case in something if case["draw"]["family"] != "null"]
+    rows, labels = [figures(case) for case in not_null], [right(case) for case in not_null]
+    beta, told = coefficients(rows, labels), cross_validated(rows, labels)
+    of_none = [case["draw"]["family"] for case in empty]
+    shares = tuple((of_none.count(family) + 0.5) / (len(of_none) + 1) for family in ("null", "outside"))
+    written = {
+        "source": f"answers of the proof with seed {cases[0]['draw']['seed']}, {len(cases)} of its cases",
+        "right": [round(b, 3) for b in beta],
+        "nothing_if_found": round((len(something) - len(not_null) + 0.5) / (len(something) + 1), 4),
+        "if_none": [round(share, 3) for share in shares],
+    }
+    for part, value in written.items():
+        print(f"{part}: {value}")
+    print(f"expected calibration error, cross-validated: {calibration_error(told):.3f} over {len(told)} explanations")
+    for one in reliability(told):
+        print(f"  said {one['mean']:.2f}, right {one['right']:.2f} of {one['of']:.0f}")
+    if asked.out:
+        write_json(asked.out, written)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""How probable each explanation of a mismatch is, over heads like those of the proof.
+
+Two questions are answered one after the other. Is what was found right at all? Eq. (3) of
+docs/explanation/diagnosis.md, a logistic regression on the two figures that tell physics of the catalogue from physics
+outside it, the share ``l`` that it leaves unexplained and its closure ``c`` on recordings that no fit has seen:
+
+    P(right) = 1 / (1 + exp(−β₀ − β₁ (lg l + 3) − β₂ (lg(1 − c) + 2.5) − β₃ [c unknown])).                       (3)
+
+Which effect is it then? Weights of hypotheses, exp(gain / T), with a temperature that grows with the gain, because
+equations that are slightly wrong are wrong by a share of what they explain:
+
+    T = T₀ + α · gain.                                                                                           (2)
+
+The coefficients are in ``calibration.json``; `experiments.validation.calibrate_probabilities` fits them to diagnoses of
+concealed heads, among them physics outside the catalogue, of other families than those of the published proof.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+
+NONE_OF_THESE, NOTHING = "none of these", "nothing"
+"""Labels besides the ids of effects: physics that the catalogue lacks, and no missing physics at all."""
+LEAST_LEFT, LEAST_OPEN = 1e-3, 10**-2.5
+"""Least unexplained share and least ``1 − closure`` that count; below, both are noise."""
+LEAST_WEIGHT = 1e-3
+"""Relative weight below which an explanation is left out."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Coefficients of Eqs. (3) and (2), and how often a verdict "none" is right.
+
+    Attributes
+    ----------
+    right : tuple of float
+        ``β₀ … β₃`` of Eq. (3).
+    nothing_if_found : float
+        Share of heads without any mismatch among those in which something was found.
+    if_none : tuple of float
+        Of the verdicts "none": shares of heads without a mismatch, and of heads with physics outside the catalogue.
+    """
+
+    right: tuple[float, float, float, float]
+    nothing_if_found: float
+    if_none: tuple[float, float]
+
+    def explained(self, left_over: float, closure: float) -> float:
+        """Probability that what was found is right, Eq. (3); ``closure`` may be NaN."""
+        b0, b1, b2, b3 = self.right
+        z = b0 + b1 * (math.log10(max(left_over, LEAST_LEFT)) + 3)
+        z += b3 if math.isnan(closure) else b2 * (math.log10(min(max(1 - closure, LEAST_OPEN), 1.0)) + 2.5)
+        return 1 / (1 + math.exp(-z))
+
+    def probabilities(
+        self, weights: Mapping[str, float], left_over: float, closure: float, effects: tuple[str, ...]
+    ) -> dict[str, float]:
+        """Probability that the effect which explains most of the mismatch is each of these; they sum to 1.
+
+        Parameters
+        ----------
+        weights : dict of str to float
+            Relative weights of the explanations that were found, by the id of the effect that explains most; empty if
+            nothing was found.
+        left_over, closure : float
+            Figures of the best one.
+        effects : tuple of str
+            Ids that were looked for.
+        """
+        if not weights:
+            nothing, other = self.if_none
+            each = (1 - nothing - other) / max(len(effects), 1)
+            if not effects:
+                other = 1 - nothing
+            return {NOTHING: nothing, NONE_OF_THESE: other, **dict.fromkeys(effects, each)}
+        right = self.explained(left_over, closure) * (1 - self.nothing_if_found)
+        heavy = {name: weight for name, weight in weights.items() if weight >= LEAST_WEIGHT}
+        found = {name: right * weight / sum(heavy.values()) for name, weight in heavy.items()}
+        return {**found, NONE_OF_THESE: 1 - self.nothing_if_found - right, NOTHING: self.nothing_if_found}
+
+
+@lru_cache
+def calibration() -> Calibration:
+    """The calibration that comes with the package."""
+    written = json.loads(files("inkjet_env.mismatch").joinpath("calibration.json").read_text("utf-8"))
+    return Calibration(tuple(written["right"]), written["nothing_if_found"], tuple(written["if_none"]))
