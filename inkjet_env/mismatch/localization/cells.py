@@ -303,7 +303,8 @@ def _scatter(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult
         level = np.concatenate([background(fit.residuals[o.name]) for o in mine])
         result = float(np.mean(level**2) / np.mean(level) ** 2)
     if noise.tail(mine[0]) > 1:
-        squares = np.concatenate([fit.residuals[o.name] for o in observed if o.channel == key[0] and o.at_rest] or [[]])
+        resting = [fit.residuals[o.name] for o in observed if o.channel == key[0] and o.at_rest]
+        squares = np.concatenate([*resting, np.zeros(0)])
         squares = squares[squares != 0] ** 2  # spikes have been cut down
         own = float(squares.var() / (2 * squares.mean() ** 2)) if squares.size else noise.tail(mine[0])
         result *= min(max(own, 1.0), noise.tail(mine[0]))

@@ -81,9 +81,9 @@ def reported(
     for view, least in _least_power(significant, rows.settings.weak).items():
         for cell in (c for c in significant if c.view == view and c.power - 1 >= least):
             if view == "frequency":
-                bands.append(Extent(*cell.span, cell.surplus))
+                bands.append(Extent(cell.span[0], cell.span[1], cell.surplus))
             elif cell.group not in shown:
-                times.setdefault(cell.group, []).append(Extent(*cell.span, cell.surplus))
+                times.setdefault(cell.group, []).append(Extent(cell.span[0], cell.span[1], cell.surplus))
     everywhen = sorted((one for mine in times.values() for one in merged(mine)), key=lambda e: -e.surplus)
     by_recording = {
         name: (_intervals(merged(in_time)), _intervals(merged(in_frequency)))
@@ -119,7 +119,8 @@ def extents_in_frequency(o: ObservedRecording, lines: Rows, record: int) -> list
     per_octave = lines.settings.bands_per_octave
     band = np.floor(per_octave * np.log2(np.arange(1, count + 1)))
     edges = np.append(np.flatnonzero(np.diff(band, prepend=-1.0)), count)
-    return extents(lines, record, edges, (edges + 0.5) / (o.excitation.samples * o.excitation.step_s))
+    axis: Real = (edges + 0.5) / (o.excitation.samples * o.excitation.step_s)
+    return extents(lines, record, edges, axis)
 
 
 def extents(rows: Rows, record: int, edges: Whole, axis: Real) -> list[Extent]:
