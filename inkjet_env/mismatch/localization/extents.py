@@ -110,7 +110,8 @@ def extents_in_time(o: ObservedRecording, rows: Rows, record: int) -> list[Exten
     n, settings = o.excitation.samples, rows.settings
     count = min(settings.time_intervals, max(n // 16, 1))
     edges = n * np.arange(count + 1) // count
-    return extents(rows, record, edges, o.excitation.step_s * edges)
+    axis: Real = o.excitation.step_s * edges.astype(np.float64)
+    return extents(rows, record, edges, axis)
 
 
 def extents_in_frequency(o: ObservedRecording, lines: Rows, record: int) -> list[Extent]:
