@@ -232,6 +232,10 @@ class Diagnosis:
                 "frequency_Hz": [list(pair) for pair in self.location.frequency_Hz],
                 "drive_V": [list(pair) for pair in self.location.drive_V],
                 "sentence": self.location.sentence,
+                "by_recording": {
+                    name: {"time_s": [list(pair) for pair in times], "frequency_Hz": [list(pair) for pair in bands]}
+                    for name, (times, bands) in self.location.by_recording.items()
+                },
             },
             "fit": {
                 "noise_rms_V": _finite(self.heldout_rms("noise")),

@@ -270,6 +270,17 @@ class LocalizationSettings(_Settings):
     independent_share: float = 0.5
     """Share of independent samples among those that the noise was estimated from. Unit: 1. Source: of two repeats, one
     determines the mean."""
+    growing_noise: float = 30.0
+    """Largest number of independent samples that a noise which grows with the signal counts as estimated from: how it
+    grows is a model. Unit: samples. Source: tables."""
+    heavy_tails: float = 1.3
+    """Variance of the noise's power, relative to that of normal noise, from which single samples that stand out are cut
+    down. Unit: 1. Source: tables."""
+    weak: float = 0.01
+    """Share of the strongest cell's surplus power per sample, below which another cell of the same recording, or of all
+    together, is not told. Unit: 1. Source: a tenth of the amplitude."""
+    least_extent_degrees: float = 2.0
+    """Least number of degrees of freedom of a stretch of one recording. Unit: 1. Source: one spectral line."""
     smooth_spectrum: float = 4.0
     """Number of noise samples, per coefficient of the noise model, that count as one for the noise at a single spectral
     line. Unit: samples. Source: tables."""
@@ -280,7 +291,7 @@ class LocalizationSettings(_Settings):
     most_recordings: int = 10
     """Largest number of recordings that a location lists. Unit: recordings. Source: reader."""
     strong: float = 0.5
-    """Share of the strongest cell's surplus power from which a cell's interval is part of the location. Unit: 1.
+    """Share of the strongest cell's surplus power from which the sentence calls a cell one of the strongest. Unit: 1.
     Source: reader."""
     part_stands_out: float = 2.0
     """Ratio of surplus power per sample to that of the next part of the waveform, from which a part is named. Unit: 1.

@@ -42,7 +42,7 @@ def test_the_verdict_in_json_has_what_was_agreed(verdict, diagnosed):
     assert all(len(group) > 1 and set(map(type, group)) == {str} for group in written["candidates"])
     assert (len(written["candidates"]) > 0) == (verdict == "set")
     location = written["location"]
-    assert location.keys() == {"recordings", "time_s", "frequency_Hz", "drive_V", "sentence"}
+    assert location.keys() == {"recordings", "time_s", "frequency_Hz", "drive_V", "sentence", "by_recording"}
     assert all(type(name) is str for name in location["recordings"])
     assert (len(location["recordings"]) > 0) == (verdict != "none")
     for label in ("time_s", "frequency_Hz", "drive_V"):

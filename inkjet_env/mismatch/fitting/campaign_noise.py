@@ -37,6 +37,8 @@ class Noise:
         everywhere; see `noise_levels`.
     tails : dict of str to float
         By channel, the variance of the noise's power, relative to that of normally distributed noise; at least 1.
+    borrowed : frozenset
+        Keys without repeats or rest of their own, whose model was converted from that of another sampling step.
     """
 
     models: Mapping[tuple[str, float], NoiseModel]
@@ -45,6 +47,7 @@ class Noise:
     least: Mapping[str, float] = field(default_factory=dict)
     levels: Mapping[str, Real] = field(default_factory=dict)
     tails: Mapping[str, float] = field(default_factory=dict)
+    borrowed: frozenset[tuple[str, float]] = frozenset()
     _kept: dict[tuple[tuple[str, float], int], Real] = field(default_factory=dict, init=False, repr=False)
 
     def known(self, observed: ObservedRecording) -> bool:
@@ -164,6 +167,7 @@ def _stationary(
     seen: dict[str, dict[float, list[Real]]] = {}
     sources: dict[str, dict[float, str]] = {}
     tails: dict[str, float] = {}
+    borrowed: set[tuple[str, float]] = set()
     for key in sorted({o.noise_key for o in observed}):
         mine = [o for o in observed if o.noise_key == key]
         resting = [residuals[o.name] for o in mine if o.at_rest]
@@ -208,13 +212,14 @@ def _stationary(
             nearest = known[int(np.argmin(np.abs(np.log(np.array(known) / key[1]))))]
             models[key] = models[key[0], nearest].at_step(key[1] / nearest)
             samples[key] = samples[key[0], nearest]
+            borrowed.add(key)
         else:
             stretches = [residuals[o.name] for o in observed if o.noise_key == key]
             models[key], samples[key] = otherwise.get(key) or _of_most(stretches, least[key[0]]), 0
             notes.append(
                 f"{key[0]}: the noise is unknown without repeats or recordings at rest; residuals were taken for it."
             )
-    return Noise(models, samples, tuple(notes), least, tails=tails)
+    return Noise(models, samples, tuple(notes), least, tails=tails, borrowed=frozenset(borrowed))
 
 
 def _tail(stretches: Mapping[float, Sequence[Real]], models: Mapping[float, NoiseModel]) -> float:

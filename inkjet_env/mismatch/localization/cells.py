@@ -17,6 +17,11 @@ from inkjet_env.typing import Real
 
 Whole = NDArray[np.intp]
 
+PARTS = ("time", "time in the waveform", "pulse")
+"""Views that cut recordings into parts."""
+FEWEST_LINES = 8
+"""Least number of lines on either side of one, in the background of a spectrum."""
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -37,6 +42,8 @@ class Cell:
         Channel, or channel and sampling step, that the cell belongs to.
     names : tuple of str
         Names of the recordings that it covers.
+    surplus : float
+        Residual power beyond that of noise alone, summed over its rows.
     """
 
     view: str
@@ -46,6 +53,7 @@ class Cell:
     span: tuple[float, ...] = ()
     group: str = ""
     names: tuple[str, ...] = ()
+    surplus: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +69,10 @@ class Rows:
         Index of each row's noise model and of its recording.
     noise_degrees : ndarray, shape (keys,)
         Number of independent samples that each noise was estimated from.
+    noise_degrees_of_parts : ndarray, shape (keys,)
+        The same for cells that cut recordings, where a level of noise that grows with the signal is less sure.
+    scatter : ndarray, shape (keys,)
+        Variance of the sum of a cell's power relative to that of independent, normally distributed samples; at least 1.
     by_line : bool
         Whether rows are lines of a spectrum: then only a cell's share of the noise's samples determines its noise.
     smooth : ndarray, shape (keys,)
@@ -76,6 +88,8 @@ class Rows:
     key: Whole
     record: Whole
     noise_degrees: Real
+    noise_degrees_of_parts: Real
+    scatter: Real
     by_line: bool
     smooth: Real
     axis: Real
@@ -117,7 +131,9 @@ class Rows:
         flat = place[seen] * keys + self.key[seen]
         power = np.bincount(flat, self.power[seen], count * keys).reshape(count, keys)
         expected = np.bincount(flat, self.expected[seen], count * keys).reshape(count, keys)
-        noise_degrees = np.broadcast_to(self.noise_degrees, expected.shape)
+        of_parts = view in PARTS and not self.by_line
+        noise_degrees = self.noise_degrees_of_parts if of_parts else self.noise_degrees
+        noise_degrees = np.broadcast_to(noise_degrees, expected.shape)
         if self.by_line:
             every = np.bincount(self.key, self.expected, keys)
             noise_degrees = np.maximum(
@@ -127,16 +143,18 @@ class Rows:
         found = []
         for i in np.flatnonzero(total >= self.settings.least_degrees_of_freedom):
             doubt = float(np.sum(expected[i] ** 2 / noise_degrees[i])) / total[i] ** 2
+            samples = float(total[i] ** 2 / np.sum(expected[i] * self.scatter))
             ratio = float(power[i].sum() / total[i])
             found.append(
                 Cell(
                     view,
                     labels[i],
                     ratio,
-                    surplus(ratio, float(total[i]), 1 / doubt),
+                    surplus(ratio, samples, 1 / doubt),
                     spans[i] if spans else (),
                     groups[i] if groups else "",
                     names[i] if names else (),
+                    float(power[i].sum() - total[i]),
                 )
             )
         return found
@@ -170,14 +188,14 @@ def sample_rows(
     keys = sorted({o.noise_key for o in observed})
     power, expected = [], []
     for o, columns in zip(observed, taken, strict=True):
-        power.append(fit.residuals[o.name] ** 2)
+        power.append(fit.residuals[o.name] ** 2 / _uncertain(o, noise, fit).mean())
         leverage = np.sum(columns**2, axis=1)
         expected_share = np.where(np.arange(leverage.size) < o.fitted, 1 - leverage, 1 + leverage)
         expected_share[: noise.models[o.noise_key].lost] = 0.0
         expected.append(expected_share)
     sizes = [o.excitation.samples for o in observed]
     axis = np.concatenate([o.excitation.step_s * np.arange(o.excitation.samples) for o in observed])
-    return _rows(observed, noise, keys, power, expected, sizes, axis, by_line=False, settings=settings)
+    return _rows(observed, noise, fit, keys, power, expected, sizes, axis, by_line=False, settings=settings)
 
 
 def line_rows(
@@ -198,11 +216,47 @@ def line_rows(
         predicted = np.zeros_like(columns)
         predicted[o.fitted :] = columns[o.fitted :]
         change = _spectrum(predicted, weight).sum(axis=1) - _spectrum(columns - predicted, weight).sum(axis=1)
-        power.append(_spectrum(fit.residuals[o.name][:, None], weight)[:, 0])
+        power.append(_spectrum(fit.residuals[o.name][:, None], weight)[:, 0] / _uncertain(o, noise, fit))
         expected.append(np.maximum(weight[1:] * (n - lost) / n + change, 0.0))
         axis.append(np.fft.rfftfreq(n, o.excitation.step_s)[1:])
     sizes = [p.size for p in power]
-    return _rows(observed, noise, keys, power, expected, sizes, np.concatenate(axis), by_line=True, settings=settings)
+    return _rows(
+        observed, noise, fit, keys, power, expected, sizes, np.concatenate(axis), by_line=True, settings=settings
+    )
+
+
+def background(residuals: Real) -> Real:
+    """Level of the lines of a recording's spectrum, without the mean, above which a line stands out; at least 1.
+
+    Where noise was not measured at a recording's sampling step, the shape of its spectrum is not known. Then only what
+    is narrower than half an octave counts as mismatch: the level is the median of the lines within that.
+    """
+    power = np.abs(np.fft.rfft(residuals))[1:] ** 2 / residuals.size
+    line = np.arange(power.size)
+    low = np.minimum(np.floor((line + 1) / 2**0.25).astype(np.intp) - 1, line - FEWEST_LINES)
+    high = np.maximum(np.ceil((line + 1) * 2**0.25).astype(np.intp), line + FEWEST_LINES + 1)
+    centres = np.unique(np.round(np.geomspace(1, power.size, 80)).astype(np.intp)) - 1
+    level = [np.median(power[max(low[k], 0) : high[k]]) / np.log(2) for k in centres]  # of an exponential distribution
+    return np.maximum(np.interp(line, centres, level), 1.0)
+
+
+def without_spikes(residuals: Real, most: float = 3.0, window: int = 15) -> Real:
+    """Residuals, shape (n,), with single samples that stand out from their neighbours cut down.
+
+    A sample is cut to ``most`` times the noise, or the neighbours' level (median within ``window`` samples) if that is
+    larger: a mismatch that lasts stays as it is.
+    """
+    from scipy.ndimage import median_filter
+
+    level = np.maximum(median_filter(np.abs(residuals), min(window, residuals.size), mode="nearest") / 0.6745, 1.0)
+    return np.clip(residuals, -most * level, most * level)
+
+
+def _uncertain(o: ObservedRecording, noise: Noise, fit: FitResult) -> Real:
+    """Factor by which the noise at each line may exceed its model; 1 where it was measured."""
+    if o.noise_key not in noise.borrowed:
+        return np.ones(o.excitation.samples // 2)
+    return background(fit.residuals[o.name])
 
 
 def _spectrum(rows: Real, weight: Real) -> Real:
@@ -212,6 +266,7 @@ def _spectrum(rows: Real, weight: Real) -> Real:
 def _rows(
     observed: Sequence[ObservedRecording],
     noise: Noise,
+    fit: FitResult,
     keys: Sequence[tuple[str, float]],
     power: Sequence[Real],
     expected: Sequence[Real],
@@ -224,7 +279,8 @@ def _rows(
     record = np.repeat(np.arange(len(observed)), sizes)
     squares, alone = np.concatenate(power), np.concatenate(expected)
     noise_degrees = np.array([max(settings.independent_share * noise.samples[k], 1.0) for k in keys])
-    smooth = np.array([1 / (settings.smooth_spectrum * (1 + noise.models[k].lost)) for k in keys])
+    parameters = [1 + noise.models[k].lost + 3 * len(noise.models[k].bands) for k in keys]
+    smooth = np.array([1 / (settings.smooth_spectrum * count) for count in parameters])
     for i, k in enumerate(keys):
         if noise.samples[k]:
             continue
@@ -233,7 +289,26 @@ def _rows(
         level = squares[mine].sum() / degrees if degrees > 1e-9 else 1.0
         squares[mine] /= level or 1.0
         noise_degrees[i] = max(degrees, 1.0)
-    return Rows(squares, alone, key, record, noise_degrees, by_line, smooth, axis, settings)
+    scatter = np.array([1.0 if by_line else _scatter(observed, noise, fit, k) for k in keys])
+    grows = [any(o.noise_key == k and np.ptp(noise.levels.get(o.name, 1.0)) > 0 for o in observed) for k in keys]
+    of_parts = np.where(grows, np.minimum(noise_degrees, settings.growing_noise), noise_degrees)
+    return Rows(squares, alone, key, record, noise_degrees, of_parts, scatter, by_line, smooth, axis, settings)
+
+
+def _scatter(observed: Sequence[ObservedRecording], noise: Noise, fit: FitResult, key: tuple[str, float]) -> float:
+    """Variance of a cell's power relative to that of white normal noise: of correlated noise, and of heavy tails."""
+    mine = [o for o in observed if o.noise_key == key]
+    result = 1.0
+    if key in noise.borrowed:
+        level = np.concatenate([background(fit.residuals[o.name]) for o in mine])
+        result = float(np.mean(level**2) / np.mean(level) ** 2)
+    if noise.tail(mine[0]) > 1:
+        resting = [fit.residuals[o.name] for o in observed if o.channel == key[0] and o.at_rest]
+        squares = np.concatenate([*resting, np.zeros(0)])
+        squares = squares[squares != 0] ** 2  # spikes have been cut down
+        own = float(squares.var() / (2 * squares.mean() ** 2)) if squares.size else noise.tail(mine[0])
+        result *= min(max(own, 1.0), noise.tail(mine[0]))
+    return result
 
 
 def taken_by_fit(

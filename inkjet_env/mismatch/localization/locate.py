@@ -16,8 +16,9 @@ import numpy as np
 from inkjet_env.mismatch.fitting.campaign_noise import Noise
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
-from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, taken_by_fit
+from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, taken_by_fit, without_spikes
 from inkjet_env.mismatch.localization.drift import Trend, shifts, trends
+from inkjet_env.mismatch.localization.extents import reported
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.localization.views import CHANNELS, MONITOR, largest_V, views
 from inkjet_env.mismatch.settings import LocalizationSettings
@@ -61,6 +62,11 @@ def locate(
         ``q`` belongs to other recordings.
     """
     columns = [noise.whitened(o, fit.head.sensitivities(o)) for o in observed]
+    calm = {
+        o.name: without_spikes(fit.residuals[o.name]) if noise.tail(o) > settings.heavy_tails else fit.residuals[o.name]
+        for o in observed
+    }
+    fit = replace(fit, residuals=calm)
     taken = taken_by_fit(observed, noise, fit, columns, q)
     rows = sample_rows(observed, noise, fit, taken, settings)
     lines = line_rows(observed, noise, fit, taken, settings)
@@ -78,15 +84,17 @@ def locate(
     if not recordings and drift:
         strongest = sorted(moved, key=lambda name: -float(np.max(np.abs(moved[name][:, 0] / moved[name][:, 1]))))
         recordings = tuple(strongest[: settings.most_recordings])
+    times, bands, by_recording = reported(observed, recordings, significant, rows, lines)
     drive_V = _drives(significant, settings.weak_for_its_drive)
     sentence = _sentence(observed, noise, fit, significant, cells, drift, recordings, drive_V, settings)
     return Location(
         recordings,
-        _stretches([c for c in significant if c.view == "time"], settings.strong),
-        _stretches([c for c in significant if c.view == "frequency"], settings.strong),
+        tuple((one.low, one.high) for one in times),
+        tuple((one.low, one.high) for one in bands),
         drive_V,
         sentence,
         tables,
+        by_recording,
     )
 
 
@@ -131,19 +139,19 @@ def _recordings(significant: Sequence[Cell], most: int) -> tuple[str, ...]:
 
 
 def _stretches(significant: Sequence[Cell], strong_share: float) -> tuple[tuple[float, float], ...]:
-    """Intervals of the strongest cells, adjacent ones merged."""
+    """Intervals of the strongest cells, adjacent ones merged, strongest first."""
     if not significant:
         return ()
     least = strong_share * (max(c.power for c in significant) - 1)
     strong = sorted((c for c in significant if c.power - 1 >= least), key=lambda c: (c.group, c.span))
-    merged: list[tuple[str, float, float]] = []
+    merged: list[tuple[str, float, float, float]] = []
     for c in strong:
         low, high = c.span
         if merged and merged[-1][0] == c.group and low <= merged[-1][2] * (1 + 1e-9):
-            merged[-1] = (c.group, merged[-1][1], high)
+            merged[-1] = (c.group, merged[-1][1], high, max(merged[-1][3], c.power))
         else:
-            merged.append((c.group, low, high))
-    return tuple((low, high) for _, low, high in merged)
+            merged.append((c.group, low, high, c.power))
+    return tuple((low, high) for _, low, high, _ in sorted(merged, key=lambda one: -one[3]))
 
 
 def _drives(significant: Sequence[Cell], weak: float) -> tuple[tuple[float, float], ...]:
@@ -203,7 +211,10 @@ def _sentence(
             start = f"with drives of {span_text(least, most, 'V')}, "
         parts.append(f"{start}{CHANNELS[o.channel]} differs from the model{_amount(o, noise, fit)}")
     else:
-        o = fast[0] if fast else observed[0]
+        grouped = [c for c in significant if c.group]
+        shown = max(grouped, key=lambda c: c.z).group.split()[0] if grouped else ""
+        mine = [other for other in observed if other.channel == shown]
+        o = (mine or fast or list(observed))[0]
         parts.append(f"{CHANNELS[o.channel]} differs from the model, but in no single recording significantly")
     several = len({other.channel for other in observed}) > 1
     prefix = f"{o.channel}: " if several else ""
@@ -211,9 +222,13 @@ def _sentence(
         stands = _standing_out(cells, significant, view, o.channel, settings)
         if stands and (len(recordings) != 1 or view == "time in the waveform"):
             parts.append(words + stands.label.removeprefix(prefix))
-    bands = _stretches([c for c in significant if c.view == "frequency"], settings.strong)
+    in_frequency = [c for c in significant if c.view == "frequency"]
+    bands = _stretches(in_frequency, settings.strong)
     if bands:
-        parts.append("at " + " and ".join(span_text(low, high, "Hz") for low, high in bands[:2]))
+        more = len(bands) > 2 or any(not any(a <= c.span[0] <= b for a, b in bands) for c in in_frequency)
+        parts.append(
+            ("strongest at " if more else "at ") + " and ".join(span_text(low, high, "Hz") for low, high in bands[:2])
+        )
     parity = [c for c in significant if c.view == "distortion"]
     if parity and max(parity, key=lambda c: c.power).label.startswith("even"):
         parts.append("strongest at even multiples of the repetition rate, where this drive has no power")

@@ -182,8 +182,13 @@ def by_time(observed: Sequence[ObservedRecording], rows: Rows) -> list[Cell]:
         for low, high in itertools.pairwise(edges):
             labels.append(f"{with_prefix(low, 's')} to {with_prefix(high, 's')}")
             spans.append((low, high))
-            groups.append(f"{key[0]} {key[1]:g}")
+            groups.append(time_group(observed[mine[0]]))
     return rows.cells("time", place, labels, spans, groups)
+
+
+def time_group(o: ObservedRecording) -> str:
+    """Recordings whose times are told together: those of one channel and sampling step."""
+    return f"{o.channel} {o.noise_key[1]:g}"
 
 
 def by_frequency(lines: Rows) -> list[Cell]:
