@@ -22,6 +22,7 @@ from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.headline import headline
 from inkjet_env.mismatch.localization.locate import locate
+from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.probabilities import NONE_OF_THESE, calibration
 from inkjet_env.mismatch.selection.base_intervals import dynamics
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
@@ -132,6 +133,8 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         verdict = "set" if groups else "named"
     context.progress("locating the mismatch")
     location = locate(bare.observed, bare.noise, bare.base, bare.basis[0], settings.localization)
+    if verdict == "none":  # what the tests of the whole do not confirm is noise; its tables stay for whoever looks
+        location = Location(tables=location.tables)
     stopwatch.took("location")
     named = _named(found)
     said = found.doubt or headline(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, eq=False)
 class Location:
-    """Location of the base model's repeatable residual power; empty if nothing exceeds the noise.
+    """Location of the base model's repeatable residual power; empty if the verdict is "none".
 
     Attributes
     ----------
