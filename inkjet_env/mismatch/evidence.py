@@ -173,8 +173,8 @@ def compared(selection: Selection) -> tuple[HypothesisScore, ...]:
     rows, listed = [], selection.chosen.joint.settings.verdict.most_listed
     most = max((h.gain for h in selection.compared), default=0.0)
     best = selection.chosen
+    start = base_hypothesis(best.joint.root or best.joint)
     for h in selection.compared[:listed]:
-        start = base_hypothesis(h.joint)
         gains, errors = start.predicted.log_likelihood_gain(h.predicted)
         rows.append(
             HypothesisScore(

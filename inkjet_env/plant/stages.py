@@ -162,8 +162,13 @@ def law_levels(drive_V: Real, printhead: Printhead, excitation: Excitation) -> R
     law = printhead.branch_law.ascending
     if drive_V is not excitation.drive_at_nodes_V:
         return _levels(drive_V, printhead.full_scale_V, law[None, :], excitation.periodic)[:, 0]
-    levels: Real = law_powers(printhead, excitation) @ law[1:]
-    return levels
+    asked = (printhead.full_scale_V, law.tobytes())
+    known, levels = excitation.cache.get("levels", (None, None))
+    if known != asked:  # the fits of an effect's parameters leave the law as it is
+        levels = law_powers(printhead, excitation) @ law[1:]
+        excitation.cache["levels"] = asked, levels
+    found: Real = levels
+    return found
 
 
 def law_powers(printhead: Printhead, excitation: Excitation) -> Real:

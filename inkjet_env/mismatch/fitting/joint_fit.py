@@ -37,6 +37,8 @@ from inkjet_env.typing import Real
 DIFFERENCE = 1e-4
 """Finite-difference step of a coordinate, relative to its scale."""
 WORST = 1e300
+MOST_RECENT = 3
+"""Number of states whose signals are kept: where a fit is, where it was, and what it tries."""
 
 
 class OutputErrorFit:
@@ -83,6 +85,7 @@ class OutputErrorFit:
         self.seen = tuple(o for o in self.observed if o.fitted)
         self.ends = np.cumsum([o.fitted for o in self.seen])
         self._limits: dict[str, tuple[Real, Real]] = {}
+        self._recent: list[tuple[ModelState, dict[str, Real]]] = []
         self.base = base or self.fit(ActiveEffects())
 
     @cached_property
@@ -149,6 +152,15 @@ class OutputErrorFit:
     ) -> dict[str, Real]:
         """Free-run signals by recording, in each channel's unit, shape (n,), with a remainder if one is given."""
         return _signals(replace(at.head.plant(at.active.pairs), remainder=remainder), at.states, chosen)
+
+    def _kept(self, at: ModelState, chosen: Sequence[ObservedRecording]) -> dict[str, Real]:
+        """`signals` of this fit's own recordings; those of the last few states are kept."""
+        known = next((known for state, known in self._recent if state is at), None)
+        if known is None:
+            known = {}
+            self._recent = [(at, known), *self._recent[: MOST_RECENT - 1]]
+        known.update(self.signals(at, [o for o in chosen if o.name not in known]))
+        return {o.name: known[o.name] for o in chosen}
 
     def modelled(self, fit: FitResult, remainder: Remainder | None = None) -> dict[str, Real]:
         """A fit's signal of every recording, in the channel's unit: free-run, plus its own random-effect amplitudes.
@@ -295,7 +307,7 @@ class OutputErrorFit:
     def _ended(
         self, end: ModelState, nll: float, jacobian: Real, converged: bool, jacobian_at: ModelState, whole: bool
     ) -> FitResult:
-        everything = self.signals(end, self.observed)
+        everything = self._kept(end, self.observed)
         residuals = {o.name: self.whitened(o, o.measured - everything[o.name], end.active.pairs) for o in self.observed}
         return FitResult(end, residuals, nll, jacobian, converged, jacobian_at, whole, self.start)
 
@@ -334,7 +346,7 @@ class OutputErrorFit:
 
     def _residuals(self, at: ModelState) -> tuple[Real, float]:
         """Whitened residuals of the fitted rows, shape (rows,), and their negative log-likelihood."""
-        signals = self.signals(at, self.seen)
+        signals = self._kept(at, self.seen)
         residuals = self.stacked({o.name: o.measured - signals[o.name] for o in self.seen}, at.active.pairs)
         nll = 0.5 * float(residuals @ residuals)  # Eq. (1), halved
         return residuals, nll if math.isfinite(nll) else WORST
@@ -344,7 +356,7 @@ class OutputErrorFit:
         if not at.states:
             return at
         chosen = [o for o in self.observed if o.name in at.states]
-        signals = self.signals(at, chosen, remainder)
+        signals = self._kept(at, chosen) if remainder is None else self.signals(at, chosen, remainder)
         plant, moved = at.head.plant(), {}
         for o in chosen:
             rows = o.fitted or o.excitation.samples
@@ -375,7 +387,7 @@ class OutputErrorFit:
         columns = np.zeros((int(self.ends[-1]), active.theta.size))
         if not active.theta.size:
             return columns
-        here = self.signals(at, self.seen)
+        here = self._kept(at, self.seen)
         first = 0 if known is None else known.shape[1]
         if known is not None:
             columns[:, :first] = known

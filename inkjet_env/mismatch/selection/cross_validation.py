@@ -42,7 +42,7 @@ class LeaveOutResiduals:
 
 
 def predicted(
-    residuals: Real, columns: Real, groups: Sequence[NDArray[np.intp]], single_condition: float
+    residuals: Real, q: Real, groups: Sequence[NDArray[np.intp]], single_condition: float
 ) -> LeaveOutResiduals:
     """Residuals with each condition left out.
 
@@ -50,15 +50,14 @@ def predicted(
     ----------
     residuals : ndarray, shape (rows,)
         Whitened residuals of the fit.
-    columns : ndarray, shape (rows, p)
-        Whitened sensitivities to all fitted parameters.
+    q : ndarray, shape (rows, p)
+        Orthonormal columns that span the whitened sensitivities to all fitted parameters.
     groups : sequence of ndarray of int
         Rows of each condition.
     single_condition : float
         Share of the information on a parameter direction that comes from one condition, above which leaving that
         condition out does not test it.
     """
-    q = orthonormal(columns)
     result = residuals.copy()
     for rows in groups:
         mine = q[rows]
@@ -66,6 +65,16 @@ def predicted(
         factor = np.where(share < single_condition, 1 / (1 - np.minimum(share, single_condition)), 0.0)
         result[rows] = residuals[rows] + mine @ (directions @ (factor * (directions.T @ (mine.T @ residuals[rows]))))
     return LeaveOutResiduals(result, tuple(groups))
+
+
+def spanned(q: Real, columns: Real) -> Real:
+    """Orthonormal columns ``q``, shape (rows, p), and what further columns add to their span: (rows, p + rank)."""
+    size = np.linalg.norm(columns, axis=0)
+    own = columns[:, size > 0] / size[size > 0]
+    for _ in range(2):  # twice, for columns that are nearly in the span
+        own = own - q @ (q.T @ own)
+    added, r = np.linalg.qr(own)
+    return np.column_stack([q, added[:, np.abs(np.diag(r)) > 1e-9]])
 
 
 def orthonormal(columns: Real) -> Real:

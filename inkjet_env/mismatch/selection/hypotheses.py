@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.selection.cross_validation import LeaveOutResiduals, orthonormal, predicted
+from inkjet_env.mismatch.selection.cross_validation import LeaveOutResiduals, predicted, spanned
 from inkjet_env.mismatch.selection.score_test import Signatures, superposed
 from inkjet_env.plant import Effect
 from inkjet_env.plant.active_effects import ActiveEffects
@@ -65,7 +65,7 @@ class Hypothesis:
     @cached_property
     def columns(self) -> Real:
         """Orthonormal basis of the sensitivities to all fitted parameters, shape (rows, q)."""
-        return orthonormal(np.column_stack([self.joint.basis[0], self.fit.jacobian]))
+        return spanned(self.joint.basis[0], self.fit.jacobian)
 
     @cached_property
     def predicted(self) -> LeaveOutResiduals:

@@ -41,7 +41,7 @@ def residual(design, data):
 
 def test_each_condition_left_out_is_predicted_as_by_a_refit_without_it(linear):
     design, data, groups = linear
-    result = predicted(residual(design, data), design, groups, SINGLE)
+    result = predicted(residual(design, data), orthonormal(design), groups, SINGLE)
     for rows in groups:
         np.testing.assert_allclose(result.residuals[rows], refitted(design, data, rows), rtol=1e-9, atol=1e-11)
 
@@ -52,8 +52,8 @@ def test_columns_said_twice_and_empty_ones_change_nothing(linear):
     assert orthonormal(again).shape[1] == 4
     residuals = residual(design, data)
     np.testing.assert_allclose(
-        predicted(residuals, again, groups, SINGLE).residuals,
-        predicted(residuals, design, groups, SINGLE).residuals,
+        predicted(residuals, orthonormal(again), groups, SINGLE).residuals,
+        predicted(residuals, orthonormal(design), groups, SINGLE).residuals,
         rtol=1e-8,
         atol=1e-10,
     )
@@ -64,7 +64,7 @@ def test_a_parameter_that_one_condition_alone_tells_stays_as_fitted_there(linear
     alone = np.zeros((len(data), 1))
     alone[groups[3]] = np.random.default_rng(6).standard_normal((CONDITIONS[3], 1))
     both = np.column_stack([design, alone])
-    result = predicted(residual(both, data), both, groups, SINGLE)
+    result = predicted(residual(both, data), orthonormal(both), groups, SINGLE)
     # Elsewhere the column says nothing: leaving another condition out goes as ever.
     np.testing.assert_allclose(result.residuals[groups[1]], refitted(both, data, groups[1]), rtol=1e-8, atol=1e-10)
     # In its own condition: a refit without it, its weight held.
@@ -78,8 +78,8 @@ def test_a_parameter_that_one_condition_alone_tells_stays_as_fitted_there(linear
 
 def test_gains_are_differences_of_the_likelihood_condition_by_condition(linear):
     design, data, groups = linear
-    poor = predicted(residual(design[:, :2], data), design[:, :2], groups, SINGLE)
-    rich = predicted(residual(design, data), design, groups, SINGLE)
+    poor = predicted(residual(design[:, :2], data), orthonormal(design[:, :2]), groups, SINGLE)
+    rich = predicted(residual(design, data), orthonormal(design), groups, SINGLE)
     gains, errors = poor.log_likelihood_gain(rich)
     for gain, error, rows in zip(gains, errors, groups, strict=True):
         a, b = refitted(design[:, :2], data, rows), refitted(design, data, rows)
