@@ -136,7 +136,10 @@ class Plant:
 
     def hysteretic_V(self, drive_V: Real, excitation: Excitation) -> Real:
         """Hysteretic drive in volts at the nodes, shape (nodes,)."""
-        hysteretic_V = law_levels(drive_V, self.printhead, excitation)
+        return self.after_law_V(law_levels(drive_V, self.printhead, excitation), drive_V, excitation)
+
+    def after_law_V(self, hysteretic_V: Real, drive_V: Real, excitation: Excitation) -> Real:
+        """`hysteretic_V` from the output of the branch law alone at the nodes, in volts."""
         for effect, values in self.of("hysteresis"):
             changed_V = effect.hysteresis(values, hysteretic_V, drive_V, self.printhead, excitation)
             hysteretic_V = _like(hysteretic_V, changed_V, effect)
@@ -169,6 +172,15 @@ def law_levels(drive_V: Real, printhead: Printhead, excitation: Excitation) -> R
         excitation.cache["levels"] = asked, levels
     found: Real = levels
     return found
+
+
+def law_changes(drive_V: Real, printhead: Printhead, excitation: Excitation, changes: Real) -> Real:
+    """Change of `law_levels` with the law, shape (nodes, k), for changes of its coefficients, shape (degree, k)."""
+    if drive_V is excitation.drive_at_nodes_V:
+        levels: Real = law_powers(printhead, excitation) @ changes
+        return levels
+    laws = np.column_stack([np.zeros(changes.shape[1]), changes.T])
+    return _levels(drive_V, printhead.full_scale_V, laws, excitation.periodic)
 
 
 def law_powers(printhead: Printhead, excitation: Excitation) -> Real:

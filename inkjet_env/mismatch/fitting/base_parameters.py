@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.plant import Effect, Excitation, Plant, SimulationError, Values
+from inkjet_env.plant.stages import law_changes, law_levels
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -140,7 +141,13 @@ class Head:
         excitation, channel, d = observed.excitation, observed.channel, self.degree
         largest = max(float(np.abs(observed.measured).max()), 1e-12)
         directions = self._directions(observed)
-        here = self.plant(effects).signal(excitation)
+        plant = self.plant(effects)
+        drive_V = plant.at_ceramic_V(excitation)
+        levels_V = law_levels(drive_V, self.printhead, excitation)
+        changes_V = law_changes(drive_V, self.printhead, excitation, directions)
+        hysteretic_V = plant.after_law_V(levels_V, drive_V, excitation)
+        motion = plant.motion_under(hysteretic_V, excitation)
+        here = plant.shown(motion, drive_V, excitation)
         columns = np.zeros((here.size, self.size))
         steps = dict.fromkeys(range(d), SMALL)
         if excitation.fast:
@@ -157,7 +164,15 @@ class Head:
             step[k] = size
             if k < d:
                 step[:d] = size * directions[:, k]
-            columns[:, k] = (self.moved(step).plant(effects).signal(excitation) - here) / size
+            moved = self.moved(step).plant(effects)  # of the stages, only those that the step reaches
+            changed_V, changed = hysteretic_V, motion
+            if k < d:
+                changed_V = moved.after_law_V(levels_V + size * changes_V[:, k], drive_V, excitation)
+            elif k < d + 2 and plant.of("hysteresis"):
+                changed_V = moved.after_law_V(levels_V, drive_V, excitation)
+            if k < d + 2:
+                changed = moved.motion_under(changed_V, excitation)
+            columns[:, k] = (moved.shown(changed, drive_V, excitation) - here) / size
         columns[:, : self.degree] = np.linalg.solve(directions.T, columns[:, : self.degree].T).T
         return columns
 
