@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -58,6 +59,14 @@ def band_shape(cycles_a_sample: Real, band: Band) -> Real:
     for centre in (band.frequency, -band.frequency):
         turn = 2 * np.pi * (cycles_a_sample - centre)
         shape = shape + 0.5 * (1 - keep**2) / (1 - 2 * keep * np.cos(turn) + keep**2)
+    return shape
+
+
+@lru_cache(maxsize=1024)
+def _shape_at_lines(samples: int, band: Band) -> Real:
+    """`band_shape` at the lines of a real Fourier transform; the mean has the power of the first line."""
+    shape = band_shape(np.maximum(np.arange(samples // 2 + 1), 1) / samples, band)
+    shape.flags.writeable = False
     return shape
 
 
@@ -116,14 +125,13 @@ def band_powers(
         if samples < 4:
             continue
         power = np.mean([np.abs(np.fft.rfft(row)) ** 2 / samples for row, _, _ in mine], axis=0)
-        cycles = np.maximum(np.arange(power.size), 1) / samples  # the mean has the power of the first line
         _, innovation, passed_at = mine[0]
         passed = passed_at(samples)[: power.size] / innovation**2
         rows = _pooled(power.size)
         table = np.zeros((power.size, len(steps) + len(atoms)))
         table[:, steps.index(step)] = 1.0
         for k, (frequency_Hz, memory_s) in enumerate(atoms, start=len(steps)):
-            table[:, k] = passed * band_shape(cycles, Band(frequency_Hz * step, memory_s / step, 1.0))
+            table[:, k] = passed * _shape_at_lines(samples, Band(frequency_Hz * step, memory_s / step, 1.0))
         count = np.diff(np.append(rows, power.size)).astype(np.float64)
         tables.append(np.add.reduceat(table, rows, axis=0) / count[:, None])
         levels.append(np.add.reduceat(power, rows) / count)

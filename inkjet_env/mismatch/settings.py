@@ -133,6 +133,9 @@ class SelectionSettings(_Settings):
     hopeless_gain: float = 0.5
     """Share of the best effect's gain, after the first steps, below which an effect is not fitted to the end. Unit: 1.
     Source: speed."""
+    worse_law: float = 10.0
+    """Loss by leaving out a term of a law, with the base sensitivities of the whole law, above which the law without it
+    is not fitted to the end. Unit: log-likelihood. Source: speed; new sensitivities gain about 1."""
     most_rounds: int = 4
     """Largest number of times that the base parameters' sensitivities are computed anew for a fit. Unit: 1. Source:
     speed."""

@@ -292,7 +292,11 @@ def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypo
             return best
         tried.add(terms[0])
         without = replace(best.fit.moved(active=best.fit.active.without_term(effect, terms[0])), nll=math.inf)
-        fewer = settled(joint, without)
+        near = best.joint  # its base sensitivities tell whether it is worth taking them anew
+        begun = _tried(near, without.active, without)
+        if begun is None or Hypothesis(begun, near).score < best.score - joint.settings.selection.worse_law:
+            continue
+        fewer = settled(joint, begun)
         if fewer.score > best.score:
             best, tried = fewer, set()
 
