@@ -301,12 +301,15 @@ class _Work:
                 chosen = settled(joint, near.fit(chosen.fit.active))
             except NUMERICAL:
                 return before, replace(chosen, fit=replace(chosen.fit, converged=False))
-            substeps = joint.observed[0].excitation.substeps
-            error = joint.numerical_error(chosen.fit)
-            if error < settings.simulation_error or substeps >= settings.most_substeps or math.isinf(error):
+            began = substeps = joint.observed[0].excitation.substeps
+            error = joint.numerical_error(chosen.fit, substeps)
+            while settings.simulation_error <= error < math.inf and substeps < settings.most_substeps:
+                substeps *= 2
+                error = joint.numerical_error(chosen.fit, substeps)
+            if substeps == began:
                 break
             before = joint
-            joint = joint.anew(observed=finer(joint.observed, 2 * substeps))
+            joint = joint.anew(observed=finer(joint.observed, substeps))
         if math.isinf(error):
             self.notes.append(f"With more than {substeps} nodes per sample, the effects found cannot be simulated.")
         elif error >= settings.simulation_error:

@@ -180,17 +180,16 @@ class OutputErrorFit:
                 signals[o.name] = signals[o.name] + table @ np.linalg.lstsq(pair[:, :-1], pair[:, -1], rcond=1e-12)[0]
         return signals
 
-    def numerical_error(self, fit: FitResult) -> float:
-        """Distance between the simulations on these nodes and on twice as many, in standard deviations of the noise.
+    def numerical_error(self, fit: FitResult, substeps: int) -> float:
+        """Distance between simulations on this many nodes per sample and on twice as many, in standard deviations.
 
-        It is the root of the sum of squares over all fitted samples: 1 corresponds to one parameter's standard error.
-        It is infinite if the plant cannot be simulated on twice as many nodes.
+        The standard deviations are those of the noise. The distance is the root of the sum of squares over all fitted
+        samples: 1 corresponds to one parameter's standard error. It is infinite if the plant cannot be simulated on
+        twice as many nodes.
         """
-        substeps = 2 * max(o.excitation.substeps for o in self.seen)
-        fine = finer(self.seen, substeps)
-        here = self.signals(fit.end, self.seen)
+        here = self.signals(fit.end, finer(self.seen, substeps))
         try:
-            there = self.signals(fit.end, fine)
+            there = self.signals(fit.end, finer(self.seen, 2 * substeps))
         except NUMERICAL:
             return math.inf
         return float(np.linalg.norm(self.stacked({o.name: here[o.name] - there[o.name] for o in self.seen})))

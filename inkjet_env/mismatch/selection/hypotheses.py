@@ -103,6 +103,17 @@ class Hypothesis:
         return 2 * self.fit.nll - (self.residuals.size - self.joint.base_rank - moved)
 
     @property
+    def sure_excess(self) -> float:
+        """What of the `excess` is beyond the doubt of the noise's own level; 0 where the noise is not known."""
+        if not self.noise_known:
+            return 0.0
+        rows, noise = self.residuals.size, self.joint.noise
+        samples = sum(noise.samples[key] for key in {o.noise_key for o in self.joint.seen})
+        tail = max(noise.tail(o) for o in self.joint.seen)
+        doubt = math.sqrt(tail * (2 * rows + 2 * rows**2 / max(samples, 1)))
+        return max(self.excess - self.joint.settings.verdict.excess_standard_deviations * doubt, 0.0)
+
+    @property
     def leaves_much(self) -> bool:
         """Whether the residuals exceed the noise by enough for another effect to be worth adding."""
         return not self.noise_known or self.excess > self.joint.settings.selection.equation_error * 2 * self.gain
@@ -297,7 +308,7 @@ def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypo
         if begun is None or Hypothesis(begun, near).score < best.score - joint.settings.selection.worse_law:
             continue
         fewer = settled(joint, begun)
-        if fewer.score > best.score:
+        if fewer.score >= best.score:
             best, tried = fewer, set()
 
 

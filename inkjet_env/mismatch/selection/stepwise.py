@@ -214,7 +214,7 @@ def _as_good(
             continue
         behind = chosen.score - other.score  # one that needs more parameters for it is no equal
         apart = float(np.linalg.norm(other.residuals - chosen.residuals))
-        alike = abs(cosine(without, chosen, other)) > settings.same_signature and 2 * behind < chosen.excess
+        alike = abs(cosine(without, chosen, other)) > settings.same_signature and 2 * behind < chosen.sure_excess
         weighty = behind <= -math.log(settings.alike_weight) * temperature(chosen)
         if behind <= settings.predicted_standard_errors * apart or alike or weighty:
             same.append((behind, effect.id))
@@ -224,7 +224,7 @@ def _as_good(
 def temperature(chosen: Hypothesis) -> float:
     """Difference of scores that counts as little beside a hypothesis, Eq. (2) of docs/explanation/diagnosis.md."""
     settings = chosen.joint.settings.selection
-    return settings.alike_gain + settings.alike_excess * max(chosen.excess if chosen.noise_known else 0.0, 0.0)
+    return settings.alike_gain + settings.alike_excess * chosen.sure_excess
 
 
 def weights(selection: Selection, name: str) -> dict[str, float]:

@@ -14,10 +14,10 @@ from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
-GUESSES = (1.5, 2.2, 3.3, 5.0, 7.5, 11.0, 17.0, 25.0)
-"""Frequencies of the starts, relative to that of the head."""
-DAMPING_RATIOS = (0.3, 0.1)
-"""Damping ratios of the starts."""
+LOWEST = 1.5
+"""Lowest frequency of the starts, relative to that of the head."""
+RATIOS = {0.3: 1.6, 0.1: 1.25}
+"""Ratio of the frequencies of neighbouring starts, by damping ratio: a lighter damped ring needs a closer start."""
 MOST_PERIODS_A_NODE = 1e6
 """Periods per node from which the voltage follows at once, to rounding."""
 
@@ -48,19 +48,25 @@ class DriveResonance(Effect):
     shown_by = "the voltage at the head as well (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
-        highest_Hz = resolved_Hz(excitations)[1]
-        ratios = [ratio for ratio in GUESSES if ratio * printhead.frequency_Hz < highest_Hz] or GUESSES[:1]
-        return [
-            {"frequency_Hz": ratio * printhead.frequency_Hz, "damping_ratio": damping}
-            for damping in DAMPING_RATIOS
-            for ratio in ratios
-        ]
+        lowest_Hz, highest_Hz = LOWEST * printhead.frequency_Hz, self._range_Hz(excitations)[1]
+        found = []
+        for damping, ratio in RATIOS.items():
+            count = int(math.log(max(highest_Hz / lowest_Hz, 1.0)) / math.log(ratio)) + 1
+            found += [{"frequency_Hz": lowest_Hz * ratio**k, "damping_ratio": damping} for k in range(count)]
+        return found
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"frequency_Hz": 6 * printhead.frequency_Hz, "damping_ratio": 0.15}
 
     def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
-        return {"frequency_Hz": resolved_Hz(excitations)}
+        return {"frequency_Hz": self._range_Hz(excitations)}
+
+    @staticmethod
+    def _range_Hz(excitations: Sequence[Excitation]) -> tuple[float, float]:
+        """Frequencies that fast recordings show: above half the sampling rate, the samples alias the drive's ring."""
+        fast = [excitation.step_s for excitation in excitations if excitation.fast]
+        lowest_Hz, highest_Hz = resolved_Hz(excitations)
+        return lowest_Hz, 1 / min(fast) if fast else highest_Hz
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         return too_slow(excitations)

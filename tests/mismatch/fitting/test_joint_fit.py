@@ -318,7 +318,7 @@ def test_the_numerical_error_falls_with_the_nodes(name, recorded, fitted, effect
     for substeps in (2, 4, 8):
         fine = OutputErrorFit(finer(joint.observed, substeps), joint.noise, joint.start, SETTINGS, base=joint.base)
         fit = joint.base.moved(active=ActiveEffects.of([(effect, told)]))
-        errors.append(fine.numerical_error(fit))
+        errors.append(fine.numerical_error(fit, substeps))
     assert errors[0] > 3 * errors[1] > 9 * errors[2] > 0
 
 
