@@ -13,7 +13,9 @@ from inkjet_env.plant.effect import Effect, Parameter, Values, coordinates, rest
 from inkjet_env.typing import Real
 
 SMALLEST_SCALE = 1e-6
-"""Smallest scale of a coordinate for a finite difference, as a share of the coordinate's range."""
+"""Smallest scale of a strength for a finite difference, as a share of its range."""
+SMALLEST_SCALE_OF_SHAPE = 1e-2
+"""The same for a dimensionless shape, which changes the signal in proportion to a strength that may be small."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +138,10 @@ class ActiveEffects:
 
     def scale(self, place: int) -> float:
         """Scale of a coordinate for a finite difference: its magnitude, or a small share of its range."""
-        parameter = self.parameters[place][1]
+        effect, parameter = self.parameters[place]
         if parameter.scale == "log":
             return 1.0
         low, high = parameter.bounds
-        return max(abs(float(self.theta[place])), SMALLEST_SCALE * (high - low))
+        shape = parameter.unit == "1" and parameter.name not in effect.strengths
+        least = SMALLEST_SCALE_OF_SHAPE if shape else SMALLEST_SCALE
+        return max(abs(float(self.theta[place])), least * (high - low))
