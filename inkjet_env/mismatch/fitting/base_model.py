@@ -116,7 +116,8 @@ def _settled(
     """A joint fit whose noise comes from its own base model's residuals, with the law's swing set by convention."""
     signals = {o.name: head.plant().signal(o.excitation) for o in observed}
     residuals = {o.name: o.measured - signals[o.name] for o in observed}
-    joint = OutputErrorFit(observed, noise_seen(observed, residuals, otherwise, settings.fitting), head, settings)
+    noise = noise_seen(observed, residuals, otherwise, settings.fitting)
+    joint = OutputErrorFit(observed, noise, head, settings, plain=in_convention(head))
     for _ in range(settings.fitting.most_base_fits):
         before = joint.base.nll
         joint = joint.anew(head=in_convention(joint.base.head))

@@ -62,6 +62,9 @@ class OutputErrorFit:
         Fit with whose effects on the base sensitivities are taken; without effects unless given.
     root : OutputErrorFit, optional
         The same fits with the base sensitivities of the base model.
+    plain : Head, optional
+        Base parameters at which the fits of a first effect begin; ``head`` unless given. A mismatch bends the law of
+        the base model wherever that helps; what an effect does to a law so bent says little of what it does to another.
     """
 
     def __init__(
@@ -74,9 +77,11 @@ class OutputErrorFit:
         base: FitResult | None = None,
         around: FitResult | None = None,
         root: OutputErrorFit | None = None,
+        plain: Head | None = None,
     ) -> None:
         self.settings = settings
         self.root = root
+        self.plain = plain
         self.random_effects = tuple(random_effects)
         self.around = around
         self.observed = tuple(observed)
@@ -194,6 +199,13 @@ class OutputErrorFit:
             return math.inf
         return float(np.linalg.norm(self.stacked({o.name: here[o.name] - there[o.name] for o in self.seen})))
 
+    @cached_property
+    def from_plain(self) -> OutputErrorFit:
+        """The same fits, begun at the plain base parameters."""
+        if self.plain is None or self.plain.printhead.full_scale_V != self.start.printhead.full_scale_V:
+            return self
+        return self.anew(head=self.plain, base=self.base, root=self.root or self)
+
     def near(self, fit: FitResult) -> OutputErrorFit:
         """The same fits, with the base sensitivities taken at the end of another fit, its effects on."""
         return self.anew(head=fit.head, base=self.base, around=fit, root=self.root or self)
@@ -222,6 +234,7 @@ class OutputErrorFit:
             base,
             around,
             root,
+            self.plain,
         )
 
     def fit(

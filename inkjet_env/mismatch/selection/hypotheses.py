@@ -201,21 +201,29 @@ def attribute(
     """
     given, settings = beside.fit, joint.settings.selection
     hopeless = settings.hopeless_gain if hopeless is None else hopeless
-    best: dict[str, FitResult] = {}
-    for begun in _begun(joint, beside, effects, found, context):
-        name = begun.active.last.id
-        if name not in best or begun.nll < best[name].nll:
-            best[name] = begun
-    most = max((given.nll - fit.nll for fit in best.values()), default=0.0)
-    promising = [fit for fit in best.values() if given.nll - fit.nll >= hopeless * most]
-    hypotheses = [Hypothesis(fit, joint) for fit in best.values() if given.nll - fit.nll < hopeless * most]
-    questions = [(fit.active, fit, None) for fit in promising]
-    ended: list[Hypothesis] = []
-    for k, fit in enumerate(context.fits(joint, lambda fit: simplest(joint, fit).fit, promising, questions)):
-        if fit is not None:
-            context.progress(f"refining {' + '.join(fit.ids)} ({k + 1} of {len(promising)})")
-            ended.append(Hypothesis(fit, joint.near(fit)))
-    ended.sort(key=lambda h: -h.score)
+    by_effect: dict[str, list[FitResult]] = {}
+    for begun in sorted(_begun(joint, beside, effects, found, context), key=lambda fit: fit.nll):
+        by_effect.setdefault(begun.active.last.id, []).append(begun)
+    most = max((given.nll - fits[0].nll for fits in by_effect.values()), default=0.0)
+
+    def refined(begun: Sequence[FitResult]) -> list[Hypothesis]:
+        questions = [(fit.active, fit, None) for fit in begun]
+        fits, ended = context.fits(joint, lambda fit: simplest(joint, fit).fit, begun, questions), []
+        for k, fit in enumerate(fits):
+            if fit is not None:
+                context.progress(f"refining {' + '.join(fit.ids)} ({k + 1} of {len(begun)})")
+                ended.append(Hypothesis(fit, joint.near(fit)))
+        return ended
+
+    promising = [fits for fits in by_effect.values() if given.nll - fits[0].nll >= hopeless * most]
+    hypotheses = [Hypothesis(fits[0], joint) for fits in by_effect.values() if fits not in promising]
+    ended = sorted(refined([fits[0] for fits in promising]), key=lambda h: -h.score)
+    if ended and ended[0].leaves_much and not given.active.effects:  # the best start may have led to another minimum
+        seconds = [fit for fits in promising for fit in fits[1:] if given.nll - fit.nll >= hopeless * most]
+        best: dict[tuple[str, ...], Hypothesis] = {}
+        for one in sorted([*ended, *refined(seconds)], key=lambda h: -h.score):
+            best.setdefault(one.ids, one)
+        ended = list(best.values())
     if ended and (ended[0].leaves_much or ended[0].degenerate):
         fair_gain = settings.whole_law_gain * max(given.nll - h.fit.nll for h in ended)
         partial = [h.fit for h in ended if h.lacks_terms and given.nll - h.fit.nll >= fair_gain]
@@ -234,6 +242,8 @@ def _begun(
     """A few steps from the starts of each effect; those that two steps show to be alike or hopeless get no more."""
     given, settings = beside.fit, joint.settings.selection
     known = given.jacobian if given.active.effects else None
+    if not given.active.effects:  # the first effect
+        joint = joint.from_plain
     best_score = found.best(beside.residuals)
     largest = max(best_score.values(), default=0.0)
 
@@ -245,7 +255,7 @@ def _begun(
             yield fit
 
     starts = [
-        (given.active.plus(effect, start), given)
+        (given.active.plus(effect, start), given.moved(head=joint.start) if known is None else given)
         for effect in effects
         if effect.id not in given.ids and best_score.get(effect.id, 0.0) >= settings.least_score * largest
         for _, start in found.ranked(effect, beside.residuals)[
