@@ -29,6 +29,16 @@ COMPARED = {
     ("feedthrough", "capacitive_s"): ("feedthrough_s", ("capacitive",)),
     ("sensor_saturation", "limit"): ("level_V", ("clip",)),
     ("mains_hum", "frequency_Hz"): ("frequency_Hz", ()),
+    ("drive_resonance", "frequency_Hz"): ("frequency_Hz", ("series",)),
+    ("drive_resonance", "damping_ratio"): ("damping_ratio", ("series",)),
+    ("supply_droop", "droop"): ("droop_per_100_V", ("common", "split")),
+    ("supply_droop", "recovery_s"): ("recovery_s", ("common", "split")),
+    ("generator_steps", "update_s"): ("update_s", ("hold",)),
+    ("generator_steps", "resolution_V"): ("step_V", ("bits",)),
+    ("structural_damping", "loss_factor"): ("loss_factor", ("constant_loss",)),
+    ("self_heating", "cooling_s"): ("time_s", ("burst",)),
+    ("sensor_highpass", "corner_Hz"): ("frequency_Hz", ("first_order",)),
+    ("timebase_error", "skew"): ("rate_error", ("constant",)),
 }
 """Parameters with the same meaning in diagnosis and concealed plant: the plant's name for each, and the variants in
 which both use the same equation (all if none is listed). Parameters that depend on hysteretic volts, a convention that

@@ -265,6 +265,10 @@ def test_the_page_stands_alone_and_begins_with_what_was_proven(flawless):
     assert not re.search(r"https?://|<script|<link|src=", page)
     assert page.count("<svg") >= 3
     assert found["truth_sha256"] in page
+    for noise, alarms in found["noise"].items():
+        assert f"<td>{noise.replace('_', ' ')}</td><td>{len(alarms)}</td><td>0</td>" in page
+    for one in found["calibration"]:
+        assert f"<td>{one['of']}</td>" in page[page.index("<h2>Probabilities</h2>") :]
 
 
 def test_a_page_of_nulls_alone_is_a_page(flawless):
