@@ -135,6 +135,7 @@ class _Work:
         self.notes: list[str] = []
         self.effects = tuple(effects)
         self.indistinguishable: dict[str, tuple[str, ...]] = {}
+        self.last_polished: tuple[OutputErrorFit, Hypothesis, tuple[OutputErrorFit, Hypothesis]] | None = None
 
     def diagnosis(self, printhead: Printhead | None, held_out: Sequence[str] | None) -> Diagnosis:
         """All steps of the diagnosis in order."""
@@ -289,6 +290,13 @@ class _Work:
         """
         if not chosen.ids:
             return joint, chosen
+        if self.last_polished is None or self.last_polished[0] is not joint or self.last_polished[1] is not chosen:
+            self.last_polished = joint, chosen, self._polished(joint, chosen, random_effects)
+        return self.last_polished[2]
+
+    def _polished(
+        self, joint: OutputErrorFit, chosen: Hypothesis, random_effects: Sequence[RandomEffect]
+    ) -> tuple[OutputErrorFit, Hypothesis]:
         before, settings = joint, self.settings.fitting
         while True:
             try:

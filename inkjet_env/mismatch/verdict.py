@@ -114,10 +114,9 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     closure = closure_of(recordings, settings.verdict)
     share = unexplained_share(base_hypothesis(bare), chosen, found.discrepancy)
     groups, anything = found.groups, bool(chosen.ids or found.random_effects)
-    refuted = (
-        bool(chosen.ids)
-        and closure < settings.verdict.least_closure
-        and not explains_held_out_after_refit(joint, chosen, context)
+    refuted = bool(chosen.ids) and (
+        closure <= 0  # no name without improvement on recordings that no fit saw
+        or (closure < settings.verdict.least_closure and not explains_held_out_after_refit(joint, chosen, context))
     )
     vague = max(map(len, groups), default=0) > settings.verdict.most_alike
     # the base model was checked on fitted recordings alone: does it hold where it predicted badly?

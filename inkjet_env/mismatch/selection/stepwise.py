@@ -213,8 +213,11 @@ def _as_good(
         if other is None or other.degenerate or effect.id == name or effect.id in chosen.ids:
             continue
         behind = chosen.score - other.score  # one that needs more parameters for it is no equal
-        apart = float(np.linalg.norm(other.residuals - chosen.residuals))
-        alike = abs(cosine(without, chosen, other)) > settings.same_signature and 2 * behind < chosen.sure_excess
+        difference = other.residuals - chosen.residuals
+        apart = float(np.linalg.norm(difference))
+        # Of a right explanation, what it leaves leans to no other by more than noise.
+        leans = -float(chosen.residuals @ difference) > joint.settings.verdict.excess_standard_deviations * apart
+        alike = leans and 2 * behind < chosen.excess and abs(cosine(without, chosen, other)) > settings.same_signature
         weighty = behind <= -math.log(settings.alike_weight) * temperature(chosen)
         if behind <= settings.predicted_standard_errors * apart or alike or weighty:
             same.append((behind, effect.id))
