@@ -119,7 +119,7 @@ class SelectionSettings(_Settings):
     least_score: float = 0.05
     """Share of the best effect's score below which an effect is not fitted at all: it explains a four hundredth as
     much. Unit: 1. Source: speed."""
-    screening_steps: int = 2
+    screening_steps: int = 1
     """Number of steps after which a start is compared with the others. Unit: 1. Source: speed."""
     screened_gain: float = 0.05
     """Share of the best gain by then, below which a start is not continued. Unit: 1. Source: speed; of 32 effects, none
@@ -136,6 +136,9 @@ class SelectionSettings(_Settings):
     worse_law: float = 10.0
     """Loss by leaving out a term of a law, with the base sensitivities of the whole law, above which the law without it
     is not fitted to the end. Unit: log-likelihood. Source: speed; new sensitivities gain about 1."""
+    scan_widths: tuple[float, ...] = (0.15, 0.01)
+    """Largest logarithms of the ratio by which a strength on which the signal depends in jumps is moved from the end of
+    its last fit, one scan after another. Unit: 1. Source: the jumps of a thousand updates coincide to a thousandth."""
     most_rounds: int = 4
     """Largest number of times that the base parameters' sensitivities are computed anew for a fit. Unit: 1. Source:
     speed."""

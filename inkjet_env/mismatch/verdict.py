@@ -114,8 +114,10 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     closure = closure_of(recordings, settings.verdict)
     share = unexplained_share(base_hypothesis(bare), chosen, found.discrepancy)
     groups, anything = found.groups, bool(chosen.ids or found.random_effects)
+    # No name without improvement on recordings that no fit saw; only what changes between them need not foretell them.
+    ordered = any(effect.depends_on_order for effect in chosen.fit.active.effects)
     refuted = bool(chosen.ids) and (
-        closure <= 0  # no name without improvement on recordings that no fit saw
+        (closure <= 0 and not ordered)
         or (closure < settings.verdict.least_closure and not explains_held_out_after_refit(joint, chosen, context))
     )
     vague = max(map(len, groups), default=0) > settings.verdict.most_alike

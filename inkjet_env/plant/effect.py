@@ -118,6 +118,8 @@ class Effect:
     plain_leaves : float
         Share of the mismatch that the law must leave unexplained before terms that its start has off are admitted;
         dimensionless, 0 to 1.
+    rugged : tuple of str
+        Names of strengths on which the signal depends in jumps, so that a fit ends at the nearest of many minima.
     signature : str
         What distinguishes it from other effects.
     confusable_with : tuple of str
@@ -140,6 +142,7 @@ class Effect:
     strengths: ClassVar[tuple[str, ...]]
     terms: ClassVar[tuple[tuple[str, ...], ...]] = ()
     plain_leaves: ClassVar[float] = 0.0
+    rugged: ClassVar[tuple[str, ...]] = ()
     signature: ClassVar[str] = ""
     confusable_with: ClassVar[tuple[str, ...]] = ()
     shown_by: ClassVar[str] = "a different kind of drive"

@@ -363,6 +363,15 @@ class OutputErrorFit:
         nll = 0.5 * float(residuals @ residuals)  # Eq. (1), halved
         return residuals, nll if math.isfinite(nll) else WORST
 
+    def adapted_nll(self, fit: FitResult, active: ActiveEffects) -> float:
+        """Negative log-likelihood at a fit with other effects, its base parameters adapted to first order."""
+        try:
+            residuals, _ = self._residuals(replace(fit.end, active=active))
+        except NUMERICAL:
+            return WORST
+        left = residuals - self.basis[0] @ (self.basis[0].T @ residuals)
+        return 0.5 * float(left @ left)
+
     def _with_states(self, at: ModelState, remainder: Remainder | None = None) -> ModelState:
         """Unknown initial states after one linear least-squares step towards each recording."""
         if not at.states:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,10 @@ from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import rest
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
+
+
+SCANNED = 101
+"""Number of values that a scan tries."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +307,7 @@ def shaped(joint: OutputErrorFit, fit: FitResult, beside: Hypothesis) -> Hypothe
 
 def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypothesis:
     """A fit continued until it settles, without the terms of its last effect's law that are not worth it."""
-    best, tried = settled(joint, fit, whole), set()
+    best, tried = settled(joint, scanned(joint, fit), whole), set()
     while True:
         effect = best.fit.active.last
         on, _ = best.fit.active.terms(effect)
@@ -320,6 +325,27 @@ def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypo
         fewer = settled(joint, begun)
         if fewer.score >= best.score:
             best, tried = fewer, set()
+
+
+def scanned(joint: OutputErrorFit, fit: FitResult) -> FitResult:
+    """A fit, moved to the best of many values around it of every strength on which the signal depends in jumps."""
+    effect, settings = fit.active.last, joint.settings.selection
+    names = [p.name for p in effect.parameters]
+    for name, width in product(effect.rugged, settings.scan_widths):
+        place = fit.active.slices[effect.id].start + names.index(name)
+        if fit.active.theta[place] == 0:
+            continue
+        near, low, high = joint.near(fit), *(end[place] for end in joint.limits(fit.active.effects))
+        tried = []
+        for value in np.clip(fit.active.theta[place] * np.exp(np.linspace(-width, width, SCANNED)), low, high):
+            theta = fit.active.theta.copy()
+            theta[place] = value
+            tried.append(fit.active.at(theta))
+        losses = [near.adapted_nll(fit, active) for active in tried]
+        moved = _tried(near, tried[int(np.argmin(losses))], fit, settings.first_steps)
+        if moved is not None and moved.nll < fit.nll:
+            fit = moved
+    return fit
 
 
 def settled(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypothesis:

@@ -46,6 +46,7 @@ class GeneratorSteps(Effect):
         Parameter("resolution_V", "V", 0.0, 1e3, meaning="q: step between neighbouring levels"),
     )
     strengths = ("update_s", "resolution_V")
+    rugged = ("update_s", "resolution_V")
     signature = "edges are staircases, late by half an update on average; held levels are off by up to half a step"
     confusable_with = ("trigger_delay", "amplifier_bandwidth", "sensor_bandwidth")
     shown_by = "slow edges sampled finely, and the voltage at the head (column drive_monitor_V)"
