@@ -22,7 +22,6 @@ from inkjet_env.plant.effect import rest
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
-
 SCANNED = 101
 """Number of values that a scan tries."""
 
