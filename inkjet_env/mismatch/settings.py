@@ -122,8 +122,7 @@ class SelectionSettings(_Settings):
     screening_steps: int = 1
     """Number of steps after which a start is compared with the others. Unit: 1. Source: speed."""
     screened_gain: float = 0.05
-    """Share of the best gain by then, below which a start is not continued. Unit: 1. Source: speed; of 32 effects, none
-    that ended within a third of the best had less."""
+    """Share of the best gain by then, below which a start is not continued. Unit: 1. Source: speed."""
     screened_starts: int = 2
     """Largest number of starts of an effect that are continued. Unit: 1. Source: speed."""
     same_start_gain: float = 0.01
@@ -139,6 +138,8 @@ class SelectionSettings(_Settings):
     scan_widths: tuple[float, ...] = (0.15, 0.01)
     """Largest logarithms of the ratio by which a strength on which the signal depends in jumps is moved from the end of
     its last fit, one scan after another. Unit: 1. Source: the jumps of a thousand updates coincide to a thousandth."""
+    scan_values: int = 101
+    """Number of values that such a scan tries. Unit: 1. Source: speed."""
     most_rounds: int = 4
     """Largest number of times that the base parameters' sensitivities are computed anew for a fit. Unit: 1. Source:
     speed."""

@@ -40,7 +40,8 @@ def test_each_is_used_by_the_diagnosis(group, one):
 
 def test_no_file_of_the_diagnosis_keeps_a_threshold_of_its_own():
     guards = {"DIFFERENCE", "WORST", "LARGEST", "SMALL", "SINGULAR", "STILL", "EMPTY", "PROFILE_90", "BISECTIONS",
-              "NODES", "LEAST_SINE", "LEAST_OWN_POWER", "ROUNDS"}  # fmt: skip
+              "NODES", "LEAST_SINE", "LEAST_OWN_POWER", "ROUNDS",
+              "MOST_RECENT"}  # fmt: skip
     found = set()
     for path in FOLDER.rglob("*.py"):
         for node in ast.parse(path.read_text()).body:
@@ -85,9 +86,9 @@ def test_every_fit_has_the_settings_of_its_diagnosis(recorded, head, effects, mo
 
     seen, begin = set(), OutputErrorFit.__init__
 
-    def noted(self, observed, noise, start, given, *others):
+    def noted(self, observed, noise, start, given, *others, **named):
         seen.add(given)
-        begin(self, observed, noise, start, given, *others)
+        begin(self, observed, noise, start, given, *others, **named)
 
     monkeypatch.setattr(OutputErrorFit, "__init__", noted)
     monkeypatch.setattr(ProcessPool, "map", lambda self, function, tasks: map(function, tasks))

@@ -19,8 +19,6 @@ Whole = NDArray[np.intp]
 
 PARTS = ("time", "time in the waveform", "pulse")
 """Views that cut recordings into parts."""
-FEWEST_LINES = 8
-"""Least number of lines on either side of one, in the background of a spectrum."""
 
 
 @dataclass(frozen=True)
@@ -225,16 +223,17 @@ def line_rows(
     )
 
 
-def background(residuals: Real) -> Real:
+def background(residuals: Real, least: int = 8) -> Real:
     """Level of the lines of a recording's spectrum, without the mean, above which a line stands out; at least 1.
 
     Where noise was not measured at a recording's sampling step, the shape of its spectrum is not known. Then only what
-    is narrower than half an octave counts as mismatch: the level is the median of the lines within that.
+    is narrower than half an octave counts as mismatch: the level is the median of the lines within that, at least of
+    ``least`` on either side.
     """
     power = np.abs(np.fft.rfft(residuals))[1:] ** 2 / residuals.size
     line = np.arange(power.size)
-    low = np.minimum(np.floor((line + 1) / 2**0.25).astype(np.intp) - 1, line - FEWEST_LINES)
-    high = np.maximum(np.ceil((line + 1) * 2**0.25).astype(np.intp), line + FEWEST_LINES + 1)
+    low = np.minimum(np.floor((line + 1) / 2**0.25).astype(np.intp) - 1, line - least)
+    high = np.maximum(np.ceil((line + 1) * 2**0.25).astype(np.intp), line + least + 1)
     centres = np.unique(np.round(np.geomspace(1, power.size, 80)).astype(np.intp)) - 1
     level = [np.median(power[max(low[k], 0) : high[k]]) / np.log(2) for k in centres]  # of an exponential distribution
     return np.maximum(np.interp(line, centres, level), 1.0)

@@ -22,9 +22,6 @@ from inkjet_env.plant.effect import rest
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
-SCANNED = 101
-"""Number of values that a scan tries."""
-
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
@@ -112,7 +109,7 @@ class Hypothesis:
         if not self.noise_known:
             return 0.0
         rows, noise = self.residuals.size, self.joint.noise
-        samples = sum(noise.samples[key] for key in {o.noise_key for o in self.joint.seen})
+        samples = sum(noise.samples[key] for key in sorted({o.noise_key for o in self.joint.seen}))
         tail = max(noise.tail(o) for o in self.joint.seen)
         doubt = math.sqrt(tail * (2 * rows + 2 * rows**2 / max(samples, 1)))
         return max(self.excess - self.joint.settings.verdict.excess_standard_deviations * doubt, 0.0)
@@ -243,7 +240,7 @@ def attribute(
 def _begun(
     joint: OutputErrorFit, beside: Hypothesis, effects: Sequence[Effect], found: Signatures, context: FitContext
 ) -> list[FitResult]:
-    """A few steps from the starts of each effect; those that two steps show to be alike or hopeless get no more."""
+    """A few steps from the starts of each effect; those that screening shows to be alike or hopeless get no more."""
     given, settings = beside.fit, joint.settings.selection
     known = given.jacobian if given.active.effects else None
     if not given.active.effects:  # the first effect
@@ -272,7 +269,7 @@ def _begun(
     for effect in effects:
         least = settings.screened_gain * most
         if best_score.get(effect.id, 0.0) >= settings.further_score * largest:
-            least = -math.inf  # the score promises more than two steps may show
+            least = -math.inf  # the score promises more than screening may show
         apart: list[FitResult] = []
         for fit in sorted((fit for fit in screened if fit.active.last.id == effect.id), key=lambda fit: fit.nll):
             alike = settings.same_start_gain
@@ -297,11 +294,27 @@ def shaped(joint: OutputErrorFit, fit: FitResult, beside: Hypothesis) -> Hypothe
     for values in others:
         begin = fit.active.with_values(effect, values)
         tried.append(_tried(joint, begin, beside.fit, steps, True, known))
+    for values in rugged_starts(joint, fit.active):
+        tried.append(_tried(near, fit.active.with_values(effect, values), fit, steps, True, known))
     begun = min((one for one in tried if one is not None), key=lambda one: one.nll, default=None)
     if begun is None or Hypothesis(begun, near).score <= plain.score:
         return plain
     whole = simplest(joint, begun, whole=True)
     return whole if whole.score > plain.score else plain
+
+
+def rugged_starts(joint: OutputErrorFit, active: ActiveEffects) -> list[dict[str, float]]:
+    """Values of the last effect with a strength switched on that is off and on which the signal depends in jumps.
+
+    Such a strength is not found from where it is off: a little of it changes nothing.
+    """
+    effect, values = active.pairs[-1]
+    off = [name for name in effect.rugged if values[name] == 0]
+    if not off:
+        return []
+    excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
+    starts = effect.starts(joint.base.head.printhead, excitations)
+    return [{**values, name: start[name]} for name in off for start in starts if start[name]]
 
 
 def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypothesis:
@@ -336,7 +349,9 @@ def scanned(joint: OutputErrorFit, fit: FitResult) -> FitResult:
             continue
         near, low, high = joint.near(fit), *(end[place] for end in joint.limits(fit.active.effects))
         tried = []
-        for value in np.clip(fit.active.theta[place] * np.exp(np.linspace(-width, width, SCANNED)), low, high):
+        for value in np.clip(
+            fit.active.theta[place] * np.exp(np.linspace(-width, width, settings.scan_values)), low, high
+        ):
             theta = fit.active.theta.copy()
             theta[place] = value
             tried.append(fit.active.at(theta))

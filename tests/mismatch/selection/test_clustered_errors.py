@@ -22,7 +22,7 @@ def fitted(columns, target):
     """Classical errors for noise of 1, and what the others need."""
     q, r = np.linalg.qr(columns)
     residuals, weights = target - q @ (q.T @ target), np.linalg.inv(r)
-    return np.linalg.norm(weights, axis=1), weights, q, predicted(residuals, columns, GROUPS, 0.9)
+    return np.linalg.norm(weights, axis=1), weights, q, predicted(residuals, q, GROUPS, 0.9)
 
 
 def test_they_are_those_of_refits_without_each_condition():
