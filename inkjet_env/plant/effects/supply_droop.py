@@ -35,9 +35,7 @@ class SupplyDroop(Effect):
     id = "supply_droop"
     stage = "drive"
     sentence = "The supply sags with the charge that the pulses draw, and recovers with a time constant."
-    equation = (
-        "u = u_requested (1 - droop s), s' = -s / τ + (max(|u_requested|', 0) + both max(-|u_requested|', 0)) / 100 V"
-    )
+    equation = "u = u_requested (1 - droop s), s' = -s / τ + (max(|u_requested|', 0) + discharge_share max(-|u_requested|', 0)) / 100 V"
     source = (
         "P. Horowitz, W. Hill, The Art of Electronics, 3rd edition, 2015, chapter 9: reservoir capacitors and the "
         "output impedance of supplies"
@@ -46,7 +44,7 @@ class SupplyDroop(Effect):
         Parameter("droop", "1", -0.1, 0.9, meaning="relative fall of the supply after charging by 100 V"),
         Parameter("recovery_s", "s", 1e-9, 1e4, "log", "τ: time constant of the supply's recovery"),
         Parameter(
-            "both", "1", 0.0, 1.0, meaning="share of its charge that discharging draws", open_ended=True, plain=0.0,
+            "discharge_share", "1", 0.0, 1.0, meaning="share of its charge that discharging draws", open_ended=True, plain=0.0,
             later=True,
         ),
     )  # fmt: skip
@@ -60,7 +58,9 @@ class SupplyDroop(Effect):
         for periods in RECOVERIES:
             recovery_s = periods / printhead.frequency_Hz
             largest = max((float(drawn(s.drive_at_nodes_V, recovery_s, s).max()) for s in excitations), default=1.0)
-            found.append({"droop": min(SAG / max(largest, 1e-12), 0.5), "recovery_s": recovery_s, "both": 0.0})
+            found.append(
+                {"droop": min(SAG / max(largest, 1e-12), 0.5), "recovery_s": recovery_s, "discharge_share": 0.0}
+            )
         return found
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
@@ -84,14 +84,14 @@ class SupplyDroop(Effect):
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         if values["droop"] == 0:
             return drive_V
-        charge = drawn(drive_V, values["recovery_s"], excitation, values["both"])
+        charge = drawn(drive_V, values["recovery_s"], excitation, values["discharge_share"])
         left = 1 - values["droop"] * charge
         if left.min() < LEAST_LEFT:
             raise SimulationError("the supply collapses.")
         return drive_V * left
 
 
-def drawn(drive_V: Real, recovery_s: float, excitation: Excitation, both: float = 0.0) -> Real:
+def drawn(drive_V: Real, recovery_s: float, excitation: Excitation, discharge_share: float = 0.0) -> Real:
     """Charge drawn and not yet returned, ``s``, in units of 100 V, at the nodes, shape (nodes,).
 
     Exact for a drive that is linear between nodes. In steady state if periodic, otherwise from rest.
@@ -105,10 +105,10 @@ def drawn(drive_V: Real, recovery_s: float, excitation: Excitation, both: float 
     # The magnitude rises during the last part of a step across 0 V, and during all of any other.
     part = np.where(crosses, after_V / np.where(crosses, before_V + after_V, 1.0), 1.0)
     gained_V = np.where(crosses, after_V, np.maximum(after_V - before_V, 0.0)) * _kept(part * z)
-    if both:
+    if discharge_share:
         fallen_V = np.where(crosses, before_V, np.maximum(before_V - after_V, 0.0))
         first = np.where(crosses, 1 - part, 1.0)
-        gained_V = gained_V + both * fallen_V * _kept(first * z) * np.exp(-(1 - first) * z)
+        gained_V = gained_V + discharge_share * fallen_V * _kept(first * z) * np.exp(-(1 - first) * z)
     gained = np.append(0.0, gained_V / CHARGE_V)
     state = np.empty(gained.size)
     start = 0.0
