@@ -35,7 +35,10 @@ class SupplyDroop(Effect):
     id = "supply_droop"
     stage = "drive"
     sentence = "The supply sags with the charge that the pulses draw, and recovers with a time constant."
-    equation = "u = u_requested (1 - droop s), s' = -s / τ + (max(|u_requested|', 0) + discharge_share max(-|u_requested|', 0)) / 100 V"
+    equation = (
+        "u = u_requested (1 - droop s), s' = -s / τ + (max(|u_requested|', 0) + discharge_share "
+        "max(-|u_requested|', 0)) / 100 V"
+    )
     source = (
         "P. Horowitz, W. Hill, The Art of Electronics, 3rd edition, 2015, chapter 9: reservoir capacitors and the "
         "output impedance of supplies"
@@ -44,8 +47,8 @@ class SupplyDroop(Effect):
         Parameter("droop", "1", -0.1, 0.9, meaning="relative fall of the supply after charging by 100 V"),
         Parameter("recovery_s", "s", 1e-9, 1e4, "log", "τ: time constant of the supply's recovery"),
         Parameter(
-            "discharge_share", "1", 0.0, 1.0, meaning="share of its charge that discharging draws", open_ended=True, plain=0.0,
-            later=True,
+            "discharge_share", "1", 0.0, 1.0, meaning="share of its charge that discharging draws", open_ended=True,
+            plain=0.0, later=True,
         ),
     )  # fmt: skip
     strengths = ("droop",)
