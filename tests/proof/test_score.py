@@ -265,10 +265,16 @@ def test_the_page_stands_alone_and_begins_with_what_was_proven(flawless):
     assert not re.search(r"https?://|<script|<link|src=", page)
     assert page.count("<svg") >= 3
     assert found["truth_sha256"] in page
+    assert found["noise"]
     for noise, alarms in found["noise"].items():
         assert f"<td>{noise.replace('_', ' ')}</td><td>{len(alarms)}</td><td>0</td>" in page
-    for one in found["calibration"]:
-        assert f"<td>{one['of']}</td>" in page[page.index("<h2>Probabilities</h2>") :]
+
+
+def test_the_page_tells_how_often_probabilities_are_right(flawless):
+    found = scored(flawless)
+    assert "<h2>Probabilities</h2>" not in page_html(found)  # these answers have none
+    page = page_html(found | {"calibration": [{"mean": 0.951, "right": 0.902, "of": 17}]})
+    assert "<tr><td>95.1 %</td><td>90.2 %</td><td>17</td></tr>" in page[page.index("<h2>Probabilities</h2>") :]
 
 
 def test_a_page_of_nulls_alone_is_a_page(flawless):
