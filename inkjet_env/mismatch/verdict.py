@@ -116,15 +116,15 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     groups, anything = found.groups, bool(chosen.ids or found.random_effects)
     # No name without improvement on recordings that no fit saw; only what changes between them need not foretell them.
     ordered = any(effect.depends_on_order for effect in chosen.fit.active.effects)
-    refuted = bool(chosen.ids) and (
-        (closure <= 0 and not ordered)
-        or (closure < settings.verdict.least_closure and not explains_held_out_after_refit(joint, chosen, context))
-    )
+    poor = bool(chosen.ids) and closure < settings.verdict.least_closure
+    explained = poor and (closure > 0 or ordered) and explains_held_out_after_refit(joint, chosen, context)
+    refuted = poor and not explained
     vague = max(map(len, groups), default=0) > settings.verdict.most_alike
     # the base model was checked on fitted recordings alone: does it hold where it predicted badly?
     unseen = () if anything or math.isnan(closure) else held_out_misfits(joint)
     unexplained = share if not refuted else max(share, min(1 - closure, 1.0))  # or what it leaves where it is tested
-    sure = calibration().explained(unexplained, closure) >= settings.verdict.least_probability
+    tested = math.nan if explained and ordered else closure  # it need not foretell them
+    sure = calibration().explained(unexplained, tested) >= settings.verdict.least_probability
     missed = share > settings.verdict.left_over and not anything
     if (anything and not sure) or missed or vague or unseen or found.doubt:
         verdict = "unknown"
@@ -142,7 +142,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         verdict, named, groups, closure, share, closest(base_hypothesis(joint), found.selection), location,
         settings.verdict, all(joint.noise.known(o) for o in joint.seen), unseen,
     )  # fmt: skip
-    probabilities = _probabilities(found, named, unexplained, closure, verdict)
+    probabilities = _probabilities(found, named, unexplained, tested, verdict)
     context.progress("designing the next experiment")
     following = None
     if verdict == "set":

@@ -85,7 +85,21 @@ def test_lost_gain_is_the_largest_faded_excess_so_far(recovery_nodes, initial_st
 def test_drives_above_the_coercive_voltage_lose_nothing():
     values = {"loss": 1.0, "coercive_V": 50.1, "recovery_s": 1e-3}
     assert (plant("depolarisation", **values).signal(shot_of()) == Plant(HEAD).signal(shot_of())).all()
-    assert EFFECTS["depolarisation"].untestable([shot_of(np.abs(PULSE))]) == "no recording has a negative drive"
+    reason = EFFECTS["depolarisation"].untestable([shot_of(np.abs(PULSE))])
+    assert reason == "no recording has a negative drive or another order"
+    assert EFFECTS["depolarisation"].untestable([shot_of(np.abs(PULSE)), shot_of(np.abs(PULSE), order=2)]) is None
+
+
+def test_an_aged_head_loses_the_same_share_of_its_gain_in_every_decade_of_recordings():
+    base = hysteretic_V(Plant(HEAD), shot_of())
+    values = {"loss": 0.4, "coercive_V": 20.0, "recovery_s": 1e-3}
+    aged = complete(EFFECTS["depolarisation"], **values | {"loss": 0.0, "ageing": 0.03})
+    for order, left in ((1, 1.0), (10, 0.97), (1000, 0.91)):
+        found = hysteretic_V(Plant(HEAD).with_effects([(EFFECTS["depolarisation"], aged)]), shot_of(order=order))
+        assert found == pytest.approx(base * left, abs=1e-12)
+    both = plant("depolarisation", **values, ageing=0.03)
+    lost = hysteretic_V(plant("depolarisation", **values), shot_of(order=10))
+    assert hysteretic_V(both, shot_of(order=10)) == pytest.approx(lost - 0.03 * base, abs=1e-12)
 
 
 def test_a_gain_that_is_lost_altogether_is_refused():

@@ -251,6 +251,10 @@ def test_a_bubble_is_there_from_its_onset_on():
     assert [len(resonance.modes) for resonance in bubble] == [0, 0, 0, 1, 1, 1]
     assert [math.sqrt(r.a0 / HEAD.a0) for r in bubble] == pytest.approx([1, 1, 1, 0.97, 0.97, 0.97])
     assert [r.a1 / HEAD.a1 for r in bubble] == pytest.approx([1, 1, 1, *[0.97 * 1.4] * 3])
+    grown = [EFFECTS["air_bubble"].resonator(values | {"growth_ratio": 0.4}, RESONANCE, e) for e in excitations]
+    shares = [0, 0, 0, 0.6, 0.84, 0.936]
+    assert [math.sqrt(r.a0 / HEAD.a0) for r in grown] == pytest.approx([1 - 0.03 * share for share in shares])
+    assert [r.modes[0].strength for r in grown[3:]] == pytest.approx([0.05 * share for share in shares[3:]])
     between = EFFECTS["air_bubble"].resonator(values | {"onset_order": 3.75}, RESONANCE, excitations[2])
     assert between.modes[0].strength == pytest.approx(0.25 * 0.05)
 

@@ -21,7 +21,7 @@ MOST_ONSETS = 12
 
 
 class AirBubble(Effect):
-    """A shift of the resonance and a further mode, both from ``onset_order`` on.
+    """A shift of the resonance and a further mode, both from ``onset_order`` on, at once or growing to their full size.
 
     Over the last order before the onset the bubble fades in linearly, so that a fit can find the onset; orders are
     whole numbers, so at most one recording falls within.
@@ -30,7 +30,10 @@ class AirBubble(Effect):
     id = "air_bubble"
     stage = "resonator"
     sentence = "From one recording on, an air bubble detunes the head and adds a mode of its own."
-    equation = "from the onset on: ω0 (1 + d), ζ (1 + e), and x + xb with xb'' + 2 ζb ωb xb' + ωb² xb = ωb² g v"
+    equation = (
+        "ω0 (1 + p d), ζ (1 + p e), and x + p xb with xb'' + 2 ζb ωb xb' + ωb² xb = ωb² g v; p = 0 before the onset, in the "
+        "n-th recording after it 1 - growth_ratio^n"
+    )
     source = (
         "J. de Jong et al., Air entrapment in piezo-driven inkjet printheads, Journal of the Acoustical Society of "
         "America 120, 2006"
@@ -44,6 +47,9 @@ class AirBubble(Effect):
         Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "frequency of the bubble's mode"),
         Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "damping ratio of the bubble's mode"),
         Parameter("bubble_strength", "1", -2.0, 2.0, meaning="static deflection of the bubble's mode over the head's"),
+        Parameter(
+            "growth_ratio", "1", 0.0, 0.99, meaning="of what the bubble lacks, share it lacks one recording on", plain=0.0
+        ),
     )
     strengths = ("frequency_change", "damping_change", "bubble_strength")
     terms = (("frequency_change", "bubble_strength"), ("damping_change",))
@@ -66,6 +72,7 @@ class AirBubble(Effect):
                 "bubble_frequency_Hz": guess * printhead.frequency_Hz,
                 "bubble_damping_ratio": 0.1,
                 "bubble_strength": 0.02 * (1 - detuned) / guess,
+                "growth_ratio": 0.0,
             }
             for onset in onsets
             for detuned, guess in ((1.0, 0.5), (0.0, 0.5), (0.0, 1.7))
@@ -100,10 +107,12 @@ class AirBubble(Effect):
         if values["bubble_strength"]:
             does.append(f"adds a mode at {with_prefix(values['bubble_frequency_Hz'], 'Hz', 3)}")
         listed = " and ".join(filter(None, [", ".join(does[:-1]), *does[-1:]]))
-        return f"From recording {math.ceil(values['onset_order'])} on, an air bubble {listed}."
+        ratio = values["growth_ratio"]
+        grows = f", growing to 63 % within {-1 / math.log(ratio):.2g} recordings" if ratio else ""
+        return f"From recording {math.ceil(values['onset_order'])} on, an air bubble {listed}{grows}."
 
     def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
-        present = min(max(excitation.order - values["onset_order"] + 1, 0.0), 1.0)
+        present = _present(excitation.order - values["onset_order"] + 1, values["growth_ratio"])
         detuned = 1 + present * values["frequency_change"]
         strength = present * values["bubble_strength"]
         omega = 2 * math.pi * values["bubble_frequency_Hz"]
@@ -111,3 +120,10 @@ class AirBubble(Effect):
         modes = (*resonance.modes, mode) if strength else resonance.modes
         damped = 1 + present * values["damping_change"]
         return replace(resonance, a0=resonance.a0 * detuned**2, a1=resonance.a1 * detuned * damped, modes=modes)
+
+
+def _present(recordings: float, ratio: float) -> float:
+    """Share of the bubble that is there after so many recordings, ``1 - ratio^n`` for whole n, linear between them."""
+    whole = math.floor(max(recordings, 0.0))
+    lacks = ratio**whole * (1 - (max(recordings, 0.0) - whole) * (1 - ratio))
+    return 1 - lacks

@@ -1,4 +1,4 @@
-"""Depolarisation: beyond a coercive voltage of negative sign the ceramic loses gain, which recovers in part."""
+"""Depolarisation: the ceramic loses gain beyond a coercive voltage of negative sign, and with every recording."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ RECOVERIES = (2.0, 30.0)
 """Recovery times of the starts, in periods of the head."""
 LOST = 0.03
 """Largest loss in the starts."""
+AGEING = 0.02
+"""Loss per decade of recordings in the start."""
 LEAST_LEFT = 0.02
 """Share of the gain that must be left."""
 
@@ -29,46 +31,52 @@ LEAST_LEFT = 0.02
 class Depolarisation(Effect):
     """A gain that falls with the largest excess over the coercive voltage so far, forgotten with a time constant.
 
-    At the start of a recording from the demagnetised state the ceramic is fully polarised.
+    At the start of a recording from the demagnetised state the ceramic is fully polarised, but for its ageing: a loss
+    that grows with the logarithm of the recording's order in the session.
     """
 
     id = "depolarisation"
     stage = "hysteresis"
-    sentence = "Strong negative drives depolarise the ceramic, which loses gain and regains it in part."
+    sentence = "Strong negative drives, or many drives, depolarise the ceramic, which loses gain."
     equation = (
-        "v (1 - loss (permanent n∞ + (1 - permanent) n)), n(t) = max over s ≤ t of e(s) exp((s - t) / recovery_s), n∞ "
+        "v (1 - loss (permanent n∞ + (1 - permanent) n) - ageing log10(order)), n(t) = max over s ≤ t of e(s) exp((s - t) / recovery_s), n∞ "
         "the same with recovery_s = ∞, e = max(-u - coercive_V, 0) / 100 V"
     )
     source = (
-        "B. Jaffe, W. R. Cook, H. Jaffe, Piezoelectric Ceramics, Academic Press, 1971: depoling; the recovery is an "
-        "empirical law"
+        "B. Jaffe, W. R. Cook, H. Jaffe, Piezoelectric Ceramics, Academic Press, 1971: depoling, and ageing by decades; "
+        "the recovery is an empirical law"
     )
     parameters = (
         Parameter("loss", "1", -0.2, 5.0, meaning="relative fall of the gain, 100 V beyond the coercive voltage"),
         Parameter("coercive_V", "V", 0.0, 1e3, meaning="magnitude of the negative voltage at which the loss begins"),
         Parameter("recovery_s", "s", 1e-9, 1e6, "log", "time constant of the recovery", open_ended=True),
         Parameter("permanent", "1", 0.0, 1.0, meaning="share of the loss that does not recover", plain=0.0),
+        Parameter("ageing", "1", -0.2, 0.3, meaning="relative fall of the gain per decade of recordings"),
     )
-    strengths = ("loss",)
-    signature = "after a strong negative voltage the same pulse moves the head less; positive ones change nothing"
+    strengths = ("loss", "ageing")
+    signature = "after strong negative voltages, or after many recordings, the same pulse moves the head less"
     confusable_with = ("asymmetric_hysteresis", "voltage_dependent_gain")
-    shown_by = "the same small pulse before and after negative pulses of growing voltage"
+    shown_by = "the same small pulse before and after negative pulses of growing voltage, throughout the session"
+    depends_on_order = True
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         lowest_V = _lowest_V(excitations) or 0.5 * printhead.full_scale_V
-        return [
+        by_voltage = [
             {
                 "loss": min(LOST * REFERENCE_V / ((1 - share) * lowest_V), 5.0),
                 "coercive_V": min(share * lowest_V, 1e3),
                 "recovery_s": periods / printhead.frequency_Hz,
                 "permanent": 0.0,
+                "ageing": 0.0,
             }
             for share in SHARES
             for periods in RECOVERIES
         ]
+        aged = [by_voltage[0] | {"loss": 0.0, "ageing": AGEING}] if len({s.order for s in excitations}) > 1 else []
+        return (by_voltage if _lowest_V(excitations) > 0 else []) + aged
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
-        return {"loss": 0.2, "coercive_V": 30.0, "recovery_s": 10 / printhead.frequency_Hz}
+        return {"loss": 0.2, "coercive_V": 30.0, "recovery_s": 10 / printhead.frequency_Hz, "ageing": 0.01}
 
     def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
         lowest_V = _lowest_V(excitations)
@@ -78,30 +86,41 @@ class Depolarisation(Effect):
         return narrower | {"recovery_s": (max(shortest_s, 1e-9), min(100 * longest_s, 1e6))}
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
-        return None if _lowest_V(excitations) > 0 else "no recording has a negative drive"
+        if _lowest_V(excitations) > 0 or len({excitation.order for excitation in excitations}) > 1:
+            return None
+        return "no recording has a negative drive or another order"
 
     def description(self, values: Values, unit: str = "V") -> str:
-        loses = "loses" if values["loss"] > 0 else "gains"
-        text = (
-            f"Below -{with_prefix(values['coercive_V'], 'V')} the ceramic {loses} "
-            f"{percent(abs(values['loss']) / 10)} of its gain per 10 V, with a recovery time of "
-            f"{with_prefix(values['recovery_s'], 's')}"
-        )
-        return f"{text}; {percent(values['permanent'])} of that is permanent." if values["permanent"] else f"{text}."
+        said = []
+        if values["loss"]:
+            text = (
+                f"below -{with_prefix(values['coercive_V'], 'V')} it {_loses(values['loss'])} "
+                f"{percent(abs(values['loss']) / 10)} of its gain per 10 V, with a recovery time of "
+                f"{with_prefix(values['recovery_s'], 's')}"
+            )
+            said.append(f"{text} ({percent(values['permanent'])} is permanent)" if values["permanent"] else text)
+        if values["ageing"]:
+            said.append(f"it {_loses(values['ageing'])} {percent(abs(values['ageing']))} of its gain per tenfold recordings")
+        return f"The ceramic changes: {', and '.join(said)}." if said else self.sentence
 
     def hysteresis(
         self, values: Values, hysteretic_V: Real, drive_V: Real, printhead: Printhead, excitation: Excitation
     ) -> Real:
+        aged = values["ageing"] * math.log10(max(excitation.order, 1))
         if values["loss"] == 0:
-            return hysteretic_V
+            return hysteretic_V * (1 - aged) if aged else hysteretic_V
         excess = np.maximum(-drive_V - values["coercive_V"], 0.0) / REFERENCE_V
         lost = remembered(excess, math.exp(-excitation.node_step_s / values["recovery_s"]), excitation.periodic)
         if values["permanent"]:
             lost = lost + values["permanent"] * (remembered(excess, 1.0, excitation.periodic) - lost)
-        left = 1 - values["loss"] * lost
+        left = 1 - aged - values["loss"] * lost
         if left.min() < LEAST_LEFT:
             raise SimulationError("nothing is left of the piezoelectric gain.")
         return hysteretic_V * left
+
+
+def _loses(change: float) -> str:
+    return "loses" if change > 0 else "gains"
 
 
 def remembered(excess: Real, keep: float, periodic: bool) -> Real:
