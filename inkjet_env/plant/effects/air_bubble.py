@@ -18,25 +18,29 @@ FEWEST_ORDERS = 4
 """Smallest number of fast recordings of different order that can show an onset."""
 MOST_ONSETS = 12
 """Largest number of onsets among the starts; a fit moves an onset by a recording or two, so starts must be as near."""
+LEAST_VOLUME = 0.01
+"""Share of its final volume below which a bubble's frequency rises no more."""
 
 
 class AirBubble(Effect):
     """A shift of the resonance and a further mode, both from ``onset_order`` on, at once or growing to their full size.
 
-    Over the last order before the onset the bubble fades in linearly, so that a fit can find the onset; orders are
-    whole numbers, so at most one recording falls within.
+    Over the last order before the onset the bubble's volume grows linearly, so that a fit can find the onset; orders are
+    whole numbers, so at most one recording falls within. It may grow for further ``growth_orders``; the frequency of a
+    bubble falls with the cube root of its volume.
     """
 
     id = "air_bubble"
     stage = "resonator"
     sentence = "From one recording on, an air bubble detunes the head and adds a mode of its own."
     equation = (
-        "ω0 (1 + p d), ζ (1 + p e), and x + p xb with xb'' + 2 ζb ωb xb' + ωb² xb = ωb² g v; p = 0 before the onset, in the "
-        "n-th recording after it 1 - growth_ratio^n"
+        "ω0 (1 + p d), ζ (1 + p e), and x + p xb with xb'' + 2 ζb ωb xb' + ωb² xb = ωb² g v; p from 0 "
+        "to 1 between one order before the onset and growth_orders after it, ωb ∝ p^(-1/3)"
     )
     source = (
         "J. de Jong et al., Air entrapment in piezo-driven inkjet printheads, Journal of the Acoustical Society of "
-        "America 120, 2006"
+        "America 120, 2006; M. Minnaert, On musical air-bubbles and the sounds of running water, Philosophical Magazine "
+        "16, 1933: a bubble's frequency"
     )
     parameters = (
         Parameter(
@@ -47,9 +51,9 @@ class AirBubble(Effect):
         Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "frequency of the bubble's mode"),
         Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "damping ratio of the bubble's mode"),
         Parameter("bubble_strength", "1", -2.0, 2.0, meaning="static deflection of the bubble's mode over the head's"),
-        Parameter(
-            "growth_ratio", "1", 0.0, 0.99, meaning="of what the bubble lacks, share it lacks one recording on", plain=0.0
-        ),
+        Parameter("static_change", "1", -0.5, 0.5, meaning="relative change of the head's static deflection", plain=0.0),
+        Parameter("exchange", "1", -0.5, 0.5, meaning="coupling of the modes by damping, see `Mode`", plain=0.0),
+        Parameter("growth_orders", "1", 0.0, 1e4, meaning="recordings in which the bubble grows", plain=0.0),
     )
     strengths = ("frequency_change", "damping_change", "bubble_strength")
     terms = (("frequency_change", "bubble_strength"), ("damping_change",))
@@ -72,7 +76,9 @@ class AirBubble(Effect):
                 "bubble_frequency_Hz": guess * printhead.frequency_Hz,
                 "bubble_damping_ratio": 0.1,
                 "bubble_strength": 0.02 * (1 - detuned) / guess,
-                "growth_ratio": 0.0,
+                "static_change": 0.0,
+                "exchange": 0.0,
+                "growth_orders": 0.0,
             }
             for onset in onsets
             for detuned, guess in ((1.0, 0.5), (0.0, 0.5), (0.0, 1.7))
@@ -89,7 +95,11 @@ class AirBubble(Effect):
 
     def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
         orders = sorted({excitation.order for excitation in excitations if excitation.fast})
-        return {"onset_order": (orders[0], orders[-1] + 1), "bubble_frequency_Hz": resolved_Hz(excitations)}
+        return {
+            "onset_order": (orders[0], orders[-1] + 1),
+            "bubble_frequency_Hz": resolved_Hz(excitations),
+            "growth_orders": (0.0, orders[-1] - orders[0]),
+        }
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         if len({excitation.order for excitation in excitations if excitation.fast}) < FEWEST_ORDERS:
@@ -107,23 +117,20 @@ class AirBubble(Effect):
         if values["bubble_strength"]:
             does.append(f"adds a mode at {with_prefix(values['bubble_frequency_Hz'], 'Hz', 3)}")
         listed = " and ".join(filter(None, [", ".join(does[:-1]), *does[-1:]]))
-        ratio = values["growth_ratio"]
-        grows = f", growing to 63 % within {-1 / math.log(ratio):.2g} recordings" if ratio else ""
+        grows = f", growing within {values['growth_orders']:.2g} recordings" if values["growth_orders"] else ""
         return f"From recording {math.ceil(values['onset_order'])} on, an air bubble {listed}{grows}."
 
     def resonator(self, values: Values, resonance: Resonance, excitation: Excitation) -> Resonance:
-        present = _present(excitation.order - values["onset_order"] + 1, values["growth_ratio"])
+        grown = (excitation.order - values["onset_order"] + 1) / (1 + values["growth_orders"])
+        present = min(max(grown, 0.0), 1.0)
         detuned = 1 + present * values["frequency_change"]
-        strength = present * values["bubble_strength"]
-        omega = 2 * math.pi * values["bubble_frequency_Hz"]
-        mode = Mode(omega * omega, 2 * values["bubble_damping_ratio"] * omega, strength)
-        modes = (*resonance.modes, mode) if strength else resonance.modes
-        damped = 1 + present * values["damping_change"]
-        return replace(resonance, a0=resonance.a0 * detuned**2, a1=resonance.a1 * detuned * damped, modes=modes)
+        a0, a1 = resonance.a0 * detuned**2, resonance.a1 * detuned * (1 + present * values["damping_change"])
+        modes = resonance.modes
+        if strength := present * values["bubble_strength"]:
+            omega = 2 * math.pi * values["bubble_frequency_Hz"] / math.cbrt(max(present, LEAST_VOLUME))
+            rate = 2 * values["bubble_damping_ratio"] * omega
+            modes = (*modes, Mode(omega * omega, rate, strength, present * values["exchange"]))
+        if change := present * values["static_change"]:
+            modes = (*modes, Mode(a0, a1, change))
+        return replace(resonance, a0=a0, a1=a1, modes=modes)
 
-
-def _present(recordings: float, ratio: float) -> float:
-    """Share of the bubble that is there after so many recordings, ``1 - ratio^n`` for whole n, linear between them."""
-    whole = math.floor(max(recordings, 0.0))
-    lacks = ratio**whole * (1 - (max(recordings, 0.0) - whole) * (1 - ratio))
-    return 1 - lacks
