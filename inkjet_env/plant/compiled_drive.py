@@ -104,11 +104,11 @@ def _primitive(x, edge):
 
 
 @_jit
-def charged(signal, lag, slope, curvature, start, result):
+def charged(signal, lag, slope, branch, curvature, start, result):
     """Voltage of a nonlinear capacitance behind a resistance; returns the last value, NaN if a capacitance is negative.
 
-    ``lag c(u) u' = signal - u`` with ``c(u) = 1 + slope u + curvature u²``. A step is that of a constant capacitance,
-    the one in the middle of the step: exact for a constant one, otherwise of second order.
+    ``lag c(u) u' = signal - u`` with ``c = 1 + slope u ± branch u + curvature u²``, + while u rises. A step is that of
+    a constant capacitance, the one in the middle of the step: exact for a constant one, otherwise of second order.
 
     Parameters
     ----------
@@ -116,8 +116,8 @@ def charged(signal, lag, slope, curvature, start, result):
         Voltage of the source at the nodes, in volts, linear between them.
     lag : float
         Time constant at 0 V, in nodes; above 0.
-    slope, curvature : float
-        Relative change of the capacitance, in 1/V and 1/V².
+    slope, branch, curvature : float
+        Relative change of the capacitance, in 1/V, 1/V and 1/V².
     start : float
         Voltage at the first node, in volts.
     result : ndarray, shape (n,)
@@ -130,7 +130,7 @@ def charged(signal, lag, slope, curvature, start, result):
         middle = value
         end = value
         for _ in range(2):
-            c = 1.0 + (slope + curvature * middle) * middle
+            c = 1.0 + (slope + (branch if after > middle else -branch) + curvature * middle) * middle
             if c <= LEAST_CAPACITANCE:
                 return np.nan
             z = 1.0 / (lag * c)

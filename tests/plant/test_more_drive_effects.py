@@ -212,7 +212,7 @@ def test_a_nonlinear_capacitance_solves_its_equation_in_second_order(lag):
     errors = []
     for finer in (4, 8, 16):
         places = np.arange((nodes.size - 1) * finer + 1) / finer
-        found = charged_V(np.interp(places, nodes, ZIGZAG), lag * finer, slope, curvature, periodic=False)[::finer]
+        found = charged_V(np.interp(places, nodes, ZIGZAG), lag * finer, slope, 0.0, curvature, periodic=False)[::finer]
         errors.append(np.abs(found - exact).max())
     assert errors[0] < 0.4
     assert errors[1] / errors[2] > 2**1.8
@@ -228,10 +228,19 @@ def test_a_constant_capacitance_is_an_amplifier_of_one_pole():
 def test_small_steps_on_a_bias_see_the_capacitance_there():
     bias_V, lag = 60.0, 12.0
     ripple = bias_V + 0.01 * (np.arange(200) > 10)
-    found = charged_V(ripple, lag, 1e-3, 2e-4, periodic=False) - bias_V
+    found = charged_V(ripple, lag, 1e-3, 0.0, 2e-4, periodic=False) - bias_V
     there = lag * (1 + 1e-3 * bias_V + 2e-4 * bias_V**2)
     exact = lsim(([1], [there, 1]), ripple - bias_V, np.arange(200.0))[1]
     assert found == pytest.approx(exact, abs=1e-6)
+
+
+def test_on_a_butterfly_the_capacitance_rises_with_a_rising_voltage_as_much_as_it_falls_with_a_falling_one():
+    rise_V = np.interp(np.arange(200), [10, 60, 150], [0.0, 70.0, 90.0])
+    rising = charged_V(rise_V, 9.0, 0.0, 3e-3, 1e-5, periodic=False)
+    assert rising == pytest.approx(charged_V(rise_V, 9.0, 3e-3, 0.0, 1e-5, periodic=False), abs=1e-12)
+    falling = charged_V(rise_V[::-1], 9.0, 0.0, 3e-3, 1e-5, periodic=False)
+    assert falling == pytest.approx(charged_V(rise_V[::-1], 9.0, -3e-3, 0.0, 1e-5, periodic=False), abs=1e-12)
+    assert np.abs(falling - charged_V(rise_V[::-1], 9.0, 3e-3, 0.0, 1e-5, periodic=False)).max() > 1
 
 
 def test_a_nonlinear_capacitance_repeats_in_steady_state_or_is_no_capacitance():

@@ -60,6 +60,21 @@ def test_the_loop_of_an_electrostrictive_head_is_as_wide_as_that_of_the_base_mod
     assert widths[1] == pytest.approx(widths[0], rel=1e-12)  # at equal voltages, rising and falling
 
 
+def test_a_gain_set_by_the_bias_scales_small_loops_in_proportion_to_it():
+    small_V = 2 * np.sin(2 * np.pi * np.arange(400) / 200)
+    excitations = [shot_of(small_V + bias_V, "periodic") for bias_V in (0.0, 60.0)]
+    swings = [
+        [np.ptp(hysteretic_V(one, excitation)) for excitation in excitations]
+        for one in (Plant(HEAD), plant("voltage_dependent_gain", electrostriction=0.05, remanent=1.0))
+    ]
+    rest, biased = np.array(swings[1]) / swings[0]
+    half_V = HEAD.full_scale_V / 2
+    level_V = np.mean(hysteretic_V(Plant(HEAD), excitations[1]))
+    slope = swings[0][1] / 4  # d(v u) = u dv + v du
+    assert rest == pytest.approx(1.0, abs=2e-3)
+    assert biased - 1 == pytest.approx(0.05 * (60 + level_V / slope) / half_V, rel=0.02)
+
+
 # depolarisation
 
 

@@ -39,7 +39,7 @@ class NonlinearCapacitance(Effect):
     id = "nonlinear_capacitance"
     stage = "drive"
     sentence = "The head's capacitance depends on the voltage, so the drive lags by a time that depends on the level."
-    equation = "τ c(u) u' = u_requested - u, c = 1 + slope u / 100 V + curvature (u / 100 V)²"
+    equation = "τ c(u) u' = u_requested - u, c = 1 + slope w ± branch w + curvature w², w = u / 100 V, + while u rises"
     source = (
         "D. Damjanovic, Ferroelectric, dielectric and piezoelectric properties of ferroelectric thin films and "
         "ceramics, Reports on Progress in Physics 61, 1998: permittivity and field"
@@ -48,6 +48,7 @@ class NonlinearCapacitance(Effect):
         Parameter("lag_s", "s", 0.0, 1.0, meaning="τ: resistance of the source times the capacitance at 0 V"),
         Parameter("curvature", "1", -0.9, 10.0, meaning="relative change of the capacitance at ±100 V"),
         Parameter("slope", "1", -0.9, 0.9, meaning="further change at 100 V, opposite at -100 V", plain=0.0),
+        Parameter("branch", "1", -0.9, 0.9, meaning="the same while u rises, and opposite while it falls", plain=0.0),
     )
     strengths = ("lag_s",)
     signature = "edges lag like those behind a resistance, but by another time at high voltage than near 0 V"
@@ -76,20 +77,23 @@ class NonlinearCapacitance(Effect):
         rises = [values["curvature"] + side * values["slope"] for side in (1, -1)]
         signed = [f"{percent(rise, signed=True)} at {'' if k == 0 else '-'}100 V" for k, rise in enumerate(rises)]
         at = " and ".join(signed) if values["slope"] else f"{percent(rises[0], signed=True)} at ±100 V"
+        butterfly = " and differs between rising and falling voltages" if values["branch"] else ""
         return (
             f"Behind the source's resistance the drive lags by {with_prefix(values['lag_s'], 's')} near 0 V; the lag "
-            f"changes with the head's capacitance by {at}."
+            f"changes with the head's capacitance by {at}{butterfly}."
         )
 
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         lag = values["lag_s"] / excitation.node_step_s
         if lag < FEWEST_STEPS:
             return drive_V
-        slope, curvature = values["slope"] / REFERENCE_V, values["curvature"] / REFERENCE_V**2
-        return charged_V(drive_V, lag, slope, curvature, excitation.periodic)
+        slope, branch = values["slope"] / REFERENCE_V, values["branch"] / REFERENCE_V
+        return charged_V(drive_V, lag, slope, branch, values["curvature"] / REFERENCE_V**2, excitation.periodic)
 
 
-def charged_V(drive_V: Real, lag: float, slope_per_V: float, curvature_per_V2: float, periodic: bool) -> Real:
+def charged_V(
+    drive_V: Real, lag: float, slope_per_V: float, branch_per_V: float, curvature_per_V2: float, periodic: bool
+) -> Real:
     """Voltage of the capacitance at the nodes, in volts, shape (n,).
 
     Parameters
@@ -98,8 +102,8 @@ def charged_V(drive_V: Real, lag: float, slope_per_V: float, curvature_per_V2: f
         Voltage of the source at the nodes, in volts, linear between them.
     lag : float
         Time constant at 0 V, in nodes; above 0.
-    slope_per_V, curvature_per_V2 : float
-        Relative change of the capacitance, in 1/V and 1/V².
+    slope_per_V, branch_per_V, curvature_per_V2 : float
+        Relative change of the capacitance with the voltage, the same with its sign while it falls, and with its square.
     periodic : bool
         Whether the result is the steady state of the repeated drive; otherwise it starts at the first value.
 
@@ -116,7 +120,7 @@ def charged_V(drive_V: Real, lag: float, slope_per_V: float, curvature_per_V2: f
     decay = decay_per_period(lag, drive_V.size)
     least_V = SETTLED * max(float(np.abs(ends_V).max()), 1e-12)
     for _ in range(MOST_PERIODS if periodic else 1):
-        end = compiled_drive.charged(ends_V, lag, slope_per_V, curvature_per_V2, start, result)
+        end = compiled_drive.charged(ends_V, lag, slope_per_V, branch_per_V, curvature_per_V2, start, result)
         if not math.isfinite(end):
             raise SimulationError("the capacitance is not positive at some voltage.")
         if not periodic or abs(end - start) <= least_V:
