@@ -58,9 +58,10 @@ def right(case: Mapping[str, Any]) -> bool:
 
 
 def figures(case: Mapping[str, Any]) -> tuple[float, float]:
-    """Unexplained share and closure of a verdict; the closure may be NaN."""
+    """Unexplained shares of fitted and of held-out recordings; the latter may be NaN."""
     fit = case["answer"]["verdict"]["fit"]
-    return float(fit["left_over"]), math.nan if fit["closure"] is None else float(fit["closure"])
+    held_out = fit["heldout_left_over"]
+    return float(fit["left_over"]), math.nan if held_out is None else float(held_out)
 
 
 def coefficients(rows: Sequence[tuple[float, float]], labels: Sequence[bool]) -> tuple[float, ...]:
@@ -69,7 +70,7 @@ def coefficients(rows: Sequence[tuple[float, float]], labels: Sequence[bool]) ->
     Parameters
     ----------
     rows : sequence of (float, float)
-        Unexplained share and closure.
+        Unexplained shares of fitted and of held-out recordings.
     labels : sequence of bool
         Whether the explanation was right.
     """
@@ -84,10 +85,10 @@ def coefficients(rows: Sequence[tuple[float, float]], labels: Sequence[bool]) ->
     return tuple(float(b) for b in minimize(cost, np.zeros(4), method="BFGS").x)
 
 
-def logit(beta: Sequence[float] | Real, left_over: float, closure: float) -> float:
+def logit(beta: Sequence[float] | Real, left_over: float, held_out: float) -> float:
     """Argument of the logistic function in Eq. (3)."""
     b0, b1, b2, b3 = (float(b) for b in beta)
-    p = Calibration((b0, b1, b2, b3), 0.0, (1.0, 0.0)).explained(left_over, closure)
+    p = Calibration((b0, b1, b2, b3), 0.0, (1.0, 0.0)).explained(left_over, held_out)
     return math.log(p / (1 - p))
 
 

@@ -114,6 +114,9 @@ class Diagnosis:
         nothing to remove.
     left_over : float
         Share of the mismatch in the fitted recordings that remains significantly beyond noise; 0 if none does.
+    held_out_left_over : float
+        The same of the held-out recordings, by which the verdict is judged; NaN if they show no mismatch, or if an
+        effect that changes between recordings explains them only once they are fitted.
     p_value : float
         Probability that noise alone would look as much like an effect as these recordings do: score test over all
         effects that have a law.
@@ -159,6 +162,7 @@ class Diagnosis:
     recordings: tuple[ModelledRecording, ...]
     closure: float
     left_over: float
+    held_out_left_over: float
     p_value: float
     attributions: tuple[HypothesisScore, ...]
     untestable: Mapping[str, str]
@@ -243,6 +247,7 @@ class Diagnosis:
                 "augmented_heldout_rms_V": _finite(self.heldout_rms("augmented")),
                 "closure": _finite(self.closure),
                 "left_over": self.left_over,
+                "heldout_left_over": _finite(self.held_out_left_over),
                 "p_value": self.p_value,
                 "heldout": [r.name for r in self.recordings if r.held_out],
             },
@@ -310,7 +315,8 @@ class Diagnosis:
         fit = self.as_json()["fit"] | {"channels": channels}
         dynamics = {name: (estimate.low, estimate.high) for name, estimate in self.dynamics.items()}
         if not self.effects:
-            of_another = ("augmented_heldout_rms_V", "closure")  # the model that came closest has no name, so no file
+            # the model that came closest has no name, so no file
+            of_another = ("augmented_heldout_rms_V", "closure", "heldout_left_over")
             base = self.base_printhead.as_json(dynamics, {k: v for k, v in fit.items() if k not in of_another})
             return base if self.remainder is None else base | {"remainder": self.remainder.remainder.as_json()}
         values = tuple((e.effect, dict(e.values)) for e in self.effects)

@@ -88,6 +88,39 @@ def closure_of(recordings: Sequence[ModelledRecording], settings: VerdictSetting
     return (before - after) / (before - samples)
 
 
+def held_out_left_over(base: Hypothesis, chosen: Hypothesis) -> float:
+    """Share of the mismatch in held-out recordings that the chosen hypothesis surely leaves; NaN if they show none.
+
+    Both are sums of squares of whitened residuals beyond those of fitted recordings of the same noise, so that the
+    doubt about the noise's level cancels. What chance may leave is taken off.
+
+    Parameters
+    ----------
+    base, chosen : Hypothesis
+        Base model without random effects, and the chosen hypothesis.
+    """
+    joint, standard_deviations = chosen.joint, chosen.joint.settings.verdict.held_out_standard_deviations
+    left = mismatch = doubt = 0.0
+    of_the_head = [o for o in joint.observed if o.channel != "drive_monitor"]
+    for key in sorted({o.noise_key for o in of_the_head}):
+        mine = [o for o in of_the_head if o.noise_key == key]
+        seen, after, before = (
+            np.concatenate([h.fit.residuals[o.name][o.rows(held_out=held_out)] for o in mine])
+            for h, held_out in ((chosen, False), (chosen, True), (base, True))
+        )
+        if not seen.size or not after.size:
+            continue
+        usual = float(seen @ seen) / seen.size
+        left += float(after @ after) / usual - after.size
+        mismatch += float(before @ before) / usual - after.size
+        tail = max(joint.noise.tail(o) for o in mine)
+        doubt += tail * 2 * after.size * (1 + after.size / seen.size)
+    sure = standard_deviations * math.sqrt(doubt)
+    if mismatch <= sure:
+        return math.nan
+    return min(max(left - sure, 0.0) / mismatch, 1.0)
+
+
 def unexplained_share(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> float:
     """Share of the base model's mismatch that remains beyond noise; 0 if none remains significantly.
 

@@ -2,9 +2,9 @@
 
 Two questions are answered one after the other. Is what was found right at all? Eq. (3) of
 docs/explanation/diagnosis.md, a logistic regression on the two figures that tell physics of the catalogue from physics
-outside it, the share ``l`` that it leaves unexplained and its closure ``c`` on recordings that no fit has seen:
+outside it, the share ``l`` that it leaves unexplained, and the same share ``h`` of recordings that no fit has seen:
 
-    P(right) = 1 / (1 + exp(−β₀ − β₁ (lg l + 3) − β₂ (lg(1 − c) + 2.5) − β₃ [c unknown])).                       (3)
+    P(right) = 1 / (1 + exp(−β₀ − β₁ (lg l + 3) − β₂ (lg h + 3) − β₃ [h unknown])).                              (3)
 
 Which effect is it then? Weights of hypotheses, exp(gain / T), with a temperature that grows with the sum of squares
 ``e`` that the best one leaves beyond noise, because its equations may be wrong by as much:
@@ -27,8 +27,8 @@ from importlib.resources import files
 
 NONE_OF_THESE, NOTHING = "none of these", "nothing"
 """Labels besides the ids of effects: physics that the catalogue lacks, and no missing physics at all."""
-LEAST_LEFT, LEAST_OPEN = 1e-3, 10**-2.5
-"""Least unexplained share and least ``1 − closure`` that count; below, both are noise."""
+LEAST_LEFT = 1e-3
+"""Least unexplained share that counts; below, it is noise."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,15 @@ class Calibration:
     nothing_if_found: float
     if_none: tuple[float, float]
 
-    def explained(self, left_over: float, closure: float) -> float:
-        """Probability that what was found is right, Eq. (3); ``closure`` may be NaN."""
+    def explained(self, left_over: float, held_out: float) -> float:
+        """Probability that what was found is right, Eq. (3); the share of held-out recordings may be NaN."""
         b0, b1, b2, b3 = self.right
         z = b0 + b1 * (math.log10(max(left_over, LEAST_LEFT)) + 3)
-        z += b3 if math.isnan(closure) else b2 * (math.log10(min(max(1 - closure, LEAST_OPEN), 1.0)) + 2.5)
+        z += b3 if math.isnan(held_out) else b2 * (math.log10(max(held_out, LEAST_LEFT)) + 3)
         return 1 / (1 + math.exp(-z))
 
     def probabilities(
-        self, weights: Mapping[str, float], left_over: float, closure: float, effects: tuple[str, ...]
+        self, weights: Mapping[str, float], left_over: float, held_out: float, effects: tuple[str, ...]
     ) -> dict[str, float]:
         """Probability that the effect which explains most of the mismatch is each of these; they sum to 1.
 
@@ -66,8 +66,8 @@ class Calibration:
         weights : dict of str to float
             Relative weights of the explanations that were found, by the id of the effect that explains most; empty if
             nothing was found.
-        left_over, closure : float
-            Figures of the best one.
+        left_over, held_out : float
+            Unexplained shares of the best one, in fitted and in held-out recordings.
         effects : tuple of str
             Ids that were looked for.
         """
@@ -77,7 +77,7 @@ class Calibration:
             if not effects:
                 other = 1 - nothing
             return {NOTHING: nothing, NONE_OF_THESE: other, **dict.fromkeys(effects, each)}
-        right = self.explained(left_over, closure) * (1 - self.nothing_if_found)
+        right = self.explained(left_over, held_out) * (1 - self.nothing_if_found)
         found = {name: right * weight / sum(weights.values()) for name, weight in weights.items()}
         return {**found, NONE_OF_THESE: 1 - self.nothing_if_found - right, NOTHING: self.nothing_if_found}
 

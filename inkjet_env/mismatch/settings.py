@@ -334,6 +334,8 @@ class VerdictSettings(_Settings):
     least_closure: float = 0.5
     """Closure below which an effect keeps its name only if it explains the held-out recordings once they are fitted.
     Unit: 1. Source: decision 6."""
+    held_out_standard_deviations: float = 2.0
+    """Standard deviations of the noise taken off what is left in held-out recordings. Unit: 1. Source: 95 %."""
     least_probability: float = 0.5
     """Probability, Eq. (3) of docs/explanation/diagnosis.md, that what was found is right, below which the verdict is
     unknown. Unit: 1. Source: more likely right than wrong."""

@@ -13,6 +13,7 @@ from inkjet_env.mismatch.evidence import (
     closest,
     closure_of,
     compared,
+    held_out_left_over,
     modelled_recordings,
     named_effects,
     unexplained_share,
@@ -123,7 +124,9 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     # the base model was checked on fitted recordings alone: does it hold where it predicted badly?
     unseen = () if anything or math.isnan(closure) else held_out_misfits(joint)
     unexplained = share if not refuted else max(share, min(1 - closure, 1.0))  # or what it leaves where it is tested
-    tested = math.nan if explained and ordered else closure  # it need not foretell them
+    tested = held_out_left_over(base_hypothesis(bare), chosen)
+    if explained and ordered:  # it need not foretell them
+        tested = math.nan
     sure = calibration().explained(unexplained, tested) >= settings.verdict.least_probability
     missed = share > settings.verdict.left_over and not anything
     if (anything and not sure) or missed or vague or unseen or found.doubt:
@@ -171,7 +174,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     nothing = {name: Estimate(math.nan, low, high) for name, (low, high) in UNKNOWN_INTERVALS.items()}
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (),
-        tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share,
+        tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, tested,
         found.selection.base_p_value, compared(found.selection), found.untestable, following, remainder,
         found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
         dynamics(stands) if known else nothing, probabilities, tuple(notes), stopwatch.seconds, stopwatch.stages,
@@ -180,7 +183,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
 
 
 def _probabilities(
-    found: Findings, named: Sequence[NamedEffect], unexplained: float, closure: float, verdict: str
+    found: Findings, named: Sequence[NamedEffect], unexplained: float, held_out: float, verdict: str
 ) -> dict[str, float]:
     """Probability of each explanation, by the effect that explains most; see `Calibration.probabilities`."""
     ids = tuple(e.id for e in found.effects)
@@ -191,11 +194,11 @@ def _probabilities(
         alike = dict.fromkeys((most, *found.indistinguishable.get(most, ())), 1.0)
         tried = alike if most not in found.chosen.ids else weights(found.selection, most)
         tried = {name: w for name, w in tried.items() if w >= found.joint.settings.verdict.least_weight}
-        return calibration().probabilities(tried, unexplained, closure, ids)
+        return calibration().probabilities(tried, unexplained, held_out, ids)
     # Something is there, and nothing that was tried is supported: what came closest leaves the rest.
     come_closest = closest(base_hypothesis(found.joint), found.selection)
     name, share = (come_closest[0][0], come_closest[1]) if come_closest else (NONE_OF_THESE, 0.0)
-    return calibration().probabilities({name: 1.0}, max(unexplained, 1 - share), closure, ids)
+    return calibration().probabilities({name: 1.0}, max(unexplained, 1 - share), held_out, ids)
 
 
 def _named(found: Findings) -> list[NamedEffect]:

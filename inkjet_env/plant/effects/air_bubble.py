@@ -25,9 +25,9 @@ LEAST_VOLUME = 0.01
 class AirBubble(Effect):
     """A shift of the resonance and a further mode, both from ``onset_order`` on, at once or growing to their full size.
 
-    Over the last order before the onset the bubble's volume grows linearly, so that a fit can find the onset; orders are
-    whole numbers, so at most one recording falls within. It may grow for further ``growth_orders``; the frequency of a
-    bubble falls with the cube root of its volume.
+    Over the last order before the onset the bubble's volume grows linearly, so that a fit can find the onset; orders
+    are whole numbers, so at most one recording falls within. It may grow for further ``growth_orders``; the frequency
+    of a bubble falls with the cube root of its volume.
     """
 
     id = "air_bubble"
@@ -39,8 +39,8 @@ class AirBubble(Effect):
     )
     source = (
         "J. de Jong et al., Air entrapment in piezo-driven inkjet printheads, Journal of the Acoustical Society of "
-        "America 120, 2006; M. Minnaert, On musical air-bubbles and the sounds of running water, Philosophical Magazine "
-        "16, 1933: a bubble's frequency"
+        "America 120, 2006; M. Minnaert, On musical air-bubbles and the sounds of running water, Philosophical "
+        "Magazine 16, 1933: a bubble's frequency"
     )
     parameters = (
         Parameter(
@@ -51,7 +51,7 @@ class AirBubble(Effect):
         Parameter("bubble_frequency_Hz", "Hz", 1e-2, 1e8, "log", "frequency of the bubble's mode"),
         Parameter("bubble_damping_ratio", "1", 0.002, 0.7, "log", "damping ratio of the bubble's mode"),
         Parameter("bubble_strength", "1", -2.0, 2.0, meaning="static deflection of the bubble's mode over the head's"),
-        Parameter("static_change", "1", -0.5, 0.5, meaning="relative change of the head's static deflection", plain=0.0),
+        Parameter("static_change", "1", -0.5, 0.5, meaning="relative change of the static deflection", plain=0.0),
         Parameter("exchange", "1", -0.5, 0.5, meaning="coupling of the modes by damping, see `Mode`", plain=0.0),
         Parameter("growth_orders", "1", 0.0, 1e4, meaning="recordings in which the bubble grows", plain=0.0),
     )
@@ -133,4 +133,3 @@ class AirBubble(Effect):
         if change := present * values["static_change"]:
             modes = (*modes, Mode(a0, a1, change))
         return replace(resonance, a0=a0, a1=a1, modes=modes)
-

@@ -39,12 +39,13 @@ class Depolarisation(Effect):
     stage = "hysteresis"
     sentence = "Strong negative drives, or many drives, depolarise the ceramic, which loses gain."
     equation = (
-        "v (1 - loss (permanent n∞ + (1 - permanent) n) - ageing log10(order)), n(t) = max over s ≤ t of e(s) exp((s - t) / recovery_s), n∞ "
+        "v (1 - loss (permanent n∞ + (1 - permanent) n) - ageing log10(order)), "
+        "n(t) = max over s ≤ t of e(s) exp((s - t) / recovery_s), n∞ "
         "the same with recovery_s = ∞, e = max(-u - coercive_V, 0) / 100 V"
     )
     source = (
-        "B. Jaffe, W. R. Cook, H. Jaffe, Piezoelectric Ceramics, Academic Press, 1971: depoling, and ageing by decades; "
-        "the recovery is an empirical law"
+        "B. Jaffe, W. R. Cook, H. Jaffe, Piezoelectric Ceramics, Academic Press, 1971: depoling, and ageing by "
+        "decades; the recovery is an empirical law"
     )
     parameters = (
         Parameter("loss", "1", -0.2, 5.0, meaning="relative fall of the gain, 100 V beyond the coercive voltage"),
@@ -100,7 +101,10 @@ class Depolarisation(Effect):
             )
             said.append(f"{text} ({percent(values['permanent'])} is permanent)" if values["permanent"] else text)
         if values["ageing"]:
-            said.append(f"it {_loses(values['ageing'])} {percent(abs(values['ageing']))} of its gain per tenfold recordings")
+            share = percent(abs(values["ageing"]))
+            said.append(
+                f"it {_loses(values['ageing'])} {share} of its gain in every decade of recordings (1 to 10 to 100)"
+            )
         return f"The ceramic changes: {', and '.join(said)}." if said else self.sentence
 
     def hysteresis(

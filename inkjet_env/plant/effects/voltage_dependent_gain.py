@@ -29,7 +29,9 @@ class VoltageDependentGain(Effect):
             "electrostriction", "1", -0.5, 0.5, meaning="quadratic displacement over the drive, at half the full scale"
         ),
         Parameter("stiffening", "1", -0.5, 0.5, meaning="cubic displacement over the drive, at half the full scale"),
-        Parameter("remanent", "1", -0.5, 1.5, meaning="share of w that follows the loop: 1 is a gain set by bias", plain=0.0),
+        Parameter(
+            "remanent", "1", -0.5, 1.5, meaning="share of w that follows the loop; 1: a gain set by bias", plain=0.0
+        ),
     )
     strengths = ("electrostriction", "stiffening")
     signature = "even harmonics with the square of the drive, at any rate; small loops keep their shape"
