@@ -213,15 +213,19 @@ def _as_good(
         if other is None or other.degenerate or effect.id == name or effect.id in chosen.ids:
             continue
         behind = chosen.score - other.score  # one that needs more parameters for it is no equal
-        difference = other.residuals - chosen.residuals
-        apart = float(np.linalg.norm(difference))
-        # Of a right explanation, what it leaves leans to no other by more than noise.
-        leans = -float(chosen.residuals @ difference) > joint.settings.verdict.excess_standard_deviations * apart
-        alike = leans and 2 * behind < chosen.excess and abs(cosine(without, chosen, other)) > settings.same_signature
+        apart = float(np.linalg.norm(other.residuals - chosen.residuals))
+        alike = leans(chosen, other, joint.settings.verdict.excess_standard_deviations) and 2 * behind < chosen.excess
+        alike = alike and abs(cosine(without, chosen, other)) > settings.same_signature
         weighty = behind <= -math.log(settings.alike_weight) * temperature(chosen)
         if behind <= settings.predicted_standard_errors * apart or alike or weighty:
             same.append((behind, effect.id))
     return tuple(name for _, name in sorted(same))
+
+
+def leans(chosen: Hypothesis, other: Hypothesis, standard_deviations: float) -> bool:
+    """Whether what a hypothesis leaves leans to another's signals by more than noise; of the truth it does not."""
+    difference = chosen.residuals - other.residuals
+    return float(chosen.residuals @ difference) > standard_deviations * float(np.linalg.norm(difference))
 
 
 def temperature(chosen: Hypothesis) -> float:

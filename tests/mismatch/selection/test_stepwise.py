@@ -2,6 +2,7 @@
 
 import importlib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, conditions, settled
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
-from inkjet_env.mismatch.selection.stepwise import cosine, select, supported, worth_adding
+from inkjet_env.mismatch.selection.stepwise import cosine, leans, select, supported, worth_adding
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete, coordinates
 
@@ -215,3 +216,33 @@ def test_each_p_value_is_of_the_test_that_added_the_effect_whichever_parent_won(
         return beside.p_value(max(beside.best(parent.residuals).values()), None, 2000)
 
     assert found_at_last.p_values == {first: p_value(base), second: p_value(parents[first,])}
+
+
+def test_what_the_truth_leaves_leans_to_no_rival_and_what_a_rival_leaves_leans_to_the_truth():
+    rng = np.random.default_rng(0)
+    noise, shape = rng.standard_normal((200, 5000)), np.sin(np.arange(5000) / 40)
+    truth = [SimpleNamespace(residuals=one) for one in noise]
+    rival = [SimpleNamespace(residuals=one + 0.2 * shape) for one in noise]
+    assert sum(leans(one, other, 3.0) for one, other in zip(truth, rival, strict=True)) <= 3  # 0.13 % each
+    assert all(leans(other, one, 3.0) for one, other in zip(truth, rival, strict=True))
+
+
+def test_the_second_best_start_is_refined_too_where_the_first_leaves_much(looked, effects, monkeypatch):
+    """A mode begun an octave too high looks best after a few steps and ends in another minimum."""
+    joint, _, found = looked("second_mode", looked_for=("second_mode",))
+    mode = effects["second_mode"]
+    begun = [
+        joint.fit(
+            ActiveEffects.of([(mode, complete(mode, frequency_Hz=f, damping_ratio=0.1, strength=0.02))]), most_steps=1
+        )
+        for f in (1.6e5, 3e4)
+    ]
+    ends = sorted((settled(joint, fit) for fit in begun), key=lambda h: h.fit.nll)
+    assert ends[1].fit.nll - ends[0].fit.nll > 100
+    worse = next(fit for fit in begun if settled(joint, fit).fit.nll == ends[1].fit.nll)
+    other = next(fit for fit in begun if fit is not worse)
+    given = [replace(worse, nll=other.nll - 1), other]
+    hypotheses = importlib.import_module("inkjet_env.mismatch.selection.hypotheses")
+    monkeypatch.setattr(hypotheses, "_begun", lambda *_: given)
+    (best,) = attribute(joint, base_hypothesis(joint), [mode], found, FitContext(ProcessPool(1)))
+    assert best.fit.nll <= ends[0].fit.nll + 1
