@@ -339,3 +339,19 @@ def test_a_head_of_another_frequency_is_found_from_a_start_that_is_off(recorded,
                                              truth.printhead.coefficients, truth.printhead.full_scale_V))  # fmt: skip
     other = OutputErrorFit(joint.observed, joint.noise, off, SETTINGS)
     assert other.base.nll == pytest.approx(joint.base.nll, rel=1e-4)
+
+
+def test_fits_of_a_first_effect_begin_at_the_plain_head_and_gain_over_the_same_base_model(
+    recorded, fitted, effects, values
+):
+    """A law bent by the mismatch is no place to begin; what an effect gains is told from the base model as it is."""
+    joint = fitted(recorded("quadratic_damping"))
+    head = Head(joint.start.printhead, joint.start.gains, joint.start.offsets)
+    assert joint.from_plain is joint
+    begun = joint.anew(head=joint.base.head, base=joint.base)
+    begun.plain = head
+    assert begun.from_plain.start is head
+    assert begun.from_plain.base is joint.base
+    active = ActiveEffects.of([(effects["quadratic_damping"], values("quadratic_damping"))])
+    first = begun.from_plain.fit(active, head, most_steps=8)
+    assert first.nll == pytest.approx(joint.fit(active).nll, abs=0.6)
