@@ -18,7 +18,7 @@ def print_diagnosis(found: Diagnosis) -> None:
     from inkjet_env.reporting.diagnosis_tables import channel_rows, parameter_rows
     from inkjet_env.reporting.formatting import share_text, short, unit_text
 
-    parameters = [(e.effect.id, *row[:4]) for e in found.effects for row in parameter_rows(e)]
+    parameters = [(e.effect.id, *row[:4]) for e in (*found.effects, *found.minor) for row in parameter_rows(e)]
     channels = channel_rows(found)
     print(found.headline)
     print(f"Probability of what is missing: {probabilities_text(found.probabilities)}.")

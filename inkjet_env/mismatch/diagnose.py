@@ -135,6 +135,7 @@ class _Work:
         self.notes: list[str] = []
         self.effects = tuple(effects)
         self.indistinguishable: dict[str, tuple[str, ...]] = {}
+        self.signatures: Signatures | None = None
         self.last_polished: tuple[OutputErrorFit, Hypothesis, tuple[OutputErrorFit, Hypothesis]] | None = None
 
     def diagnosis(self, printhead: Printhead | None, held_out: Sequence[str] | None) -> Diagnosis:
@@ -176,7 +177,7 @@ class _Work:
         self.stopwatch.took("discrepancy regression")
         found = Findings(
             joint, chosen, selection, random_effects, self.indistinguishable, discrepancy, self.effects, untestable,
-            doubt, dynamics_known,
+            doubt, self.signatures, dynamics_known,
         )  # fmt: skip
         return judge(found, self.campaign.name, self.context, self.stopwatch, self.notes)
 
@@ -276,6 +277,7 @@ class _Work:
     def selected(self, joint: OutputErrorFit, effects: Sequence[Effect]) -> tuple[Signatures, Selection]:
         """Signatures and stepwise selection with one noise."""
         found = signatures(joint, effects, self.context)
+        self.signatures = found
         self.stopwatch.took("score test")
         selection = select(joint, effects, found, self.context)
         self.stopwatch.took("selection")

@@ -59,6 +59,24 @@ class NamedEffect:
         unit = next(p.unit for p in self.effect.parameters if p.name == parameter)
         return self.unit if unit == SENSOR_UNIT else unit
 
+    def as_json(self) -> dict[str, Any]:
+        """The effect as in a ``diagnosis/1``."""
+        return {
+            "id": self.effect.id,
+            "stage": self.effect.stage,
+            "sentence": self.sentence,
+            "evidence": {"delta_nll": self.delta_nll, "p_value": self.p_value},
+            "parameters": {
+                name: {
+                    "value": _finite(v.value),
+                    "low": _finite(v.low),
+                    "high": _finite(v.high),
+                    "unit": self.unit_of(name),
+                }
+                for name, v in self.parameters.items()
+            },
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class HypothesisScore:
@@ -103,6 +121,8 @@ class Diagnosis:
         The verdict in plain words.
     effects : tuple of NamedEffect
         Missing effects that were found; empty if the verdict is "none" or "unknown".
+    minor : tuple of NamedEffect
+        Effects beside them of overwhelming evidence, which explain little; the augmented model has them too.
     candidates : tuple of tuple of str
         Groups of effects that these recordings cannot distinguish.
     location : Location
@@ -157,6 +177,7 @@ class Diagnosis:
     verdict: str
     headline: str
     effects: tuple[NamedEffect, ...]
+    minor: tuple[NamedEffect, ...]
     candidates: tuple[tuple[str, ...], ...]
     location: Location
     recordings: tuple[ModelledRecording, ...]
@@ -210,24 +231,8 @@ class Diagnosis:
             "format": "diagnosis/1",
             "verdict": self.verdict,
             "headline": self.headline,
-            "effects": [
-                {
-                    "id": e.effect.id,
-                    "stage": e.effect.stage,
-                    "sentence": e.sentence,
-                    "evidence": {"delta_nll": e.delta_nll, "p_value": e.p_value},
-                    "parameters": {
-                        name: {
-                            "value": _finite(v.value),
-                            "low": _finite(v.low),
-                            "high": _finite(v.high),
-                            "unit": e.unit_of(name),
-                        }
-                        for name, v in e.parameters.items()
-                    },
-                }
-                for e in self.effects
-            ],
+            "effects": [e.as_json() for e in self.effects],
+            "minor": [e.as_json() for e in self.minor],
             "candidates": [list(group) for group in self.candidates],
             "probabilities": dict(self.probabilities),
             "location": {
@@ -319,8 +324,9 @@ class Diagnosis:
             of_another = ("augmented_heldout_rms_V", "closure", "heldout_left_over")
             base = self.base_printhead.as_json(dynamics, {k: v for k, v in fit.items() if k not in of_another})
             return base if self.remainder is None else base | {"remainder": self.remainder.remainder.as_json()}
-        values = tuple((e.effect, dict(e.values)) for e in self.effects)
-        intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in self.effects}
+        all_effects = (*self.effects, *self.minor)
+        values = tuple((e.effect, dict(e.values)) for e in all_effects)
+        intervals = {e.effect.id: {name: (p.low, p.high) for name, p in e.parameters.items()} for e in all_effects}
         last = max(r.order for r in self.recordings)
         augmented = AugmentedPrinthead(
             self.printhead, values, self.gains, last, None if self.remainder is None else self.remainder.remainder

@@ -1,4 +1,4 @@
-"""The verdict in at most three sentences: which effect is missing, how much it explains, and how much is left."""
+"""The verdict in at most four sentences: which effect is missing, how much it explains, and how much is left."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ def headline(
     settings: VerdictSettings,
     noise_known: bool = True,
     unseen: Sequence[str] = (),
+    minor: Sequence[NamedEffect] = (),
 ) -> str:
     """The verdict for a reader who has five seconds.
 
@@ -48,6 +49,8 @@ def headline(
         Whether the noise was estimated from anything but the fit's own residuals.
     unseen : sequence of str
         Held-out recordings in which alone a mismatch shows.
+    minor : sequence of NamedEffect
+        Effects that explain little, but beyond doubt.
     """
     if verdict == "none" and not noise_known:
         return (
@@ -67,15 +70,16 @@ def headline(
         refuted = [n.effect.id for n in named] or list(closest[0] if closest else ())
         return _unknown(left_over, refuted, closest, location, max(map(len, groups), default=0), settings)
     remains = [f"They leave {percent(left_over)} of the mismatch beyond noise."] if left_over > 0 else []
+    little = [f"Minor, but beyond doubt: {_joined([n.effect.id for n in minor], 'and')}."] if minor else []
     if verdict == "set":
         alike = "; ".join(_joined(group, "or") for group in groups)
         first = f"{alike[0].upper()}{alike[1:]}: these recordings cannot distinguish between them."
         certain = [n.effect.id for n in _by_weight(named) if all(n.effect.id not in group for group in groups)]
-        return " ".join([first, *_explained("Either", certain, closure), *remains])
+        return " ".join([first, *_explained("Either", certain, closure), *remains, *little])
     most, *others = _by_weight(named)
     if remains and not others:
         remains = [remains[0].replace("They leave", "It leaves")]
-    return " ".join([most.sentence, *_explained("It", [n.effect.id for n in others], closure), *remains])
+    return " ".join([most.sentence, *_explained("It", [n.effect.id for n in others], closure), *remains, *little])
 
 
 def probabilities_text(probabilities: Mapping[str, float]) -> str:

@@ -181,6 +181,11 @@ class SelectionSettings(_Settings):
     """Share of the whole mismatch that counts as large. Unit: 1. Source: decision 6."""
     further_score: float = 0.5
     """Share of the best score from which a further effect is fitted. Unit: 1. Source: speed."""
+    most_minor: int = 2
+    """Largest number of minor effects. Unit: 1. Source: speed."""
+    minor_gain: float = 50.0
+    """Gain, less the penalty for its parameters, from which a minor effect counts. Unit: log-likelihood. Source: e⁵⁰ to
+    one is beyond any doubt about the noise model."""
     alternative_gain: float = 0.8
     """Share of the best gain, after the first steps, from which an alternative is fitted to the end. Unit: 1. Source:
     speed."""

@@ -29,8 +29,10 @@ from inkjet_env.mismatch.selection.base_intervals import dynamics
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.held_out_refit import explains_held_out_after_refit, held_out_misfits
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
+from inkjet_env.mismatch.selection.minor_effects import with_minor_effects
 from inkjet_env.mismatch.selection.random_effects import RandomEffect
 from inkjet_env.mismatch.selection.remainder_fit import fit_remainder
+from inkjet_env.mismatch.selection.score_test import Signatures
 from inkjet_env.mismatch.selection.stepwise import Selection, weights
 from inkjet_env.mismatch.stopwatch import Stopwatch
 from inkjet_env.plant import Effect
@@ -64,6 +66,8 @@ class Findings:
         By id, the effects that the recordings cannot show, and why not.
     doubt : str or None
         Why the recordings may not be what they are said to be; then nothing is named.
+    signatures : Signatures or None
+        Signatures of the effects that have a law; None if there was none to look for.
     dynamics_known : bool
         Whether the resonator of the heads is more than a placeholder: a recording shows it, or it was given.
     """
@@ -77,6 +81,7 @@ class Findings:
     effects: Sequence[Effect]
     untestable: Mapping[str, str]
     doubt: str | None
+    signatures: Signatures | None = None
     dynamics_known: bool = True
 
     def known_part(self, printhead: Printhead) -> Printhead:
@@ -140,10 +145,14 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     if verdict == "none":  # what the tests of the whole do not confirm is noise; its tables stay for whoever looks
         location = Location(tables=location.tables)
     stopwatch.took("location")
-    named = _named(found)
+    corrected = _corrected(found, verdict, context)
+    if corrected is not chosen:
+        recordings = modelled_recordings(bare, joint, corrected, found.discrepancy)
+        closure = closure_of(recordings, settings.verdict)
+    named, minor = _named(found, corrected)
     said = found.doubt or headline(
         verdict, named, groups, closure, share, closest(base_hypothesis(joint), found.selection), location,
-        settings.verdict, all(joint.noise.known(o) for o in joint.seen), unseen,
+        settings.verdict, all(joint.noise.known(o) for o in joint.seen), unseen, minor,
     )  # fmt: skip
     probabilities = _probabilities(found, named, unexplained, tested, verdict)
     context.progress("designing the next experiment")
@@ -152,7 +161,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         fits = _candidate_fits(found)
         following = next_experiment(fits, joint.noise, joint.observed, found.effects, settings.design)
     stopwatch.took("next experiment")
-    stands = base_hypothesis(joint) if verdict == "unknown" else chosen  # never half of a model that is not named
+    stands = base_hypothesis(joint) if verdict == "unknown" else corrected  # never half of a model that is not named
     remainder = None
     if verdict != "none":
         context.progress("fitting the remainder")
@@ -173,7 +182,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     gains, offsets = ({c: v for c, v in of.items() if c in channels} for of in (head.gains, head.offsets))
     nothing = {name: Estimate(math.nan, low, high) for name, (low, high) in UNKNOWN_INTERVALS.items()}
     return Diagnosis(
-        campaign, verdict, said, tuple(named) if verdict != "unknown" else (),
+        campaign, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(minor),
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, tested,
         found.selection.base_p_value, compared(found.selection), found.untestable, following, remainder,
         found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
@@ -201,8 +210,17 @@ def _probabilities(
     return calibration().probabilities({name: 1.0}, max(unexplained, 1 - share), held_out, ids)
 
 
-def _named(found: Findings) -> list[NamedEffect]:
-    """Random effects, then effects with a law, with their values and evidence."""
+def _corrected(found: Findings, verdict: str, context: FitContext) -> Hypothesis:
+    """The chosen hypothesis with minor effects, if it has a name and there are any."""
+    if verdict not in ("named", "set") or not found.chosen.ids or found.signatures is None:
+        return found.chosen
+    context.progress("looking for minor effects")
+    with_law = [e for e in found.effects if not e.random and e.id not in found.untestable]
+    return with_minor_effects(found.chosen, with_law, found.signatures, context)
+
+
+def _named(found: Findings, corrected: Hypothesis) -> tuple[list[NamedEffect], list[NamedEffect]]:
+    """Random effects and then effects with a law, with their values and evidence; the same of minor effects."""
     joint = found.joint
     units = {o.channel: o.unit for o in joint.observed}
     drawn = [
@@ -212,7 +230,9 @@ def _named(found: Findings) -> list[NamedEffect]:
         )
         for s in found.random_effects
     ]  # fmt: skip
-    return [*drawn, *named_effects(joint, found.chosen, found.selection)]
+    with_law = named_effects(joint, corrected, found.selection)
+    named = [n for n in with_law if n.effect.id in found.chosen.ids]
+    return [*drawn, *named], [n for n in with_law if n.effect.id not in found.chosen.ids]
 
 
 def _candidate_fits(found: Findings) -> list[FitResult]:

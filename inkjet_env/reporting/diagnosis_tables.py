@@ -76,7 +76,7 @@ def tables_of(diagnosis: Diagnosis) -> dict[str, Any]:
     channels = channel_rows(diagnosis)
     main = [row for row in channels if row.held_out and row.channel == diagnosis.main_channel]
     return {
-        "effects": [(named, parameter_rows(named)) for named in diagnosis.effects],
+        "effects": [(named, parameter_rows(named)) for named in (*diagnosis.effects, *diagnosis.minor)],
         "main": main[0] if main else None,
         "channels": channels,
         "conditions": condition_rows(diagnosis),

@@ -79,6 +79,7 @@ def found(campaign):
                 values,
             ),
         ),
+        minor=(),
         candidates=(("sensor_bandwidth", "amplifier_bandwidth"),),
         location=Location(sentence="On the edges."),
         recordings=tuple(recordings),

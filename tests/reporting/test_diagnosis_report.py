@@ -84,6 +84,7 @@ def named():
         verdict="named",
         headline=effect.description(VALUES),
         effects=(found,),
+        minor=(),
         candidates=(),
         location=Location(
             ("r005", "r007"), ((1e-6, 3e-6),), ((9e4, 1.1e5),), ((60, 100),), "On the edges of the drive.", tables
