@@ -135,9 +135,17 @@ class SelectionSettings(_Settings):
     worse_law: float = 10.0
     """Loss by leaving out a term of a law, with the base sensitivities of the whole law, above which the law without it
     is not fitted to the end. Unit: log-likelihood. Source: speed; new sensitivities gain about 1."""
-    scan_widths: tuple[float, ...] = (0.15, 0.01)
-    """Largest logarithms of the ratio by which a strength on which the signal depends in jumps is moved from the end of
-    its last fit, one scan after another. Unit: 1. Source: the jumps of a thousand updates coincide to a thousandth."""
+    scan_width: float = 0.015
+    """Largest logarithm of the ratio by which a strength on which the signal depends in jumps is moved from the end of
+    a fit. Unit: 1. Source: the jumps of a thousand updates coincide to a thousandth."""
+    wide_scan_width: float = 0.5
+    """The same from each start, where nothing else explains the recordings. Unit: 1. Source: starts are a factor of two
+    or so apart."""
+    scan_intervals: int = 50
+    """Number of intervals, from the start of a recording, on which an interval is tried in its whole range. Unit: 1.
+    Source: their jumps coincide to one percent, the distance of the values tried."""
+    scan_recordings: int = 4
+    """Number of recordings on which these are tried. Unit: recordings. Source: speed."""
     scan_values: int = 101
     """Number of values that such a scan tries. Unit: 1. Source: speed."""
     most_rounds: int = 4

@@ -10,6 +10,7 @@ from scipy.signal import lsim
 
 from inkjet_env.plant import Excitation, Plant, SimulationError, catalogue
 from inkjet_env.plant.effect import complete
+from inkjet_env.plant.effects.generator_steps import staircase_means
 from inkjet_env.plant.effects.nonlinear_capacitance import charged_V
 from inkjet_env.plant.effects.slew_limit import slew_limited
 from inkjet_env.printhead import Printhead
@@ -161,6 +162,23 @@ def test_a_hold_has_the_mean_of_its_staircase_over_each_node_step():
     expected = drive_V + (held - asked).mean(axis=1)
     found = at_ceramic("generator_steps", excitation, update_s=update * excitation.node_step_s)
     assert found == pytest.approx(expected, abs=0.01)
+
+
+def test_a_memory_of_so_many_points_holds_longer_in_longer_recordings():
+    for samples in (40, 60):
+        excitation = shot_of(ZIGZAG[:samples])
+        update_s = (samples - 1) * excitation.step_s / 20
+        found = at_ceramic("generator_steps", excitation, update_share=1 / 20)
+        assert found == pytest.approx(at_ceramic("generator_steps", excitation, update_s=update_s), abs=1e-9)
+
+
+def test_values_held_from_the_middle_of_an_interval_are_not_late_on_average():
+    nodes = np.arange(500)
+    ramp = 0.3 * nodes
+    inner = slice(50, 450)
+    for ahead, late in ((0.0, 3.5), (0.5, 0.0), (1.0, -3.5)):
+        found = staircase_means(ramp, 7.0, 0.0, False, ahead)
+        assert np.mean((ramp - found)[inner][:399]) == pytest.approx(0.3 * late, abs=0.02)
 
 
 def test_rounding_alone_has_the_mean_of_the_rounded_drive_over_each_node_step():

@@ -372,6 +372,23 @@ class OutputErrorFit:
         left = residuals - self.basis[0] @ (self.basis[0].T @ residuals)
         return 0.5 * float(left @ left)
 
+    def explained_first(self, active: ActiveEffects, first: Sequence[int]) -> float:
+        """Sum of squares that effects explain in the first fitted samples of each recording.
+
+        The base parameters are adapted to these to first order. It is 0 if the effects cannot be simulated.
+        """
+        try:
+            residuals, _ = self._residuals(replace(self.base.end, active=active))
+        except NUMERICAL:
+            return 0.0
+        begins = self.ends - [o.fitted for o in self.seen]
+        chosen = np.concatenate([np.arange(begin, begin + n) for begin, n in zip(begins, first, strict=True)])
+        before = np.concatenate([self.base.residuals[o.name][:n] for o, n in zip(self.seen, first, strict=True)])
+        pair = np.column_stack([before, residuals[chosen]])
+        columns = self.basis[0][chosen]
+        pair -= columns @ np.linalg.lstsq(columns, pair, rcond=1e-9)[0]
+        return float(pair[:, 0] @ pair[:, 0] - pair[:, 1] @ pair[:, 1])
+
     def _with_states(self, at: ModelState, remainder: Remainder | None = None) -> ModelState:
         """Unknown initial states after one linear least-squares step towards each recording."""
         if not at.states:

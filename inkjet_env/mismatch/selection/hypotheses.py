@@ -221,6 +221,7 @@ def attribute(
     ended = sorted(refined([fits[0] for fits in promising]), key=lambda h: -h.score)
     if ended and ended[0].leaves_much and not given.active.effects:  # the best start may have led to another minimum
         seconds = [fit for fits in promising for fit in fits[1:] if given.nll - fit.nll >= hopeless * most]
+        seconds += [fit for effect in effects if (fit := widely_scanned(joint, effect)) is not None]
         best: dict[tuple[str, ...], Hypothesis] = {}
         for one in sorted([*ended, *refined(seconds)], key=lambda h: -h.score):
             best.setdefault(one.ids, one)
@@ -341,25 +342,68 @@ def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypo
 
 def scanned(joint: OutputErrorFit, fit: FitResult) -> FitResult:
     """A fit, moved to the best of many values around it of every strength on which the signal depends in jumps."""
-    effect, settings = fit.active.last, joint.settings.selection
-    names = [p.name for p in effect.parameters]
-    for name, width in product(effect.rugged, settings.scan_widths):
-        place = fit.active.slices[effect.id].start + names.index(name)
-        if fit.active.theta[place] == 0:
+    settings = joint.settings.selection
+    for name in fit.active.last.rugged:
+        tried = _around(joint, fit.active, name, settings.scan_width)
+        if not tried:
             continue
-        near, low, high = joint.near(fit), *(end[place] for end in joint.limits(fit.active.effects))
-        tried = []
-        for value in np.clip(
-            fit.active.theta[place] * np.exp(np.linspace(-width, width, settings.scan_values)), low, high
-        ):
-            theta = fit.active.theta.copy()
-            theta[place] = value
-            tried.append(fit.active.at(theta))
+        near = joint.near(fit)
         losses = [near.adapted_nll(fit, active) for active in tried]
         moved = _tried(near, tried[int(np.argmin(losses))], fit, settings.first_steps)
         if moved is not None and moved.nll < fit.nll:
             fit = moved
     return fit
+
+
+def widely_scanned(joint: OutputErrorFit, effect: Effect) -> FitResult | None:
+    """A few steps from the best of many values over the whole range of the strengths on which signals depend in jumps.
+
+    The values are tried on the recordings with the largest mismatch; an interval only on the first few of its length,
+    since later ones tell values apart that hardly differ. Those around the best one are tried on all recordings. None
+    if the effect has no such strength or none of its values helps.
+    """
+    if not effect.rugged:
+        return None
+    settings = joint.settings.selection
+    largest = sorted(joint.seen, key=lambda o: -float(np.sum(joint.base.residuals[o.name][: o.fitted] ** 2)))
+    few = joint.anew(observed=largest[: settings.scan_recordings], head=joint.base.head)
+    excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
+    best: dict[str, tuple[float, ActiveEffects]] = {}
+    for start, name in product(effect.starts(joint.base.head.printhead, excitations), effect.rugged):
+        for active in _around(joint, ActiveEffects.of([(effect, start)]), name, settings.wide_scan_width):
+            explained = few.explained_first(active, _first_rows(few, active, name))
+            if explained > best.get(name, (0.0,))[0]:
+                best[name] = explained, active
+    closer = [one for name, (_, near) in best.items() for one in _around(joint, near, name, settings.scan_width)]
+    if not closer:
+        return None
+    losses = [joint.adapted_nll(joint.base, active) for active in closer]
+    begun = _tried(joint.from_plain, closer[int(np.argmin(losses))], joint.base, settings.first_steps)
+    return begun if begun is not None and begun.nll < joint.base.nll else None
+
+
+def _first_rows(joint: OutputErrorFit, active: ActiveEffects, name: str) -> list[int]:
+    """Numbers of fitted samples of each recording on which to try a strength: the first few of its intervals."""
+    effect, settings = active.last, joint.settings.selection
+    parameter, value = next(p for p in effect.parameters if p.name == name), active.pairs[-1][1][name]
+    intervals = {
+        "s": lambda o: value / o.excitation.step_s,
+        "1": lambda o: value * o.excitation.samples,
+    }.get(parameter.unit, lambda o: math.inf)
+    return [min(o.fitted, math.ceil(min(settings.scan_intervals * intervals(o), 1e9))) for o in joint.seen]
+
+
+def _around(joint: OutputErrorFit, active: ActiveEffects, name: str, width: float) -> list[ActiveEffects]:
+    """The same effects with many values of a strength of the last one around the given one; empty if it is off."""
+    effect = active.last
+    place = active.slices[effect.id].start + [p.name for p in effect.parameters].index(name)
+    if active.theta[place] == 0:
+        return []
+    low, high = (end[place] for end in joint.limits(active.effects))
+    values = active.theta[place] * np.exp(np.linspace(-width, width, joint.settings.selection.scan_values))
+    return [
+        active.at(np.where(np.arange(active.theta.size) == place, np.clip(v, low, high), active.theta)) for v in values
+    ]
 
 
 def settled(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypothesis:

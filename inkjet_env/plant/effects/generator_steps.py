@@ -35,7 +35,8 @@ class GeneratorSteps(Effect):
     stage = "drive"
     sentence = "The generator's output is a staircase: it is updated at intervals and has a finite resolution."
     equation = (
-        "u(t) = q round(u_requested(⌊t/T⌋ T) / q), T update_s, q resolution_V; T = 0: no hold, q = 0: no rounding"
+        "u(t) = q round(u_requested((⌊t/T⌋ + ahead) T) / q), T = update_s + update_share × duration of the "
+        "recording, q resolution_V; T = 0: no hold, q = 0: no rounding"
     )
     source = (
         "A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 3rd edition, Pearson, 2010, chapter 4: "
@@ -44,17 +45,25 @@ class GeneratorSteps(Effect):
     parameters = (
         Parameter("update_s", "s", 0.0, 1.0, meaning="T: interval between updates of the output"),
         Parameter("resolution_V", "V", 0.0, 1e3, meaning="q: step between neighbouring levels"),
+        Parameter("update_share", "1", 0.0, 0.5, meaning="T over the duration: a memory of so many points, 1/share"),
+        Parameter(
+            "ahead", "1", 0.0, 1.0, meaning="place in an interval whose value is held; 1/2: no mean delay", plain=0.0
+        ),
     )
-    strengths = ("update_s", "resolution_V")
-    rugged = ("update_s", "resolution_V")
+    strengths = ("update_s", "resolution_V", "update_share")
+    rugged = ("update_s", "resolution_V", "update_share")
     signature = "edges are staircases, late by half an update on average; held levels are off by up to half a step"
     confusable_with = ("trigger_delay", "amplifier_bandwidth", "sensor_bandwidth")
     shown_by = "slow edges sampled finely, and the voltage at the head (column drive_monitor_V)"
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         swing_V = max((float(np.ptp(s.drive_V)) for s in excitations if s.fast), default=0.0) or printhead.full_scale_V
-        held = [{"update_s": part / printhead.frequency_Hz, "resolution_V": 0.0} for part in PERIODS]
-        return [*held, *({"update_s": 0.0, "resolution_V": swing_V / 2**bits} for bits in BITS)]
+        off = {p.name: 0.0 for p in self.parameters}
+        held = [off | {"update_s": part / printhead.frequency_Hz} for part in PERIODS]
+        centred = [one | {"ahead": 0.5} for one in held]
+        usual_s = float(np.median([_duration_s(s) for s in excitations if s.fast] or [100 / printhead.frequency_Hz]))
+        shared = [off | {"update_share": one["update_s"] / usual_s, "ahead": 0.5} for one in held]
+        return [*held, *centred, *shared, *(off | {"resolution_V": swing_V / 2**bits} for bits in BITS)]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"update_s": 0.05 / printhead.frequency_Hz, "resolution_V": 1.0}
@@ -62,7 +71,13 @@ class GeneratorSteps(Effect):
     def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
         largest_V = max((float(np.abs(s.drive_V).max()) for s in excitations), default=0.0)
         most_V = min(largest_V, 1e3) if largest_V > LEAST_V else 1e3
-        return {"update_s": (0.0, min(1.0 / printhead.frequency_Hz, 1.0)), "resolution_V": (0.0, most_V)}
+        period_s = 1 / printhead.frequency_Hz
+        shortest_s = min((_duration_s(s) for s in excitations if s.fast), default=10 * period_s)
+        return {
+            "update_s": (0.0, min(period_s, 1.0)),
+            "resolution_V": (0.0, most_V),
+            "update_share": (0.0, min(period_s / shortest_s, 0.5)),
+        }
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         return too_slow(excitations)
@@ -73,25 +88,33 @@ class GeneratorSteps(Effect):
             said.append(f"is updated only every {with_prefix(values['update_s'], 's', 3)}")
         if values["resolution_V"]:
             said.append(f"has steps of {with_prefix(values['resolution_V'], 'V', 3)}")
+        if values["update_share"]:
+            said.append(f"has {1 / values['update_share']:.4g} points in each recording, however long")
         return f"The generator's output {' and '.join(said)}." if said else self.sentence
 
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
-        nodes = min(values["update_s"], excitation.nodes * excitation.node_step_s) / excitation.node_step_s
+        update_s = values["update_s"] + values["update_share"] * _duration_s(excitation)
+        nodes = min(update_s, excitation.nodes * excitation.node_step_s) / excitation.node_step_s
         step_V = values["resolution_V"]
         if step_V < LEAST_V:
             step_V = 0.0
         if nodes == step_V == 0:
             return drive_V
         if nodes < UNRESOLVED:
-            held_V = late(drive_V, nodes / 2, excitation.periodic) if nodes else drive_V
+            held_V = late(drive_V, (0.5 - values["ahead"]) * nodes, excitation.periodic) if nodes else drive_V
             stairs_V = _cell_means(held_V, excitation.periodic, step_V)
         else:
-            stairs_V = staircase_means(drive_V, nodes, step_V, excitation.periodic)
+            stairs_V = staircase_means(drive_V, nodes, step_V, excitation.periodic, values["ahead"])
         result: Real = drive_V + stairs_V - _cell_means(drive_V, excitation.periodic)
         return result
 
 
-def staircase_means(drive_V: Real, nodes: float, step_V: float, periodic: bool) -> Real:
+def _duration_s(excitation: Excitation) -> float:
+    """Time from the first sample to the last, or the period of a repeated drive, in seconds."""
+    return (excitation.samples - (not excitation.periodic)) * excitation.step_s
+
+
+def staircase_means(drive_V: Real, nodes: float, step_V: float, periodic: bool, ahead: float = 0.0) -> Real:
     """Mean of the held and rounded drive from half a node before to half a node after each node, shape (n,).
 
     Parameters
@@ -104,11 +127,14 @@ def staircase_means(drive_V: Real, nodes: float, step_V: float, periodic: bool) 
         Step of the converter, in volts; 0: none.
     periodic : bool
         Whether the drive is repeated, and the updates with it; otherwise its ends are held.
+    ahead : float
+        Share of an interval after an update at which the drive has the value that is held.
     """
     n = drive_V.size
     ends_V = np.append(drive_V, drive_V[0] if periodic else drive_V[-1])
     updates = nodes * np.arange(math.floor(n / nodes) + 1)
-    levels_V = np.interp(updates, np.arange(n + 1), ends_V)
+    asked = updates + ahead * nodes
+    levels_V = np.interp(asked % n if periodic else asked, np.arange(n + 1), ends_V)
     if step_V > 0:
         levels_V = step_V * np.round(levels_V / step_V)
     knots = np.append(updates, max(n, float(updates[-1])))
