@@ -152,3 +152,30 @@ def remembered_maximum(signal, keep, warm_up_periods, output):
         for i in range(signal.shape[0]):
             value = max(signal[i], keep * value)
             output[i] = value
+
+
+@_jit
+def reversed_share(drive, coercive, keep, start, result):
+    """Share of reversed domains at the nodes; returns it one step after the last.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n,)
+        Voltage at the nodes, in volts.
+    coercive : float
+        Magnitude of the voltage beyond which the share changes, in volts.
+    keep : float
+        Share of the way to 0 or 1 that is left after a step.
+    start : float
+        Share at the first node.
+    result : ndarray, shape (n,)
+        Filled with the share at the nodes.
+    """
+    share = start
+    for i in range(drive.shape[0]):
+        result[i] = share
+        if drive[i] < -coercive:
+            share = 1.0 - keep * (1.0 - share)
+        elif drive[i] > coercive:
+            share = keep * share
+    return share

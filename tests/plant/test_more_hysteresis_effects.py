@@ -7,6 +7,7 @@ import pytest
 
 from inkjet_env.plant import Excitation, Plant, SimulationError, catalogue
 from inkjet_env.plant.effect import complete
+from inkjet_env.plant.effects.depolarisation import reversed_share
 from inkjet_env.printhead import Printhead
 
 HEAD = Printhead.published()
@@ -115,6 +116,22 @@ def test_an_aged_head_loses_the_same_share_of_its_gain_in_every_decade_of_record
     both = plant("depolarisation", **values, ageing=0.03)
     lost = hysteretic_V(plant("depolarisation", **values), shot_of(order=10))
     assert hysteretic_V(both, shot_of(order=10)) == pytest.approx(lost - 0.03 * base, abs=1e-12)
+
+
+def test_reversed_domains_follow_their_equation_and_repeat_in_steady_state():
+    drive_V, recovery_s = PULSE, 120 * STEP_S
+    base = hysteretic_V(Plant(HEAD), shot_of())
+    found = hysteretic_V(plant("depolarisation", coercive_V=30.0, recovery_s=recovery_s, reversal=0.2), shot_of())
+    times, share = shot_of().time_s, np.zeros(base.size)
+    rising, falling = (np.interp(times, STEP_S * np.arange(600), sign * drive_V) > 30.0 for sign in (-1, 1))
+    for k in range(base.size - 1):  # explicit Euler, a hundredth of a step at a time
+        value, step = share[k], (times[1] - times[0]) / 100 / recovery_s
+        for _ in range(100):
+            value += step * (rising[k] * (1 - value) - falling[k] * value)
+        share[k + 1] = value
+    assert found == pytest.approx(base * (1 - 0.2 * share), abs=2e-4 * 80)
+    laps = reversed_share(np.tile(drive_V, 200), 30.0, 0.99, False)
+    assert reversed_share(drive_V, 30.0, 0.99, True) == pytest.approx(laps[-drive_V.size :], abs=1e-9)
 
 
 def test_a_gain_that_is_lost_altogether_is_refused():

@@ -94,6 +94,14 @@ def test_a_stretched_recording_of_a_repeated_drive_goes_on_in_the_next_period():
     assert found == pytest.approx(spline(1.01 * np.arange(300)), abs=2e-6 * np.abs(signal).max())
 
 
+def test_a_clock_that_warms_up_nears_its_final_rate_from_recording_to_recording():
+    excitation = shot_of()
+    for order, skew in ((1, 3e-3), (5, 1e-3 + 2e-3 * math.exp(-1)), (1000, 1e-3)):
+        warming = plant("timebase_error", skew=1e-3, cold=2e-3, memory_orders=4.0)
+        found = warming.signal(shot_of(order=order))
+        assert found == pytest.approx(plant("timebase_error", skew=skew).signal(excitation), abs=1e-12)
+
+
 def test_a_clock_that_is_fast_by_a_share_raises_the_frequency_by_it():
     excitation = shot_of(np.zeros(900), "free", start=(30.0, 0.0))
     slow = Plant(HEAD.varied(frequency_Hz=HEAD.frequency_Hz * 1.002)).signal(excitation)
@@ -107,7 +115,7 @@ def test_the_error_between_samples_falls_with_the_fourth_power_of_the_step():
         t = np.arange(20 * per_period) / per_period
         excitation = Excitation("displacement", "periodic", PERIOD_S / per_period, np.zeros(t.size))
         effect = EFFECTS["timebase_error"]
-        found = effect.sensing({"skew": 0.01}, np.sin(2 * np.pi * t), None, HEAD, excitation)
+        found = effect.sensing(complete(effect, skew=0.01), np.sin(2 * np.pi * t), None, HEAD, excitation)
         rates.append(np.abs(found - np.sin(2 * np.pi * 1.01 * t)).max())
     assert rates[0] < 5e-3
     assert np.log2(np.array(rates[:-1]) / rates[1:]) == pytest.approx([4, 4], abs=0.2)
