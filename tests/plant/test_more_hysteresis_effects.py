@@ -189,3 +189,12 @@ def test_signal_behind_play_converges_with_the_nodes():
     orders, error = orders_in_nodes("backlash", gap_V=2.3)
     assert orders.mean() > 1.5
     assert error < 5e-4
+
+
+def test_a_soft_zone_loses_a_share_of_the_travel_within_it_and_none_beyond():
+    base = hysteretic_V(Plant(HEAD), shot_of())
+    found = hysteretic_V(plant("backlash", dead_zone_V=20.0, lost=0.3), shot_of())
+    inside = np.abs(base) < 20
+    assert 0.1 < inside.mean() < 0.9
+    assert found[inside] == pytest.approx(0.7 * base[inside], abs=1e-12)
+    assert found[~inside] == pytest.approx((base - 6 * np.sign(base))[~inside], abs=1e-12)

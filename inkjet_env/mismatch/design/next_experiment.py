@@ -293,7 +293,9 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
         start, place = f"Record {CHANNELS[excitation.channel]}", ""
     names = f"{_named(judge.fits[i])} and {_named(judge.fits[j])}"
     size = f"{with_prefix(difference, unit)}, {float(f'{difference / noise:.2g}'):g} times the noise"
-    said = f"{start} {judged.proposal.words}: the predictions for {names} differ {place}by up to {size}"
+    state = "once the repeated drive has settled" if excitation.periodic else "from the demagnetised state"
+    how = f"{state}, sampled every {with_prefix(excitation.step_s, 's', 3)}"
+    said = f"{start} {judged.proposal.words}, {how}: the predictions for {names} differ {place}by up to {size}"
     least = judge.settings.separation
     if separation < least:
         said += f"; record it {math.ceil(least / max(separation, 1e-300))} times"

@@ -8,12 +8,14 @@ import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.excitation import Excitation
-from inkjet_env.plant.wording import with_prefix
+from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 SHARES = (0.005, 0.02, 0.05)
 """Gaps of the starts, as shares of the largest drive."""
+SOFT = (0.1, 0.3)
+"""Half widths of soft zones of the starts, likewise."""
 
 
 class Backlash(Effect):
@@ -29,12 +31,15 @@ class Backlash(Effect):
     stage = "hysteresis"
     sentence = "The joint between ceramic and moving mass has play, so part of the travel is lost."
     equation = (
-        "v → P_gap[Z(v)], P the play w = max(v - gap_V, min(v + gap_V, w)), Z(v) = sign(v) max(|v| - dead_zone_V, 0)"
+        "v → P_gap[Z(v)], P the play w = max(v - gap_V, min(v + gap_V, w)), Z(v) = v - lost clip(v, ±dead_zone_V)"
     )
     source = "M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey, Automatica 38, 2002"
     parameters = (
         Parameter("gap_V", "V", 0.0, 1e3, meaning="half the gap of the play, in hysteretic volts"),
         Parameter("dead_zone_V", "V", 0.0, 1e3, meaning="half the width of the dead zone, in hysteretic volts"),
+        Parameter(
+            "lost", "1", -1.0, 1.0, meaning="share of the travel that is lost in the zone; less: a glue", plain=1.0
+        ),
     )
     strengths = ("gap_V", "dead_zone_V")
     signature = "the same travel is lost at each reversal, or around rest, whatever the amplitude: small loops vanish"
@@ -43,8 +48,9 @@ class Backlash(Effect):
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         largest_V = max((float(np.abs(s.drive_V).max()) for s in excitations), default=0.0) or printhead.full_scale_V
-        off = dict.fromkeys(self.strengths, 0.0)
-        return [off | {name: min(share * largest_V, 1e3)} for name in self.strengths for share in SHARES]
+        off = dict.fromkeys(self.strengths, 0.0) | {"lost": 1.0}
+        clear = [off | {name: min(share * largest_V, 1e3)} for name in self.strengths for share in SHARES]
+        return [*clear, *(off | {"dead_zone_V": min(share * largest_V, 1e3), "lost": 0.05} for share in SOFT)]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"gap_V": 1.5}
@@ -61,7 +67,8 @@ class Backlash(Effect):
         if values["gap_V"]:
             said.append(f"{with_prefix(2 * values['gap_V'], 'V')} of the hysteretic drive are lost at each reversal")
         if values["dead_zone_V"]:
-            said.append(f"within ±{with_prefix(values['dead_zone_V'], 'V')} of rest nothing moves")
+            moves = "nothing moves" if values["lost"] == 1 else f"{percent(values['lost'])} of the travel is lost"
+            said.append(f"within ±{with_prefix(values['dead_zone_V'], 'V')} of rest {moves}")
         return f"The joint has play: {' and '.join(said)}." if said else self.sentence
 
     def hysteresis(
@@ -72,7 +79,7 @@ class Backlash(Effect):
         gap_V, dead_V = values["gap_V"], values["dead_zone_V"]
         moved_V = hysteretic_V
         if dead_V:
-            moved_V = np.sign(moved_V) * np.maximum(np.abs(moved_V) - dead_V, 0.0)
+            moved_V = moved_V - values["lost"] * np.clip(moved_V, -dead_V, dead_V)
         if gap_V == 0:
             return moved_V
         output_V = np.empty(moved_V.size)
