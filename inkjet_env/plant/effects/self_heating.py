@@ -47,7 +47,7 @@ class SelfHeating(Effect):
         "piezoelectric actuators, Journal of the American Ceramic Society 79, 1996"
     )
     parameters = (
-        Parameter("cooling_s", "s", 1e-9, 1e4, "log", "τ: time constant with which the ceramic cools"),
+        Parameter("cooling_s", "s", 1e-9, 1e4, "log", "τ: time constant with which the ceramic cools", open_ended=True),
         Parameter("stiffness_change", "1", -10.0, 10.0, meaning="k: relative change at a steady speed of 100 V"),
         Parameter("damping_change", "1", -10.0, 100.0, meaning="d: the same of the damping"),
     )
@@ -74,7 +74,7 @@ class SelfHeating(Effect):
     def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
         longest_s = max((s.samples * s.step_s for s in excitations if s.fast), default=1.0)
         shortest_s = 0.5 / printhead.frequency_Hz
-        return {"cooling_s": (shortest_s, max(10 * longest_s, 2 * shortest_s))}
+        return {"cooling_s": (shortest_s, max(100 * longest_s, 2 * shortest_s))}
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         return too_slow(excitations)
