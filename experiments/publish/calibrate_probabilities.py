@@ -2,9 +2,10 @@
 
 ``python -m inkjet_env.experiments.publish.calibrate_probabilities FOLDER [--now-known FAMILY ...] [--out FILE]``
 
-FOLDER is a judged proof, as `inkjet prove --out FOLDER` leaves it or as an archive of docs/proof unpacks. Its families
-outside the catalogue must not be those of the proof by which the probabilities are judged. ``--now-known`` names
-families that were outside the catalogue when the answers were given, and are not any more.
+FOLDER is a judged proof, as `inkjet prove --out FOLDER` leaves it or as an archive of docs/proof unpacks, or answers of
+`inkjet_env.experiments.proof.development`. Its families outside the catalogue must not be those of the proof by which
+the probabilities are judged. ``--now-known`` names families that were outside the catalogue when the answers were
+given, and are not any more.
 Prints the coefficients of Eq. (3) of docs/explanation/diagnosis.md, with their expected calibration error under
 ten-fold cross-validation; ``--out inkjet_env/mismatch/calibration.json`` makes them those of the package.
 """
@@ -21,6 +22,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from inkjet_env.experiments.proof.calibration import calibration_error, reliability
+from inkjet_env.experiments.proof.development import read_answers
 from inkjet_env.experiments.proof.protocol import as_judged
 from inkjet_env.mismatch.probabilities import Calibration
 from inkjet_env.storage import write_json
@@ -107,13 +109,13 @@ def cross_validated(rows: Sequence[tuple[float, float]], labels: Sequence[bool])
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fit, print and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("folder", type=Path, help="folder of a judged proof")
+    parser.add_argument("folder", type=Path, help="folder of a judged proof or of development answers")
     parser.add_argument(
         "--now-known", nargs="*", default=[], metavar="FAMILY", help="families that are no more outside"
     )
     parser.add_argument("--out", type=Path, help="JSON file to write")
     asked = parser.parse_args(arguments)
-    cases = answered(as_judged(asked.folder).cases, asked.now_known)
+    cases = answered(read_answers(asked.folder) or as_judged(asked.folder).cases, asked.now_known)
     something = [case for case in cases if case["answer"]["verdict"]["verdict"] != "none"]
     empty = [case for case in cases if case["answer"]["verdict"]["verdict"] == "none"]
     not_null = [case for case in something if case["draw"]["family"] != "null"]
@@ -122,7 +124,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     of_none = [case["draw"]["family"] for case in empty]
     shares = tuple((of_none.count(family) + 0.5) / (len(of_none) + 1) for family in ("null", "outside"))
     written = {
-        "source": f"answers of the proof with seed {cases[0]['draw']['seed']}, {len(cases)} of its cases",
+        "source": f"answers to {len(cases)} campaigns of the corpus with seed {cases[0]['draw']['seed']}",
         "right": [round(b, 3) for b in beta],
         "nothing_if_found": round((len(something) - len(not_null) + 0.5) / (len(something) + 1), 4),
         "if_none": [round(share, 3) for share in shares],
