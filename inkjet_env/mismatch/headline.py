@@ -103,7 +103,7 @@ def _explained(who: str, others: Sequence[str], closure: float) -> list[str]:
     if closure < 0:
         also = f"{_also(others)}; h" if others else "H"
         return [f"{also}eld-out recordings were predicted worse, but are explained once they are fitted as well."]
-    share = "" if math.isnan(closure) else f"{percent(closure, 3)} of the mismatch"
+    share = "" if math.isnan(closure) else f"{percent(min(closure, 1.0), 3)} of the mismatch"
     if others:
         also = _also(others)
         return [f"{also}; together they explain {share}." if share else f"{also}."]
