@@ -174,7 +174,11 @@ class Remainder:
                 "push": {name: asdict(term) for name, term in own.push.items()},
                 "shown": {name: asdict(term) for name, term in own.shown.items()},
                 "most_push_V": own.most_push_V if math.isfinite(own.most_push_V) else None,  # JSON has no infinity
-                **({} if own.base is None else {"base": asdict(own.base)}),
+                **(
+                    {}
+                    if own.base is None
+                    else {"base": asdict(own.base) | {"coefficients": list(own.base.coefficients)}}
+                ),
                 "most_shown": own.most_shown if math.isfinite(own.most_shown) else None,
             }
         return {"format": FORMAT, "channels": channels}

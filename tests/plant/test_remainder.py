@@ -10,7 +10,7 @@ import pytest
 from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import chosen_head, read_printhead, remainder_sentence
-from inkjet_env.plant.remainder import ChannelRemainder, Remainder, Term, remainder_of
+from inkjet_env.plant.remainder import ChannelRemainder, RefittedBase, Remainder, Term, remainder_of
 from inkjet_env.plant.remainder_features import feature, push_names, shown_names
 from inkjet_env.printhead import Printhead, Waveform
 
@@ -143,6 +143,13 @@ def test_the_costs_of_a_head_include_its_remainder():
 
 DATA = plant({"drive": (0.1, 0.5), "play@0": (0.2, 1.0)}, {"speed": (1e-3, 0.9)}, most_push_V=1.0, most_shown=2.0)
 DATA = DATA.remainder.as_json()
+
+
+def test_a_remainder_with_its_own_base_comes_back_from_its_own_json():
+    base = RefittedBase(HEAD.a0, HEAD.a1, HEAD.b1, HEAD.coefficients, 0.02, 0.001)
+    whole = plant({"drive": (0.1, 0.5)}, base=base).remainder.as_json()
+    assert remainder_of(whole).as_json() == whole == json.loads(json.dumps(whole))
+    assert remainder_of(whole).channels["self_sensing"].base == base
 
 
 @pytest.mark.parametrize("effects", [CUBIC, ()])
