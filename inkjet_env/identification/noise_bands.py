@@ -25,6 +25,8 @@ WIDTHS = (2.0, 5.0, 15.0)
 """Widths of the bands around a given frequency, in lines of the longest stretch."""
 UPDATES = 120
 """Number of multiplicative updates in a round."""
+LEAST_POWER = 1e-150
+"""Power of a silent line, whose square can still be divided by."""
 NEGLIGIBLE = 1e-3
 """Share of the level that a band must reach at some line to be kept."""
 SINGLE_LINES = 24
@@ -144,10 +146,11 @@ def band_powers(
     begin = np.maximum(start, 1e-3 * float(weight @ level) / np.maximum(total[len(steps) :], 1e-300) / len(atoms))
     found: Real = np.concatenate([np.ones(len(steps)), begin])
     for _ in range(UPDATES):
-        model = table @ found
+        model = np.maximum(table @ found, LEAST_POWER)
         rising, falling = table.T @ (weight * level / model**2), table.T @ (weight / model)
         found = found * np.sqrt(rising / np.maximum(falling, 1e-300))
-    share = (table[:, len(steps) :] * found[len(steps) :] / (table @ found)[:, None]).max(axis=0)
+    model = np.maximum(table @ found, LEAST_POWER)
+    share = (table[:, len(steps) :] * found[len(steps) :] / model[:, None]).max(axis=0)
     powers = np.where(share > NEGLIGIBLE, found[len(steps) :], 0.0)
     return {step: float(found[k]) for k, step in enumerate(steps)}, powers
 

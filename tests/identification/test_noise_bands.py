@@ -5,7 +5,7 @@ import pytest
 
 from inkjet_env.experiments.validation.noise_zoo import exponential_memory
 from inkjet_env.identification.noise import NoiseModel, channel_noise
-from inkjet_env.identification.noise_bands import Band, band_shape
+from inkjet_env.identification.noise_bands import Band, band_powers, band_shape
 
 BANDS = [Band(0.0, 30.0, 1.0), Band(0.1, 80.0, 2.0)]
 
@@ -58,3 +58,15 @@ def test_at_another_step_a_memory_lasts_as_many_seconds():
     model = NoiseModel(np.ones(1), 1.0, 1.0, "a test", (Band(0.05, 40.0, 3.0),))
     (band,) = model.at_step(4.0).bands
     assert (band.frequency, band.memory, band.power) == (0.2, 10.0, 3.0)
+
+
+def test_a_channel_that_is_silent_at_one_of_its_rates_has_finite_powers():
+    rng = np.random.default_rng(2)
+    loud, silent = rng.standard_normal((4, 256)), np.zeros((4, 128))
+    flat = lambda n: np.ones(n // 2 + 1)  # noqa: E731
+    whitened = [*((1e-6, row, 1.0, flat) for row in loud), *((1e-3, row, 1.0, flat) for row in silent)]
+    atoms = [(0.0, 1e-5), (0.0, 1e-2)]
+    with np.errstate(all="raise", under="ignore"):
+        white, powers = band_powers(whitened, atoms, np.zeros(2))
+    assert np.isfinite(powers).all()
+    assert white[1e-3] < 1e-3 < 0.1 < white[1e-6] < 2
