@@ -4,7 +4,9 @@ Two questions are answered one after the other. Is what was found right at all? 
 docs/explanation/diagnosis.md, a logistic regression on the two figures that tell physics of the catalogue from physics
 outside it, the share ``l`` that it leaves unexplained, and the same share ``h`` of recordings that no fit has seen:
 
-    P(right) = 1 / (1 + exp(−β₀ − β₁ (lg l + 3) − β₂ (lg h + 3) − β₃ [h unknown])).                              (3)
+    P(right) = 1 / (1 + exp(−β₀ − β₁ (lg l + 1.5) − β₂ (lg h + 1.5) − β₃ [h unknown])).                          (3)
+
+Below 3 %, where even a right law leaves something, ``l`` and ``h`` count as 3 %.
 
 Which effect is it then? Weights of hypotheses, exp(gain / T), with a temperature that grows with the sum of squares
 ``e`` that the best one leaves beyond noise, because its equations may be wrong by as much:
@@ -27,8 +29,8 @@ from importlib.resources import files
 
 NONE_OF_THESE, NOTHING = "none of these", "nothing"
 """Labels besides the ids of effects: physics that the catalogue lacks, and no missing physics at all."""
-LEAST_LEFT = 1e-3
-"""Least unexplained share that counts; below, it is noise."""
+LEAST_LEFT = 10**-1.5
+"""Unexplained share, 3 %, below which less is not more probably right: equations are approximate."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,8 @@ class Calibration:
     def explained(self, left_over: float, held_out: float) -> float:
         """Probability that what was found is right, Eq. (3); the share of held-out recordings may be NaN."""
         b0, b1, b2, b3 = self.right
-        z = b0 + b1 * (math.log10(max(left_over, LEAST_LEFT)) + 3)
-        z += b3 if math.isnan(held_out) else b2 * (math.log10(max(held_out, LEAST_LEFT)) + 3)
+        z = b0 + b1 * math.log10(max(left_over / LEAST_LEFT, 1.0))
+        z += b3 if math.isnan(held_out) else b2 * math.log10(max(held_out / LEAST_LEFT, 1.0))
         return 1 / (1 + math.exp(-z))
 
     def probabilities(
