@@ -381,6 +381,8 @@ class OutputErrorFit:
             residuals, _ = self._residuals(replace(self.base.end, active=active))
         except NUMERICAL:
             return 0.0
+        if not np.isfinite(residuals).all():
+            return 0.0
         begins = self.ends - [o.fitted for o in self.seen]
         chosen = np.concatenate([np.arange(begin, begin + n) for begin, n in zip(begins, first, strict=True)])
         before = np.concatenate([self.base.residuals[o.name][:n] for o, n in zip(self.seen, first, strict=True)])
