@@ -5,7 +5,7 @@
 FOLDER is a judged proof, as `inkjet prove --out FOLDER` leaves it or as an archive of docs/proof unpacks, or answers of
 `inkjet_env.experiments.proof.development`. Its families outside the catalogue must not be those of the proof by which
 the probabilities are judged. ``--now-known`` names families that were outside the catalogue when the answers were
-given, and are not any more.
+given, and are not any more. The shares of heads without a mismatch stay as they are unless these are a proof's answers.
 Prints the coefficients of Eq. (3) of docs/explanation/diagnosis.md, with their expected calibration error under
 ten-fold cross-validation; ``--out inkjet_env/mismatch/calibration.json`` makes them those of the package.
 """
@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from inkjet_env.experiments.proof.calibration import calibration_error, reliability
 from inkjet_env.experiments.proof.development import read_answers
 from inkjet_env.experiments.proof.protocol import as_judged
-from inkjet_env.mismatch.probabilities import Calibration
+from inkjet_env.mismatch.probabilities import Calibration, calibration
 from inkjet_env.storage import write_json
 from inkjet_env.typing import Real
 
@@ -67,7 +67,7 @@ def figures(case: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def coefficients(rows: Sequence[tuple[float, float]], labels: Sequence[bool]) -> tuple[float, ...]:
-    """``β₀ … β₃`` of Eq. (3) by penalised maximum likelihood.
+    """``β₀ … β₃`` of Eq. (3) by penalised maximum likelihood, β₁ and β₂ at most 0.
 
     Parameters
     ----------
@@ -84,7 +84,8 @@ def coefficients(rows: Sequence[tuple[float, float]], labels: Sequence[bool]) ->
         z = table @ beta
         return float(np.sum(np.logaddexp(0.0, z) - truth * z) + RIDGE * beta @ beta)
 
-    return tuple(float(b) for b in minimize(cost, np.zeros(4), method="BFGS").x)
+    falling = [(None, None), (None, 0.0), (None, 0.0), (None, None)]  # what is left makes nothing more probable
+    return tuple(float(b) for b in minimize(cost, np.zeros(4), method="L-BFGS-B", bounds=falling).x)
 
 
 def logit(beta: Sequence[float] | Real, left_over: float, held_out: float) -> float:
@@ -115,7 +116,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--out", type=Path, help="JSON file to write")
     asked = parser.parse_args(arguments)
-    cases = answered(read_answers(asked.folder) or as_judged(asked.folder).cases, asked.now_known)
+    development = read_answers(asked.folder)
+    cases = answered(development or as_judged(asked.folder).cases, asked.now_known)
     something = [case for case in cases if case["answer"]["verdict"]["verdict"] != "none"]
     empty = [case for case in cases if case["answer"]["verdict"]["verdict"] == "none"]
     not_null = [case for case in something if case["draw"]["family"] != "null"]
@@ -123,12 +125,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     beta, told = coefficients(rows, labels), cross_validated(rows, labels)
     of_none = [case["draw"]["family"] for case in empty]
     shares = tuple((of_none.count(family) + 0.5) / (len(of_none) + 1) for family in ("null", "outside"))
-    written = {
+    written: dict[str, Any] = {
         "source": f"answers to {len(cases)} campaigns of the corpus with seed {cases[0]['draw']['seed']}",
         "right": [round(b, 3) for b in beta],
         "nothing_if_found": round((len(something) - len(not_null) + 0.5) / (len(something) + 1), 4),
         "if_none": [round(share, 3) for share in shares],
     }
+    if development:  # they hold a few of each kind, so heads without a mismatch are rarer than in a corpus
+        before = calibration()
+        written |= {"nothing_if_found": before.nothing_if_found, "if_none": list(before.if_none)}
     for part, value in written.items():
         print(f"{part}: {value}")
     print(f"expected calibration error, cross-validated: {calibration_error(told):.3f} over {len(told)} explanations")
