@@ -23,6 +23,8 @@ ALARMS = ("named", "set", "unknown")
 CLEAR = ("strong", "medium")
 """Strengths of the effects over which the main figures are computed."""
 PLACES = ("recordings", "time", "frequency", "drive")
+LEAST_CALIBRATED = 50
+"""Cases from which the calibration error is judged: of fewer, it exceeds its limit by chance."""
 LEAST_INTERVALS = 5
 """Number of intervals of an effect from which on its own coverage counts."""
 LEAST_ORACLE = 0.01
@@ -169,10 +171,12 @@ def _later(cases: Sequence[Case], goals: Goals) -> list[Figure]:
     worst = min(known.values(), key=lambda row: sum(row) / len(row), default=[])
     slow = [case for case in cases if case["draw"].get("slow_only", False)]
     hidden = of(cases, "effect", slow_only=True)
+    told = calibration_rows(cases)
+    calibrated = goals.calibration if len(told) >= LEAST_CALIBRATED else None
     return [
         counted("false alarms, worst kind of noise", loudest),
         counted("90 % intervals that contain the truth, worst effect", worst, least=goals.worst_coverage),
-        estimated("expected calibration error", calibration_rows(cases), calibration_error, most=goals.calibration),
+        estimated("expected calibration error", told, calibration_error, most=calibrated),
         counted("slow-only campaigns: false alarms", [alarm(c) for c in slow if c["draw"]["family"] == "null"]),
         counted("slow-only campaigns: right name or right set", [right(c) for c in hidden]),
     ]
