@@ -77,12 +77,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     draws = first_of_each_kind(corpus(asked.seed, "full", *families(RIG)), asked.first)
     with ProcessPoolExecutor(asked.workers, multiprocessing.get_context("spawn")) as pool:
         answers = [pool.submit(diagnosed, draw, asked.folder) for draw in draws]
-        with shown_progress("Diagnosing in the open", len(draws)) as progress:
-            for done, (draw, answer) in enumerate(zip(draws, answers, strict=True), start=1):
-                verdict = answer.result()["answer"]["verdict"]
-                named = [effect["id"] for effect in verdict["effects"]]
-                print(draw.number, draw.family, *draw.effects, draw.strength, draw.noise, verdict["verdict"], *named)
-                progress(done)
+        try:
+            with shown_progress("Diagnosing in the open", len(draws)) as progress:
+                for done, (draw, answer) in enumerate(zip(draws, answers, strict=True), start=1):
+                    verdict = answer.result()["answer"]["verdict"]
+                    named = [effect["id"] for effect in verdict["effects"]]
+                    about = (draw.number, draw.family, *draw.effects, draw.strength, draw.noise)
+                    print(*about, verdict["verdict"], *named)
+                    progress(done)
+        finally:  # an interrupt does not wait for cases that have not begun
+            pool.shutdown(cancel_futures=True)
 
 
 if __name__ == "__main__":

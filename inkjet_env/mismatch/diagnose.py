@@ -114,6 +114,7 @@ class _Candidate:
     joint: OutputErrorFit
     random_effects: list[RandomEffect]
     selection: Selection
+    signatures: Signatures
 
     def score(self, on: OutputErrorFit) -> float:
         """Log-likelihood of the fitted recordings under another fit's noise, less Schwarz's penalty."""
@@ -135,7 +136,6 @@ class _Work:
         self.notes: list[str] = []
         self.effects = tuple(effects)
         self.indistinguishable: dict[str, tuple[str, ...]] = {}
-        self.signatures: Signatures | None = None
         self.last_polished: tuple[OutputErrorFit, Hypothesis, tuple[OutputErrorFit, Hypothesis]] | None = None
 
     def diagnosis(self, printhead: Printhead | None, held_out: Sequence[str] | None) -> Diagnosis:
@@ -164,10 +164,11 @@ class _Work:
             if again.score(joint) - 0.5 * math.log(joint.ends[-1]) > candidate.score(joint):
                 candidate = again
         joint, random_effects, selection = candidate.joint, candidate.random_effects, candidate.selection
+        signatures_there = candidate.signatures
         joint, chosen = self.polished(joint, selection.chosen, random_effects)
         if chosen.ids and self.quieter(joint, selection.chosen.joint):
             # With the effects found, the noise turns out smaller: is there more to be found?
-            _, selection = self.selected(joint, with_law)
+            signatures_there, selection = self.selected(joint, with_law)
             joint, chosen = self.polished(joint, selection.chosen, random_effects)
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
             chosen = base_hypothesis(joint)  # with finer nodes or another noise it is no longer supported
@@ -177,7 +178,7 @@ class _Work:
         self.stopwatch.took("discrepancy regression")
         found = Findings(
             joint, chosen, selection, random_effects, self.indistinguishable, discrepancy, self.effects, untestable,
-            doubt, self.signatures, dynamics_known,
+            doubt, signatures_there, dynamics_known,
         )  # fmt: skip
         return judge(found, self.campaign.name, self.context, self.stopwatch, self.notes)
 
@@ -203,7 +204,7 @@ class _Work:
             if more is not random_effects:
                 joint, random_effects = again, more
                 found, selection = self.selected(joint, with_law)
-        return _Candidate(joint, random_effects, selection)
+        return _Candidate(joint, random_effects, selection, found)
 
     def with_another_law(self, joint: OutputErrorFit, candidate: _Candidate) -> OutputErrorFit | None:
         """The base model with a law that is straight above some swing, if that may be the true cause; else None.
@@ -277,7 +278,6 @@ class _Work:
     def selected(self, joint: OutputErrorFit, effects: Sequence[Effect]) -> tuple[Signatures, Selection]:
         """Signatures and stepwise selection with one noise."""
         found = signatures(joint, effects, self.context)
-        self.signatures = found
         self.stopwatch.took("score test")
         selection = select(joint, effects, found, self.context)
         self.stopwatch.took("selection")

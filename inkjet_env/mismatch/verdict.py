@@ -66,8 +66,8 @@ class Findings:
         By id, the effects that the recordings cannot show, and why not.
     doubt : str or None
         Why the recordings may not be what they are said to be; then nothing is named.
-    signatures : Signatures or None
-        Signatures of the effects that have a law; None if there was none to look for.
+    signatures : Signatures
+        Signatures of the effects that have a law.
     dynamics_known : bool
         Whether the resonator of the heads is more than a placeholder: a recording shows it, or it was given.
     """
@@ -81,7 +81,7 @@ class Findings:
     effects: Sequence[Effect]
     untestable: Mapping[str, str]
     doubt: str | None
-    signatures: Signatures | None = None
+    signatures: Signatures
     dynamics_known: bool = True
 
     def known_part(self, printhead: Printhead) -> Printhead:
@@ -212,7 +212,7 @@ def _probabilities(
 
 def _corrected(found: Findings, verdict: str, context: FitContext) -> Hypothesis:
     """The chosen hypothesis with minor effects, if it has a name and there are any."""
-    if verdict not in ("named", "set") or not found.chosen.ids or found.signatures is None:
+    if verdict not in ("named", "set") or not found.chosen.ids:
         return found.chosen
     context.progress("looking for minor effects")
     with_law = [e for e in found.effects if not e.random and e.id not in found.untestable]

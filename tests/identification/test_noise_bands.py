@@ -63,7 +63,10 @@ def test_at_another_step_a_memory_lasts_as_many_seconds():
 def test_a_channel_that_is_silent_at_one_of_its_rates_has_finite_powers():
     rng = np.random.default_rng(2)
     loud, silent = rng.standard_normal((4, 256)), np.zeros((4, 128))
-    flat = lambda n: np.ones(n // 2 + 1)  # noqa: E731
+
+    def flat(samples):
+        return np.ones(samples // 2 + 1)
+
     whitened = [*((1e-6, row, 1.0, flat) for row in loud), *((1e-3, row, 1.0, flat) for row in silent)]
     atoms = [(0.0, 1e-5), (0.0, 1e-2)]
     with np.errstate(all="raise", under="ignore"):

@@ -65,7 +65,7 @@ def test_an_interrupted_diagnosis_ends_as_if_it_had_not_been(run, tmp_path, monk
         again.append(question)
         return tried(*question, **how)
 
-    monkeypatch.setattr(attribute, "_tried", noted)
+    monkeypatch.setattr(attribute, "tried_from", noted)
     resumed, _ = run(tmp_path / "fits")
     assert timeless(resumed) == timeless(whole)
     assert all(len(question) < 5 for question in again)  # none of the first steps was done twice

@@ -11,6 +11,7 @@ from inkjet_env.mismatch.selection.minor_effects import held_out_gain, with_mino
 from inkjet_env.mismatch.selection.score_test import signatures
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete
+from inkjet_env.reporting.diagnosis_report import diagnosis_html
 
 LOOKED_FOR = ("quadratic_damping", "feedthrough", "sensor_bandwidth")
 
@@ -35,6 +36,7 @@ def test_a_minor_effect_completes_the_model_and_is_told(both, head, effects):
     assert found.as_json()["minor"][0]["id"] == "feedthrough"
     assert "Minor, but beyond doubt: feedthrough." in found.headline
     assert [e["id"] for e in found.augmented_json()["effects"]] == ["quadratic_damping", "feedthrough"]
+    assert "<code>feedthrough</code>, a minor effect" in diagnosis_html(found)
 
 
 def test_where_nothing_else_is_nothing_is_added(fitted, recorded, effects, values):

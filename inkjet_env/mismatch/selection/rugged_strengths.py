@@ -1,0 +1,110 @@
+"""Strengths on which a signal depends in jumps: fits end at the nearest of many minima, so their values are scanned."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+
+from inkjet_env.mismatch.fitting.fit_result import FitResult
+from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.plant import Effect
+from inkjet_env.plant.active_effects import ActiveEffects
+from inkjet_env.plant.errors import NUMERICAL
+from inkjet_env.typing import Real
+
+
+def rugged_starts(joint: OutputErrorFit, active: ActiveEffects) -> list[dict[str, float]]:
+    """Values of the last effect with a strength switched on that is off and on which the signal depends in jumps.
+
+    Such a strength is not found from where it is off: a little of it changes nothing.
+    """
+    effect, values = active.pairs[-1]
+    off = [name for name in effect.rugged if values[name] == 0]
+    if not off:
+        return []
+    excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
+    starts = effect.starts(joint.base.head.printhead, excitations)
+    return [{**values, name: start[name]} for name in off for start in starts if start[name]]
+
+
+def scanned(joint: OutputErrorFit, fit: FitResult) -> FitResult:
+    """A fit, moved to the best of many values around it of every strength on which the signal depends in jumps."""
+    settings = joint.settings.selection
+    for name in fit.active.last.rugged:
+        tried = _around(joint, fit.active, name, settings.scan_width)
+        if not tried:
+            continue
+        near = joint.near(fit)
+        losses = [near.adapted_nll(fit, active) for active in tried]
+        moved = tried_from(near, tried[int(np.argmin(losses))], fit, settings.first_steps)
+        if moved is not None and moved.nll < fit.nll:
+            fit = moved
+    return fit
+
+
+def widely_scanned(joint: OutputErrorFit, effect: Effect) -> FitResult | None:
+    """A few steps from the best of many values over the whole range of the strengths on which signals depend in jumps.
+
+    The values are tried on the recordings with the largest mismatch; an interval only on the first few of its length,
+    since later ones tell values apart that hardly differ. Those around the best one are tried on all recordings. None
+    if the effect has no such strength or none of its values helps.
+    """
+    if not effect.rugged:
+        return None
+    settings = joint.settings.selection
+    largest = sorted(joint.seen, key=lambda o: -float(np.sum(joint.base.residuals[o.name][: o.fitted] ** 2)))
+    few = joint.anew(observed=largest[: settings.scan_recordings], head=joint.base.head)
+    excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
+    best: dict[str, tuple[float, ActiveEffects]] = {}
+    for start, name in product(effect.starts(joint.base.head.printhead, excitations), effect.rugged):
+        for active in _around(joint, ActiveEffects.of([(effect, start)]), name, settings.wide_scan_width):
+            explained = few.explained_first(active, _first_rows(few, active, name))
+            if explained > best.get(name, (0.0,))[0]:
+                best[name] = explained, active
+    closer = [one for name, (_, near) in best.items() for one in _around(joint, near, name, settings.scan_width)]
+    if not closer:
+        return None
+    losses = [joint.adapted_nll(joint.base, active) for active in closer]
+    begun = tried_from(joint.from_plain, closer[int(np.argmin(losses))], joint.base, settings.first_steps)
+    return begun if begun is not None and begun.nll < joint.base.nll else None
+
+
+def _first_rows(joint: OutputErrorFit, active: ActiveEffects, name: str) -> list[int]:
+    """Numbers of fitted samples of each recording on which to try a strength: the first few of its intervals."""
+    effect, settings = active.last, joint.settings.selection
+    parameter, value = next(p for p in effect.parameters if p.name == name), active.pairs[-1][1][name]
+    intervals = {
+        "s": lambda o: value / o.excitation.step_s,
+        "1": lambda o: value * o.excitation.samples,
+    }.get(parameter.unit, lambda o: math.inf)
+    return [min(o.fitted, math.ceil(min(settings.scan_intervals * intervals(o), 1e9))) for o in joint.seen]
+
+
+def _around(joint: OutputErrorFit, active: ActiveEffects, name: str, width: float) -> list[ActiveEffects]:
+    """The same effects with many values of a strength of the last one around the given one; empty if it is off."""
+    effect = active.last
+    place = active.slices[effect.id].start + [p.name for p in effect.parameters].index(name)
+    if active.theta[place] == 0:
+        return []
+    low, high = (end[place] for end in joint.limits(active.effects))
+    values = active.theta[place] * np.exp(np.linspace(-width, width, joint.settings.selection.scan_values))
+    return [
+        active.at(np.where(np.arange(active.theta.size) == place, np.clip(v, low, high), active.theta)) for v in values
+    ]
+
+
+def tried_from(
+    joint: OutputErrorFit,
+    active: ActiveEffects,
+    begin: FitResult,
+    steps: int | None = None,
+    whole: bool = False,
+    known: Real | None = None,
+) -> FitResult | None:
+    """A fit that starts from another's base parameters; None if the start cannot be simulated."""
+    try:
+        return joint.fit(active, begin.head, most_steps=steps, whole=whole, known=known)
+    except NUMERICAL:
+        return None
