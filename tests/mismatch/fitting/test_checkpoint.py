@@ -59,7 +59,7 @@ def test_an_interrupted_diagnosis_ends_as_if_it_had_not_been(run, tmp_path, monk
     assert len(files) >= 4
     assert {file.suffix for file in files} == {".json"}
     again = []
-    tried = attribute._tried
+    tried = attribute.tried_from
 
     def noted(*question, **how):
         again.append(question)
