@@ -299,8 +299,8 @@ def _bend(signal, at):
 
 
 @_jit
-def stepped(keep, gained, state, result):
-    """Iterate the states ``x ← keep x + gained`` and record the first of them.
+def stepped(keep, gained, lead, state, result):
+    """Iterate the states ``x ← keep x + gained`` and record the first of them, and ``lead`` times the second.
 
     Parameters
     ----------
@@ -308,13 +308,15 @@ def stepped(keep, gained, state, result):
         Transition matrix of a step.
     gained : ndarray, shape (n, k)
         Input of each step.
+    lead : float
+        Weight of the second state in the record, where there is one.
     state : ndarray, shape (k,)
         State at the start; on return, at the end.
     result : ndarray, shape (n + 1,)
-        Filled with the first state, from the start to the end.
+        Filled from the start to the end.
     """
-    result[0] = state[0]
     if state.shape[0] == 1:
+        result[0] = state[0]
         y = state[0]
         for i in range(gained.shape[0]):
             y = keep[0, 0] * y + gained[i, 0]
@@ -322,7 +324,8 @@ def stepped(keep, gained, state, result):
         state[0] = y
         return
     y, w = state[0], state[1]
+    result[0] = y + lead * w
     for i in range(gained.shape[0]):
         y, w = keep[0, 0] * y + keep[0, 1] * w + gained[i, 0], keep[1, 0] * y + keep[1, 1] * w + gained[i, 1]
-        result[i + 1] = y
+        result[i + 1] = y + lead * w
     state[0], state[1] = y, w

@@ -120,6 +120,9 @@ class Effect:
         dimensionless, 0 to 1.
     rugged : tuple of str
         Names of strengths on which the signal depends in jumps, so that a fit ends at the nearest of many minima.
+    tuned : tuple of str
+        Names of strengths that change the shape of what the effect adds, such as a frequency: their starts cover the
+        range, and a score that compares sizes does not scale them.
     signature : str
         What distinguishes it from other effects.
     confusable_with : tuple of str
@@ -143,6 +146,7 @@ class Effect:
     terms: ClassVar[tuple[tuple[str, ...], ...]] = ()
     plain_leaves: ClassVar[float] = 0.0
     rugged: ClassVar[tuple[str, ...]] = ()
+    tuned: ClassVar[tuple[str, ...]] = ()
     signature: ClassVar[str] = ""
     confusable_with: ClassVar[tuple[str, ...]] = ()
     shown_by: ClassVar[str] = "a different kind of drive"

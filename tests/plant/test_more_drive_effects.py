@@ -62,6 +62,26 @@ def test_cable_and_head_are_a_low_pass_of_second_order(ratio, damping_ratio):
     assert at_ceramic("drive_resonance", excitation, **values) == pytest.approx(exact, abs=1e-8)
 
 
+def test_losses_in_the_core_of_an_inductor_are_those_of_its_circuit():
+    """An inductance L parallel to R, in series with r, before a capacitance C: nodal equations instead of ω, ζ, κ."""
+    w = 2 * np.pi * 6 * HEAD.frequency_Hz
+    L, C, R, r = 1.0 / w, 1.0 / w, 3.0, 0.2  # H, F and Ω of a circuit scaled to 1 Ω
+    i_L, u_C = np.array([1.0, 0.0]), np.array([0.0, 1.0])  # voltage of the inductor = (u - u_C - r i_L) R / (R + r)
+    share = R / (R + r)
+    own = np.array([-share * (u_C + r * i_L) / L, (i_L + share * (-u_C - r * i_L) / R) / C])
+    forcing = np.array([[share / L], [share / (R * C)]])
+    excitation = shot_of()
+    exact = lsim((own, forcing, u_C[None], [[0.0]]), excitation.drive_at_nodes_V, excitation.time_s)[1]
+    found = at_ceramic(
+        "drive_resonance",
+        excitation,
+        frequency_Hz=1 / (2 * np.pi * math.sqrt(L * C * (1 + r / R))),
+        damping_ratio=0.5 * (L / R + r * C) / math.sqrt(L * C * (1 + r / R)),
+        core_loss_share=(L / R) / (L / R + r * C),
+    )
+    assert found == pytest.approx(exact, abs=1e-8)
+
+
 def test_a_damping_ratio_of_a_half_is_an_amplifier_of_two_poles():
     f = 7 * HEAD.frequency_Hz
     half_power_Hz = f * math.sqrt((1 + math.sqrt(5)) / 2)  # of 1 / (1 + i x - x²)

@@ -372,20 +372,21 @@ class OutputErrorFit:
         left = residuals - self.basis[0] @ (self.basis[0].T @ residuals)
         return 0.5 * float(left @ left)
 
-    def explained_first(self, active: ActiveEffects, first: Sequence[int]) -> float:
-        """Sum of squares that effects explain in the first fitted samples of each recording.
+    def explained_first(self, fit: FitResult, active: ActiveEffects, first: Sequence[int]) -> float:
+        """Sum of squares that effects explain in the first fitted samples of each recording, beyond a fit with others.
 
-        The base parameters are adapted to these to first order. It is 0 if the effects cannot be simulated.
+        Both have the fit's base parameters, adapted to these samples to first order. It is 0 if the effects cannot be
+        simulated.
         """
         try:
-            residuals, _ = self._residuals(replace(self.base.end, active=active))
+            residuals, _ = self._residuals(replace(fit.end, active=active))
         except NUMERICAL:
             return 0.0
         if not np.isfinite(residuals).all():
             return 0.0
         begins = self.ends - [o.fitted for o in self.seen]
         chosen = np.concatenate([np.arange(begin, begin + n) for begin, n in zip(begins, first, strict=True)])
-        before = np.concatenate([self.base.residuals[o.name][:n] for o, n in zip(self.seen, first, strict=True)])
+        before = np.concatenate([fit.residuals[o.name][:n] for o, n in zip(self.seen, first, strict=True)])
         pair = np.column_stack([before, residuals[chosen]])
         columns = self.basis[0][chosen]
         pair -= columns @ np.linalg.lstsq(columns, pair, rcond=1e-9)[0]

@@ -220,7 +220,7 @@ def attribute(
     ended = sorted(refined([fits[0] for fits in promising]), key=lambda h: -h.score)
     if ended and ended[0].leaves_much and not given.active.effects:  # the best start may have led to another minimum
         seconds = [fit for fits in promising for fit in fits[1:] if given.nll - fit.nll >= hopeless * most]
-        seconds += [fit for effect in effects if (fit := widely_scanned(joint, effect)) is not None]
+        seconds += [fit for effect in effects if (fit := widely_scanned(joint, effect, ended[0].fit)) is not None]
         best: dict[tuple[str, ...], Hypothesis] = {}
         for one in sorted([*ended, *refined(seconds)], key=lambda h: -h.score):
             best.setdefault(one.ids, one)

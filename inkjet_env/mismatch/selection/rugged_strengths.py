@@ -44,30 +44,32 @@ def scanned(joint: OutputErrorFit, fit: FitResult) -> FitResult:
     return fit
 
 
-def widely_scanned(joint: OutputErrorFit, effect: Effect) -> FitResult | None:
+def widely_scanned(joint: OutputErrorFit, effect: Effect, best: FitResult) -> FitResult | None:
     """A few steps from the best of many values over the whole range of the strengths on which signals depend in jumps.
 
-    The values are tried on the recordings with the largest mismatch; an interval only on the first few of its length,
-    since later ones tell values apart that hardly differ. Those around the best one are tried on all recordings. None
-    if the effect has no such strength or none of its values helps.
+    The values are tried with the base parameters of the best fit so far, of other effects: those of the base model are
+    far off where the mismatch is large. They are tried on the recordings with the largest mismatch; an interval only on
+    the first few of its length, since later ones tell values apart that hardly differ. Those around the best one are
+    tried on all recordings. None if the effect has no such strength or none of its values helps.
     """
     if not effect.rugged:
         return None
     settings = joint.settings.selection
     largest = sorted(joint.seen, key=lambda o: -float(np.sum(joint.base.residuals[o.name][: o.fitted] ** 2)))
-    few = joint.anew(observed=largest[: settings.scan_recordings], head=joint.base.head)
+    near = joint.near(best)
+    few = joint.anew(observed=largest[: settings.scan_recordings], head=joint.base.head).near(best)
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
-    best: dict[str, tuple[float, ActiveEffects]] = {}
+    most: dict[str, tuple[float, ActiveEffects]] = {}
     for start, name in product(effect.starts(joint.base.head.printhead, excitations), effect.rugged):
         for active in _around(joint, ActiveEffects.of([(effect, start)]), name, settings.wide_scan_width):
-            explained = few.explained_first(active, _first_rows(few, active, name))
-            if explained > best.get(name, (0.0,))[0]:
-                best[name] = explained, active
-    closer = [one for name, (_, near) in best.items() for one in _around(joint, near, name, settings.scan_width)]
+            explained = few.explained_first(best, active, _first_rows(few, active, name))
+            if explained > most.get(name, (0.0,))[0]:
+                most[name] = explained, active
+    closer = [one for name, (_, found) in most.items() for one in _around(joint, found, name, settings.scan_width)]
     if not closer:
         return None
-    losses = [joint.adapted_nll(joint.base, active) for active in closer]
-    begun = tried_from(joint.from_plain, closer[int(np.argmin(losses))], joint.base, settings.first_steps)
+    losses = [near.adapted_nll(best, active) for active in closer]
+    begun = tried_from(near, closer[int(np.argmin(losses))], best, settings.first_steps)
     return begun if begun is not None and begun.nll < joint.base.nll else None
 
 

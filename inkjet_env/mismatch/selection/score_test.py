@@ -196,7 +196,7 @@ def _scaled(effect: Effect, start: dict[str, float], factor: float) -> dict[str,
     factor = math.copysign(min(max(abs(factor), 0.05), 3.0), factor)
     values = dict(start)
     for p in effect.parameters:
-        if p.name in effect.strengths:
+        if p.name in effect.strengths and p.name not in effect.tuned:
             scaled = p.coordinate(start[p.name]) * (abs(factor) if p.scale == "reciprocal" else factor)
             low, high = p.bounds
             values[p.name] = p.value(min(max(scaled, low), high))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.effects.second_mode import resolved_Hz
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.low_pass import low_passed
@@ -25,13 +25,15 @@ MOST_PERIODS_A_NODE = 1e6
 class DriveResonance(Effect):
     """Under-damped low-pass of second order between amplifier and ceramic.
 
-    Above a damping ratio of 0.5 it is an amplifier of limited bandwidth.
+    Above a damping ratio of 0.5 it is an amplifier of limited bandwidth. An inductance L with losses in its core, a
+    resistance R parallel to it, in series with a resistance r and a capacitance C has
+    κ 2 ζ/ω = L/R, 2 ζ/ω = L/R + r C and 1/ω² = L C (1 + r/R).
     """
 
     id = "drive_resonance"
     stage = "drive"
     sentence = "The cable's inductance and the head's capacitance resonate, so the drive rings after its edges."
-    equation = "u + 2 ζ/ω u' + u''/ω² = u_requested, ω = 2π frequency_Hz = 1/√(L C)"
+    equation = "u + 2 ζ/ω u' + u''/ω² = u_requested + κ 2 ζ/ω u_requested', ω = 2π frequency_Hz"
     source = (
         "A. J. Fleming, K. K. Leang, Design, Modeling and Control of Nanopositioning Systems, Springer, 2014, chapter "
         "on electrical considerations: cable and capacitive load"
@@ -39,8 +41,18 @@ class DriveResonance(Effect):
     parameters = (
         Parameter("frequency_Hz", "Hz", 0.1, math.inf, "reciprocal", "undamped frequency of cable and head"),
         Parameter("damping_ratio", "1", 0.01, 0.5, "log", "ζ: damping ratio of cable and head"),
+        Parameter(
+            "core_loss_share",
+            "1",
+            0.0,
+            1.0,
+            meaning="κ: share of the damping by losses in a core (ferrite)",
+            open_ended=True,
+            plain=0.0,
+        ),
     )
     strengths = ("frequency_Hz",)
+    tuned = ("frequency_Hz",)
     signature = (
         "the drive itself rings at one frequency after each of its corners, in proportion to its change of slope"
     )
@@ -52,11 +64,11 @@ class DriveResonance(Effect):
         found = []
         for damping, ratio in RATIOS.items():
             count = int(math.log(max(highest_Hz / lowest_Hz, 1.0)) / math.log(ratio)) + 1
-            found += [{"frequency_Hz": lowest_Hz * ratio**k, "damping_ratio": damping} for k in range(count)]
+            found += [complete(self, frequency_Hz=lowest_Hz * ratio**k, damping_ratio=damping) for k in range(count)]
         return found
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
-        return {"frequency_Hz": 6 * printhead.frequency_Hz, "damping_ratio": 0.15}
+        return complete(self, frequency_Hz=6 * printhead.frequency_Hz, damping_ratio=0.15)
 
     def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
         return {"frequency_Hz": self._range_Hz(excitations)}
@@ -84,4 +96,5 @@ class DriveResonance(Effect):
         damping = values["damping_ratio"]
         time_s = 2 * damping / (2 * math.pi * values["frequency_Hz"])
         q = 1 / (4 * damping * damping)  # 1 + τ s + q τ² s² = 1 + 2 ζ s/ω + s²/ω²
-        return low_passed(drive_V, time_s, q, excitation.node_step_s, excitation.periodic)
+        lead = values["core_loss_share"]
+        return low_passed(drive_V, time_s, q, excitation.node_step_s, excitation.periodic, lead=lead)

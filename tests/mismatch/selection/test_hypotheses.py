@@ -213,7 +213,7 @@ def test_a_strength_of_many_minima_is_scanned_around_where_a_fit_ended(at):
 @pytest.mark.parametrize("truth", [{"update_s": 1.57e-6, "ahead": 0.5}, {"update_share": 1 / 57.3, "ahead": 0.5}])
 def test_a_strength_of_many_minima_is_found_in_its_whole_range(truth, effects, recorded_as, fitted):
     joint = fitted(recorded_as("generator_steps", **truth))
-    found = simplest(joint, widely_scanned(joint, effects["generator_steps"]))
+    found = simplest(joint, widely_scanned(joint, effects["generator_steps"], joint.base))
     (values,) = (values for _, values in found.fit.active.pairs)
     name, value = next(iter(truth.items()))
     assert values[name] == pytest.approx(value, rel=2e-3)
@@ -221,7 +221,18 @@ def test_a_strength_of_many_minima_is_found_in_its_whole_range(truth, effects, r
     assert found.fit.nll == pytest.approx(right.fit.nll, abs=2)
 
 
+@pytest.mark.parametrize("truth", [0.85e-6, 4.7e-6])
+def test_late_steps_are_found_beside_the_best_other_explanation(truth, effects, recorded_as, fitted):
+    """Updates delay the drive by half of themselves, which the base parameters cannot follow: those of a delay can."""
+    joint = fitted(recorded_as("generator_steps", update_s=truth))
+    steps, delay = effects["generator_steps"], effects["trigger_delay"]
+    delayed = settled(joint, joint.fit(ActiveEffects.of([(delay, {"delay_s": 0.4 * truth})])))
+    found = widely_scanned(joint, steps, delayed.fit)
+    assert found.nll < delayed.fit.nll
+    assert found.active.pairs[0][1]["update_s"] == pytest.approx(truth, rel=3e-3)
+
+
 def test_an_effect_without_such_a_strength_is_not_scanned(at):
     joint, begun = at("feedthrough", PLAIN["feedthrough"], BEGUN["feedthrough"])
     assert scanned(joint, begun) is begun
-    assert widely_scanned(joint, begun.active.last) is None
+    assert widely_scanned(joint, begun.active.last, begun) is None

@@ -141,6 +141,17 @@ def test_a_start_is_scaled_to_what_the_recordings_show(recorded, fitted, effects
     assert np.sign(start[name]) == np.sign(values("feedthrough")[name])
 
 
+def test_a_frequency_is_not_scaled_to_the_size_that_the_recordings_show(recorded_as, fitted, effects):
+    """A ring of another frequency has another shape, not another size: its best start is the nearest one."""
+    effect, truth_Hz = effects["drive_resonance"], 580e3
+    joint = fitted(recorded_as("drive_resonance", frequency_Hz=truth_Hz, damping_ratio=0.1))
+    table = signatures(joint, [effect], FitContext(ProcessPool(1)))
+    ranked = table.ranked(effect, left_of(joint))
+    assert all(start in table.starts for _, start in ranked)
+    assert ranked[0][1]["frequency_Hz"] == pytest.approx(truth_Hz, rel=0.13)
+    assert ranked[0][1]["damping_ratio"] == 0.1
+
+
 def test_a_reciprocal_strength_keeps_its_sign_and_its_bounds(recorded, fitted, effects):
     joint, effect = fitted(recorded("sensor_bandwidth")), effects["sensor_bandwidth"]
     table = signatures(joint, [effect], FitContext(ProcessPool(1)))
