@@ -194,7 +194,7 @@ def channel_noise(
     loud = [step for step, model in best.items() if model.rms > least]
     if not loud:
         return best
-    best_score = sum(_whittle(best[step], stretches[step]) for step in loud)
+    best_score = sum(whittle(best[step], stretches[step]) for step in loud)
     reached = LONGEST_FILTER + 1
     for longest in FILTER_LENGTHS:
         if longest >= reached:
@@ -202,7 +202,7 @@ def channel_noise(
         found = _alternating({step: stretches[step] for step in loud}, sources, longest, atoms)
         if found is None:
             continue
-        score = sum(_whittle(found[step], stretches[step]) for step in loud)
+        score = sum(whittle(found[step], stretches[step]) for step in loud)
         score -= len({(b.frequency * step, b.memory * step) for step in loud for b in found[step].bands})
         if score > best_score:
             best, best_score = best | found, score
@@ -269,13 +269,16 @@ def _without_bands(stretch: Real, model: NoiseModel | None) -> Real:
     return rest
 
 
-def _whittle(model: NoiseModel, stretches: Sequence[Real]) -> float:
-    """Whittle log-likelihood of a model, less half the logarithm of the number of samples for each coefficient."""
+def whittle(model: NoiseModel, stretches: Sequence[Real], first: int = 1) -> float:
+    """Whittle log-likelihood of a model, less half the logarithm of the number of samples for each coefficient.
+
+    It is that of the lines from ``first`` on, of stretches as for `noise_model`.
+    """
     total = -0.5 * model.lost * np.log(sum(stretch.size for stretch in stretches))
     for stretch in stretches:
-        lines = slice(1, stretch.size // 2 + 1)
+        lines = slice(first, stretch.size // 2 + 1)
         density = model.innovation**2 * model.levels(stretch.size)[lines] / model.passed(stretch.size)[lines]
-        power = np.abs(np.fft.rfft(stretch)[1:]) ** 2 / stretch.size
+        power = np.abs(np.fft.rfft(stretch)[first:]) ** 2 / stretch.size
         total -= float(np.sum(np.log(density) + power / density))
     return float(total)
 

@@ -28,7 +28,7 @@ from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.random_effects import RandomEffect, detect_random_effects
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
 from inkjet_env.mismatch.selection.split_likelihood import at_a_frequency
-from inkjet_env.mismatch.selection.stepwise import Selection, leftover, select, supported
+from inkjet_env.mismatch.selection.stepwise import Selection, leftover, select, supported, without_idle
 from inkjet_env.mismatch.selection.truncated_law import fit_truncated_law
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.mismatch.stopwatch import Stopwatch
@@ -170,8 +170,11 @@ class _Work:
             # With the effects found, the noise turns out smaller: is there more to be found?
             signatures_there, selection = self.selected(joint, with_law)
             joint, chosen = self.polished(joint, selection.chosen, random_effects)
+        # with finer nodes or another noise an effect may no longer be supported
+        if (needed := without_idle(joint, chosen, {})) is not chosen:
+            joint, chosen = self.polished(joint, needed, random_effects)
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
-            chosen = base_hypothesis(joint)  # with finer nodes or another noise it is no longer supported
+            chosen = base_hypothesis(joint)
         self.stopwatch.took("selection")
         self.context.progress("testing the residuals")
         discrepancy = discrepancy_regression(chosen)
@@ -180,7 +183,7 @@ class _Work:
             joint, chosen, selection, random_effects, self.indistinguishable, discrepancy, self.effects, untestable,
             doubt, signatures_there, dynamics_known,
         )  # fmt: skip
-        return judge(found, self.campaign.name, self.context, self.stopwatch, self.notes)
+        return judge(found, self.campaign.name, self.context, self.stopwatch, list(dict.fromkeys(self.notes)))
 
     def candidate(self, joint: OutputErrorFit, random: Sequence[Effect], with_law: Sequence[Effect]) -> _Candidate:
         """Random effects and effects with a law, found beside one base model."""

@@ -89,7 +89,7 @@ class Parameter:
 
 
 class Effect:
-    """Physics that the base model leaves out, in one stage of the plant.
+    """Physics that the base model leaves out, in a stage of the plant.
 
     An effect overrides the method of its stage and `starts`, and declares id, stage, sentence, parameters and
     strengths; the rest has defaults. Each ``strength`` parameter has no influence at zero (at infinity for a reciprocal
@@ -104,6 +104,8 @@ class Effect:
         Name of the effect, as in a verdict and a printhead.json; unique.
     stage : {"drive", "hysteresis", "resonator", "sensing"}
         Stage of the plant in which the effect acts.
+    also : tuple of str
+        Further stages in which it acts, by their methods. None by default.
     sentence : str
         What the base model leaves out, in plain words.
     equation, source : str
@@ -138,6 +140,7 @@ class Effect:
 
     id: ClassVar[str]
     stage: ClassVar[str]
+    also: ClassVar[tuple[str, ...]] = ()
     sentence: ClassVar[str]
     equation: ClassVar[str] = ""
     source: ClassVar[str] = ""
@@ -177,6 +180,10 @@ class Effect:
             method = vars(owner)[name]
             if isinstance(method, FunctionType) and (owner is cls or not issubclass(owner, Effect)):
                 setattr(cls, name, answerable(method, name))
+
+    def acts_in(self, stage: str) -> bool:
+        """Whether it acts in a stage."""
+        return stage == self.stage or stage in self.also
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         """Starting points of a fit to these recordings: all values, at medium strength, one for each guess of shape.

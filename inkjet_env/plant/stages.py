@@ -44,7 +44,7 @@ class Plant:
 
     def of(self, stage: str) -> Sequence[tuple[Effect, Values]]:
         """The effects of a stage, in the given order."""
-        return [(effect, values) for effect, values in self.effects if effect.stage == stage]
+        return [(effect, values) for effect, values in self.effects if effect.acts_in(stage)]
 
     def gain(self, channel: str) -> float:
         """Gain in the channel's unit per hysteretic volt (self-sensing: ``b1``, per V/s; drive monitor: per volt)."""

@@ -1,6 +1,7 @@
 """Cable, supply, generator and nonlinear capacitance, and unequal slew, against ways that share no code with them."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -233,6 +234,18 @@ def test_signal_of_a_staircase_converges_with_the_nodes():
     assert error < 2e-3
 
 
+def test_a_generator_may_round_the_drives_points_only():
+    for initial_state in ("demagnetised", "periodic"):
+        excitation = shot_of(initial_state=initial_state)
+        found = at_ceramic("generator_steps", excitation, resolution_V=1.3, points_share=1.0)
+        points_V = 1.3 * np.round(excitation.drive_V / 1.3)
+        exact = replace(excitation, drive_V=points_V, cache={}).drive_at_nodes_V
+        assert found == pytest.approx(exact, abs=1e-10)
+        output = at_ceramic("generator_steps", excitation, resolution_V=1.3)
+        half = at_ceramic("generator_steps", excitation, resolution_V=1.3, points_share=0.5)
+        assert half == pytest.approx(0.5 * (found + output), abs=1e-10)
+
+
 # nonlinear capacitance
 
 
@@ -279,6 +292,28 @@ def test_on_a_butterfly_the_capacitance_rises_with_a_rising_voltage_as_much_as_i
     falling = charged_V(rise_V[::-1], 9.0, 0.0, 3e-3, 1e-5, periodic=False)
     assert falling == pytest.approx(charged_V(rise_V[::-1], 9.0, -3e-3, 0.0, 1e-5, periodic=False), abs=1e-12)
     assert np.abs(falling - charged_V(rise_V[::-1], 9.0, 3e-3, 0.0, 1e-5, periodic=False)).max() > 1
+
+
+@pytest.mark.parametrize("initial_state", ["demagnetised", "periodic"])
+def test_a_bridge_shows_the_current_of_a_capacitance_that_it_does_not_balance(initial_state):
+    """A current in proportion to c(u) u': between two samples it sums to the charge's change, ∫ c du."""
+    excitation = shot_of(initial_state=initial_state)
+    values = complete(EFFECTS["nonlinear_capacitance"], curvature=0.7, bridge_s=3e-8, tilted_bridge_s=-1e-8)
+    found = EFFECTS["nonlinear_capacitance"].sensing(
+        values, np.zeros(excitation.samples), excitation.drive_at_nodes_V, HEAD, excitation
+    )
+    drive_V = np.append(excitation.drive_at_nodes_V, excitation.drive_V[:1] if initial_state == "periodic" else [])
+    fine_V = np.interp(np.arange((drive_V.size - 1) * 40 + 1) / 40, np.arange(drive_V.size), drive_V)
+    w, step_s = 0.5 * (fine_V[1:] + fine_V[:-1]) / 100, excitation.node_step_s / 40
+    currents = (3e-8 * w**2 - 1e-8 * w) * np.diff(fine_V) / step_s
+    for k in range(1, 590):
+        node = k * excitation.substeps * 40
+        assert found[k] == pytest.approx(currents[node - 40 : node + 40].mean(), abs=1e-4 * np.abs(currents).max())
+    monitor = replace(excitation, channel="displacement", cache={})
+    untouched = EFFECTS["nonlinear_capacitance"].sensing(
+        values, np.ones(excitation.samples), excitation.drive_at_nodes_V, HEAD, monitor
+    )
+    assert (untouched == 1).all()
 
 
 def test_a_nonlinear_capacitance_repeats_in_steady_state_or_is_no_capacitance():

@@ -170,6 +170,22 @@ def test_play_and_dead_zone_node_by_node():
     assert hysteretic_V(plant("backlash", gap_V=1.5, dead_zone_V=3.0), excitation) == pytest.approx(expected, abs=1e-12)
 
 
+def test_a_glue_loses_a_share_of_small_travels_and_no_more_of_large_ones():
+    """Slope 1 - lost around rest, lost · dead_zone_V behind far from it, half-way where v = dead_zone_V if h = 1."""
+    excitation = shot_of()
+    base = hysteretic_V(Plant(HEAD), excitation)
+    for hardness in (1.0, 2.3, 12.0):
+        found = hysteretic_V(plant("backlash", dead_zone_V=1e-3, lost=0.2, hardness=hardness), excitation)
+        large = np.abs(base) > 10
+        assert found[large] == pytest.approx(base[large] - 0.2e-3 * np.sign(base[large]), abs=1e-7)
+        found = hysteretic_V(plant("backlash", dead_zone_V=1e3, lost=0.2, hardness=hardness), excitation)
+        assert found == pytest.approx(0.8 * base, abs=0.2 * 80 * (80 / 1e3) ** hardness)
+    half = hysteretic_V(plant("backlash", dead_zone_V=7.0, lost=1.0, hardness=1.0), excitation)
+    assert half == pytest.approx(base * np.abs(base) / (np.abs(base) + 7.0), abs=1e-12)
+    hard = hysteretic_V(plant("backlash", dead_zone_V=7.0, lost=0.3, hardness=90.0), excitation)
+    assert hard == pytest.approx(base - 0.3 * np.clip(base, -7.0, 7.0), abs=0.3 * 7.0 * math.log(2) / 90)
+
+
 def test_nothing_moves_within_the_play_and_small_gaps_change_little():
     small = shot_of(0.01 * PULSE)
     for name in ("gap_V", "dead_zone_V"):

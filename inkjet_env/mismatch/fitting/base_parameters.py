@@ -155,7 +155,7 @@ class Head:
         if channel in self.free_gains:
             steps[d + 2 + self.free_gains.index(channel)] = SMALL
         offset = d + 2 + len(self.free_gains) + list(self.offsets).index(channel)
-        if any(effect.stage == "sensing" for effect, _ in effects):
+        if any(effect.acts_in("sensing") for effect, _ in effects):
             steps[offset] = SMALL * largest
         else:
             columns[:, offset] = 1.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from inkjet_env.identification.measurements import RepeatedMeasurement, least_noise
-from inkjet_env.identification.noise import NoiseModel, channel_noise, repeat_deviations
+from inkjet_env.identification.noise import NoiseModel, channel_noise, noise_model, repeat_deviations, whittle
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.noise_levels import noise_levels
 from inkjet_env.mismatch.settings import FittingSettings
@@ -16,6 +16,9 @@ from inkjet_env.typing import Real
 
 FLAT_BELOW_FIRST_LINE = 0.5 / np.pi
 """Longest memory of noise in durations of the longest recording. A longer one is a drift."""
+
+COLOUR_ROUNDS = 3
+"""Number of fits of a colour, each with the lower lines as the one before expects them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,10 +210,13 @@ def _stationary(
             models[channel, step_s] = replace(model, bands=()) if slight else model
         tails[channel] = _tail(by_step, found)
     for key in sorted({o.noise_key for o in observed} - set(models)):
-        known = [other for channel, other in models if channel == key[0] and samples[channel, other]]
+        known = [k[1] for k in models if k[0] == key[0] and samples[k] and k not in borrowed]
         if known:
             nearest = known[int(np.argmin(np.abs(np.log(np.array(known) / key[1]))))]
-            models[key] = models[key[0], nearest].at_step(key[1] / nearest)
+            converted = models[key[0], nearest].at_step(key[1] / nearest)
+            models[key] = of_own_colour(
+                converted, [residuals[o.name] for o in observed if o.noise_key == key], settings
+            )
             samples[key] = samples[key[0], nearest]
             borrowed.add(key)
         else:
@@ -220,6 +226,43 @@ def _stationary(
                 f"{key[0]}: the noise is unknown without repeats or recordings at rest; residuals were taken for it."
             )
     return Noise(models, samples, tuple(notes), least, tails=tails, borrowed=frozenset(borrowed))
+
+
+def of_own_colour(model: NoiseModel, residuals: Sequence[Real], settings: FittingSettings) -> NoiseModel:
+    """A noise model that was converted from another sampling step, with the colour that residuals at this step show.
+
+    Neighbouring samples of a sensor's noise are the more alike the closer they are, which noise sampled more rarely
+    does not tell. The residuals may hold a mismatch, so only their upper lines are used, and only where they are no
+    louder than the noise at the other step but far more likely to have another colour.
+
+    Parameters
+    ----------
+    model : NoiseModel
+        The converted model.
+    residuals : sequence of ndarray
+        Measured minus modelled of the recordings at this step, in the channel's unit.
+    settings : FittingSettings
+        Which lines are the upper ones, and what "louder" and "far more" mean.
+    """
+    first = [int(settings.upper_lines * r.size / 2) + 1 for r in residuals]
+    own = model
+    for _ in range(COLOUR_ROUNDS):
+        filled = [_filled(r, k, own) for r, k in zip(residuals, first, strict=True)]
+        own = noise_model(filled, f"{model.source}, in colour the residuals at this sampling step", 0.0)
+    gain = sum(
+        whittle(own, [r], k) - whittle(model, [r], k) for r, k in zip(residuals, first, strict=True)
+    )  # each of the two pays for its coefficients
+    alike = own.rms <= settings.louder_colour * model.rms
+    return own if alike and gain > settings.other_colour_gain else model
+
+
+def _filled(residuals: Real, first: int, model: NoiseModel) -> Real:
+    """Residuals whose lines below the given one have the power that a model expects."""
+    lines = np.fft.rfft(residuals)
+    density = (model.innovation**2 * model.levels(residuals.size) / model.passed(residuals.size))[:first]
+    lines[:first] *= np.sqrt(density * residuals.size) / np.maximum(np.abs(lines[:first]), 1e-300)
+    filled: Real = np.fft.irfft(lines, residuals.size)
+    return filled
 
 
 def _tail(stretches: Mapping[float, Sequence[Real]], models: Mapping[float, NoiseModel]) -> float:

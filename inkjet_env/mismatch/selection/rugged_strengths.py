@@ -48,21 +48,20 @@ def widely_scanned(joint: OutputErrorFit, effect: Effect, best: FitResult) -> Fi
     """A few steps from the best of many values over the whole range of the strengths on which signals depend in jumps.
 
     The values are tried with the base parameters of the best fit so far, of other effects: those of the base model are
-    far off where the mismatch is large. They are tried on the recordings with the largest mismatch; an interval only on
-    the first few of its length, since later ones tell values apart that hardly differ. Those around the best one are
-    tried on all recordings. None if the effect has no such strength or none of its values helps.
+    far off where the mismatch is large. They are tried where values that hardly differ look alike: an interval on the
+    first few of its length in the recordings with the largest mismatch, a voltage on the recordings with the smallest
+    drives. Those around the best one are tried on all recordings. None if the effect has no such strength or none of
+    its values helps.
     """
     if not effect.rugged:
         return None
-    settings = joint.settings.selection
-    largest = sorted(joint.seen, key=lambda o: -float(np.sum(joint.base.residuals[o.name][: o.fitted] ** 2)))
-    near = joint.near(best)
-    few = joint.anew(observed=largest[: settings.scan_recordings], head=joint.base.head).near(best)
+    settings, near = joint.settings.selection, joint.near(best)
+    few = {name: _few(joint, effect, name).near(best) for name in effect.rugged}
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
     most: dict[str, tuple[float, ActiveEffects]] = {}
     for start, name in product(effect.starts(joint.base.head.printhead, excitations), effect.rugged):
         for active in _around(joint, ActiveEffects.of([(effect, start)]), name, settings.wide_scan_width):
-            explained = few.explained_first(best, active, _first_rows(few, active, name))
+            explained = few[name].explained_first(best, active, _first_rows(few[name], active, name))
             if explained > most.get(name, (0.0,))[0]:
                 most[name] = explained, active
     closer = [one for name, (_, found) in most.items() for one in _around(joint, found, name, settings.scan_width)]
@@ -71,6 +70,15 @@ def widely_scanned(joint: OutputErrorFit, effect: Effect, best: FitResult) -> Fi
     losses = [near.adapted_nll(best, active) for active in closer]
     begun = tried_from(near, closer[int(np.argmin(losses))], best, settings.first_steps)
     return begun if begun is not None and begun.nll < joint.base.nll else None
+
+
+def _few(joint: OutputErrorFit, effect: Effect, name: str) -> OutputErrorFit:
+    """The recordings on which a strength is tried in its whole range."""
+    loudest = sorted(joint.seen, key=lambda o: -float(np.sum(joint.base.residuals[o.name][: o.fitted] ** 2)))
+    if next(p for p in effect.parameters if p.name == name).unit == "V":
+        loudest = [o for o in loudest if not o.still]
+        loudest.sort(key=lambda o: float(np.abs(o.excitation.drive_V).max()))
+    return joint.anew(observed=loudest[: joint.settings.selection.scan_recordings], head=joint.base.head)
 
 
 def _first_rows(joint: OutputErrorFit, active: ActiveEffects, name: str) -> list[int]:

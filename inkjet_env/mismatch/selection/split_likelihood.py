@@ -72,7 +72,7 @@ def parts_of(
 
     Where an effect is slow, a part holds means of neighbouring samples; else, a recording is cut. In a part, a tone has
     a phase of its own, so nothing is assumed of the parts that is not assumed of recordings. A few recordings are cut
-    into parts as well.
+    into parts as well. Means may have less noise than a converter's step leaves a sample.
 
     Parameters
     ----------
@@ -87,13 +87,14 @@ def parts_of(
     settings : SelectionSettings
         Lengths of the parts.
     """
-    parts, own, levels = [], {}, {}
+    parts, own, levels, blocks = [], {}, {}, []
     pieces = math.ceil(settings.split_recordings / len(observed))
     for o in observed:
         e, level = o.excitation, noise.levels.get(o.name)
         block = max(1, e.samples // (settings.longest_part if highest_Hz else settings.slow_part))
         if highest_Hz and highest_Hz * e.step_s * block * settings.samples_a_period > 1:
             block = 1
+        blocks.append(block)
         kept = block * (e.samples // block)
         residual, drive_V = (s[:kept].reshape(-1, block).mean(axis=1) for s in (residuals[o.name], e.drive_V))
         level, neighbour_V = (
@@ -117,7 +118,8 @@ def parts_of(
             parts.append(replace(o, name=name, excitation=excitation, measured=own[name], fitted=length))
             if level is not None:
                 levels[name] = level[cut]
-    return parts, own, replace(noise, levels=levels)
+    least = {channel: value / math.sqrt(min(blocks)) for channel, value in noise.least.items()}
+    return parts, own, replace(noise, levels=levels, least=least)
 
 
 def noise_of(

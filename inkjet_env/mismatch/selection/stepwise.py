@@ -97,13 +97,15 @@ def select(
         if not added or not worth_adding(chosen, added[0]):
             break
         before, chosen = chosen, added[0]
+        if chosen.noise_known and chosen.excess < settings.named_share * 2 * chosen.gain:
+            break  # too little is left for another name
         if not (chosen.leaves_much and leftover(chosen, found, context.rng)):
             break
         if before.ids and explained(before, chosen) < settings.further_effect * unexplained(before):
             break  # a third effect does not mend what such a pair leaves
         width = 1 if before.ids else settings.beam_width
         beam = [h for h in added[:width] if h.gain >= settings.beam_gain * added[0].gain]
-    grown, chosen = chosen, _without_idle(joint, chosen, compared)
+    grown, chosen = chosen, without_idle(joint, chosen, compared)
     tests = p_values.get(frozenset(chosen.ids), p_values[frozenset(grown.ids)])
     lost = chosen.noise_known and chosen.excess > settings.lost * (chosen.excess + 2 * chosen.gain)
     alternatives = {
@@ -135,7 +137,7 @@ def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
     more, residuals, mismatch = explained(without, with_it), unexplained(without), 2 * with_it.gain
     if more >= settings.large_share * mismatch and more >= settings.further_effect_if_large * residuals:
         return True
-    return more >= max(settings.further_effect * residuals, settings.equation_error * mismatch)
+    return more >= max(settings.further_effect * residuals, settings.named_share * mismatch)
 
 
 def explained(without: Hypothesis, with_it: Hypothesis) -> float:
@@ -156,8 +158,18 @@ def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator
     return beside.p_value(largest, rng, settings.score_draws) <= settings.significance_level
 
 
-def _without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:
-    """The hypothesis without the effects that it does not need: backward deletion."""
+def without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:
+    """The hypothesis without the effects that it does not need: backward deletion.
+
+    Parameters
+    ----------
+    joint : OutputErrorFit
+        Recordings, noise and base model.
+    chosen : Hypothesis
+        A fit of these with effects.
+    compared : dict of frozenset of str to Hypothesis
+        Fits of these with other effects, by their ids; those that are made are added.
+    """
     while len(chosen.ids) > 1:
         for effect in chosen.fit.active.effects:
             rest = chosen.fit.active.minus(effect)

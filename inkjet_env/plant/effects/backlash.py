@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.excitation import Excitation
+from inkjet_env.plant.limiter import limited
 from inkjet_env.plant.wording import percent, with_prefix
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
@@ -31,7 +32,8 @@ class Backlash(Effect):
     stage = "hysteresis"
     sentence = "The joint between ceramic and moving mass has play, so part of the travel is lost."
     equation = (
-        "v → P_gap[Z(v)], P the play w = max(v - gap_V, min(v + gap_V, w)), Z(v) = v - lost clip(v, ±dead_zone_V)"
+        "v → P_gap[Z(v)], P the play w = max(v - gap_V, min(v + gap_V, w)), "
+        "Z(v) = v - lost v / (1 + |v / dead_zone_V|^h)^(1/h), h = hardness"
     )
     source = "M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey, Automatica 38, 2002"
     parameters = (
@@ -39,6 +41,16 @@ class Backlash(Effect):
         Parameter("dead_zone_V", "V", 0.0, 1e3, meaning="half the width of the dead zone, in hysteretic volts"),
         Parameter(
             "lost", "1", -1.0, 1.0, meaning="share of the travel that is lost in the zone; less: a glue", plain=1.0
+        ),
+        Parameter(
+            "hardness",
+            "1",
+            1.0,
+            100.0,
+            "log",
+            "20 and more: the zone has corners; less: it fades out",
+            open_ended=True,
+            plain=100.0,
         ),
     )
     strengths = ("gap_V", "dead_zone_V")
@@ -48,9 +60,9 @@ class Backlash(Effect):
 
     def starts(self, printhead: Printhead, excitations: Sequence[Excitation]) -> list[dict[str, float]]:
         largest_V = max((float(np.abs(s.drive_V).max()) for s in excitations), default=0.0) or printhead.full_scale_V
-        off = dict.fromkeys(self.strengths, 0.0) | {"lost": 1.0}
-        clear = [off | {name: min(share * largest_V, 1e3)} for name in self.strengths for share in SHARES]
-        return [*clear, *(off | {"dead_zone_V": min(share * largest_V, 1e3), "lost": 0.05} for share in SOFT)]
+        clear = [{name: min(share * largest_V, 1e3)} for name in self.strengths for share in SHARES]
+        soft = [{"dead_zone_V": min(share * largest_V, 1e3), "lost": 0.05, "hardness": 3.0} for share in SOFT]
+        return [complete(self, **values) for values in (*clear, *soft)]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"gap_V": 1.5}
@@ -79,7 +91,7 @@ class Backlash(Effect):
         gap_V, dead_V = values["gap_V"], values["dead_zone_V"]
         moved_V = hysteretic_V
         if dead_V:
-            moved_V = moved_V - values["lost"] * np.clip(moved_V, -dead_V, dead_V)
+            moved_V = moved_V - values["lost"] * limited(moved_V, np.abs(moved_V) / dead_V, values["hardness"])
         if gap_V == 0:
             return moved_V
         output_V = np.empty(moved_V.size)

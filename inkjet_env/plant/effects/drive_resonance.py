@@ -75,10 +75,10 @@ class DriveResonance(Effect):
 
     @staticmethod
     def _range_Hz(excitations: Sequence[Excitation]) -> tuple[float, float]:
-        """Frequencies that fast recordings show: above half the sampling rate, the samples alias the drive's ring."""
+        """Frequencies that fast recordings show: above the sampling rate as well, by the delay and the extremes."""
         fast = [excitation.step_s for excitation in excitations if excitation.fast]
         lowest_Hz, highest_Hz = resolved_Hz(excitations)
-        return lowest_Hz, 1 / min(fast) if fast else highest_Hz
+        return lowest_Hz, 2 / min(fast) if fast else highest_Hz
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         return too_slow(excitations)

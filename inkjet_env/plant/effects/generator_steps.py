@@ -36,7 +36,8 @@ class GeneratorSteps(Effect):
     sentence = "The generator's output is a staircase: it is updated at intervals and has a finite resolution."
     equation = (
         "u(t) = q round(u_requested((⌊t/T⌋ + ahead) T) / q), T = update_s + update_share × duration of the "
-        "recording, q resolution_V; T = 0: no hold, q = 0: no rounding"
+        "recording, q resolution_V; T = 0: no hold, q = 0: no rounding; points_share of the rounding is that of the "
+        "drive's samples, with straight lines between them"
     )
     source = (
         "A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 3rd edition, Pearson, 2010, chapter 4: "
@@ -48,6 +49,15 @@ class GeneratorSteps(Effect):
         Parameter("update_share", "1", 0.0, 0.5, meaning="T over the duration: a memory of so many points, 1/share"),
         Parameter(
             "ahead", "1", 0.0, 1.0, meaning="place in an interval whose value is held; 1/2: no mean delay", plain=0.0
+        ),
+        Parameter(
+            "points_share",
+            "1",
+            0.0,
+            1.0,
+            meaning="1: points of the drive are rounded; 0: the voltage in between too",
+            open_ended=True,
+            plain=0.0,
         ),
     )
     strengths = ("update_s", "resolution_V", "update_share")
@@ -100,13 +110,14 @@ class GeneratorSteps(Effect):
             step_V = 0.0
         if nodes == step_V == 0:
             return drive_V
+        share = values["points_share"] if nodes < UNRESOLVED and step_V else 0.0
         if nodes < UNRESOLVED:
             held_V = late(drive_V, (0.5 - values["ahead"]) * nodes, excitation.periodic) if nodes else drive_V
             stairs_V = _cell_means(held_V, excitation.periodic, step_V)
         else:
             stairs_V = staircase_means(drive_V, nodes, step_V, excitation.periodic, values["ahead"])
-        result: Real = drive_V + stairs_V - _cell_means(drive_V, excitation.periodic)
-        return result
+        result: Real = drive_V + (1 - share) * (stairs_V - _cell_means(drive_V, excitation.periodic))
+        return result + share * (_rounded_points(held_V, step_V, excitation) - drive_V) if share else result
 
 
 def _duration_s(excitation: Excitation) -> float:
@@ -157,6 +168,15 @@ def _cell_means(drive_V: Real, periodic: bool, step_V: float = 0.0) -> Real:
     first, second = (_rounded_mean(drive_V / step_V, middle / step_V) for middle in middles)
     rounded: Real = 0.5 * step_V * (first + second)
     return rounded
+
+
+def _rounded_points(drive_V: Real, step_V: float, excitation: Excitation) -> Real:
+    """The drive at the nodes if its samples are rounded to multiples of a step, with straight lines in between."""
+    points_V = step_V * np.round(drive_V[:: excitation.substeps] / step_V)
+    at = np.arange(drive_V.size) / excitation.substeps
+    period = points_V.size if excitation.periodic else None
+    result: Real = np.interp(at, np.arange(points_V.size), points_V, period=period)
+    return result
 
 
 def _rounded_mean(a: Real, b: Real) -> Real:

@@ -9,6 +9,7 @@ import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values
 from inkjet_env.plant.excitation import Excitation
+from inkjet_env.plant.limiter import limited
 from inkjet_env.plant.stages import Plant
 from inkjet_env.plant.wording import SENSOR_UNIT, with_prefix
 from inkjet_env.printhead import Printhead
@@ -77,10 +78,7 @@ class SensorSaturation(Effect):
         limit, hardness = values["limit"], values["hardness"]
         if not excitation.fast or math.isinf(limit):
             return signal
-        ratio = np.abs(signal) * (1 + values["skew"] * np.sign(signal)) / limit
-        above = np.maximum(ratio, 1.0)
-        below = np.minimum(ratio, 1.0) / above  # the smaller of ratio and 1 / ratio, so that no power overflows
-        return signal / above * (1 + below**hardness) ** (-1 / hardness)
+        return limited(signal, np.abs(signal) * (1 + values["skew"] * np.sign(signal)) / limit, hardness)
 
 
 def _largest(printhead: Printhead, excitation: Excitation) -> float:

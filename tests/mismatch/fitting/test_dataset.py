@@ -1,7 +1,10 @@
 """A campaign as the diagnosis sees it, and where its noise is told from."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from inkjet_env.identification.measurements import measurements
 from inkjet_env.identification.noise import NoiseModel, noise_model
@@ -196,6 +199,34 @@ def test_a_sampling_step_without_noise_of_its_own_takes_the_nearest_ones():
     assert key not in {o.noise_key for o in observed if o.still}
     assert noise.models[key].rms == pytest.approx(0.1, rel=0.1)
     assert noise.known(next(o for o in observed if o.name == "lone"))
+
+
+def remembering(rms, samples, step_s, memory_s, seed):
+    """Noise whose correlation falls to 1/e in a memory, of the same RMS at any sampling step."""
+    kept = np.exp(-step_s / memory_s)
+    pushed = np.sqrt(1 - kept**2) * np.random.default_rng(seed).standard_normal(samples)
+    return rms * lfilter([1.0], [1.0, -kept], pushed)
+
+
+def test_noise_known_at_another_step_has_the_colour_that_the_upper_lines_show():
+    """Noise with a memory of 5 µs is white every 100 µs, and is not every microsecond."""
+    rest = recording("rest", np.zeros(2000), remembering(0.1, 2000, 1e-4, 5e-6, 1), step_s=1e-4)
+    slow = 0.5 * np.sin(2 * np.pi * np.arange(2000) / 700)  # a loop that a model misses
+    for loop in (0.0, slow):
+        lone = recording("lone", 30 * np.sin(np.arange(2000) / 90), loop + remembering(0.1, 2000, 1e-6, 5e-6, 2))
+        observed, noise = seen_in(rest, replace(lone, initial_state="periodic"))
+        (o,) = (o for o in observed if o.name == "lone")
+        assert o.noise_key in noise.borrowed
+        assert noise.models[o.noise_key].rms == pytest.approx(0.1, rel=0.3)
+        assert noise.models[o.noise_key].innovation == pytest.approx(0.1 * np.sqrt(1 - np.exp(-0.4)), rel=0.2)
+
+
+def test_residuals_much_louder_than_the_noise_at_another_step_are_no_noise():
+    rest = recording("rest", np.zeros(2000), white(0.1, 2000, 1), step_s=1e-4)
+    lone = recording("lone", 30 * np.sin(np.arange(2000) / 90), remembering(0.5, 2000, 1e-6, 5e-6, 2), state="periodic")
+    observed, noise = seen_in(rest, lone)
+    (o,) = (o for o in observed if o.name == "lone")
+    assert noise.models[o.noise_key].innovation == pytest.approx(0.1, rel=0.1)
 
 
 def test_what_most_samples_leave_is_taken_for_noise_where_nothing_tells_it():
