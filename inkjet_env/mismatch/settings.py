@@ -278,9 +278,6 @@ class SelectionSettings(_Settings):
     """Number of strongest lines of the pooled periodogram that serve as starts. Unit: 1. Source: speed."""
     same_random_gain: float = 0.02
     """Relative difference in gain, below which two random effects are not distinguished. Unit: 1. Source: tables."""
-    dithered: float = 0.5
-    """Noise RMS from which rounding errors are practically independent of the signal. Unit: steps of the converter.
-    Source: Widrow, Kollár & Liu, IEEE Trans. Instrum. Meas. 45, 1996."""
     ridge_penalties: tuple[float, ...] = tuple(float(penalty) for penalty in np.geomspace(1e-3, 1e5, 17))
     """Ridge penalties that the discrepancy regression tries, for features of unit norm. Unit: 1. Source: tables."""
     delays: tuple[float, ...] = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)

@@ -41,9 +41,14 @@ def _lines(fast=FAST, slow=("loop-1",), twice=TWICE):
     return chosen + [line for line in chosen if line.label in twice]
 
 
+SIZES = {"feedthrough": 4.0}
+"""What is planted, in examples of the effect: enough to be named beside another, not as minor."""
+
+
 def _values(name, strength=1.0):
     """What is planted of an effect."""
-    return synthetic_values(EFFECTS[name], strength, HEAD, largest_signal_V(HEAD, _lines()))
+    size = strength * SIZES.get(name, 1.0)
+    return synthetic_values(EFFECTS[name], size, HEAD, largest_signal_V(HEAD, _lines()))
 
 
 @functools.cache

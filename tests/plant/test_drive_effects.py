@@ -1,5 +1,6 @@
 """What drive effects do to the voltage at the ceramic, against ways of computing it that share no code with them."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.signal import lsim
 from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.effect import complete, coordinates, values_at
 from inkjet_env.plant.effects.slew_limit import slew_limited
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.plant.lag import lagged
 from inkjet_env.printhead import Printhead
 
@@ -217,8 +219,9 @@ def test_the_best_of_the_fits_from_the_starts_finds_the_truth(name, truth):
     found = []
     for start in effect.starts(HEAD, excitations):
         point = coordinates(effect, start)
-        fit = least_squares(residual, np.sign(point), args=(np.abs(point),), diff_step=1e-4, max_nfev=30)
-        found.append((fit.cost, values_at(effect, fit.x * np.abs(point))))
+        with suppress(*NUMERICAL):  # a trial far from the truth may have no steady state
+            fit = least_squares(residual, np.sign(point), args=(np.abs(point),), diff_step=1e-4, max_nfev=30)
+            found.append((fit.cost, values_at(effect, fit.x * np.abs(point))))
     best = min(found, key=lambda pair: pair[0])[1]
     assert {name: best[name] for name, value in truth.items() if value} == pytest.approx(
         {name: value for name, value in truth.items() if value}, rel=1e-4

@@ -254,11 +254,19 @@ def _at_rest(one: RandomEffect, channel: _Channel, otherwise: bool) -> bool:
 
 
 def _rounded(one: RandomEffect, channel: _Channel) -> bool:
-    """Whether it may be rounding: smaller than the converter's step, with too little noise to randomise rounding."""
+    """Whether it may be rounding: no larger than what the noise leaves of a converter's error.
+
+    Noise of standard deviation σ before rounding to steps q lowers each part of the error that follows the signal by
+    exp(-2 π² σ²/q²) at least (Widrow, Kollár & Liu, IEEE Trans. Instrum. Meas. 45, 1996).
+    """
     step = math.sqrt(12) * channel.noise.least[one.channel]
-    noise_rms = max(channel.noise.models[o.noise_key].rms for o in channel.observed)
+    if not step:
+        return False
+    less = _less(one.effect, one.values, channel)
+    noise_rms = min(less.models[o.noise_key].rms for o in channel.observed)
+    variance = max((noise_rms / step) ** 2 - 1 / 12, 0.0)
     size = max(one.values[name] for name in one.effect.strengths)
-    return size < step and noise_rms < channel.settings.selection.dithered * step
+    return size < step * math.exp(-2 * math.pi**2 * variance)
 
 
 def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffect | None:

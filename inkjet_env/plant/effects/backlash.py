@@ -18,6 +18,9 @@ SHARES = (0.005, 0.02, 0.05)
 SOFT = (0.1, 0.3)
 """Half widths of soft zones of the starts, likewise."""
 
+CORNERS = 100.0
+"""Hardness of a zone with corners."""
+
 
 class Backlash(Effect):
     """A play of fixed gap, and a dead zone, in series behind the hysteresis.
@@ -46,11 +49,11 @@ class Backlash(Effect):
             "hardness",
             "1",
             1.0,
-            100.0,
+            CORNERS,
             "log",
             "20 and more: the zone has corners; less: it fades out",
             open_ended=True,
-            plain=100.0,
+            plain=CORNERS,
         ),
     )
     strengths = ("gap_V", "dead_zone_V")
@@ -91,7 +94,13 @@ class Backlash(Effect):
         gap_V, dead_V = values["gap_V"], values["dead_zone_V"]
         moved_V = hysteretic_V
         if dead_V:
-            moved_V = moved_V - values["lost"] * limited(moved_V, np.abs(moved_V) / dead_V, values["hardness"])
+            hardness = values["hardness"]
+            within_V = (
+                limited(moved_V, np.abs(moved_V) / dead_V, hardness)
+                if hardness < CORNERS
+                else np.clip(moved_V, -dead_V, dead_V)
+            )
+            moved_V = moved_V - values["lost"] * within_V
         if gap_V == 0:
             return moved_V
         output_V = np.empty(moved_V.size)
