@@ -56,6 +56,8 @@ class FittingSettings(_Settings):
     """Ratio of noise RMS up to which such residuals are taken for noise. Unit: 1. Source: tables."""
     other_colour_gain: float = 10.0
     """Gain from which their colour counts. Unit: log-likelihood. Source: e¹⁰, as for a random effect."""
+    colour_rounds: int = 3
+    """Number of fits of a colour, each with the lower lines as the one before expects them. Unit: 1. Source: speed."""
     level_window: int = 64
     """Longest window of a cell of time and frequency in which the noise's level is read. Unit: samples. Source:
     tables."""

@@ -41,20 +41,20 @@ def _lines(fast=FAST, slow=("loop-1",), twice=TWICE):
     return chosen + [line for line in chosen if line.label in twice]
 
 
-SIZES = {"feedthrough": 4.0}
-"""What is planted, in examples of the effect: enough to be named beside another, not as minor."""
+BESIDE = {"feedthrough": 4.0}
+"""How much more of an effect is planted beside another: enough to be named, not minor."""
 
 
-def _values(name, strength=1.0):
+def _values(name, strength=1.0, alone=True):
     """What is planted of an effect."""
-    size = strength * SIZES.get(name, 1.0)
+    size = strength if alone else strength * BESIDE.get(name, 1.0)
     return synthetic_values(EFFECTS[name], size, HEAD, largest_signal_V(HEAD, _lines()))
 
 
 @functools.cache
 def _recorded(*names, strength=1.0, seed=3, snr_dB=50.0, monitored=False, noise_kind="white", **lines):
     """A campaign with these effects on."""
-    effects = [(EFFECTS[name], _values(name, strength)) for name in names]
+    effects = [(EFFECTS[name], _values(name, strength, len(names) == 1)) for name in names]
     return record_synthetic(HEAD, effects, seed, snr_dB, monitored, _lines(**lines), noise_kind)
 
 

@@ -74,7 +74,7 @@ def test_several_effects_are_named_together(diagnosed, values):
     assert found.verdict == "named"
     assert set(ids(found)) == {"feedthrough", "quadratic_damping"}
     for named in found.effects:
-        assert_estimates(named, values(named.effect.id))
+        assert_estimates(named, values(named.effect.id, alone=False))
 
 
 def test_an_effect_beside_a_hum_is_named_too(diagnosed):

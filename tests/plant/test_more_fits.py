@@ -58,12 +58,15 @@ def test_a_fit_from_the_starts_that_look_most_like_it_finds_the_truth(name, trut
         factor = np.clip(column @ seen / (column @ column), -3.0, 3.0)
         begun = {n: value * factor if n in effect.strengths else value for n, value in start.items()}
         z = np.clip(coordinates(effect, begun), *bounds)
-        scale = np.where(z == 0, 1.0, np.abs(z))
-        left = damped_least_squares(
-            lambda z, scale=scale: added(values_at(effect, z * scale)) - seen,
-            z / scale,
-            (bounds[0] / scale, bounds[1] / scale),
-        )
+        free = np.array([p.name not in effect.strengths or begun[p.name] != 0 for p in effect.parameters])
+        scale = np.where(z == 0, 1.0, np.abs(z))[free]
+
+        def missing(own, z=z, free=free, scale=scale):
+            there = z.copy()
+            there[free] = own * scale
+            return added(values_at(effect, there)) - seen
+
+        left = damped_least_squares(missing, z[free] / scale, tuple(end[free] / scale for end in bounds))
         best = min(best, left / np.linalg.norm(seen))
         if best < 1e-3:
             break

@@ -17,9 +17,6 @@ from inkjet_env.typing import Real
 FLAT_BELOW_FIRST_LINE = 0.5 / np.pi
 """Longest memory of noise in durations of the longest recording. A longer one is a drift."""
 
-COLOUR_ROUNDS = 3
-"""Number of fits of a colour, each with the lower lines as the one before expects them."""
-
 
 @dataclass(frozen=True, eq=False)
 class Noise:
@@ -246,7 +243,7 @@ def of_own_colour(model: NoiseModel, residuals: Sequence[Real], settings: Fittin
     """
     first = [int(settings.upper_lines * r.size / 2) + 1 for r in residuals]
     own = model
-    for _ in range(COLOUR_ROUNDS):
+    for _ in range(settings.colour_rounds):
         filled = [_filled(r, k, own) for r, k in zip(residuals, first, strict=True)]
         own = noise_model(filled, f"{model.source}, in colour the residuals at this sampling step", 0.0)
     gain = sum(

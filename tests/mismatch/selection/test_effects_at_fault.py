@@ -10,7 +10,7 @@ import pytest
 from inkjet_env.mismatch import diagnose
 from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.mismatch.selection.hypotheses import settled
-from inkjet_env.mismatch.selection.stepwise import _only, _without_idle
+from inkjet_env.mismatch.selection.stepwise import _only, without_idle
 from inkjet_env.plant import EffectError, Parameter, SimulationError
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import coordinates
@@ -150,7 +150,7 @@ def test_effects_that_cannot_be_simulated_without_one_of_them_keep_it(recorded, 
 
     monkeypatch.setattr(type(joint), "fit", unanswered)
     assert _only(joint, chosen, chosen.fit.active.minus(two[1])) is None
-    assert _without_idle(joint, chosen, {}) is chosen
+    assert without_idle(joint, chosen, {}) is chosen
 
 
 def test_what_cannot_be_fitted_to_the_end_stays_where_it_was_as_not_converged(recorded, head, effects, monkeypatch):
