@@ -56,12 +56,14 @@ def widely_scanned(joint: OutputErrorFit, effect: Effect, best: FitResult) -> Fi
     if not effect.rugged:
         return None
     settings, near = joint.settings.selection, joint.near(best)
-    few = {name: _few(joint, effect, name).near(best) for name in effect.rugged}
+    units = {p.name: p.unit for p in effect.parameters if p.name in effect.rugged}
+    few = {volts: _few(joint, volts).near(best) for volts in sorted({unit == "V" for unit in units.values()})}
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
     most: dict[str, tuple[float, ActiveEffects]] = {}
     for start, name in product(effect.starts(joint.base.head.printhead, excitations), effect.rugged):
+        tried = few[units[name] == "V"]
         for active in _around(joint, ActiveEffects.of([(effect, start)]), name, settings.wide_scan_width):
-            explained = few[name].explained_first(best, active, _first_rows(few[name], active, name))
+            explained = tried.explained_first(best, active, _first_rows(tried, active, name))
             if explained > most.get(name, (0.0,))[0]:
                 most[name] = explained, active
     closer = [one for name, (_, found) in most.items() for one in _around(joint, found, name, settings.scan_width)]
@@ -72,13 +74,13 @@ def widely_scanned(joint: OutputErrorFit, effect: Effect, best: FitResult) -> Fi
     return begun if begun is not None and begun.nll < joint.base.nll else None
 
 
-def _few(joint: OutputErrorFit, effect: Effect, name: str) -> OutputErrorFit:
-    """The recordings on which a strength is tried in its whole range."""
-    loudest = sorted(joint.seen, key=lambda o: -float(np.sum(joint.base.residuals[o.name][: o.fitted] ** 2)))
-    if next(p for p in effect.parameters if p.name == name).unit == "V":
-        loudest = [o for o in loudest if not o.still]
-        loudest.sort(key=lambda o: float(np.abs(o.excitation.drive_V).max()))
-    return joint.anew(observed=loudest[: joint.settings.selection.scan_recordings], head=joint.base.head)
+def _few(joint: OutputErrorFit, volts: bool) -> OutputErrorFit:
+    """The recordings on which an interval, or a voltage, is tried in its whole range."""
+    chosen = sorted(joint.seen, key=lambda o: -float(np.sum(joint.base.residuals[o.name][: o.fitted] ** 2)))
+    if volts:
+        moving = [o for o in chosen if not o.still]
+        chosen = sorted(moving, key=lambda o: float(np.abs(o.excitation.drive_V).max())) or chosen
+    return joint.anew(observed=chosen[: joint.settings.selection.scan_recordings], head=joint.base.head)
 
 
 def _first_rows(joint: OutputErrorFit, active: ActiveEffects, name: str) -> list[int]:
