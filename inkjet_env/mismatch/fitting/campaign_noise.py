@@ -230,7 +230,7 @@ def of_own_colour(model: NoiseModel, residuals: Sequence[Real], settings: Fittin
 
     Neighbouring samples of a sensor's noise are the more alike the closer they are, which noise sampled more rarely
     does not tell. The residuals may hold a mismatch, so only their upper lines are used, and only where they are no
-    louder than the noise at the other step but far more likely to have another colour.
+    louder than the noise at the other step, but far more likely to have another colour, and slow noise gets no quieter.
 
     Parameters
     ----------
@@ -249,14 +249,23 @@ def of_own_colour(model: NoiseModel, residuals: Sequence[Real], settings: Fittin
     gain = sum(
         whittle(own, [r], k) - whittle(model, [r], k) for r, k in zip(residuals, first, strict=True)
     )  # each of the two pays for its coefficients
-    alike = own.rms <= settings.louder_colour * model.rms
-    return own if alike and gain > settings.other_colour_gain else model
+    size = max(r.size for r in residuals)
+    lower = slice(1, max(first) + 1)  # their noise is not seen here, and must not be taken for quieter
+    quieter = _density(own, size)[lower].mean() < _density(model, size)[lower].mean()
+    louder = own.rms > settings.louder_colour * model.rms
+    return own if not (quieter or louder) and gain > settings.other_colour_gain else model
+
+
+def _density(model: NoiseModel, samples: int) -> Real:
+    """Expected power of a model at each line of a discrete Fourier transform, shape (samples,)."""
+    density: Real = model.innovation**2 * model.levels(samples) / model.passed(samples)
+    return density
 
 
 def _filled(residuals: Real, first: int, model: NoiseModel) -> Real:
     """Residuals whose lines below the given one have the power that a model expects."""
     lines = np.fft.rfft(residuals)
-    density = (model.innovation**2 * model.levels(residuals.size) / model.passed(residuals.size))[:first]
+    density = _density(model, residuals.size)[:first]
     lines[:first] *= np.sqrt(density * residuals.size) / np.maximum(np.abs(lines[:first]), 1e-300)
     filled: Real = np.fft.irfft(lines, residuals.size)
     return filled
