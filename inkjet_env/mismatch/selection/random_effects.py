@@ -264,7 +264,7 @@ def _rounded(one: RandomEffect, channel: _Channel) -> bool:
         return False
     less = _less(one.effect, one.values, channel)
     noise_rms = min(less.models[o.noise_key].rms for o in channel.observed)
-    variance = max((noise_rms / step) ** 2 - 1 / 12, 0.0)
+    variance = max(min(noise_rms / step, 1e3) ** 2 - 1 / 12, 0.0)  # beyond, the exponential is 0 in any case
     size = max(one.values[name] for name in one.effect.strengths)
     return size < step * math.exp(-2 * math.pi**2 * variance)
 
