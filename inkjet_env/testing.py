@@ -70,6 +70,8 @@ class EffectTests:
         names = {parameter.name for parameter in effect.parameters}
         assert effect.strengths, "it has no strength: without one it cannot be switched off"
         assert set(effect.strengths) <= names, f"strengths must be parameters; they are {effect.strengths}"
+        assert set(effect.tuned) <= set(effect.strengths), f"tuned must be strengths; they are {effect.tuned}"
+        assert set(effect.also) <= set(STAGES), f"also must be stages ({', '.join(STAGES)}); it is {effect.also}"
         for parameter in effect.parameters:
             assert parameter.scale in SCALES, f"scale of {parameter.name} must be one of {', '.join(SCALES)}"
             assert parameter.unit, f'{parameter.name} has no unit; write "1" for a dimensionless one'

@@ -90,7 +90,8 @@ class Plant:
         """Sensor signal of a `motion` at the samples, shape (n,), in the channel's unit."""
         signal = self.gain(excitation.channel) * motion + self.offsets.get(excitation.channel, 0.0)
         for effect, values in self.of("sensing"):
-            signal = _like(signal, effect.sensing(values, signal, drive_V, self.printhead, excitation), effect)
+            shown = effect.sensing(values, signal, drive_V, self.printhead, excitation)
+            signal = _like(signal, shown, effect, "sensing")
         return signal
 
     def head_motion(self, drive_V: Real, hysteretic_V: Real, excitation: Excitation) -> HeadMotion:
@@ -102,7 +103,7 @@ class Plant:
         """Voltage at the ceramic, at the nodes, shape (nodes,)."""
         drive_V = excitation.drive_at_nodes_V
         for effect, values in self.of("drive"):
-            drive_V = _like(drive_V, effect.drive(values, drive_V, excitation), effect)
+            drive_V = _like(drive_V, effect.drive(values, drive_V, excitation), effect, "drive")
         return drive_V
 
     def motion(self, drive_V: Real, excitation: Excitation) -> Real:
@@ -142,7 +143,7 @@ class Plant:
         """`hysteretic_V` from the output of the branch law alone at the nodes, in volts."""
         for effect, values in self.of("hysteresis"):
             changed_V = effect.hysteresis(values, hysteretic_V, drive_V, self.printhead, excitation)
-            hysteretic_V = _like(hysteretic_V, changed_V, effect)
+            hysteretic_V = _like(hysteretic_V, changed_V, effect, "hysteresis")
         return hysteretic_V
 
     def with_effects(self, effects: Sequence[tuple[Effect, Values]]) -> Plant:
@@ -150,11 +151,11 @@ class Plant:
         return replace(self, effects=tuple(effects))
 
 
-def _like(before: Real, after: Real, effect: Effect) -> Real:
+def _like(before: Real, after: Real, effect: Effect, stage: str) -> Real:
     """Return the signal ``after`` an effect; `EffectError` unless its shape is that of the one ``before``."""
     if np.shape(after) != before.shape:
         raise EffectError(
-            f"effect {effect.id!r}: its {effect.stage}() must return an array of shape {before.shape}, as it is given; "
+            f"effect {effect.id!r}: its {stage}() must return an array of shape {before.shape}, as it is given; "
             f"got {'None' if after is None else f'shape {np.shape(after)}'}. Correct the effect."
         )
     return after

@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lsim
+from scipy.signal import lsim, step
 
 from inkjet_env.plant import Excitation, Plant, SimulationError, catalogue
 from inkjet_env.plant.effect import complete
+from inkjet_env.plant.effects.drive_resonance import overshoot_of_a_jump
 from inkjet_env.plant.effects.generator_steps import staircase_means
 from inkjet_env.plant.effects.nonlinear_capacitance import charged_V
 from inkjet_env.plant.effects.slew_limit import slew_limited
@@ -81,6 +82,14 @@ def test_losses_in_the_core_of_an_inductor_are_those_of_its_circuit():
         core_loss_share=(L / R) / (L / R + r * C),
     )
     assert found == pytest.approx(exact, abs=1e-8)
+
+
+@pytest.mark.parametrize("damping_ratio", [0.03, 0.1, 0.45])
+@pytest.mark.parametrize("core_loss_share", [0.0, 0.4, 1.0])
+def test_the_overshoot_that_is_told_is_that_of_a_jump(damping_ratio, core_loss_share):
+    lead = 2 * core_loss_share * damping_ratio
+    _, voltage = step((np.trim_zeros([lead, 1.0]), [1.0, 2 * damping_ratio, 1.0]), T=np.linspace(0, 10, 20001))
+    assert overshoot_of_a_jump(damping_ratio, core_loss_share) == pytest.approx(voltage.max() - 1, abs=1e-6)
 
 
 def test_a_damping_ratio_of_a_half_is_an_amplifier_of_two_poles():

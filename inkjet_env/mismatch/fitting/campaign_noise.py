@@ -246,9 +246,7 @@ def of_own_colour(model: NoiseModel, residuals: Sequence[Real], settings: Fittin
     for _ in range(settings.colour_rounds):
         filled = [_filled(r, k, own) for r, k in zip(residuals, first, strict=True)]
         own = noise_model(filled, f"{model.source}, in colour the residuals at this sampling step", 0.0)
-    gain = sum(
-        whittle(own, [r], k) - whittle(model, [r], k) for r, k in zip(residuals, first, strict=True)
-    )  # each of the two pays for its coefficients
+    gain = sum(whittle(own, [r], k) - whittle(model, [r], k) for r, k in zip(residuals, first, strict=True))
     size = max(r.size for r in residuals)
     lower = slice(1, max(first) + 1)  # their noise is not seen here, and must not be taken for quieter
     quieter = _density(own, size)[lower].mean() < _density(model, size)[lower].mean()

@@ -84,7 +84,7 @@ class DriveResonance(Effect):
         return too_slow(excitations)
 
     def description(self, values: Values, unit: str = "V") -> str:
-        overshoot = math.exp(-math.pi * values["damping_ratio"] / math.sqrt(1 - values["damping_ratio"] ** 2))
+        overshoot = overshoot_of_a_jump(values["damping_ratio"], values["core_loss_share"])
         return (
             f"Cable and head resonate at {with_prefix(values['frequency_Hz'], 'Hz', 3)}: after a jump the voltage "
             f"at the ceramic overshoots by {100 * overshoot:.2g} %."
@@ -98,3 +98,12 @@ class DriveResonance(Effect):
         q = 1 / (4 * damping * damping)  # 1 + τ s + q τ² s² = 1 + 2 ζ s/ω + s²/ω²
         lead = values["core_loss_share"]
         return low_passed(drive_V, time_s, q, excitation.node_step_s, excitation.periodic, lead=lead)
+
+
+def overshoot_of_a_jump(damping_ratio: float, core_loss_share: float) -> float:
+    """Overshoot of the voltage after a jump, as a share of the jump: its response is 1 + e^(-ζ t) times a sinusoid."""
+    damping, turns = damping_ratio, math.sqrt(1 - damping_ratio**2)
+    lead = 2 * core_loss_share * damping  # slope of the voltage at the jump, in units of ω
+    angle = math.pi - math.atan2(lead * turns, 1 - lead * damping)  # where the slope is zero first
+    sinusoid = -math.cos(angle) + (lead - damping) / turns * math.sin(angle)
+    return math.exp(-damping * angle / turns) * sinusoid

@@ -147,6 +147,19 @@ def test_the_less_there_is_the_less_is_gained_until_nothing_is_found(look):
     assert gains[0] > gains[1] > gains[2] == 0.0
 
 
+def test_a_drift_beside_a_coarse_converter_is_found(look):
+    """Means of several samples have less noise than the converter's step leaves one sample."""
+    rng, step = np.random.default_rng(28), 2 * RMS
+    measured = step * np.round(40 * np.sin(np.arange(2400) / 50) / step)  # tells the step
+    observed = [
+        replace(o, excitation=replace(o.excitation, drive_V=np.tile(o.excitation.drive_V, 4)), measured=measured)
+        for o in (replace(o, fitted=2400) for o in recordings(resting=2, moving=8))
+    ]
+    noisy = together(white(observed, rng), drift(observed, rng, RMS))
+    found = look(observed, {name: step * np.round(signal / step) for name, signal in noisy.items()})
+    assert [one.effect.id for one in found] == ["baseline_drift"]
+
+
 @pytest.mark.parametrize("where", ["self_sensing", "strain_gauge"])
 def test_only_the_channel_that_has_it_is_named(where, look):
     rng = np.random.default_rng(28)
