@@ -11,6 +11,7 @@ import numpy as np
 from inkjet_env.identification.basis import drive_basis, free_ringing
 from inkjet_env.plant import Excitation, Plant
 from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.recorded_motion import session_of
 from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.typing import Real
@@ -178,6 +179,8 @@ def _with_effects(recordings: Sequence[Recording], head: AugmentedPrinthead, gai
     # A gain that is still to be fitted is fitted without the remainder, whose weights have the unit of the signal.
     plant = replace(plant, remainder=None if gain is None else head.remainder)
     excitations = [_shot(recording, plant, not base.has_dynamics) for recording in recordings]
+    session = session_of(plant.printhead, excitations)
+    excitations = [replace(excitation, session=session) for excitation in excitations]
     small_V = 1e-4 * head.printhead.full_scale_V
     for _ in range(MOST_ROUNDS):
         shapes = [plant.signal(excitation) for excitation in excitations]

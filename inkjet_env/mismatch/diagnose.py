@@ -107,6 +107,13 @@ def diagnose(
     return found
 
 
+def misfit(noise: OutputErrorFit, joint: OutputErrorFit, chosen: Hypothesis) -> float:
+    """Sum of squared residuals of a hypothesis over the fitted rows, whitened with the noise of another fit."""
+    modelled = joint.modelled(chosen.fit)
+    residuals = {o.name: o.measured - modelled[o.name] for o in joint.seen}
+    return float(np.sum(noise.stacked(residuals, chosen.fit.active.pairs) ** 2))
+
+
 @dataclass(frozen=True, eq=False)
 class _Candidate:
     """What was found in one base model's residuals."""
@@ -119,12 +126,11 @@ class _Candidate:
     def score(self, on: OutputErrorFit) -> float:
         """Log-likelihood of the fitted recordings under another fit's noise, less Schwarz's penalty."""
         chosen = self.selection.chosen
-        modelled, active = self.joint.modelled(chosen.fit), chosen.fit.active.pairs
-        residuals = on.stacked({o.name: o.measured - modelled[o.name] for o in on.observed})
+        active = chosen.fit.active.pairs
         amplitudes = [self.joint.amplitude_columns(o, active) for o in on.seen]
         free = chosen.free + sum(len(s.values) for s in self.random_effects)
         free += sum(columns.shape[1] for columns in amplitudes if columns is not None)
-        return -0.5 * float(residuals @ residuals) - 0.5 * free * math.log(residuals.size)
+        return -0.5 * misfit(on, self.joint, chosen) - 0.5 * free * math.log(float(on.ends[-1]))
 
 
 class _Work:
@@ -303,6 +309,7 @@ class _Work:
         self, joint: OutputErrorFit, chosen: Hypothesis, random_effects: Sequence[RandomEffect]
     ) -> tuple[OutputErrorFit, Hypothesis]:
         before, settings = joint, self.settings.fitting
+        coarser: tuple[OutputErrorFit, Hypothesis] | None = None
         while True:
             try:
                 modelled = joint.modelled(chosen.fit)
@@ -314,10 +321,16 @@ class _Work:
                 chosen = settled(joint, near.fit(chosen.fit.active))
             except NUMERICAL:
                 return before, replace(chosen, fit=replace(chosen.fit, converged=False))
+            if coarser is not None and misfit(coarser[0], joint, chosen) > misfit(coarser[0], *coarser):
+                return coarser  # the recorder averages over longer than these nodes do
             began = substeps = joint.observed[0].excitation.substeps
+            jumps = any(values[name] for effect, values in chosen.fit.active.pairs for name in effect.rugged)
             error = joint.numerical_error(chosen.fit, substeps)
             while settings.simulation_error <= error < math.inf and substeps < settings.most_substeps:
                 substeps *= 2
+                if jumps:  # how long a node averages over them matters
+                    coarser = joint, chosen
+                    break
                 error = joint.numerical_error(chosen.fit, substeps)
             if substeps == began:
                 break

@@ -118,6 +118,9 @@ class SelectionSettings(_Settings):
     significance level; Bonferroni's bound takes over in the tail."""
     alike_starts: float = 0.95
     """Cosine of two starts' signatures, above which only one of them is tried. Unit: 1. Source: speed."""
+    same_start: float = 0.99
+    """The same for a fit of an effect's plain law, where starts that differ a little may lead to different minima.
+    Unit: 1. Source: speed."""
     most_law_starts: int = 4
     """Largest number of starts of an effect's whole law. Unit: 1. Source: speed."""
     starts: int = 3
@@ -147,6 +150,9 @@ class SelectionSettings(_Settings):
     scan_width: float = 0.015
     """Largest logarithm of the ratio by which a strength on which the signal depends in jumps is moved from the end of
     a fit. Unit: 1. Source: the jumps of a thousand updates coincide to a thousandth."""
+    scan_precision: float = 0.02
+    """Distance of a jump at the end of a recording from where it should be, down to which values are tried. Unit:
+    distance of two jumps. Source: a gradient finds the minimum from there."""
     wide_scan_width: float = 0.5
     """The same from each start, where nothing else explains the recordings. Unit: 1. Source: starts are a factor of two
     or so apart."""

@@ -39,6 +39,9 @@ class Excitation:
         Frequencies of the strongest lines in the base model's residuals of such recordings: where a hum may be.
     quasi_static : bool
         Whether a displacement is recorded too slowly to show the resonator, so that it is static as a strain gauge is.
+    session : tuple of (int, float)
+        Order of each recording of the session with a fast channel, and the mean square in V² of its speed ``x' / ω0``
+        in hysteretic volts: what warms the head up to and including this recording. Empty outside a session.
     cache : dict
         Results that follow from the excitation alone, stored at their first use.
     """
@@ -54,6 +57,7 @@ class Excitation:
     largest_signal: float | None = None
     residual_lines_Hz: tuple[float, ...] = ()
     quasi_static: bool = False
+    session: tuple[tuple[int, float], ...] = ()
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:

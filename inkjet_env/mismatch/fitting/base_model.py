@@ -15,6 +15,7 @@ from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.settings import DiagnosisSettings, FittingSettings
+from inkjet_env.plant.recorded_motion import session_of
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
 from inkjet_env.recordings import Campaign
@@ -79,6 +80,8 @@ def base_model(
     head = Head(replace(printhead, coefficients=coefficients), gains, offsets)
     coarsest_s = max((o.excitation.step_s for o in observed if o.excitation.fast), default=0.0)
     substeps = substeps_for(printhead.frequency_Hz, coarsest_s, settings.fitting)
+    session = session_of(head.printhead, [o.excitation for o in observed if o.channel != "drive_monitor"])
+    observed = [replace(o, excitation=replace(o.excitation, session=session)) for o in observed]
     joint = _settled(finer(observed, substeps), head, otherwise, settings)
     if given and _unexplained(joint) > settings.fitting.poor_start_share:
         raise ValueError(

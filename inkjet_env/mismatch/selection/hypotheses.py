@@ -119,6 +119,11 @@ class Hypothesis:
         return not self.noise_known or self.excess > self.joint.settings.selection.equation_error * 2 * self.gain
 
     @property
+    def surely_leaves_much(self) -> bool:
+        """The same beyond the doubt of the noise's own level."""
+        return self.sure_excess > self.joint.settings.selection.equation_error * 2 * self.gain
+
+    @property
     def lacks_terms(self) -> bool:
         """Whether the residuals are so large that terms of the last effect's law which are off may be missing."""
         effect = self.fit.active.last
@@ -169,6 +174,14 @@ def base_hypothesis(joint: OutputErrorFit) -> Hypothesis:
     return Hypothesis(joint.base, joint)
 
 
+def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:
+    """Whether any effect's signature is still significant in a hypothesis's residuals."""
+    settings = hypothesis.joint.settings.selection
+    beside = found.beside(hypothesis.columns)
+    largest = max(beside.best(hypothesis.residuals).values(), default=0.0)
+    return beside.p_value(largest, rng, settings.score_draws) <= settings.significance_level
+
+
 def attribute(
     joint: OutputErrorFit,
     beside: Hypothesis,
@@ -217,15 +230,24 @@ def attribute(
 
     promising = [fits for fits in by_effect.values() if given.nll - fits[0].nll >= hopeless * most]
     hypotheses = [Hypothesis(fits[0], joint) for fits in by_effect.values() if fits not in promising]
-    ended = sorted(refined([fits[0] for fits in promising]), key=lambda h: -h.score)
-    if ended and ended[0].leaves_much and not given.active.effects:  # the best start may have led to another minimum
+    close = [fits for fits in promising if given.nll - fits[0].nll >= settings.alternative_gain * most]
+    ended = sorted(refined([fits[0] for fits in close]), key=lambda h: -h.score)
+    much = not ended or ended[0].leaves_much
+    if ended and much and not ended[0].surely_leaves_much:  # it may be noise
+        much = leftover(ended[0], found, context.rng)
+    if much:
+        far = [fits[0] for fits in promising if fits not in close]
+        ended = sorted([*ended, *refined(far)], key=lambda h: -h.score)
+    else:
+        hypotheses += [Hypothesis(fits[0], joint) for fits in promising if fits not in close]
+    if ended and much and not given.active.effects:  # the best start may have led to another minimum
         seconds = [fit for fits in promising for fit in fits[1:] if given.nll - fit.nll >= hopeless * most]
         seconds += [fit for effect in effects if (fit := widely_scanned(joint, effect, ended[0].fit)) is not None]
         best: dict[tuple[str, ...], Hypothesis] = {}
         for one in sorted([*ended, *refined(seconds)], key=lambda h: -h.score):
             best.setdefault(one.ids, one)
         ended = list(best.values())
-    if ended and (ended[0].leaves_much or ended[0].degenerate):
+    if ended and (much or ended[0].degenerate):
         fair_gain = settings.whole_law_gain * max(given.nll - h.fit.nll for h in ended)
         partial = [h.fit for h in ended if h.lacks_terms and given.nll - h.fit.nll >= fair_gain]
         partial = partial[: settings.most_whole_laws if given.active.effects else None]
@@ -259,7 +281,7 @@ def _begun(
         (given.active.plus(effect, start), given.moved(head=joint.start) if known is None else given)
         for effect in effects
         if effect.id not in given.ids and best_score.get(effect.id, 0.0) >= settings.least_score * largest
-        for _, start in found.ranked(effect, beside.residuals)[
+        for _, start in found.ranked(effect, beside.residuals, settings.same_start)[
             : settings.starts if best_score[effect.id] >= settings.fair_score * largest else 1
         ]
     ]

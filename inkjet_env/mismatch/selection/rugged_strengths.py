@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.plant import Effect
@@ -30,15 +31,24 @@ def rugged_starts(joint: OutputErrorFit, active: ActiveEffects) -> list[dict[str
 
 
 def scanned(joint: OutputErrorFit, fit: FitResult) -> FitResult:
-    """A fit, moved to the best of many values around it of every strength on which the signal depends in jumps."""
+    """A fit, moved to the best of many values around it of every strength on which the signal depends in jumps.
+
+    Around the best of these, closer ones are tried, and so on until jumps at the end of a recording coincide as well.
+    """
     settings = joint.settings.selection
     for name in fit.active.last.rugged:
-        tried = _around(joint, fit.active, name, settings.scan_width)
-        if not tried:
+        tried, width = fit.active, settings.scan_width
+        if not _around(joint, tried, name, width):
             continue
-        near = joint.near(fit)
-        losses = [near.adapted_nll(fit, active) for active in tried]
-        moved = tried_from(near, tried[int(np.argmin(losses))], fit, settings.first_steps)
+        few = _few(joint, _unit(fit.active.last, name) == "V")
+        few = few.near(fit)
+        while True:
+            closer = _around(joint, tried, name, width)
+            tried = closer[int(np.argmin([few.adapted_nll(fit, active) for active in closer]))]
+            width *= 2 / settings.scan_values  # the distance of two values
+            if width * _intervals(joint, tried, name) < settings.scan_precision:
+                break
+        moved = tried_from(joint.near(fit), tried, fit, settings.first_steps)
         if moved is not None and moved.nll < fit.nll:
             fit = moved
     return fit
@@ -56,12 +66,12 @@ def widely_scanned(joint: OutputErrorFit, effect: Effect, best: FitResult) -> Fi
     if not effect.rugged:
         return None
     settings, near = joint.settings.selection, joint.near(best)
-    units = {p.name: p.unit for p in effect.parameters if p.name in effect.rugged}
-    few = {volts: _few(joint, volts).near(best) for volts in sorted({unit == "V" for unit in units.values()})}
+    volts = {name: _unit(effect, name) == "V" for name in effect.rugged}
+    few = {kind: _few(joint, kind).near(best) for kind in sorted(set(volts.values()))}
     excitations = [o.excitation for o in joint.seen if o.channel != "drive_monitor"]
     most: dict[str, tuple[float, ActiveEffects]] = {}
     for start, name in product(effect.starts(joint.base.head.printhead, excitations), effect.rugged):
-        tried = few[units[name] == "V"]
+        tried = few[volts[name]]
         for active in _around(joint, ActiveEffects.of([(effect, start)]), name, settings.wide_scan_width):
             explained = tried.explained_first(best, active, _first_rows(tried, active, name))
             if explained > most.get(name, (0.0,))[0]:
@@ -83,15 +93,26 @@ def _few(joint: OutputErrorFit, volts: bool) -> OutputErrorFit:
     return joint.anew(observed=chosen[: joint.settings.selection.scan_recordings], head=joint.base.head)
 
 
+def _unit(effect: Effect, name: str) -> str:
+    return next(p.unit for p in effect.parameters if p.name == name)
+
+
+def _samples(o: ObservedRecording, active: ActiveEffects, name: str) -> float:
+    """Samples between jumps of a recording: those of an interval in seconds, or of a share of the recording."""
+    value = active.pairs[-1][1][name]
+    known = {"s": value / o.excitation.step_s, "1": value * o.excitation.samples}
+    return known.get(_unit(active.last, name), math.inf)
+
+
 def _first_rows(joint: OutputErrorFit, active: ActiveEffects, name: str) -> list[int]:
     """Numbers of fitted samples of each recording on which to try a strength: the first few of its intervals."""
-    effect, settings = active.last, joint.settings.selection
-    parameter, value = next(p for p in effect.parameters if p.name == name), active.pairs[-1][1][name]
-    intervals = {
-        "s": lambda o: value / o.excitation.step_s,
-        "1": lambda o: value * o.excitation.samples,
-    }.get(parameter.unit, lambda o: math.inf)
-    return [min(o.fitted, math.ceil(min(settings.scan_intervals * intervals(o), 1e9))) for o in joint.seen]
+    most = joint.settings.selection.scan_intervals
+    return [min(o.fitted, math.ceil(min(most * _samples(o, active, name), 1e9))) for o in joint.seen]
+
+
+def _intervals(joint: OutputErrorFit, active: ActiveEffects, name: str) -> float:
+    """Largest number of intervals in a recording; 1 for a voltage."""
+    return max([1.0, *(o.excitation.samples / max(_samples(o, active, name), 1e-9) for o in joint.seen)])
 
 
 def _around(joint: OutputErrorFit, active: ActiveEffects, name: str, width: float) -> list[ActiveEffects]:

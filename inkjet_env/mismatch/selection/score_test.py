@@ -79,12 +79,24 @@ class Signatures:
         bound = self.sizes.size * math.erfc(abs(score) / math.sqrt(2))  # Bonferroni's, good in the tail
         return float(min(bound, (above + 1) / draws))
 
-    def ranked(self, effect: Effect, residuals: Real) -> list[tuple[float, dict[str, float]]]:
-        """Scores and starts of one effect, best first; strengths are scaled to what the recordings show."""
+    def ranked(self, effect: Effect, residuals: Real, alike: float = 1.0) -> list[tuple[float, dict[str, float]]]:
+        """Scores and starts of one effect, best first; strengths are scaled to what the recordings show.
+
+        Of starts whose signatures have a cosine above ``alike``, only one is there: the one whose own strength is
+        closest to what the recordings show, because a signature scaled far from its start is not that of the effect.
+        """
         scores = self.scores(residuals)
         mine = [i for i, e in enumerate(self.effects) if e.id == effect.id]
         mine.sort(key=lambda i: -abs(float(scores[i])))
-        return [(float(scores[i]), _scaled(effect, self.starts[i], float(scores[i] / self.sizes[i]))) for i in mine]
+        scaling = np.abs(np.log(np.maximum(np.abs(scores), 1e-300) / self.sizes))
+        columns = self.columns[:, mine]
+        cosines = np.abs(columns.T @ columns) if alike < 1 else np.eye(len(mine))
+        kept, left = [], list(range(len(mine)))
+        while left:
+            like = [k for k in left if cosines[left[0], k] > alike] or left[:1]
+            kept.append(mine[min(like, key=lambda k: scaling[mine[k]])])
+            left = [k for k in left if k not in like]
+        return [(float(scores[i]), _scaled(effect, self.starts[i], float(scores[i] / self.sizes[i]))) for i in kept]
 
     def best(self, residuals: Real) -> dict[str, float]:
         """Largest magnitude of a score, by the effect's id."""

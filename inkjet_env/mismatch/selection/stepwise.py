@@ -10,7 +10,7 @@ import numpy as np
 
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis, settled
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis, leftover, settled
 from inkjet_env.mismatch.selection.score_test import Signatures
 from inkjet_env.plant import Effect
 from inkjet_env.plant.active_effects import ActiveEffects
@@ -148,14 +148,6 @@ def explained(without: Hypothesis, with_it: Hypothesis) -> float:
 def unexplained(hypothesis: Hypothesis) -> float:
     """Sum of squared residuals, beyond noise if the noise is known."""
     return hypothesis.excess if hypothesis.noise_known else 2 * hypothesis.fit.nll
-
-
-def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:
-    """Whether any effect's signature is still significant in a hypothesis's residuals."""
-    settings = hypothesis.joint.settings.selection
-    beside = found.beside(hypothesis.columns)
-    largest = max(beside.best(hypothesis.residuals).values(), default=0.0)
-    return beside.p_value(largest, rng, settings.score_draws) <= settings.significance_level
 
 
 def without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:
