@@ -99,8 +99,9 @@ def amplitudes_of(
         whitened = noise.whitened(o, np.column_stack([columns, residuals[o.name]]))
         q, r = np.linalg.qr(whitened[:, :-1])
         amplitudes = q.T @ whitened[:, -1]
-        squares.append(amplitudes**2)
-        sizes.append(np.full(amplitudes.size, float(np.mean(np.diag(r) ** 2))))
+        powers, axes = np.linalg.eigh(r @ r.T)  # amplitudes of one variance are independent along these axes
+        squares.append((axes.T @ amplitudes) ** 2)
+        sizes.append(np.maximum(powers, 0.0))
         explained = columns @ np.linalg.lstsq(r, amplitudes, rcond=1e-12)[0]
         peaks.append(float(np.max(np.abs(explained))))
     return Amplitudes(np.concatenate(squares), np.concatenate(sizes), np.array(peaks or [0.0]))

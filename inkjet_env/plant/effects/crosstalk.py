@@ -9,6 +9,7 @@ import numpy as np
 
 from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.effects.feedthrough import rms, slopes
+from inkjet_env.plant.effects.timebase_error import resampled
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.stages import Plant
 from inkjet_env.plant.wording import percent, with_prefix
@@ -17,7 +18,10 @@ from inkjet_env.typing import Real
 
 MIDDLING = 0.05
 """Strength of the starts, relative to the head's response if the neighbour's drive were its own."""
-
+DELAYS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
+"""Delays of the starts, in periods of the head."""
+MOST_PERIODS = 5.0
+"""Longest delay, in periods of the head."""
 REFERENCE_S = 1e-6
 """Time, in seconds, by which the slope of the neighbour's drive is multiplied: 1 µs."""
 
@@ -26,14 +30,14 @@ class Crosstalk(Effect):
     """Contribution of the neighbour's drive: a motion nearly like the head's own, its slope, and the drive itself.
 
     The motion is that of the head without effects under the neighbour's drive, multiplied by ``b1`` in the
-    self-sensing channel and in hysteretic volts in the other channels.
+    self-sensing channel and in hysteretic volts in the other channels. Through the ink it arrives later.
     """
 
     id = "crosstalk"
     stage = "sensing"
     sentence = "The neighbouring channel's drive appears in the sensor's signal."
     equation = (
-        "y = y₀ + c_m H[u_n] + c_e (1 µs) du_n/dt + c_d u_n, with H the head's own response at "
+        "y = y₀ + c_m H[u_n](t - delay_s) + c_e (1 µs) du_n/dt + c_d u_n, with H the head's own response at "
         "the frequency f (1 + detuning) and the damping ratio ζ (1 + damping_change) of the neighbour"
     )
     source = (
@@ -50,6 +54,7 @@ class Crosstalk(Effect):
         Parameter(
             "damping_change", "1", -0.9, 5.0, meaning="relative, of its damping ratio", open_ended=True, plain=0.0
         ),
+        Parameter("delay_s", "s", 0.0, 1.0, meaning="time that the motion takes to arrive", open_ended=True, plain=0.0),
     )
     strengths = ("mechanical", "electrical", "direct")
     signature = "coherent with the neighbour's drive; present while the head's own drive is at rest"
@@ -64,13 +69,17 @@ class Crosstalk(Effect):
         )
         off = complete(self)
         return [
-            off | {"mechanical": MIDDLING},
+            *(off | {"mechanical": MIDDLING, "delay_s": part / printhead.frequency_Hz} for part in DELAYS),
             off | {"electrical": MIDDLING * answers / rises},
             off | {"direct": MIDDLING * answers / drives},
         ]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {"mechanical": 0.03}
+
+    def bounds(self, printhead: Printhead, excitations: Sequence[Excitation]) -> dict[str, tuple[float, float]]:
+        longest_s = max((s.samples * s.step_s for s in excitations if s.fast), default=1.0)
+        return {"delay_s": (0.0, min(MOST_PERIODS / printhead.frequency_Hz, longest_s, 1.0))}
 
     def untestable(self, excitations: Sequence[Excitation]) -> str | None:
         neighbours = [excitation.neighbour_V for excitation in excitations if excitation.neighbour_V is not None]
@@ -84,7 +93,8 @@ class Crosstalk(Effect):
         mechanical, electrical, direct = (values[name] for name in self.strengths)
         heard = []
         if mechanical:
-            heard.append(f"{percent(mechanical)} of the head's response to the same drive")
+            late = f", {with_prefix(values['delay_s'], 's')} late" if values["delay_s"] else ""
+            heard.append(f"{percent(mechanical)} of the head's response to the same drive{late}")
         if electrical:
             heard.append(f"{with_prefix(10 * electrical, unit)} on an edge of 10 V/µs")
         if direct:
@@ -100,6 +110,9 @@ class Crosstalk(Effect):
         detuned, damped = 1 + values["detuning"], 1 + values["damping_change"]
         a0, a1 = printhead.a0 * detuned**2, printhead.a1 * detuned * damped
         terms = _parts(replace(printhead, a0=a0, a1=a1, b1=printhead.b1 * detuned), excitation)
+        if values["delay_s"] and values["mechanical"]:
+            places: Real = np.arange(signal.size, dtype=np.float64) - values["delay_s"] / excitation.step_s
+            terms = (resampled(terms[0], places, excitation.periodic), *terms[1:])
         return signal + sum(strength * term for strength, term in zip(strengths, terms, strict=True))
 
 
