@@ -125,6 +125,8 @@ class Effect:
     tuned : tuple of str
         Names of strengths that change the shape of what the effect adds, such as a frequency: their starts cover the
         range, and a score that compares sizes does not scale them.
+    characteristic : tuple of str
+        Names of parameters of which one at least must matter: with all at rest, it would be another effect.
     signature : str
         What distinguishes it from other effects.
     confusable_with : tuple of str
@@ -150,6 +152,7 @@ class Effect:
     plain_leaves: ClassVar[float] = 0.0
     rugged: ClassVar[tuple[str, ...]] = ()
     tuned: ClassVar[tuple[str, ...]] = ()
+    characteristic: ClassVar[tuple[str, ...]] = ()
     signature: ClassVar[str] = ""
     confusable_with: ClassVar[tuple[str, ...]] = ()
     shown_by: ClassVar[str] = "a different kind of drive"

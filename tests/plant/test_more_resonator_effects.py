@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from inkjet_env.plant import Excitation, Resonance, SimulationError, catalogue
 from inkjet_env.plant.effect import complete
 from inkjet_env.plant.effects.structural_damping import elements
+from inkjet_env.plant.recorded_motion import session_of
 from inkjet_env.printhead import Printhead
 
 HEAD = Printhead.published()
@@ -218,6 +219,31 @@ def test_self_heating_converges_with_the_second_power_of_the_step_and_may_run_aw
     assert error < 1e-3
     with pytest.raises(SimulationError):
         motion("self_heating", shot_of(), cooling_s=PERIOD_S, stiffness_change=-10.0)
+
+
+def test_what_earlier_recordings_dissipate_shifts_a_whole_recording():
+    """Against the closed form: what each leaves, times what is kept of it until now; later recordings are not felt."""
+    keep = math.exp(-1 / 2.5)
+    session = ((1, 4e3), (2, 1e3), (4, 2e3), (5, 9e3))
+    warm = (4e3 * keep**3 + 1e3 * keep**2 + 2e3) / 1e4
+    values = {"session_stiffness_change": -0.05, "session_damping_change": 0.4, "memory_orders": 2.5}
+    values["cooling_s"] = PERIOD_S
+    excitation = shot_of(order=4, session=session)
+    a0, a1 = HEAD.a0 * (1 - 0.05 * warm), HEAD.a1 * (1 + 0.4 * warm)
+    expected = Resonance(a0, a1, HEAD.a0).motion(excitation.drive_at_nodes_V, excitation)
+    assert motion("self_heating", excitation, **values) == pytest.approx(expected, abs=1e-9)
+    cold = RESONANCE.motion(excitation.drive_at_nodes_V, excitation)
+    assert motion("self_heating", shot_of(order=4), **values) == pytest.approx(cold, abs=1e-12)
+
+
+def test_the_power_of_a_session_is_that_of_the_motion_and_slow_recordings_have_none():
+    tone = shot_of(0.5 * np.sin(2 * np.pi * np.arange(400) / 100), "periodic", order=3)
+    linear = Printhead(HEAD.a0, HEAD.a1, HEAD.b1, (1.0, 0.0), HEAD.full_scale_V)
+    slow = shot_of(PULSE, channel="strain_gauge", order=1)
+    ((order, power),) = session_of(linear, [tone, slow])
+    amplitude_V = 0.5 / (2 * ZETA)  # at the resonance
+    assert order == 3
+    assert power == pytest.approx(amplitude_V**2 / 2, rel=2e-3)
 
 
 # softening by the envelope

@@ -233,16 +233,31 @@ def test_hum_begins_at_the_lines_that_were_seen_then_at_the_mains_that_show():
 
 def test_drift_of_any_parabola_is_in_its_columns():
     excitation = shot_of()
-    columns = EFFECTS["baseline_drift"].random_effect_basis({"amplitude": 1.0, "degree": 2.0}, excitation)
+    columns = EFFECTS["baseline_drift"].random_effect_basis({"amplitude": 1.0, "degree": 2.0, "walk": 0.0}, excitation)
     time_s = np.arange(excitation.samples) * excitation.step_s
     drift = 0.3 + 2e3 * time_s - 1e7 * time_s**2
     assert columns @ np.linalg.lstsq(columns, drift)[0] == pytest.approx(drift, abs=1e-12)
-    assert EFFECTS["baseline_drift"].random_effect_basis({"amplitude": 0.0, "degree": 2.0}, excitation) is None
+    assert (
+        EFFECTS["baseline_drift"].random_effect_basis({"amplitude": 0.0, "degree": 2.0, "walk": 0.0}, excitation)
+        is None
+    )
+
+
+def test_the_columns_of_a_random_walk_have_its_covariance():
+    """E[w(s) w(t)] = min(s, t), less what steps shorter than the last term's add."""
+    excitation = shot_of()
+    values = complete(EFFECTS["baseline_drift"], amplitude=1.0, walk=1.0)
+    columns = EFFECTS["baseline_drift"].random_effect_basis(values, excitation)
+    time = np.linspace(0, 1, excitation.samples)
+    found = 2 / math.pi**2 * columns[:, 1:] @ columns[:, 1:].T
+    assert found == pytest.approx(np.minimum.outer(time, time), abs=0.02)
+    assert np.trace(found) / np.sum(time) == pytest.approx(0.983, abs=0.002)
+    assert np.ptp(columns[:, 0]) == 0
 
 
 @pytest.mark.parametrize("effect_id", ["mains_hum", "baseline_drift"])
 def test_what_chance_adds_to_the_sensor_is_not_in_the_voltage_at_the_head(effect_id):
-    values = {"frequency_Hz": 2e4, "multiples": 1.0, "amplitude": 1.0, "degree": 2.0}
+    values = {"frequency_Hz": 2e4, "multiples": 1.0, "amplitude": 1.0, "degree": 2.0, "walk": 0.0}
     assert EFFECTS[effect_id].random_effect_basis(values, shot_of()) is not None
     assert EFFECTS[effect_id].random_effect_basis(values, shot_of(channel="drive_monitor")) is None
 
@@ -293,6 +308,20 @@ def test_crosstalk_of_a_detuned_neighbour_rings_as_it_does():
     fine = np.arange(5991) * excitation.step_s / 10
     _, expected, _ = lsim(system, np.interp(fine, excitation.step_s * np.arange(600), excitation.neighbour_V), fine)
     assert found == pytest.approx(expected[::10], abs=2e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("initial_state", ["demagnetised", "periodic"])
+def test_crosstalk_through_the_ink_is_the_answer_to_a_neighbour_that_was_driven_later(initial_state):
+    """By whole samples, so that the later drive is exact; between samples it is interpolated."""
+    later_V = np.roll(shot_of().drive_V, 90)
+    heard = shot_of(initial_state=initial_state, neighbour_V=later_V)
+    late = replace(heard, neighbour_V=np.roll(later_V, 37), cache={})
+    delay_s = 37 * heard.step_s
+    expected = added("crosstalk", {"mechanical": 0.1}, late)
+    assert added("crosstalk", {"mechanical": 0.1, "delay_s": delay_s}, heard) == pytest.approx(expected, abs=1e-10)
+    direct = {"electrical": 0.03, "direct": 0.004}  # arrive at once
+    at_once = added("crosstalk", {**direct, "delay_s": delay_s}, heard)
+    assert at_once == pytest.approx(added("crosstalk", direct, heard), abs=1e-12)
 
 
 def test_crosstalk_needs_a_neighbour_that_moves():

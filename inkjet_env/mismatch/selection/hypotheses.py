@@ -78,8 +78,10 @@ class Hypothesis:
         """Whether an effect has degenerated into something else.
 
         That is so if one of its shapes with any influence has run into its bound, or a strength into a bound beyond
-        which these recordings would show something else.
+        which these recordings would show something else, or if the parameters that make it what it is are not needed.
         """
+        if any(e.characteristic and self.net_gain(e, e.characteristic) <= 0 for e in self.fit.active.effects):
+            return True
         low, high = self.joint.limits(self.fit.active.effects)
         named = [(e, p) for e in self.fit.active.effects for p in e.parameters]
         widest = np.array([p.bounds for _, p in named]).reshape(-1, 2)
@@ -142,25 +144,33 @@ class Hypothesis:
         A term is worth its parameters if half its Wald statistic exceeds the penalty of Schwarz's criterion.
         """
         active, effect = self.fit.active, self.fit.active.last
-        first = active.slices[effect.id].start
-        at = {p.name: first + k for k, p in enumerate(effect.parameters)}
         on, _ = active.terms(effect)
         strong = [term for term in on if term[0] in effect.strengths]
         terms = [term for term in on if term not in strong or len(strong) > 1]
-        free = np.flatnonzero(~self.fit.idle)
-        q = self.joint.basis[0]
-        jacobian = self.fit.jacobian[:, free]
-        covariance = np.linalg.pinv(np.linalg.qr(jacobian - q @ (q.T @ jacobian), mode="r"), rcond=1e-9)
-        net_gain: dict[tuple[str, ...], float] = {}
-        for term in terms:
-            mine = [int(np.flatnonzero(free == at[n])[0]) for n in term if at[n] in free]
-            value = np.array([active.theta[at[n]] - rest(effect, effect.parameters[at[n] - first]) for n in term])
-            value = value[[at[n] in free for n in term]]
-            spread = covariance[mine] @ covariance[mine].T
-            net_gain[term] = 0.5 * float(value @ np.linalg.lstsq(spread, value, rcond=1e-12)[0])
-            net_gain[term] -= 0.5 * len(mine) * math.log(self.residuals.size)
+        net_gain = {term: self.net_gain(effect, term) for term in terms}
         least = min(net_gain, key=lambda term: net_gain[term], default=None)
         return least if least is not None and net_gain[least] < 0 else None
+
+    def net_gain(self, effect: Effect, names: Sequence[str]) -> float:
+        """Half Wald's statistic of some of an effect's parameters, less Schwarz's penalty for those that are fitted."""
+        active = self.fit.active
+        first = active.slices[effect.id].start
+        place = {p.name: first + k for k, p in enumerate(effect.parameters)}
+        mine = [place[name] for name in names if not self.fit.idle[place[name]]]
+        at_rest = {place[p.name]: rest(effect, p) for p in effect.parameters}
+        value = np.array([active.theta[k] - at_rest[k] for k in mine])
+        covariance = self._root[np.searchsorted(np.flatnonzero(~self.fit.idle), mine)]
+        spread = covariance @ covariance.T
+        half_wald = 0.5 * float(value @ np.linalg.lstsq(spread, value, rcond=1e-12)[0]) if mine else 0.0
+        return half_wald - 0.5 * len(mine) * math.log(self.residuals.size)
+
+    @cached_property
+    def _root(self) -> Real:
+        """Root of the covariance of the coordinates that are not idle, shape (k, k)."""
+        q = self.joint.basis[0]
+        jacobian = self.fit.jacobian[:, np.flatnonzero(~self.fit.idle)]
+        root: Real = np.linalg.pinv(np.linalg.qr(jacobian - q @ (q.T @ jacobian), mode="r"), rcond=1e-9)
+        return root
 
 
 def conditions(joint: OutputErrorFit) -> list[NDArray[np.intp]]:

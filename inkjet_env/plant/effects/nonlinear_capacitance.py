@@ -62,6 +62,7 @@ class NonlinearCapacitance(Effect):
         Parameter("tilted_bridge_s", "V s/V", -1.0, 1.0, meaning="the same at 100 V, and opposite at -100 V"),
     )
     strengths = ("lag_s", "bridge_s", "tilted_bridge_s")
+    characteristic = ("curvature", "slope", "branch", "bridge_s", "tilted_bridge_s")
     signature = "edges lag like those behind a resistance, but by another time at high voltage than near 0 V"
     confusable_with = ("amplifier_bandwidth", "sensor_bandwidth", "trigger_delay", "slew_limit")
     shown_by = "small steps on top of several bias voltages, and the voltage at the head (column drive_monitor_V)"

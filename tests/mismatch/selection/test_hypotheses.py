@@ -184,6 +184,16 @@ def test_an_idle_part_is_of_the_last_effect(effects, values, recorded, fitted):
     assert everything.idle_term() == max(scores, key=scores.get) == ("lag_s",)
 
 
+@pytest.mark.parametrize(("curvature", "another"), [(0.6, False), (0.0, True)])
+def test_an_effect_that_needs_nothing_of_what_makes_it_that_effect_has_become_another(curvature, another, at):
+    """A source behind a resistance whose capacitance is constant is an amplifier of one pole."""
+    recorded = {"lag_s": 2e-7, "curvature": curvature}
+    joint, begun = at("nonlinear_capacitance", recorded, {"lag_s": 1.5e-7, "curvature": 0.3})
+    found = settled(joint, begun)
+    assert found.gain > 100
+    assert found.degenerate == another
+
+
 def test_no_part_is_idle_where_every_one_is_worth_its_parameters(at):
     joint, begun = at("feedthrough", SEVERAL["feedthrough"], SEVERAL["feedthrough"])
     everything = settled(joint, begun)
@@ -208,6 +218,15 @@ def test_a_strength_of_many_minima_is_scanned_around_where_a_fit_ended(at):
     assert found.fit.nll == pytest.approx(right.fit.nll, abs=1)
     assert alone.fit.nll > right.fit.nll + 20
     assert found.fit.active.theta[0] == pytest.approx(1.7e-6, rel=1e-3)
+
+
+def test_many_updates_are_scanned_until_the_last_jump_coincides(at):
+    """311 points in a recording: jumps at its end are off by 311 times the error of an interval."""
+    truth = {"update_share": 1 / 311.3, "ahead": 0.5}
+    joint, begun = at("generator_steps", truth, truth | {"update_share": 1.004 / 311.3})
+    found = scanned(joint, begun)
+    (values,) = (values for _, values in found.active.pairs)
+    assert values["update_share"] == pytest.approx(truth["update_share"], rel=1e-4)
 
 
 @pytest.mark.parametrize("truth", [{"update_s": 1.57e-6, "ahead": 0.5}, {"update_share": 1 / 57.3, "ahead": 0.5}])

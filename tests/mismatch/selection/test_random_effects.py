@@ -137,6 +137,26 @@ def test_a_drift_is_found_with_its_size(look):
     assert best.values["amplitude"] == pytest.approx(size, rel=0.25)
 
 
+def test_a_random_walk_is_found_where_no_polynomial_tells_it(look, effects):
+    """Of half the noise's size; with polynomials alone it passes for noise with a long memory."""
+    rng = np.random.default_rng(36)
+    observed = recordings(resting=3, moving=12)
+    walks = {o.name: np.cumsum(rng.standard_normal(o.excitation.samples)) for o in observed}
+    size = np.sqrt(np.mean([np.mean(walk**2) for walk in walks.values()]))
+    residuals = together(white(observed, rng), {name: 0.4 * RMS / size * walk for name, walk in walks.items()})
+    best = look(observed, residuals)[0]
+    assert best.effect.id == "baseline_drift"
+    assert best.values["walk"] == 1
+
+    class Smooth(type(effects["baseline_drift"])):
+        def starts(self, printhead, excitations):
+            return [start for start in super().starts(printhead, excitations) if not start["walk"]]
+
+    noise = noise_seen(observed, residuals, {}, SETTINGS.fitting)
+    found = detect_random_effects(observed, residuals, noise, [Smooth()], HEAD, SETTINGS)
+    assert not found or found[0].gain < best.gain - 5
+
+
 def test_the_less_there_is_the_less_is_gained_until_nothing_is_found(look):
     gains = []
     for share in (1.0, 0.5, 0.05):

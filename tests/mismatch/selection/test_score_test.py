@@ -152,6 +152,26 @@ def test_a_frequency_is_not_scaled_to_the_size_that_the_recordings_show(recorded
     assert ranked[0][1]["damping_ratio"] == 0.1
 
 
+def test_of_starts_that_look_alike_only_the_one_of_the_right_size_is_tried(recorded_as, fitted, effects):
+    """Limits beyond every edge leave a lag alone, whose start may be far too long."""
+    effect = effects["slew_limit"]
+    joint = fitted(recorded_as("slew_limit", slew_rate_V_s=1.5e7, lag_s=5e-8))
+    table = signatures(joint, [effect], FitContext(ProcessPool(1)))
+    left = left_of(joint)
+    every, apart = table.ranked(effect, left), table.ranked(effect, left, 0.99)
+    assert len(apart) < len(every)
+    scores = table.scores(left)
+    kept = table.columns[:, [int(np.argmin(np.abs(scores - score))) for score, _ in apart]]
+    for score, _ in every:
+        k = int(np.argmin(np.abs(scores - score)))
+        assert np.abs(kept.T @ table.columns[:, k]).max() > 0.97  # like one that is kept
+    first, chosen = (int(np.argmin(np.abs(scores - ranked[0][0]))) for ranked in (every, apart))
+    like = np.flatnonzero(np.abs(table.columns.T @ table.columns[:, first]) > 0.99)
+    scaling = np.abs(np.log(np.abs(scores) / table.sizes))
+    assert chosen in like
+    assert scaling[chosen] == scaling[like].min()
+
+
 def test_a_reciprocal_strength_keeps_its_sign_and_its_bounds(recorded, fitted, effects):
     joint, effect = fitted(recorded("sensor_bandwidth")), effects["sensor_bandwidth"]
     table = signatures(joint, [effect], FitContext(ProcessPool(1)))
