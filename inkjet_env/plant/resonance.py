@@ -8,7 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from inkjet_env.plant.echo import Echo
+from inkjet_env.plant.errors import SimulationError
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.force import Force
 from inkjet_env.plant.oscillator import Oscillator
@@ -77,6 +80,37 @@ class Resonance:
     def with_softening(self, change: Real) -> Resonance:
         """The same with a further relative change of stiffness, shape (nodes,)."""
         return replace(self, softening=change if self.softening is None else self.softening + change)
+
+    def with_oscillator(self, mass_ratio: float, b0: float, b1: float) -> Resonance:
+        """The same with an oscillator on the resonator: its two modes instead of the one.
+
+        Parameters
+        ----------
+        mass_ratio : float
+            Mass of the oscillator over that of the resonator.
+        b0, b1 : float
+            Coefficients of the oscillator on a support at rest, in 1/s² and 1/s.
+
+        Raises
+        ------
+        SimulationError
+            One of the two modes does not ring.
+        """
+        # x / v = drive_a0 (s² + b1 s + b0) / D(s), in partial fractions
+        own = np.array([1.0, self.a1, self.a0])
+        together = np.polyadd(np.polymul(own, [1.0, b1, b0]), [mass_ratio * b1, mass_ratio * b0, 0.0, 0.0])
+        poles = np.roots(together)
+        poles = poles[poles.imag > 0]
+        if poles.size < 2:
+            raise SimulationError("a mode of two coupled oscillators must ring; got one that is overdamped.")
+        poles = poles[np.argsort(np.abs(np.abs(poles) - math.sqrt(self.a0)))]
+        residues = self.drive_a0 * np.polyval([1.0, b1, b0], poles) / np.polyval(np.polyder(together), poles)
+        stiffness, damping = np.abs(poles) ** 2, -2 * poles.real
+        force = -2 * (residues * poles.conj()).real
+        exchange = 2 * float(residues[1].real) / math.sqrt(float(stiffness[0]))
+        first = Mode(float(stiffness[0]), float(damping[0]), float((force[0] - self.drive_a0) / stiffness[0]))
+        second = Mode(float(stiffness[1]), float(damping[1]), float(force[1] / stiffness[1]), exchange)
+        return replace(self, a0=first.a0, a1=first.a1, modes=(*self.modes, first, second))
 
     def refilled(self, hysteretic_V: Real, excitation: Excitation) -> Resonance:
         """The same with the refills replaced by the change of stiffness that they cause under this hysteretic drive."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from inkjet_env.plant import Excitation, Plant, Resonance, catalogue
+from inkjet_env.plant import Excitation, Plant, Resonance, SimulationError, catalogue
 from inkjet_env.plant.effect import complete, coordinates, limits, values_at
 from inkjet_env.plant.effects.meniscus_refill import drawn_back
 from inkjet_env.printhead import Printhead
@@ -420,3 +420,19 @@ def test_a_bubble_can_be_an_oscillator_that_hangs_on_the_head():
     expected = lsim((a, np.array([[0], [1], [0], [0]]), np.array([[1, 0, 0, 0]]), 0), drive_V, times)[1]
     assert expected[-1] != pytest.approx(-40.0, abs=0.01)
     assert found == pytest.approx(expected, abs=1e-3 * 80)
+    hanging = complete(
+        effect, onset_order=2.0, bubble_frequency_Hz=tuning * HEAD.frequency_Hz, bubble_damping_ratio=zeta_b,
+        mass_ratio=ratio,
+    )  # fmt: skip
+    given = effect.resonator(hanging, base, excitation).motion(excitation.drive_at_nodes_V, excitation)
+    assert given == pytest.approx(found, abs=1e-6 * 80)
+
+
+def test_a_light_oscillator_hardly_changes_the_head_and_an_overdamped_one_is_refused():
+    base, drive_V = Resonance(HEAD.a0, HEAD.a1, HEAD.a0), np.interp(np.arange(500), [20, 60], [0.0, 80.0])
+    excitation = Excitation("self_sensing", "demagnetised", PERIOD_S / 50, drive_V)
+    alone = base.motion(excitation.drive_at_nodes_V, excitation)
+    light = base.with_oscillator(1e-9, 0.7 * HEAD.a0, 0.1 * math.sqrt(HEAD.a0))
+    assert light.motion(excitation.drive_at_nodes_V, excitation) == pytest.approx(alone, abs=1e-7 * np.abs(alone).max())
+    with pytest.raises(SimulationError, match="overdamped"):
+        base.with_oscillator(0.01, HEAD.a0, 3 * math.sqrt(HEAD.a0))

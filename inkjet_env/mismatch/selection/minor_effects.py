@@ -38,7 +38,11 @@ def with_minor_effects(
         scores = beside.best(chosen.residuals)
         least = max(math.sqrt(2 * settings.minor_gain), settings.further_score * max(scores.values(), default=0.0))
         tried = [e for e in effects if e.id not in chosen.ids and scores.get(e.id, 0.0) >= least]
-        better = [h for h in attribute(joint, chosen, tried, beside, context) if _beyond_doubt(chosen, h)]
+        better = [
+            h
+            for h in attribute(joint, chosen, tried, beside, context, settings.alternative_gain)
+            if _beyond_doubt(chosen, h)
+        ]
         if not better:
             break
         chosen = better[0]

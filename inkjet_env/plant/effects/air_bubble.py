@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from inkjet_env.plant.effect import Effect, Parameter, Values
+from inkjet_env.plant.effect import Effect, Parameter, Values, complete
 from inkjet_env.plant.effects.second_mode import resolved_Hz
 from inkjet_env.plant.excitation import Excitation
 from inkjet_env.plant.recorded_motion import too_slow
@@ -18,6 +18,10 @@ FEWEST_ORDERS = 4
 """Smallest number of fast recordings of different order that can show an onset."""
 MOST_ONSETS = 12
 """Largest number of onsets among the starts; a fit moves an onset by a recording or two, so starts must be as near."""
+COUPLED = (0.6, 0.8, 1.3)
+"""Frequencies of the bubble of the starts with a mass, in frequencies of the head."""
+GROWTH = 4.0
+"""Number of recordings in which it grows, of further starts."""
 LEAST_VOLUME = 0.01
 """Share of its final volume below which a bubble's frequency rises no more."""
 
@@ -27,7 +31,8 @@ class AirBubble(Effect):
 
     Over the last order before the onset the bubble's volume grows linearly, so that a fit can find the onset; orders
     are whole numbers, so at most one recording falls within. It may grow for further ``growth_orders``; the frequency
-    of a bubble falls with the cube root of its volume.
+    of a bubble falls with the cube root of its volume. The shift and the mode are given one by one, or both follow from
+    an oscillator of some mass on the head: as its frequency crosses that of the head, they grow and turn round.
     """
 
     id = "air_bubble"
@@ -35,12 +40,14 @@ class AirBubble(Effect):
     sentence = "From one recording on, an air bubble detunes the head and adds a mode of its own."
     equation = (
         "ω0 (1 + p d), ζ (1 + p e), and x + p xb with xb'' + 2 ζb ωb xb' + ωb² xb = ωb² g v; p from 0 "
-        "to 1 between one order before the onset and growth_orders after it, ωb ∝ p^(-1/3)"
+        "to 1 between one order before the onset and growth_orders after it, ωb ∝ p^(-1/3); or x'' + a1 x' + a0 x = "
+        "a0 v - m p (xb'' + x'') with xb'' + x'' + 2 ζb ωb xb' + ωb² xb = 0"
     )
     source = (
         "J. de Jong et al., Air entrapment in piezo-driven inkjet printheads, Journal of the Acoustical Society of "
         "America 120, 2006; M. Minnaert, On musical air-bubbles and the sounds of running water, Philosophical "
-        "Magazine 16, 1933: a bubble's frequency"
+        "Magazine 16, 1933: a bubble's frequency; J. P. Den Hartog, Mechanical Vibrations, 4th edition, McGraw-Hill, "
+        "1956, chapter 3: an oscillator on another"
     )
     parameters = (
         Parameter(
@@ -54,9 +61,10 @@ class AirBubble(Effect):
         Parameter("static_change", "1", -0.5, 0.5, meaning="relative change of the static deflection", plain=0.0),
         Parameter("exchange", "1", -0.5, 0.5, meaning="coupling of the modes by damping, see `Mode`", plain=0.0),
         Parameter("growth_orders", "1", 0.0, 1e4, meaning="recordings in which the bubble grows", plain=0.0),
+        Parameter("mass_ratio", "1", 0.0, 1.0, meaning="m: mass of the bubble's oscillator over the head's"),
     )
-    strengths = ("frequency_change", "damping_change", "bubble_strength")
-    terms = (("frequency_change", "bubble_strength"), ("damping_change",))
+    strengths = ("frequency_change", "damping_change", "bubble_strength", "mass_ratio")
+    terms = (("frequency_change", "bubble_strength"), ("damping_change",), ("mass_ratio",))
     signature = (
         "recordings before the onset fit the base model; those after it all show the same change of the resonance"
     )
@@ -68,21 +76,29 @@ class AirBubble(Effect):
         orders = sorted({excitation.order for excitation in excitations if excitation.fast})
         onsets = orders[1 :: max(1, len(orders) // MOST_ONSETS)] or orders
         change = 0.1 * printhead.damping_ratio
-        return [
+        plain = complete(self, onset_order=1.0, bubble_frequency_Hz=1.0, bubble_damping_ratio=0.1)
+        apart = [
             {
                 "onset_order": float(onset),
                 "frequency_change": change * detuned,
-                "damping_change": 0.0,
                 "bubble_frequency_Hz": guess * printhead.frequency_Hz,
-                "bubble_damping_ratio": 0.1,
                 "bubble_strength": 0.02 * (1 - detuned) / guess,
-                "static_change": 0.0,
-                "exchange": 0.0,
-                "growth_orders": 0.0,
             }
             for onset in onsets
             for detuned, guess in ((1.0, 0.5), (0.0, 0.5), (0.0, 1.7))
         ]
+        coupled = [
+            {
+                "onset_order": float(onset),
+                "bubble_frequency_Hz": guess * printhead.frequency_Hz,
+                "growth_orders": growth,
+                "mass_ratio": 0.2 * printhead.damping_ratio * abs(1 - guess**2),
+            }
+            for onset in onsets[::2]
+            for guess in COUPLED
+            for growth in (0.0, GROWTH)
+        ]
+        return [plain | start for start in (*apart, *coupled)]
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         return {
@@ -116,6 +132,11 @@ class AirBubble(Effect):
             does.append(f"{raises} the damping ratio by {percent(abs(values['damping_change']))}")
         if values["bubble_strength"]:
             does.append(f"adds a mode at {with_prefix(values['bubble_frequency_Hz'], 'Hz', 3)}")
+        if values["mass_ratio"]:
+            does.append(
+                f"swings at {with_prefix(values['bubble_frequency_Hz'], 'Hz', 3)} with "
+                f"{percent(values['mass_ratio'])} of the head's mass"
+            )
         listed = " and ".join(filter(None, [", ".join(does[:-1]), *does[-1:]]))
         grows = f", growing within {values['growth_orders']:.2g} recordings" if values["growth_orders"] else ""
         return f"From recording {math.ceil(values['onset_order'])} on, an air bubble {listed}{grows}."
@@ -126,10 +147,12 @@ class AirBubble(Effect):
         detuned = 1 + present * values["frequency_change"]
         a0, a1 = resonance.a0 * detuned**2, resonance.a1 * detuned * (1 + present * values["damping_change"])
         modes = resonance.modes
+        omega = 2 * math.pi * values["bubble_frequency_Hz"] / math.cbrt(max(present, LEAST_VOLUME))
+        rate = 2 * values["bubble_damping_ratio"] * omega
         if strength := present * values["bubble_strength"]:
-            omega = 2 * math.pi * values["bubble_frequency_Hz"] / math.cbrt(max(present, LEAST_VOLUME))
-            rate = 2 * values["bubble_damping_ratio"] * omega
             modes = (*modes, Mode(omega * omega, rate, strength, present * values["exchange"]))
         if change := present * values["static_change"]:
             modes = (*modes, Mode(a0, a1, change))
-        return replace(resonance, a0=a0, a1=a1, modes=modes)
+        changed = replace(resonance, a0=a0, a1=a1, modes=modes)
+        mass = present * values["mass_ratio"]
+        return changed.with_oscillator(mass, omega * omega, rate) if mass else changed
