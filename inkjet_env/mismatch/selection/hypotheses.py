@@ -15,7 +15,7 @@ from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.cross_validation import LeaveOutResiduals, predicted, spanned
 from inkjet_env.mismatch.selection.rugged_strengths import rugged_starts, scanned, tried_from, widely_scanned
-from inkjet_env.mismatch.selection.score_test import Signatures, superposed
+from inkjet_env.mismatch.selection.score_test import ScoreTest, superposed
 from inkjet_env.plant import Effect
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import rest
@@ -184,7 +184,7 @@ def base_hypothesis(joint: OutputErrorFit) -> Hypothesis:
     return Hypothesis(joint.base, joint)
 
 
-def leftover(hypothesis: Hypothesis, found: Signatures, rng: np.random.Generator) -> bool:
+def leftover(hypothesis: Hypothesis, found: ScoreTest, rng: np.random.Generator) -> bool:
     """Whether any effect's signature is still significant in a hypothesis's residuals."""
     settings = hypothesis.joint.settings.selection
     beside = found.beside(hypothesis.columns)
@@ -196,7 +196,7 @@ def attribute(
     joint: OutputErrorFit,
     beside: Hypothesis,
     effects: Sequence[Effect],
-    found: Signatures,
+    found: ScoreTest,
     context: FitContext,
     hopeless: float | None = None,
 ) -> list[Hypothesis]:
@@ -270,7 +270,7 @@ def attribute(
 
 
 def _begun(
-    joint: OutputErrorFit, beside: Hypothesis, effects: Sequence[Effect], found: Signatures, context: FitContext
+    joint: OutputErrorFit, beside: Hypothesis, effects: Sequence[Effect], found: ScoreTest, context: FitContext
 ) -> list[FitResult]:
     """A few steps from the starts of each effect; those that screening shows to be alike or hopeless get no more."""
     given, settings = beside.fit, joint.settings.selection

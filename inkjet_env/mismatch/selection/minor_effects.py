@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute
-from inkjet_env.mismatch.selection.score_test import Signatures
+from inkjet_env.mismatch.selection.score_test import ScoreTest
 from inkjet_env.mismatch.selection.stepwise import leftover, supported
 from inkjet_env.plant import Effect
 
 
 def with_minor_effects(
-    chosen: Hypothesis, effects: Sequence[Effect], found: Signatures, context: FitContext
+    chosen: Hypothesis, effects: Sequence[Effect], found: ScoreTest, context: FitContext
 ) -> Hypothesis:
     """The hypothesis with further effects of overwhelming evidence; the same if there are none.
 

@@ -10,11 +10,14 @@ with ``r`` the whitened residuals, ``W`` the whitening and ``P_base`` the projec
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
@@ -27,50 +30,41 @@ LEAST_OWN_POWER = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Signatures:
-    """Signatures ``s_i`` over the fitted rows as unit columns, one for each start of each effect.
+class ScoreTest(ABC):
+    """Scores of the effects at all their starts.
 
     Attributes
     ----------
     effects : tuple of Effect
-        Effect of each column, k of them.
+        Effect of each score, k of them.
     starts : tuple of dict
-        Parameter values of each column's start, in their units.
-    columns : ndarray, shape (rows, k)
-        ``s_i / ‖s_i‖``, the base parameters projected out.
+        Parameter values of each start, in their units.
     sizes : ndarray, shape (k,)
         ``‖s_i‖``: the number of standard deviations by which an effect of the start's strength shows.
     """
 
     effects: tuple[Effect, ...]
     starts: tuple[dict[str, float], ...]
-    columns: Real
     sizes: Real
 
+    @abstractmethod
     def scores(self, residuals: Real) -> Real:
-        """Score of each column, shape (k,): standard normal if the model with these residuals (rows,) is right."""
-        scores: Real = self.columns.T @ residuals  # Eq. (1)
-        return scores
+        """Score of each start, shape (k,): standard normal if the model with these residuals (rows,) is right."""
 
-    def beside(self, basis: Real) -> Signatures:
-        """The signatures with further orthonormal columns, shape (rows, q), projected out."""
-        columns = self.columns - basis @ (basis.T @ self.columns)
-        size = np.linalg.norm(columns, axis=0)
-        distinguishable = size > math.sqrt(LEAST_OWN_POWER)
-        chosen = np.flatnonzero(distinguishable)
-        return Signatures(
-            tuple(self.effects[i] for i in chosen),
-            tuple(self.starts[i] for i in chosen),
-            columns[:, distinguishable] / size[distinguishable],
-            self.sizes[distinguishable] * size[distinguishable],
-        )
+    @property
+    @abstractmethod
+    def gram(self) -> Real:
+        """Cosines between the signatures, shape (k, k)."""
+
+    @abstractmethod
+    def beside(self, basis: Real) -> ScoreTest:
+        """The test with all parameters that may adapt projected out: orthonormal columns, shape (rows, q)."""
 
     def p_value(self, score: float, rng: np.random.Generator, draws: int) -> float:
         """Probability that noise alone gives any column a score this large, from this many draws of noise."""
         if not self.sizes.size:
             return 1.0
-        gram = self.columns.T @ self.columns
-        values, vectors = np.linalg.eigh(gram)
+        values, vectors = np.linalg.eigh(self.gram)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         largest = np.abs(rng.standard_normal((draws, values.size)) @ root.T).max(axis=1)
         above = int(np.sum(largest >= abs(score)))
@@ -89,8 +83,7 @@ class Signatures:
         mine = [i for i, e in enumerate(self.effects) if e.id == effect.id]
         mine.sort(key=lambda i: -abs(float(scores[i])))
         scaling = np.abs(np.log(np.maximum(np.abs(scores), 1e-300) / self.sizes))
-        columns = self.columns[:, mine]
-        cosines = np.abs(columns.T @ columns) if alike < 1 else np.eye(len(mine))
+        cosines = np.abs(self.gram[np.ix_(mine, mine)]) if alike < 1 else np.eye(len(mine))
         kept, left = [], list(range(len(mine)))
         while left:
             like = [k for k in left if cosines[left[0], k] > alike] or left[:1]
@@ -104,6 +97,87 @@ class Signatures:
         for effect, score in zip(self.effects, self.scores(residuals), strict=True):
             found[effect.id] = max(found.get(effect.id, 0.0), abs(float(score)))
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class Signatures(ScoreTest):
+    """The test beside the base model, with the signatures ``s_i`` over the fitted rows as unit columns.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (rows, k)
+        ``s_i / ‖s_i‖``, the base parameters projected out.
+    """
+
+    columns: Real
+
+    def scores(self, residuals: Real) -> Real:
+        scores: Real = self.columns.T @ residuals  # Eq. (1)
+        return scores
+
+    @cached_property
+    def gram(self) -> Real:
+        gram: Real = self.columns.T @ self.columns
+        return gram
+
+    def beside(self, basis: Real) -> ScoreTest:
+        return SignaturesBeside.of(self, basis)
+
+
+@dataclass(frozen=True, eq=False)
+class SignaturesBeside(ScoreTest):
+    """The test with further columns projected out of the signatures, which are not written: they are large.
+
+    Attributes
+    ----------
+    whole : Signatures
+        The signatures before.
+    chosen : ndarray of int, shape (k,)
+        Places in it of those that the further columns do not reproduce.
+    basis : ndarray, shape (rows, q)
+        The further columns, orthonormal.
+    inside : ndarray, shape (q, k)
+        Coefficients of the chosen columns on the basis.
+    own : ndarray, shape (k,)
+        Lengths of what the basis leaves of them.
+    """
+
+    whole: Signatures
+    chosen: NDArray[np.intp]
+    basis: Real
+    inside: Real
+    own: Real
+
+    @classmethod
+    def of(cls, whole: Signatures, basis: Real) -> SignaturesBeside:
+        """The signatures with these orthonormal columns, shape (rows, q), projected out."""
+        inside = basis.T @ whole.columns
+        own = np.sqrt(np.maximum(1 - np.sum(inside**2, axis=0), 0.0))
+        chosen = np.flatnonzero(own > math.sqrt(LEAST_OWN_POWER))
+        return cls(
+            tuple(whole.effects[i] for i in chosen),
+            tuple(whole.starts[i] for i in chosen),
+            whole.sizes[chosen] * own[chosen],
+            whole,
+            chosen,
+            basis,
+            inside[:, chosen],
+            own[chosen],
+        )
+
+    def scores(self, residuals: Real) -> Real:
+        left = residuals - self.basis @ (self.basis.T @ residuals)
+        scores: Real = self.whole.scores(left)[self.chosen] / self.own
+        return scores
+
+    @cached_property
+    def gram(self) -> Real:
+        whole = self.whole.gram[np.ix_(self.chosen, self.chosen)]
+        gram: Real = (whole - self.inside.T @ self.inside) / np.outer(self.own, self.own)
+        return gram
+
+    def beside(self, basis: Real) -> ScoreTest:
+        return self.whole.beside(basis)
 
 
 def signatures(
@@ -155,8 +229,8 @@ def signatures(
     return Signatures(
         tuple(effect for effect, _ in shown),
         tuple(start for _, start in shown),
-        np.column_stack(columns) if columns else np.zeros((rows, 0)),
         np.array(sizes),
+        np.column_stack(columns) if columns else np.zeros((rows, 0)),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis, leftover, settled
-from inkjet_env.mismatch.selection.score_test import Signatures
+from inkjet_env.mismatch.selection.score_test import ScoreTest
 from inkjet_env.plant import Effect
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.errors import NUMERICAL
@@ -45,7 +45,7 @@ class Selection:
 def select(
     joint: OutputErrorFit,
     effects: Sequence[Effect],
-    found: Signatures,
+    found: ScoreTest,
     context: FitContext,
 ) -> Selection:
     """Select effects forward from the base model in a beam, then by deletions and swaps.
@@ -191,7 +191,7 @@ def _as_good(
     chosen: Hypothesis,
     name: str,
     effects: Sequence[Effect],
-    found: Signatures,
+    found: ScoreTest,
     compared: dict[frozenset[str], Hypothesis],
     context: FitContext,
 ) -> tuple[str, ...]:

@@ -69,7 +69,7 @@ def test_scores_are_standard_normal_where_the_base_model_is_right(plain, found):
 def made_up(columns, sizes=None):
     columns = columns / np.linalg.norm(columns, axis=0)
     k = columns.shape[1]
-    return Signatures((None,) * k, ({},) * k, columns, np.ones(k) if sizes is None else sizes)
+    return Signatures((None,) * k, ({},) * k, np.ones(k) if sizes is None else sizes, columns)
 
 
 @pytest.mark.parametrize("kind", ["apart", "alike", "few"])
@@ -101,7 +101,7 @@ def test_in_the_tail_the_chance_is_bonferronis_and_falls_with_the_score():
 
 
 def test_nothing_to_look_for_is_found_by_chance_always():
-    empty = Signatures((), (), np.zeros((10, 0)), np.zeros(0))
+    empty = Signatures((), (), np.zeros(0), np.zeros((10, 0)))
     assert empty.p_value(99.0, np.random.default_rng(1), 2000) == 1.0
     assert empty.best(np.ones(10)) == {}
 
@@ -114,7 +114,21 @@ def test_beside_more_columns_only_what_they_cannot_say_is_left():
     beside = table.beside(q[:, [0, 2]])
     assert beside.starts == ({"a": 2},)  # the other two are the base's own, or too nearly
     assert beside.sizes == pytest.approx([8.0])
-    assert abs(beside.columns[:, 0] @ q[:, 3]) == pytest.approx(1.0)
+    assert np.abs(beside.scores(5 * q[:, 3] + 2 * q[:, 2])) == pytest.approx([5.0])
+    assert beside.gram == pytest.approx(np.ones((1, 1)))
+
+
+def test_scores_beside_further_columns_are_those_of_what_is_left_of_each_signature():
+    rng = np.random.default_rng(15)
+    basis, _ = np.linalg.qr(rng.standard_normal((300, 7)))
+    table, residuals = made_up(rng.standard_normal((300, 9)) + basis[:, :1]), rng.standard_normal(300)
+    left = table.columns - basis @ (basis.T @ table.columns)
+    left /= np.linalg.norm(left, axis=0)
+    beside = table.beside(basis)
+    np.testing.assert_allclose(beside.scores(residuals), left.T @ residuals, atol=1e-12)
+    np.testing.assert_allclose(beside.gram, left.T @ left, atol=1e-12)
+    again = beside.beside(basis[:, :3])  # all that may adapt is given each time
+    np.testing.assert_allclose(again.scores(residuals), table.beside(basis[:, :3]).scores(residuals), atol=1e-12)
 
 
 def test_the_effect_that_is_there_scores_highest(recorded, fitted, effects):

@@ -10,7 +10,7 @@ import pytest
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, conditions, settled
-from inkjet_env.mismatch.selection.score_test import Signatures, signatures
+from inkjet_env.mismatch.selection.score_test import ScoreTest, signatures
 from inkjet_env.mismatch.selection.stepwise import cosine, leans, select, supported, worth_adding
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete, coordinates
@@ -206,7 +206,7 @@ def test_each_p_value_is_of_the_test_that_added_the_effect_whichever_parent_won(
         return sorted(hypotheses, key=lambda h: -h.score)
 
     monkeypatch.setattr(select_module, "attribute", first_choice_is_a_dead_end)
-    monkeypatch.setattr(Signatures, "p_value", lambda self, score, rng, draws: 1e-3 / max(score, 1.0))
+    monkeypatch.setattr(ScoreTest, "p_value", lambda self, score, rng, draws: 1e-3 / max(score, 1.0))
     found_at_last = select(joint, chosen, found, FitContext(ProcessPool(1)))
     assert set(found_at_last.chosen.ids) == {"feedthrough", "quadratic_damping"}
     first, second = found_at_last.chosen.ids
