@@ -24,6 +24,7 @@ from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.amplitude_likelihood import without_amplitudes
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
+from inkjet_env.mismatch.selection.held_out_refit import held_out_otherwise
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
 from inkjet_env.mismatch.selection.random_effects import RandomEffect, detect_random_effects
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
@@ -182,6 +183,13 @@ class _Work:
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
             chosen = base_hypothesis(joint)
         self.stopwatch.took("selection")
+        if held_out is None and not (chosen.ids or random_effects) and (others := held_out_otherwise(joint)):
+            self.context.progress("repeating with other recordings held out")
+            self.notes = [
+                f"At first {', '.join(others.fitted)} were held out: they show a mismatch that the other recordings do "
+                "not, so they were fitted instead."
+            ]
+            return self.diagnosis(printhead, others.held_out)
         self.context.progress("testing the residuals")
         discrepancy = discrepancy_regression(chosen)
         self.stopwatch.took("discrepancy regression")

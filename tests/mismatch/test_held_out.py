@@ -1,5 +1,6 @@
 """Recordings that no fit sees: what they may take from a diagnosis, and what not."""
 
+import importlib
 import math
 from dataclasses import replace
 
@@ -106,6 +107,23 @@ def test_what_only_a_held_out_recording_shows_is_not_called_nothing(recorded_as,
     assert ids(diagnose(campaign, head, looked_for, held_out=["r013"], workers=1)) == ["slew_limit"]
     # where nothing is concealed it may be held out
     assert diagnose(recorded(), head, looked_for, held_out=[steep], workers=1).verdict == "none"
+
+
+def test_recordings_change_places_where_only_held_out_ones_show_a_mismatch(recorded_as, head, effects, monkeypatch):
+    """By chance every edge that the amplifier is too slow for was held out. A user's own choice stays as it is."""
+    looked_for = [effects["slew_limit"], effects["feedthrough"]]
+    campaign = recorded_as("slew_limit", slew_rate_V_s=20e6)
+    steep = {r.name for r in campaign.recordings if np.abs(np.diff(r.drive_V)).max() / r.step_s > 20e6}
+    chance = importlib.import_module("inkjet_env.identification.measurements")
+    monkeypatch.setattr(chance, "_every_fourth", lambda _: steep)
+    found = diagnose(campaign, head, looked_for, workers=1)
+    assert (found.verdict, ids(found)) == ("named", ["slew_limit"])
+    still = {r.name for r in found.recordings if r.held_out}
+    assert still < steep
+    assert any(all(name in note for name in steep - still) and "fitted instead" in note for note in found.notes)
+    kept = diagnose(campaign, head, looked_for, held_out=sorted(steep), workers=1)
+    assert kept.verdict == "unknown"
+    assert {r.name for r in kept.recordings if r.held_out} == steep
 
 
 def test_a_base_model_that_predicts_badly_for_want_of_recordings_leaves_nothing_out(recorded, head, effects):

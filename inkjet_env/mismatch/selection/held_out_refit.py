@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,31 @@ def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
             if excess > settings.least_excess + settings.excess_standard_deviations * doubt:
                 found[o.name] = excess * residuals.size
     return tuple(sorted(found, key=lambda name: -found[name]))
+
+
+@dataclass(frozen=True)
+class Division:
+    """Which recordings are held out instead, and which of those held out before are fitted now; names of both."""
+
+    held_out: tuple[str, ...]
+    fitted: tuple[str, ...]
+
+
+def held_out_otherwise(joint: OutputErrorFit) -> Division | None:
+    """The recordings held out such that the fitted ones show a mismatch of which so far only held-out ones know.
+
+    Every second of the conditions that show it is fitted, the one that shows most first; the others check what is found
+    there. None if at most one condition shows it.
+    """
+    found = held_out_misfits(joint)
+    condition = {o.name: o.condition for o in joint.observed}
+    showing = list(dict.fromkeys(condition[name] for name in found))
+    if len(showing) < 2:
+        return None
+    moved = set(showing[::2])
+    before = [o for o in joint.observed if not o.fitted and o.channel != "drive_monitor"]
+    fitted = tuple(o.name for o in before if o.condition in moved)
+    return Division(tuple(o.name for o in before if o.name not in fitted), fitted)
 
 
 def _of_everything(joint: OutputErrorFit) -> OutputErrorFit:
