@@ -6,10 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis
 from inkjet_env.mismatch.selection.score_test import signatures
+from inkjet_env.plant.errors import NUMERICAL
+from inkjet_env.typing import Real
 
 
 def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
@@ -80,7 +83,8 @@ def explains_held_out_after_refit(joint: OutputErrorFit, chosen: Hypothesis, con
     """Whether effects that predicted held-out recordings badly explain them once these are fitted too.
 
     If a bubble appeared between two fitted recordings, nothing says whether it was there in the recordings between
-    them. Effects that are not there explain the held-out recordings no better once these are fitted.
+    them. Effects that are not there explain the held-out recordings no better once these are fitted. A resonance that
+    drifts with the order may differ from its course in each of them.
 
     Parameters
     ----------
@@ -96,12 +100,31 @@ def explains_held_out_after_refit(joint: OutputErrorFit, chosen: Hypothesis, con
     for effect in chosen.fit.active.effects:
         beside = found.beside(hypothesis.columns)
         hypothesis = next(iter(attribute(whole, hypothesis, [effect], beside, context)), hypothesis)
+    drifts = any(e.depends_on_order and e.stage == "resonator" for e in chosen.fit.active.effects)
+    left = {o.name: hypothesis.fit.residuals[o.name][o.rows(held_out=True)] for o in joint.observed}
+    if drifts:
+        left |= {o.name: _at_its_own_resonance(hypothesis, o) for o in joint.observed if o.excitation.fast}
     before = after = noise = 0.0
     for key in sorted({o.noise_key for o in joint.observed}):
         mine = [o for o in joint.observed if o.noise_key == key]
         seen = np.concatenate([hypothesis.fit.residuals[o.name][o.rows(held_out=False)] for o in mine])
-        unseen = np.concatenate([hypothesis.fit.residuals[o.name][o.rows(held_out=True)] for o in mine])
+        unseen = np.concatenate([left[o.name] for o in mine])
         before += sum(float(np.sum(whole.base.residuals[o.name][o.rows(held_out=True)] ** 2)) for o in mine)
         after += float(unseen @ unseen)
         noise += unseen.size * (float(seen @ seen) / seen.size if seen.size else 1.0)
     return before - after >= (1 - joint.settings.verdict.left_over) * (before - noise)
+
+
+def _at_its_own_resonance(hypothesis: Hypothesis, o: ObservedRecording) -> Real:
+    """Whitened residuals of a recording's held-out rows with a frequency and a damping of its own, to first order."""
+    joint, fit, rows = hypothesis.joint, hypothesis.fit, o.rows(held_out=True)
+    residuals = fit.residuals[o.name][rows]
+    if not residuals.size:
+        return residuals
+    try:
+        columns = fit.head.sensitivities(o, fit.active.pairs)[:, fit.head.degree : fit.head.degree + 2]
+    except NUMERICAL:
+        return residuals
+    white = joint.whitened(o, columns, fit.active.pairs)[rows]
+    left: Real = residuals - white @ np.linalg.lstsq(white, residuals, rcond=1e-9)[0]
+    return left
