@@ -23,7 +23,7 @@ GENTLEST = 0.15
 LAGS = (0.002, 0.05)
 """Lags of the starts, in periods of the head. Without a lag, a limit beyond all edges has no influence, whatever its
 value."""
-LINEAR = 2.0
+LINEAR = 5.0
 """Ratio to the steepest edge beyond which a limit does not show as one."""
 FEWEST_STEPS = 1e-3
 """Lag in node steps below which there is none."""
@@ -53,6 +53,7 @@ class SlewLimit(Effect):
         ),
     )  # fmt: skip
     strengths = ("slew_rate_V_s",)
+    characteristic = ("slew_rate_V_s",)
     signature = "only edges steeper than some slope are delayed; gentler ones at the same level are not"
     confusable_with = ("amplifier_bandwidth", "nonlinear_capacitance")
     shown_by = "trapezoids of one level, with edges from gentle to as steep as the generator allows"
