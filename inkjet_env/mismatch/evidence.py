@@ -165,19 +165,19 @@ def _unevenly(base: Hypothesis, chosen: Hypothesis) -> float:
     of_the_head = [o for o in joint.seen if joint.noise.known(o) and o.channel != "drive_monitor"]
     for key in sorted({o.noise_key for o in of_the_head}):
         mine = [o for o in of_the_head if o.noise_key == key]
-        if len(mine) < settings.usual_level_recordings:
-            continue
         rows = np.array([o.fitted for o in mine])
         before, after = (
             np.array([float(np.mean(h.fit.residuals[o.name][: o.fitted] ** 2)) for o in mine]) for h in (base, chosen)
         )
         usual = float(np.median(after))
+        mismatch += float(np.sum((before - usual) * rows))
+        if len(mine) < settings.usual_level_recordings:
+            continue
         more = after - usual
         sure = more > settings.excess_standard_deviations * usual * np.sqrt(
             joint.noise.tail(mine[0]) * (2 / rows + np.pi / rows.sum())
         )
         residuals += float(np.sum((more * rows)[sure]))
-        mismatch += float(np.sum((before - usual) * rows))
     return residuals / max(mismatch, residuals) if residuals > 0 else 0.0
 
 
