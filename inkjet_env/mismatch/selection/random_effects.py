@@ -10,7 +10,7 @@ estimated by maximum likelihood. The second must predict other recordings better
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -199,10 +199,12 @@ def _supported(effect: Effect, channel: _Channel, printhead: Printhead, explaine
     for fitted, unseen in ((first, second), (second, first)):
         if not fitted or not unseen:
             return None
-        own = _best(effect, _described(fitted, residuals, noise, channel.settings, channel.memory), printhead)
-        if own is None:
+        there = _described(fitted, residuals, noise, channel.settings, channel.memory)
+        own = [one for form in _forms(effect, there, printhead) if (one := _best(effect, there, printhead, form))]
+        if not own:
             return None
-        gain = min(gain, gain_on_unseen(effect, own.values, fitted, unseen, residuals, noise, settings))
+        gains = [gain_on_unseen(effect, one.values, fitted, unseen, residuals, noise, settings) for one in own]
+        gain = min(gain, _mean_ratio(gains))
         if gain <= settings.random_effect_gain:
             return None
     return replace(best, gain=gain)
@@ -269,18 +271,43 @@ def _rounded(one: RandomEffect, channel: _Channel) -> bool:
     return size < step * math.exp(-2 * math.pi**2 * variance)
 
 
-def _best(effect: Effect, channel: _Channel, printhead: Printhead) -> RandomEffect | None:
+def _mean_ratio(gains: Sequence[float]) -> float:
+    """Logarithm of the mean of likelihood ratios: none of several forms need be chosen beforehand."""
+    largest = max(gains)
+    if not math.isfinite(largest):
+        return largest
+    return largest + math.log(sum(math.exp(gain - largest) for gain in gains) / len(gains))
+
+
+def _starts(effect: Effect, channel: _Channel, printhead: Printhead) -> list[dict[str, float]]:
+    excitations = [replace(o.excitation, residual_lines_Hz=channel.lines_Hz) for o in channel.observed]
+    return [
+        start
+        for start in effect.starts(printhead, excitations)
+        if any(effect.random_effect_basis(start, o.excitation) is not None for o in channel.observed)
+    ]
+
+
+def _form(effect: Effect, start: Mapping[str, float]) -> tuple[float, ...]:
+    """Values of the shapes that are chosen from a few, such as a degree."""
+    return tuple(start[p.name] for p in effect.parameters if p.name not in effect.strengths and p.scale != "log")
+
+
+def _forms(effect: Effect, channel: _Channel, printhead: Printhead) -> list[tuple[float, ...]]:
+    return list(dict.fromkeys(_form(effect, start) for start in _starts(effect, channel, printhead)))
+
+
+def _best(
+    effect: Effect, channel: _Channel, printhead: Printhead, form: tuple[float, ...] | None = None
+) -> RandomEffect | None:
+    """The effect with its likeliest values, of one form if it is given; None if none gains anything to speak of."""
     from scipy.optimize import minimize_scalar
 
     observed, residuals, noise = channel.observed, channel.residuals, channel.noise
     free = [p for p in effect.parameters if p.name not in effect.strengths and p.scale == "log"]
-    starts = [
-        start
-        for start in effect.starts(
-            printhead, [replace(o.excitation, residual_lines_Hz=channel.lines_Hz) for o in observed]
-        )
-        if any(effect.random_effect_basis(start, o.excitation) is not None for o in observed)
-    ]
+    starts = _starts(effect, channel, printhead)
+    if form is not None:
+        starts = [start for start in starts if _form(effect, start) == form]
     # A loud tone shapes the noise model that is to judge it, so starts are ranked with white noise as well.
     tried: list[tuple[int, Noise]] = []
     for judge in (noise, white(noise)):
