@@ -107,7 +107,7 @@ def select(
         beam = [h for h in added[:width] if h.gain >= settings.beam_gain * added[0].gain]
     grown, chosen = chosen, without_idle(joint, chosen, compared)
     tests = p_values.get(frozenset(chosen.ids), p_values[frozenset(grown.ids)])
-    lost = chosen.noise_known and chosen.excess > settings.lost * (chosen.excess + 2 * chosen.gain)
+    lost = chosen.sure_excess > settings.lost * (chosen.excess + 2 * chosen.gain)
     alternatives = {
         name: _as_good(joint, chosen, name, effects, found, compared, context) for name in (() if lost else chosen.ids)
     }

@@ -53,7 +53,9 @@ class Depolarisation(Effect):
         Parameter("loss", "1", -0.2, 5.0, meaning="relative fall of the gain, 100 V beyond the coercive voltage"),
         Parameter("coercive_V", "V", 0.0, 1e3, meaning="magnitude of the negative voltage at which the loss begins"),
         Parameter("recovery_s", "s", 1e-9, 1e6, "log", "time constant of the recovery", open_ended=True),
-        Parameter("permanent", "1", 0.0, 1.0, meaning="share of the loss that does not recover", plain=0.0),
+        Parameter(
+            "permanent", "1", 0.0, 1.0, meaning="share of the loss that does not recover", open_ended=True, plain=0.0
+        ),
         Parameter("ageing", "1", -0.2, 0.3, meaning="relative fall of the gain per decade of recordings"),
         Parameter("reversal", "1", -0.2, 0.5, meaning="relative fall of the gain when all domains are reversed"),
     )

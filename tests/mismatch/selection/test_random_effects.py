@@ -123,7 +123,7 @@ def test_a_hum_is_found_at_its_frequency_and_loudness(frequency_Hz, look):
     resolution_Hz = 1 / (600 * STEP_S)
     assert best.values["frequency_Hz"] == pytest.approx(frequency_Hz, abs=0.1 * resolution_Hz)
     assert best.values["amplitude"] == pytest.approx(RMS, rel=0.2)
-    assert best.gain > 30
+    assert best.gain > 20
 
 
 def test_a_drift_is_found_with_its_size(look):
