@@ -71,6 +71,8 @@ class EffectTests:
         assert effect.strengths, "it has no strength: without one it cannot be switched off"
         assert set(effect.strengths) <= names, f"strengths must be parameters; they are {effect.strengths}"
         assert set(effect.tuned) <= set(effect.strengths), f"tuned must be strengths; they are {effect.tuned}"
+        strange = set(effect.characteristic) - {p.name for p in effect.parameters}
+        assert not strange, f"characteristic must be parameters; {sorted(strange)} are none"
         assert set(effect.also) <= set(STAGES), f"also must be stages ({', '.join(STAGES)}); it is {effect.also}"
         for parameter in effect.parameters:
             assert parameter.scale in SCALES, f"scale of {parameter.name} must be one of {', '.join(SCALES)}"

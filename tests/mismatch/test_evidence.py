@@ -57,6 +57,17 @@ def test_a_rest_that_is_louder_in_few_recordings_is_no_noise_however_badly_that_
     assert share(louder(explained, {one: 1.5})) == pytest.approx(more / mismatch, rel=0.1)
 
 
+def test_of_the_whole_mismatch_counts_what_few_recordings_of_another_rate_showed(explained):
+    """Two gauges' recordings that the base model failed on, too few to tell their usual level."""
+    joint, one = explained.joint, fast(explained)[0]
+    slow = [o for o in joint.seen if not o.excitation.fast and o.channel != "drive_monitor"]
+    assert 0 < len(slow) < SETTINGS.verdict.usual_level_recordings
+    failed = louder(Hypothesis(joint.base, joint), {o.name: 40.0 for o in slow})
+    chosen = louder(explained, {one: 1.5})
+    less = unexplained_share(failed, chosen, discrepancy_regression(chosen))
+    assert 0 < less < 0.5 * share(chosen)
+
+
 def test_a_rest_that_is_as_loud_everywhere_may_be_noise(explained):
     assert share(louder(explained, dict.fromkeys(fast(explained), 1.1))) == 0
 

@@ -9,7 +9,7 @@ from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.selection.amplitude_likelihood import without_amplitudes
-from inkjet_env.mismatch.selection.random_effects import detect_random_effects
+from inkjet_env.mismatch.selection.random_effects import _mean_ratio, detect_random_effects
 from inkjet_env.plant import Excitation
 from inkjet_env.printhead import Printhead
 from inkjet_env.rig import StrainGauge
@@ -124,6 +124,23 @@ def test_a_hum_is_found_at_its_frequency_and_loudness(frequency_Hz, look):
     assert best.values["frequency_Hz"] == pytest.approx(frequency_Hz, abs=0.1 * resolution_Hz)
     assert best.values["amplitude"] == pytest.approx(RMS, rel=0.2)
     assert best.gain > 20
+
+
+def test_a_tone_and_one_of_its_multiples_need_not_choose_a_form_from_half_of_the_recordings(look):
+    """Half of them may take five multiples for the likelier form, which predicts the others worse than noise does."""
+    rng = np.random.default_rng(31)
+    observed = recordings(resting=2, moving=12)
+    hum = together(tone(observed, rng, 43_210.0, 0.7 * RMS), tone(observed, rng, 3 * 43_210.0, 0.2 * RMS))
+    best = look(observed, together(white(observed, rng), hum))[0]
+    assert best.effect.id == "mains_hum"
+    assert best.values["frequency_Hz"] == pytest.approx(43_210.0, abs=0.1 / (600 * STEP_S))
+
+
+def test_the_mean_of_likelihood_ratios_is_never_more_than_the_largest():
+    assert _mean_ratio([2.0, 2.0]) == pytest.approx(2.0)
+    assert _mean_ratio([40.0, -30.0]) == pytest.approx(40.0 - np.log(2))
+    assert _mean_ratio([-np.inf, -np.inf]) == -np.inf
+    assert _mean_ratio([-np.inf, 5.0]) == pytest.approx(5.0 - np.log(2))
 
 
 def test_a_drift_is_found_with_its_size(look):
