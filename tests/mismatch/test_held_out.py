@@ -9,7 +9,13 @@ import pytest
 
 from inkjet_env.mismatch import diagnose
 from inkjet_env.mismatch.fitting.dataset import observe
+from inkjet_env.mismatch.fitting.fit_context import FitContext
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
+from inkjet_env.mismatch.selection.held_out_refit import _at_its_own_resonance, explains_held_out_after_refit
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis
 from inkjet_env.plant import Plant
+from inkjet_env.plant.active_effects import ActiveEffects
+from inkjet_env.plant.effect import complete
 from inkjet_env.recordings import Campaign
 
 
@@ -75,6 +81,23 @@ def test_what_came_where_all_was_held_out_keeps_its_name_and_says_that_it_was_pr
     assert found.headline.endswith("but are explained once they are fitted as well.")
     assert "recording 11 on" in found.headline
     assert found.effects[0].parameters["bubble_frequency_Hz"].value == pytest.approx(28800, rel=0.01)
+
+
+def test_a_resonance_of_its_own_in_each_recording_serves_a_drift_and_no_other_law(recorded_as, fitted, effects):
+    """Held-out recordings of another frequency are explained by a drift, however it goes, and not by a stiffness."""
+    campaign = recorded_as(
+        "thermal_drift", last_order=13.0, **{f"frequency_{k}": 2e-3 * (-1) ** k for k in range(1, 9)}
+    )
+    drift, stiffness = effects["thermal_drift"], effects["cubic_stiffness"]
+    joint = fitted(campaign)
+    smooth = joint.fit(ActiveEffects.of([(drift, complete(drift, last_order=13.0, frequency_3=1e-3))]), most_steps=0)
+    stiff = joint.fit(ActiveEffects.of([(stiffness, complete(stiffness, stiffening_per_V2=1e-7))]), most_steps=0)
+    for fit in (smooth, stiff):
+        left = [_at_its_own_resonance(Hypothesis(fit, joint), o) for o in joint.observed if o.excitation.fast]
+        whole = [fit.residuals[o.name][o.rows(held_out=True)] for o in joint.observed if o.excitation.fast]
+        assert sum(float(r @ r) for r in left) < 0.3 * sum(float(r @ r) for r in whole)  # whichever law it is
+    context = FitContext(ProcessPool(1))
+    assert not explains_held_out_after_refit(joint, Hypothesis(stiff, joint), context)
 
 
 def test_without_held_out_recordings_the_effect_is_named_all_the_same(recorded, head, effects):

@@ -100,7 +100,7 @@ def explains_held_out_after_refit(joint: OutputErrorFit, chosen: Hypothesis, con
     for effect in chosen.fit.active.effects:
         beside = found.beside(hypothesis.columns)
         hypothesis = next(iter(attribute(whole, hypothesis, [effect], beside, context)), hypothesis)
-    drifts = any(e.depends_on_order and e.stage == "resonator" for e in chosen.fit.active.effects)
+    drifts = all(e.depends_on_order and e.stage == "resonator" for e in chosen.fit.active.effects)  # and nothing else
     left = {o.name: hypothesis.fit.residuals[o.name][o.rows(held_out=True)] for o in joint.observed}
     if drifts:
         left |= {o.name: _at_its_own_resonance(hypothesis, o) for o in joint.observed if o.excitation.fast}

@@ -260,7 +260,7 @@ def attribute(
     if ended and (much or ended[0].degenerate):
         fair_gain = settings.whole_law_gain * max(given.nll - h.fit.nll for h in ended)
         partial = [h.fit for h in ended if h.lacks_terms and given.nll - h.fit.nll >= fair_gain]
-        partial = partial[: settings.most_whole_laws if given.active.effects else None]
+        partial = partial[: settings.most_whole_laws // len(given.ids) if given.ids else None]
         wholes = [(fit.active, fit, "whole") for fit in partial]
         for k, fit in enumerate(context.fits(joint, lambda fit: shaped(joint, fit, beside).fit, partial, wholes)):
             if fit is not None:

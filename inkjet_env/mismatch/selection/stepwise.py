@@ -84,7 +84,10 @@ def select(
                 least = settings.further_score * scores[promising[0]]
                 tried = [e for e in tried if scores[e.id] > least]
             found_good = 0
-            for hypothesis in attribute(joint, parent, tried, beside, context):
+            hopeless = (
+                settings.alternative_gain if len(parent.ids) > 1 else None
+            )  # a third effect, if at all, stands out
+            for hypothesis in attribute(joint, parent, tried, beside, context, hopeless):
                 ids = frozenset(hypothesis.ids)
                 compared[ids] = hypothesis
                 p_values[ids] = p_values[frozenset(parent.ids)] | {hypothesis.ids[-1]: p_value}
