@@ -59,43 +59,57 @@ def right(case: Mapping[str, Any]) -> bool:
     return draw["family"] in ("effect", "pair") and bool(found(case) & set(draw["effects"]))
 
 
-def figures(case: Mapping[str, Any]) -> tuple[float, float]:
-    """Unexplained shares of fitted and of held-out recordings; the latter may be NaN."""
-    fit = case["answer"]["verdict"]["fit"]
-    held_out = fit["heldout_left_over"]
-    return float(fit["left_over"]), math.nan if held_out is None else float(held_out)
+Row = tuple[float, float, bool]
 
 
-def coefficients(rows: Sequence[tuple[float, float]], labels: Sequence[bool]) -> tuple[float, ...]:
-    """``β₀ … β₃`` of Eq. (3) by penalised maximum likelihood, β₁ and β₂ at most 0.
+def figures(case: Mapping[str, Any]) -> Row:
+    """Unexplained shares of fitted and of held-out recordings, the latter NaN if unknown, and whether effects are many.
+
+    Effects are those named, or those that came closest if none is.
+    """
+    verdict = case["answer"]["verdict"]
+    held_out = verdict["fit"]["heldout_left_over"]
+    best = [one["ids"] for one in verdict["attributions"][:1]]
+    effects = len(verdict["effects"]) or max(map(len, best), default=0)
+    return float(verdict["fit"]["left_over"]), math.nan if held_out is None else float(held_out), effects > 1
+
+
+def coefficients(rows: Sequence[Row], labels: Sequence[bool]) -> tuple[float, ...]:
+    """``β₀ … β₄`` of Eq. (3) by penalised maximum likelihood, β₁ and β₂ at most 0.
 
     Parameters
     ----------
-    rows : sequence of (float, float)
-        Unexplained shares of fitted and of held-out recordings.
+    rows : sequence of (float, float, bool)
+        Unexplained shares of fitted and of held-out recordings, and whether there is more than one effect.
     labels : sequence of bool
         Whether the explanation was right.
     """
     # Eq. (3) is linear in its coefficients: its value for a unit vector is the feature.
-    table = np.array([[logit(np.eye(4)[k], *row) for k in range(4)] for row in rows])
+    table = np.array([[logit(np.eye(5)[k], *row) for k in range(5)] for row in rows])
     truth = np.array(labels, dtype=float)
 
     def cost(beta: Real) -> float:
         z = table @ beta
         return float(np.sum(np.logaddexp(0.0, z) - truth * z) + RIDGE * beta @ beta)
 
-    falling = [(None, None), (None, 0.0), (None, 0.0), (None, None)]  # what is left makes nothing more probable
-    return tuple(float(b) for b in minimize(cost, np.zeros(4), method="L-BFGS-B", bounds=falling).x)
+    falling = [
+        (None, None),
+        (None, 0.0),
+        (None, 0.0),
+        (None, None),
+        (None, None),
+    ]  # what is left makes nothing more probable
+    return tuple(float(b) for b in minimize(cost, np.zeros(5), method="L-BFGS-B", bounds=falling).x)
 
 
-def logit(beta: Sequence[float] | Real, left_over: float, held_out: float) -> float:
+def logit(beta: Sequence[float] | Real, left_over: float, held_out: float, several: bool) -> float:
     """Argument of the logistic function in Eq. (3)."""
-    b0, b1, b2, b3 = (float(b) for b in beta)
-    p = Calibration((b0, b1, b2, b3), 0.0, (1.0, 0.0)).explained(left_over, held_out)
+    b0, b1, b2, b3, b4 = (float(b) for b in beta)
+    p = Calibration((b0, b1, b2, b3, b4), 0.0, (1.0, 0.0)).explained(left_over, held_out, several)
     return math.log(p / (1 - p))
 
 
-def cross_validated(rows: Sequence[tuple[float, float]], labels: Sequence[bool]) -> list[tuple[float, bool]]:
+def cross_validated(rows: Sequence[Row], labels: Sequence[bool]) -> list[tuple[float, bool]]:
     """Probability that each explanation is right, predicted without its tenth of the cases, and whether it is."""
     order = np.random.default_rng(0).permutation(len(rows))
     told: list[tuple[float, bool]] = []

@@ -132,7 +132,8 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     tested = held_out_left_over(base_hypothesis(bare), chosen)
     if explained and ordered:  # it need not foretell them
         tested = math.nan
-    sure = calibration().explained(unexplained, tested) >= settings.verdict.least_probability
+    several = len(chosen.ids) + len(found.random_effects) > 1
+    sure = calibration().explained(unexplained, tested, several) >= settings.verdict.least_probability
     missed = share > settings.verdict.left_over and not anything
     if (anything and not sure) or missed or vague or unseen or found.doubt:
         verdict = "unknown"
@@ -203,11 +204,12 @@ def _probabilities(
         alike = dict.fromkeys((most, *found.indistinguishable.get(most, ())), 1.0)
         tried = alike if most not in found.chosen.ids else weights(found.selection, most)
         tried = {name: w for name, w in tried.items() if w >= found.joint.settings.verdict.least_weight}
-        return calibration().probabilities(tried, unexplained, held_out, ids)
+        return calibration().probabilities(tried, unexplained, held_out, ids, len(named) > 1)
     # Something is there, and nothing that was tried is supported: what came closest leaves the rest.
     come_closest = closest(base_hypothesis(found.joint), found.selection)
     name, share = (come_closest[0][0], come_closest[1]) if come_closest else (NONE_OF_THESE, 0.0)
-    return calibration().probabilities({name: 1.0}, max(unexplained, 1 - share), held_out, ids)
+    several = come_closest is not None and len(come_closest[0]) > 1
+    return calibration().probabilities({name: 1.0}, max(unexplained, 1 - share), held_out, ids, several)
 
 
 def _corrected(found: Findings, verdict: str, context: FitContext) -> Hypothesis:

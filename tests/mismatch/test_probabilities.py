@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.proof.calibration import calibration_error
-from inkjet_env.experiments.publish.calibrate_probabilities import coefficients, cross_validated, logit, right
+from inkjet_env.experiments.publish.calibrate_probabilities import coefficients, cross_validated, figures, logit, right
 from inkjet_env.mismatch.probabilities import NONE_OF_THESE, NOTHING, calibration
 
 IDS = ("creep", "second_mode", "wave_echo")
@@ -47,14 +47,27 @@ def test_where_nothing_is_found_nothing_is_the_most_probable():
 
 def test_the_fit_finds_the_coefficients_that_labels_were_drawn_with():
     """Rows with known probabilities: coefficients come back, and their error of calibration is small."""
-    rng, beta = np.random.default_rng(3), (3.0, -1.5, -0.8, -1.0)
-    rows = [
-        (float(10 ** rng.uniform(-3, 0)), float("nan") if rng.random() < 0.2 else float(10 ** rng.uniform(-3, 0)))
-        for _ in range(6000)
-    ]
+    rng, beta = np.random.default_rng(3), (3.0, -1.5, -0.8, -1.0, -0.7)
+
+    def left():
+        return float(10 ** rng.uniform(-3, 0))
+
+    rows = [(left(), math.nan if rng.random() < 0.2 else left(), bool(rng.random() < 0.4)) for _ in range(6000)]
     labels = [bool(rng.random() < 1 / (1 + math.exp(-logit(beta, *row)))) for row in rows]
     assert coefficients(rows, labels) == pytest.approx(beta, abs=0.25)
     assert calibration_error(cross_validated(rows[:2000], labels[:2000])) < 0.05
+
+
+def test_several_effects_are_those_named_or_those_that_came_closest():
+    fit = {"left_over": 0.1, "heldout_left_over": None}
+    two = {"effects": [{"id": "creep"}, {"id": "wave_echo"}], "attributions": [{"ids": ["creep"]}], "fit": fit}
+    for verdict, several in (
+        (two, True),
+        (two | {"effects": []}, False),
+        (two | {"effects": [{"id": "creep"}]}, False),
+    ):
+        left_over, held_out, found = figures({"answer": {"verdict": verdict}})
+        assert (left_over, math.isnan(held_out), found) == (0.1, True, several)
 
 
 def test_what_came_closest_counts_where_nothing_is_named():
