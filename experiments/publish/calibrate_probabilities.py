@@ -24,13 +24,16 @@ from scipy.optimize import minimize
 from inkjet_env.experiments.proof.calibration import calibration_error, reliability
 from inkjet_env.experiments.proof.development import read_answers
 from inkjet_env.experiments.proof.protocol import as_judged
-from inkjet_env.mismatch.probabilities import Calibration, calibration
+from inkjet_env.mismatch.probabilities import Calibration, Explanation, calibration
+from inkjet_env.plant import catalogue
 from inkjet_env.storage import write_json
 from inkjet_env.typing import Real
 
 RIDGE = 0.01
 """Penalty of the squared coefficients, so that separable answers have finite ones."""
 FOLDS = 10
+FALLING = (1, 2, 5)
+"""Coefficients that may not be above 0: of what is left, fitted and held out, and of the overlap."""
 
 
 def answered(cases: Sequence[Mapping[str, Any]], now_known: Iterable[str] = ()) -> list[Mapping[str, Any]]:
@@ -59,66 +62,57 @@ def right(case: Mapping[str, Any]) -> bool:
     return draw["family"] in ("effect", "pair") and bool(found(case) & set(draw["effects"]))
 
 
-Row = tuple[float, float, bool]
-
-
-def figures(case: Mapping[str, Any]) -> Row:
-    """Unexplained shares of fitted and of held-out recordings, the latter NaN if unknown, and whether effects are many.
-
-    Effects are those named, or those that came closest if none is.
-    """
+def explanation(case: Mapping[str, Any]) -> Explanation:
+    """What was found, or what came closest if nothing is named, as `mismatch.verdict` judges it."""
     verdict = case["answer"]["verdict"]
     held_out = verdict["fit"]["heldout_left_over"]
-    best = [one["ids"] for one in verdict["attributions"][:1]]
-    effects = len(verdict["effects"]) or max(map(len, best), default=0)
-    return float(verdict["fit"]["left_over"]), math.nan if held_out is None else float(held_out), effects > 1
+    ids = [effect["id"] for effect in verdict["effects"]] or [
+        i for one in verdict["attributions"][:1] for i in one["ids"]
+    ]
+    stage = {effect.id: effect.stage for effect in catalogue()}
+    return Explanation(
+        float(verdict["fit"]["left_over"]),
+        math.nan if held_out is None else float(held_out),
+        tuple(stage[name] for name in ids),
+        float(verdict["fit"]["overlap"]),
+    )
 
 
-def coefficients(rows: Sequence[Row], labels: Sequence[bool]) -> tuple[float, ...]:
-    """``β₀ … β₄`` of Eq. (3) by penalised maximum likelihood, β₁ and β₂ at most 0.
+def coefficients(explanations: Sequence[Explanation], labels: Sequence[bool]) -> tuple[float, ...]:
+    """``β₀ … β₆`` of Eq. (3) by penalised maximum likelihood; what is left makes nothing more probable.
 
     Parameters
     ----------
-    rows : sequence of (float, float, bool)
-        Unexplained shares of fitted and of held-out recordings, and whether there is more than one effect.
+    explanations : sequence of Explanation
     labels : sequence of bool
-        Whether the explanation was right.
+        Whether each was right.
     """
-    # Eq. (3) is linear in its coefficients: its value for a unit vector is the feature.
-    table = np.array([[logit(np.eye(5)[k], *row) for k in range(5)] for row in rows])
-    truth = np.array(labels, dtype=float)
+    table, truth = np.array([one.features for one in explanations]), np.array(labels, dtype=float)
 
     def cost(beta: Real) -> float:
         z = table @ beta
         return float(np.sum(np.logaddexp(0.0, z) - truth * z) + RIDGE * beta @ beta)
 
-    falling = [
-        (None, None),
-        (None, 0.0),
-        (None, 0.0),
-        (None, None),
-        (None, None),
-    ]  # what is left makes nothing more probable
-    return tuple(float(b) for b in minimize(cost, np.zeros(5), method="L-BFGS-B", bounds=falling).x)
+    falling = [(None, 0.0) if k in FALLING else (None, None) for k in range(table.shape[1])]
+    start = np.zeros(table.shape[1])
+    return tuple(float(b) for b in minimize(cost, start, method="L-BFGS-B", bounds=falling).x)
 
 
-def logit(beta: Sequence[float] | Real, left_over: float, held_out: float, several: bool) -> float:
-    """Argument of the logistic function in Eq. (3)."""
-    b0, b1, b2, b3, b4 = (float(b) for b in beta)
-    p = Calibration((b0, b1, b2, b3, b4), 0.0, (1.0, 0.0)).explained(left_over, held_out, several)
-    return math.log(p / (1 - p))
+def told(beta: Sequence[float], one: Explanation) -> float:
+    """Probability of Eq. (3)."""
+    return Calibration(tuple(beta), 0.0, (1.0, 0.0)).explained(one)
 
 
-def cross_validated(rows: Sequence[Row], labels: Sequence[bool]) -> list[tuple[float, bool]]:
+def cross_validated(explanations: Sequence[Explanation], labels: Sequence[bool]) -> list[tuple[float, bool]]:
     """Probability that each explanation is right, predicted without its tenth of the cases, and whether it is."""
-    order = np.random.default_rng(0).permutation(len(rows))
-    told: list[tuple[float, bool]] = []
+    order = np.random.default_rng(0).permutation(len(explanations))
+    found: list[tuple[float, bool]] = []
     for k in range(FOLDS):
         out = set(order[k::FOLDS].tolist())
-        rest = [i for i in range(len(rows)) if i not in out]
-        beta = coefficients([rows[i] for i in rest], [labels[i] for i in rest])
-        told += [(1 / (1 + math.exp(-logit(beta, *rows[i]))), labels[i]) for i in sorted(out)]
-    return told
+        rest = [i for i in range(len(explanations)) if i not in out]
+        beta = coefficients([explanations[i] for i in rest], [labels[i] for i in rest])
+        found += [(told(beta, explanations[i]), labels[i]) for i in sorted(out)]
+    return found
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -135,8 +129,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     something = [case for case in cases if case["answer"]["verdict"]["verdict"] != "none"]
     empty = [case for case in cases if case["answer"]["verdict"]["verdict"] == "none"]
     not_null = [case for case in something if case["draw"]["family"] != "null"]
-    rows, labels = [figures(case) for case in not_null], [right(case) for case in not_null]
-    beta, told = coefficients(rows, labels), cross_validated(rows, labels)
+    explanations, labels = [explanation(case) for case in not_null], [right(case) for case in not_null]
+    beta, checked = coefficients(explanations, labels), cross_validated(explanations, labels)
     of_none = [case["draw"]["family"] for case in empty]
     shares = tuple((of_none.count(family) + 0.5) / (len(of_none) + 1) for family in ("null", "outside"))
     written: dict[str, Any] = {
@@ -150,8 +144,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         written |= {"nothing_if_found": before.nothing_if_found, "if_none": list(before.if_none)}
     for part, value in written.items():
         print(f"{part}: {value}")
-    print(f"expected calibration error, cross-validated: {calibration_error(told):.3f} over {len(told)} explanations")
-    for one in reliability(told):
+    print(
+        f"expected calibration error, cross-validated: {calibration_error(checked):.3f} over {len(checked)} explanations"
+    )
+    for one in reliability(checked):
         print(f"  said {one['mean']:.2f}, right {one['right']:.2f} of {one['of']:.0f}")
     if asked.out:
         write_json(asked.out, written)

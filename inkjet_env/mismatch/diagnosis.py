@@ -137,6 +137,8 @@ class Diagnosis:
     held_out_left_over : float
         The same of the held-out recordings, by which the verdict is judged; NaN if they show no mismatch, or if an
         effect that changes between recordings explains them only once they are fitted.
+    overlap : float
+        What several effects explain each alone, in sum, over what they explain together, less 1; 0 of one.
     p_value : float
         Probability that noise alone would look as much like an effect as these recordings do: score test over all
         effects that have a law.
@@ -184,6 +186,7 @@ class Diagnosis:
     closure: float
     left_over: float
     held_out_left_over: float
+    overlap: float
     p_value: float
     attributions: tuple[HypothesisScore, ...]
     untestable: Mapping[str, str]
@@ -253,6 +256,7 @@ class Diagnosis:
                 "closure": _finite(self.closure),
                 "left_over": self.left_over,
                 "heldout_left_over": _finite(self.held_out_left_over),
+                "overlap": self.overlap,
                 "p_value": self.p_value,
                 "heldout": [r.name for r in self.recordings if r.held_out],
             },

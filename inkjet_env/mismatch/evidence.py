@@ -223,6 +223,19 @@ def compared(selection: Selection) -> tuple[HypothesisScore, ...]:
     return tuple(rows)
 
 
+def overlap(selection: Selection) -> float:
+    """What the chosen effects gain each alone, in sum, over what they gain together, less 1; 0 of a single effect.
+
+    Effects that explain different things overlap little, and may gain less alone. An effect that was not fitted alone
+    to its end counts with what it gained by then.
+    """
+    chosen = selection.chosen
+    alone = {h.ids[0]: h.gain for h in selection.compared if len(h.ids) == 1}
+    if len(chosen.ids) < 2 or chosen.gain <= 0:
+        return 0.0
+    return sum(max(alone.get(name, 0.0), 0.0) for name in chosen.ids) / chosen.gain - 1
+
+
 def closest(base: Hypothesis, selection: Selection) -> tuple[tuple[str, ...], float] | None:
     """Ids of the hypothesis that explains most of the fitted recordings' mismatch, and the share that it explains."""
     best = max(selection.compared, key=lambda h: h.gain, default=None)

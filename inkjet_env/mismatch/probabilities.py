@@ -1,11 +1,13 @@
 """How probable each explanation of a mismatch is, over heads like those of the proof.
 
 Two questions are answered one after the other. Is what was found right at all? Eq. (3) of
-docs/explanation/diagnosis.md, a logistic regression on the figures that tell physics of the catalogue from physics
-outside it, the share ``l`` that it leaves unexplained, the same share ``h`` of recordings that no fit has seen, and
-whether it needs more than one effect:
+docs/explanation/diagnosis.md, a logistic regression on what tells physics of the catalogue from physics outside it: the
+share ``l`` that it leaves unexplained, the same share ``h`` of recordings that no fit has seen, and, since several laws
+together may imitate one that the catalogue lacks, whether it takes several effects, how far these explain the same, the
+share ``o`` by which what each explains alone exceeds what they explain together, and whether two act in one stage:
 
-    P(right) = 1 / (1 + exp(−β₀ − β₁ (lg l + 1.5) − β₂ (lg h + 1.5) − β₃ [h unknown] − β₄ [several effects])).   (3)
+    P(right) = 1 / (1 + exp(-z)),
+    z = β₀ + β₁ (lg l + 1.5) + β₂ (lg h + 1.5) + β₃ [h unknown] + β₄ [several] + β₅ o + β₆ [one stage].          (3)
 
 Below 3 %, where even a right law leaves something, ``l`` and ``h`` count as 3 %.
 
@@ -35,38 +37,59 @@ LEAST_LEFT = 10**-1.5
 
 
 @dataclass(frozen=True)
+class Explanation:
+    """What tells whether an explanation of a mismatch is right.
+
+    Attributes
+    ----------
+    left_over, held_out : float
+        Shares of the mismatch that it leaves in fitted and in held-out recordings; the latter NaN if it is unknown.
+    stages : tuple of str
+        Stage of each of its effects.
+    overlap : float
+        What its effects explain each alone, in sum, over what they explain together, less 1; 0 of a single effect.
+    """
+
+    left_over: float
+    held_out: float
+    stages: tuple[str, ...]
+    overlap: float = 0.0
+
+    @property
+    def features(self) -> tuple[float, ...]:
+        """Factors of ``β₀ … β₆`` in Eq. (3)."""
+        left, unseen = (math.log10(max(x / LEAST_LEFT, 1.0)) for x in (self.left_over, self.held_out))
+        unknown = math.isnan(self.held_out)
+        several, twice = len(self.stages) > 1, len(set(self.stages)) < len(self.stages)
+        overlap = max(self.overlap, 0.0) if several else 0.0
+        return 1.0, left, 0.0 if unknown else unseen, float(unknown), float(several), overlap, float(twice)
+
+
+@dataclass(frozen=True)
 class Calibration:
     """Coefficients of Eqs. (3) and (2), and how often a verdict "none" is right.
 
     Attributes
     ----------
     right : tuple of float
-        ``β₀ … β₄`` of Eq. (3).
+        ``β₀ … β₆`` of Eq. (3).
     nothing_if_found : float
         Share of heads without any mismatch among those in which something was found.
     if_none : tuple of float
         Of the verdicts "none": shares of heads without a mismatch, and of heads with physics outside the catalogue.
     """
 
-    right: tuple[float, float, float, float, float]
+    right: tuple[float, ...]
     nothing_if_found: float
     if_none: tuple[float, float]
 
-    def explained(self, left_over: float, held_out: float, several: bool) -> float:
-        """Probability that what was found is right, Eq. (3); the share of held-out recordings may be NaN."""
-        b0, b1, b2, b3, b4 = self.right
-        z = b0 + b1 * math.log10(max(left_over / LEAST_LEFT, 1.0))
-        z += b3 if math.isnan(held_out) else b2 * math.log10(max(held_out / LEAST_LEFT, 1.0))
-        z += b4 * several
+    def explained(self, explanation: Explanation) -> float:
+        """Probability that an explanation is right, Eq. (3)."""
+        z = sum(beta * feature for beta, feature in zip(self.right, explanation.features, strict=True))
         return 1 / (1 + math.exp(-z))
 
     def probabilities(
-        self,
-        weights: Mapping[str, float],
-        left_over: float,
-        held_out: float,
-        effects: tuple[str, ...],
-        several: bool = False,
+        self, weights: Mapping[str, float], explanation: Explanation | None, effects: tuple[str, ...]
     ) -> dict[str, float]:
         """Probability that the effect which explains most of the mismatch is each of these; they sum to 1.
 
@@ -75,20 +98,18 @@ class Calibration:
         weights : dict of str to float
             Relative weights of the explanations that were found, by the id of the effect that explains most; empty if
             nothing was found.
-        left_over, held_out : float
-            Unexplained shares of the best one, in fitted and in held-out recordings.
+        explanation : Explanation or None
+            The best of them; None if nothing was found.
         effects : tuple of str
             Ids that were looked for.
-        several : bool
-            Whether the best one has more than one effect.
         """
-        if not weights:
+        if explanation is None:
             nothing, other = self.if_none
             each = (1 - nothing - other) / max(len(effects), 1)
             if not effects:
                 other = 1 - nothing
             return {NOTHING: nothing, NONE_OF_THESE: other, **dict.fromkeys(effects, each)}
-        right = self.explained(left_over, held_out, several) * (1 - self.nothing_if_found)
+        right = self.explained(explanation) * (1 - self.nothing_if_found)
         found = {name: right * weight / sum(weights.values()) for name, weight in weights.items()}
         return {**found, NONE_OF_THESE: 1 - self.nothing_if_found - right, NOTHING: self.nothing_if_found}
 

@@ -16,6 +16,7 @@ from inkjet_env.mismatch.evidence import (
     held_out_left_over,
     modelled_recordings,
     named_effects,
+    overlap,
     unexplained_share,
 )
 from inkjet_env.mismatch.fitting.fit_context import FitContext
@@ -24,7 +25,7 @@ from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.headline import headline
 from inkjet_env.mismatch.localization.locate import locate
 from inkjet_env.mismatch.localization.location import Location
-from inkjet_env.mismatch.probabilities import NONE_OF_THESE, calibration
+from inkjet_env.mismatch.probabilities import NONE_OF_THESE, Explanation, calibration
 from inkjet_env.mismatch.selection.base_intervals import dynamics
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.held_out_refit import explains_held_out_after_refit, held_out_misfits
@@ -132,8 +133,9 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     tested = held_out_left_over(base_hypothesis(bare), chosen)
     if explained and ordered:  # it need not foretell them
         tested = math.nan
-    several = len(chosen.ids) + len(found.random_effects) > 1
-    sure = calibration().explained(unexplained, tested, several) >= settings.verdict.least_probability
+    stages = [s.effect.stage for s in found.random_effects] + [e.stage for e in chosen.fit.active.effects]
+    explanation = Explanation(unexplained, tested, tuple(stages), overlap(found.selection))
+    sure = calibration().explained(explanation) >= settings.verdict.least_probability
     missed = share > settings.verdict.left_over and not anything
     if (anything and not sure) or missed or vague or unseen or found.doubt:
         verdict = "unknown"
@@ -155,7 +157,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         verdict, named, groups, closure, share, closest(base_hypothesis(joint), found.selection), location,
         settings.verdict, all(joint.noise.known(o) for o in joint.seen), unseen, minor,
     )  # fmt: skip
-    probabilities = _probabilities(found, named, unexplained, tested, verdict)
+    probabilities = _probabilities(found, named, explanation, verdict)
     context.progress("designing the next experiment")
     following = None
     if verdict == "set":
@@ -185,7 +187,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(minor),
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, tested,
-        found.selection.base_p_value, compared(found.selection), found.untestable, following, remainder,
+        explanation.overlap, found.selection.base_p_value, compared(found.selection), found.untestable, following, remainder,
         found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
         dynamics(stands) if known else nothing, probabilities, tuple(notes), stopwatch.seconds, stopwatch.stages,
         settings, own,
@@ -193,23 +195,25 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
 
 
 def _probabilities(
-    found: Findings, named: Sequence[NamedEffect], unexplained: float, held_out: float, verdict: str
+    found: Findings, named: Sequence[NamedEffect], explanation: Explanation, verdict: str
 ) -> dict[str, float]:
     """Probability of each explanation, by the effect that explains most; see `Calibration.probabilities`."""
     ids = tuple(e.id for e in found.effects)
     if verdict == "none":
-        return calibration().probabilities({}, 0.0, math.nan, ids)
+        return calibration().probabilities({}, None, ids)
     if named:
         most = max(named, key=lambda n: n.delta_nll).effect.id
         alike = dict.fromkeys((most, *found.indistinguishable.get(most, ())), 1.0)
         tried = alike if most not in found.chosen.ids else weights(found.selection, most)
         tried = {name: w for name, w in tried.items() if w >= found.joint.settings.verdict.least_weight}
-        return calibration().probabilities(tried, unexplained, held_out, ids, len(named) > 1)
+        return calibration().probabilities(tried, explanation, ids)
     # Something is there, and nothing that was tried is supported: what came closest leaves the rest.
     come_closest = closest(base_hypothesis(found.joint), found.selection)
     name, share = (come_closest[0][0], come_closest[1]) if come_closest else (NONE_OF_THESE, 0.0)
-    several = come_closest is not None and len(come_closest[0]) > 1
-    return calibration().probabilities({name: 1.0}, max(unexplained, 1 - share), held_out, ids, several)
+    stage = {e.id: e.stage for e in found.effects}
+    stages = tuple(stage[one] for one in come_closest[0]) if come_closest else ()
+    left = max(explanation.left_over, 1 - share)
+    return calibration().probabilities({name: 1.0}, replace(explanation, left_over=left, stages=stages), ids)
 
 
 def _corrected(found: Findings, verdict: str, context: FitContext) -> Hypothesis:

@@ -86,6 +86,7 @@ def found(campaign):
         closure=0.93,
         left_over=0.0,
         held_out_left_over=0.0,
+        overlap=0.0,
         p_value=1.0,
         attributions=(),
         untestable={},

@@ -93,6 +93,7 @@ def named():
         closure=0.9712,
         left_over=0.0,
         held_out_left_over=0.0,
+        overlap=0.0,
         p_value=1.0,
         attributions=(
             HypothesisScore(("feedthrough",), 5312.4, 1711.0, 160.0, 1.0, 1.0, effect.description(VALUES)),
