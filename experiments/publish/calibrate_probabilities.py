@@ -144,9 +144,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         written |= {"nothing_if_found": before.nothing_if_found, "if_none": list(before.if_none)}
     for part, value in written.items():
         print(f"{part}: {value}")
-    print(
-        f"expected calibration error, cross-validated: {calibration_error(checked):.3f} over {len(checked)} explanations"
-    )
+    error = calibration_error(checked)
+    print(f"expected calibration error, cross-validated: {error:.3f} over {len(checked)} explanations")
     for one in reliability(checked):
         print(f"  said {one['mean']:.2f}, right {one['right']:.2f} of {one['of']:.0f}")
     if asked.out:

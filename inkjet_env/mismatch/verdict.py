@@ -187,7 +187,8 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(minor),
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, tested,
-        explanation.overlap, found.selection.base_p_value, compared(found.selection), found.untestable, following, remainder,
+        explanation.overlap, found.selection.base_p_value, compared(found.selection), found.untestable, following,
+        remainder,
         found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
         dynamics(stands) if known else nothing, probabilities, tuple(notes), stopwatch.seconds, stopwatch.stages,
         settings, own,
