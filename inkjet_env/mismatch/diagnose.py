@@ -26,7 +26,8 @@ from inkjet_env.mismatch.selection.amplitude_likelihood import without_amplitude
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.held_out_refit import held_out_otherwise
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
-from inkjet_env.mismatch.selection.random_effects import RandomEffect, detect_random_effects
+from inkjet_env.mismatch.selection.random_effect_values import RandomEffect
+from inkjet_env.mismatch.selection.random_effects import detect_random_effects
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
 from inkjet_env.mismatch.selection.split_likelihood import at_a_frequency
 from inkjet_env.mismatch.selection.stepwise import Selection, leftover, select, supported, without_idle

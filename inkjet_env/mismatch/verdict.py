@@ -31,7 +31,7 @@ from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegr
 from inkjet_env.mismatch.selection.held_out_refit import explains_held_out_after_refit, held_out_misfits
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.minor_effects import with_minor_effects
-from inkjet_env.mismatch.selection.random_effects import RandomEffect
+from inkjet_env.mismatch.selection.random_effect_values import RandomEffect
 from inkjet_env.mismatch.selection.remainder_fit import fit_remainder
 from inkjet_env.mismatch.selection.score_test import Signatures
 from inkjet_env.mismatch.selection.stepwise import Selection, weights
@@ -188,8 +188,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(minor),
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, tested,
         explanation.overlap, found.selection.base_p_value, compared(found.selection), found.untestable, following,
-        remainder,
-        found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
+        remainder, found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
         dynamics(stands) if known else nothing, probabilities, tuple(notes), stopwatch.seconds, stopwatch.stages,
         settings, own,
     )  # fmt: skip

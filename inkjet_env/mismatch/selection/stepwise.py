@@ -84,9 +84,8 @@ def select(
                 least = settings.further_score * scores[promising[0]]
                 tried = [e for e in tried if scores[e.id] > least]
             found_good = 0
-            hopeless = (
-                settings.alternative_gain if len(parent.ids) > 1 else None
-            )  # a third effect, if at all, stands out
+            # a third effect stands out, or is none
+            hopeless = settings.alternative_gain if len(parent.ids) > 1 else None
             for hypothesis in attribute(joint, parent, tried, beside, context, hopeless):
                 ids = frozenset(hypothesis.ids)
                 compared[ids] = hypothesis

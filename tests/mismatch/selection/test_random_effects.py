@@ -123,7 +123,7 @@ def test_a_hum_is_found_at_its_frequency_and_loudness(frequency_Hz, look):
     resolution_Hz = 1 / (600 * STEP_S)
     assert best.values["frequency_Hz"] == pytest.approx(frequency_Hz, abs=0.1 * resolution_Hz)
     assert best.values["amplitude"] == pytest.approx(RMS, rel=0.2)
-    assert best.gain > 20
+    assert best.gain > 30 - np.log(2)  # the mean over two forms costs so much at most
 
 
 def test_a_tone_and_one_of_its_multiples_need_not_choose_a_form_from_half_of_the_recordings(look):

@@ -3,6 +3,7 @@
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -179,11 +180,18 @@ def test_of_starts_that_look_alike_only_the_one_of_the_right_size_is_tried(recor
     for score, _ in every:
         k = int(np.argmin(np.abs(scores - score)))
         assert np.abs(kept.T @ table.columns[:, k]).max() > 0.97  # like one that is kept
-    first, chosen = (int(np.argmin(np.abs(scores - ranked[0][0]))) for ranked in (every, apart))
-    like = np.flatnonzero(np.abs(table.columns.T @ table.columns[:, first]) > 0.99)
-    scaling = np.abs(np.log(np.abs(scores) / table.sizes))
-    assert chosen in like
-    assert scaling[chosen] == scaling[like].min()
+
+
+def test_of_two_starts_alike_the_one_whose_own_size_the_recordings_show_is_kept():
+    """The other one scores higher, but scaled by a 25th it is not that effect any more."""
+    one, turned, other = np.eye(3)
+    effect = SimpleNamespace(id="made up", parameters=(), strengths=(), tuned=())
+    columns = np.column_stack([one, one + 0.05 * turned, other])
+    starts = ({"start": 0.0}, {"start": 1.0}, {"start": 2.0})
+    table = replace(made_up(columns, np.array([4.0, 100.0, 1.0])), effects=(effect,) * 3, starts=starts)
+    residuals = 4 * one + 0.5 * turned + 2 * other
+    assert [start["start"] for _, start in table.ranked(effect, residuals)] == [1.0, 0.0, 2.0]
+    assert [start["start"] for _, start in table.ranked(effect, residuals, 0.99)] == [0.0, 2.0]
 
 
 def test_a_reciprocal_strength_keeps_its_sign_and_its_bounds(recorded, fitted, effects):
