@@ -69,11 +69,11 @@ def explanation(case: Mapping[str, Any]) -> Explanation:
     ids = [effect["id"] for effect in verdict["effects"]] or [
         i for one in verdict["attributions"][:1] for i in one["ids"]
     ]
-    stage = {effect.id: effect.stage for effect in catalogue()}
+    stage = {effect.id: effect.stage for effect in catalogue() if not effect.random}
     return Explanation(
         float(verdict["fit"]["left_over"]),
         math.nan if held_out is None else float(held_out),
-        tuple(stage[name] for name in ids),
+        tuple(stage[name] for name in ids if name in stage),
         float(verdict["fit"]["overlap"]),
     )
 

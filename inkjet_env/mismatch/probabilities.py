@@ -3,8 +3,9 @@
 Two questions are answered one after the other. Is what was found right at all? Eq. (3) of
 docs/explanation/diagnosis.md, a logistic regression on what tells physics of the catalogue from physics outside it: the
 share ``l`` that it leaves unexplained, the same share ``h`` of recordings that no fit has seen, and, since several laws
-together may imitate one that the catalogue lacks, whether it takes several effects, how far these explain the same, the
-share ``o`` by which what each explains alone exceeds what they explain together, and whether two act in one stage:
+together may imitate one that the catalogue lacks, whether it takes several laws, how far these explain the same, the
+share ``o`` by which what each explains alone exceeds what they explain together, and whether two act in one stage
+(random effects, a hum or a drift, have no law and were each tested by recordings of their own: they do not count):
 
     P(right) = 1 / (1 + exp(-z)),
     z = β₀ + β₁ (lg l + 1.5) + β₂ (lg h + 1.5) + β₃ [h unknown] + β₄ [several] + β₅ o + β₆ [one stage].          (3)
@@ -45,7 +46,7 @@ class Explanation:
     left_over, held_out : float
         Shares of the mismatch that it leaves in fitted and in held-out recordings; the latter NaN if it is unknown.
     stages : tuple of str
-        Stage of each of its effects.
+        Stage of each of its effects that have a law: all but random ones.
     overlap : float
         What its effects explain each alone, in sum, over what they explain together, less 1; 0 of a single effect.
     """

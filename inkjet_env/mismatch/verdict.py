@@ -133,8 +133,8 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     tested = held_out_left_over(base_hypothesis(bare), chosen)
     if explained and ordered:  # it need not foretell them
         tested = math.nan
-    stages = [s.effect.stage for s in found.random_effects] + [e.stage for e in chosen.fit.active.effects]
-    explanation = Explanation(unexplained, tested, tuple(stages), overlap(found.selection))
+    stages = tuple(effect.stage for effect in chosen.fit.active.effects)
+    explanation = Explanation(unexplained, tested, stages, overlap(found.selection))
     sure = calibration().explained(explanation) >= settings.verdict.least_probability
     missed = share > settings.verdict.left_over and not anything
     if (anything and not sure) or missed or vague or unseen or found.doubt:

@@ -41,7 +41,7 @@ def _lines(fast=FAST, slow=("loop-1",), twice=TWICE):
     return chosen + [line for line in chosen if line.label in twice]
 
 
-BESIDE = {"feedthrough": 4.0}
+BESIDE = {"feedthrough": 4.0, "mains_hum": 4.0}
 """How much more of an effect is planted beside another: enough to be named, not minor."""
 
 

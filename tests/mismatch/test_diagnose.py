@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch import diagnose
+from inkjet_env.mismatch.probabilities import NONE_OF_THESE
 from tests.mismatch.diagnoses import LOOKED_FOR, ids
 
 
@@ -81,6 +82,13 @@ def test_an_effect_beside_a_hum_is_named_too(diagnosed):
     found = diagnosed("mains_hum", "quadratic_damping")
     assert found.verdict == "named"
     assert set(ids(found)) == {"mains_hum", "quadratic_damping"}
+
+
+def test_a_hum_and_a_drift_have_no_law_so_that_they_are_two_does_not_count_against_them(diagnosed):
+    found = diagnosed("mains_hum", "baseline_drift")
+    assert found.verdict == "named"
+    assert {"mains_hum", "baseline_drift"} == set(ids(found))
+    assert found.probabilities[NONE_OF_THESE] < 0.1
 
 
 @pytest.mark.parametrize("name", ["sensor_bandwidth", "amplifier_bandwidth"])

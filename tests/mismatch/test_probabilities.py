@@ -85,7 +85,12 @@ def test_the_fit_finds_the_coefficients_that_labels_were_drawn_with():
 def test_an_explanation_is_what_was_named_or_what_came_closest():
     fit = {"left_over": 0.1, "heldout_left_over": None, "overlap": 0.2}
     two = {"effects": [{"id": "creep"}, {"id": "wave_echo"}], "attributions": [{"ids": ["creep"]}], "fit": fit}
-    for verdict, stages in ((two, ("hysteresis", "resonator")), (two | {"effects": []}, ("hysteresis",))):
+    by_chance = two | {"effects": [{"id": "mains_hum"}, {"id": "creep"}, {"id": "baseline_drift"}]}
+    for verdict, stages in (
+        (two, ("hysteresis", "resonator")),
+        (two | {"effects": []}, ("hysteresis",)),
+        (by_chance, ("hysteresis",)),
+    ):
         found = explanation({"answer": {"verdict": verdict}})
         assert (found.left_over, math.isnan(found.held_out), found.stages, found.overlap) == (0.1, True, stages, 0.2)
 

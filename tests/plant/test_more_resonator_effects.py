@@ -98,6 +98,56 @@ def test_dry_friction_in_steady_state_is_that_of_the_last_of_many_laps():
     assert steady == pytest.approx(laps, abs=1e-4 * np.abs(laps).max())
 
 
+STICKING = {"friction_V": 2.0, "speed_V": 1.0, "slip_V": 5.0}
+
+
+def test_sticking_surfaces_solve_their_equation():
+    excitation = shot_of(PULSE[:400])
+    found = motion("coulomb_friction", excitation, **STICKING)
+    exact = integrated(
+        excitation,
+        lambda x, p, z: 2.0 * z[0],
+        memory=1,
+        rates=lambda x, p, z: [(math.tanh(p / 1.0) - z[0]) * abs(p) / 5.0],
+    )
+    assert found == pytest.approx(exact, abs=2e-3 * np.abs(exact).max())
+
+
+def test_sticking_surfaces_converge():
+    orders, error = order_in_steps("coulomb_friction", **STICKING)
+    assert orders.mean() > 1.8  # where the motion turns within a step, an error may be smaller by chance
+    assert error < 1e-3
+
+
+def test_surfaces_that_stick_over_no_distance_rub():
+    free = {"friction_V": 2.0, "speed_V": 1.0}
+    excitation = shot_of(PULSE[:400], substeps=64)
+    rubs = motion("coulomb_friction", excitation, **free)
+    errors = [
+        np.abs(motion("coulomb_friction", excitation, **free, slip_V=slip_V) - rubs).max() for slip_V in (1.0, 0.01)
+    ]
+    assert errors[0] > 8 * errors[1]  # it falls with the root of the distance: what is turned round in is short
+
+
+def test_motions_that_only_stick_are_stiffer_and_lose_less_than_friction_would_take():
+    quiet = Resonance(HEAD.a0, 1e-6 * OMEGA0, HEAD.a0)
+    excitation = shot_of(np.zeros(501), "free", start=(1.0, 0.0), substeps=4)
+    found = motion("coulomb_friction", excitation, quiet, friction_V=4.0, speed_V=1e-3, slip_V=200.0)
+    turned = (np.arange(501) / 100) * math.sqrt(1 + 4.0 / 200.0)  # a spring of f / z0 beside its own
+    assert found == pytest.approx(np.cos(2 * np.pi * turned), abs=0.2)
+    freely = np.cos(2 * np.pi * np.arange(501) / 100)
+    assert np.abs(found - freely).max() > 0.25
+    assert 1 - found.max() < 1e-6
+    assert found[-150:].max() > 0.8  # rubbing would have stopped it within a quarter of a period
+
+
+def test_sticking_surfaces_in_steady_state_are_those_of_the_last_of_many_laps():
+    lap = PULSE[:300]
+    steady = motion("coulomb_friction", shot_of(lap, "periodic"), **STICKING)
+    laps = motion("coulomb_friction", shot_of(np.tile(lap, 20)), **STICKING)[-300:]
+    assert steady == pytest.approx(laps, abs=1e-4 * np.abs(laps).max())
+
+
 # structural damping
 
 

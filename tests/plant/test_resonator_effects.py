@@ -321,7 +321,10 @@ TRUTHS = {
         {"softening_per_V": 5e-5, "loss_ratio": 6.0},
         {"rayleigh_per_V": 3e-4, "loss_ratio": 1.0},
     ],
-    "coulomb_friction": [{"friction_V": 0.7, "speed_V": 2.0}],
+    "coulomb_friction": [
+        {"friction_V": 0.7, "speed_V": 2.0},
+        {"friction_V": 0.7, "speed_V": 1.0, "slip_V": 5.0},
+    ],
     "self_heating": [
         {"cooling_s": 20 * PERIOD_S, "stiffness_change": -0.2},
         {"cooling_s": 6 * PERIOD_S, "damping_change": 2.0},
