@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from inkjet_env.identification.identify import doubtful_states
 from inkjet_env.identification.outcome import NO_DYNAMICS
 from inkjet_env.mismatch.diagnosis import Diagnosis
+from inkjet_env.mismatch.evidence import only_held_out_differ
 from inkjet_env.mismatch.fitting.base_model import base_model
 from inkjet_env.mismatch.fitting.base_parameters import in_convention
 from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
@@ -184,16 +185,17 @@ class _Work:
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
             chosen = base_hypothesis(joint)
         self.stopwatch.took("selection")
-        if held_out is None and not (chosen.ids or random_effects) and (others := held_out_otherwise(joint)):
+        self.context.progress("testing the residuals")
+        discrepancy = discrepancy_regression(chosen)
+        self.stopwatch.took("discrepancy regression")
+        unseen = held_out is None and not random_effects and only_held_out_differ(joint, chosen, discrepancy)
+        if unseen and (others := held_out_otherwise(joint, chosen)) is not None:
             self.context.progress("repeating with other recordings held out")
             self.notes = [
                 f"At first {', '.join(others.fitted)} were held out: they show a mismatch that the other recordings do "
                 "not, so they were fitted instead."
             ]
             return self.diagnosis(printhead, others.held_out)
-        self.context.progress("testing the residuals")
-        discrepancy = discrepancy_regression(chosen)
-        self.stopwatch.took("discrepancy regression")
         found = Findings(
             joint, chosen, selection, random_effects, self.indistinguishable, discrepancy, self.effects, untestable,
             doubt, signatures_there, dynamics_known,

@@ -137,6 +137,20 @@ def unexplained_share(base: Hypothesis, chosen: Hypothesis, discrepancy: Discrep
     return max(share, _unevenly(base, chosen)) if chosen.ids else share
 
 
+def only_held_out_differ(joint: OutputErrorFit, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> bool:
+    """Whether a hypothesis may explain the fitted recordings alone, and leaves a mismatch in those held out.
+
+    Effects that change between recordings may leave one, since nothing fitted says what they are there.
+    """
+    base, settings = base_hypothesis(joint), joint.settings.verdict
+    if not chosen.ids:
+        return True
+    if any(effect.depends_on_order for effect in chosen.fit.active.effects):
+        return False
+    explained = unexplained_share(base, chosen, discrepancy) <= settings.left_over
+    return explained and held_out_left_over(base, chosen) > settings.left_over
+
+
 def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
     """Sums of squares beyond noise, of the residuals and of the mismatch, where the noise is known."""
     joint, settings = base.joint, base.joint.settings.verdict

@@ -128,7 +128,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     refuted = poor and not explained
     vague = max(map(len, groups), default=0) > settings.verdict.most_alike
     # the base model was checked on fitted recordings alone: does it hold where it predicted badly?
-    unseen = () if anything or math.isnan(closure) else held_out_misfits(joint)
+    unseen = () if anything or math.isnan(closure) else held_out_misfits(joint, chosen)
     unexplained = share if not refuted else max(share, min(1 - closure, 1.0))  # or what it leaves where it is tested
     tested = held_out_left_over(base_hypothesis(bare), chosen)
     if explained and ordered:  # it need not foretell them

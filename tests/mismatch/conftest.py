@@ -29,7 +29,7 @@ SAMPLES = 400
 SLOW_SAMPLES_EVERY = 4
 
 
-def _lines(fast=FAST, slow=("loop-1",), twice=TWICE):
+def campaign_lines(fast=FAST, slow=("loop-1",), twice=TWICE):
     """Lines of the battery, cut short: the fast ones are fired again before they have decayed."""
     chosen = []
     for line in default_battery(HEAD.frequency_Hz):
@@ -48,21 +48,22 @@ BESIDE = {"feedthrough": 4.0, "mains_hum": 4.0}
 def _values(name, strength=1.0, alone=True):
     """What is planted of an effect."""
     size = strength if alone else strength * BESIDE.get(name, 1.0)
-    return synthetic_values(EFFECTS[name], size, HEAD, largest_signal_V(HEAD, _lines()))
+    return synthetic_values(EFFECTS[name], size, HEAD, largest_signal_V(HEAD, campaign_lines()))
 
 
 @functools.cache
 def _recorded(*names, strength=1.0, seed=3, snr_dB=50.0, monitored=False, noise_kind="white", **lines):
     """A campaign with these effects on."""
     effects = [(EFFECTS[name], _values(name, strength, len(names) == 1)) for name in names]
-    return record_synthetic(HEAD, effects, seed, snr_dB, monitored, _lines(**lines), noise_kind)
+    return record_synthetic(HEAD, effects, seed, snr_dB, monitored, campaign_lines(**lines), noise_kind)
 
 
 @functools.cache
 def _recorded_as(name, **given):
     """A campaign with one effect on, of these values; what is not given of it is off or plain."""
     slow = ("loop-0.5", "loop-1", "loop-5", "staircase") if name == "creep" else ("loop-1",)
-    return record_synthetic(HEAD, [(EFFECTS[name], complete(EFFECTS[name], **given))], 3, lines=_lines(slow=slow))
+    planted = [(EFFECTS[name], complete(EFFECTS[name], **given))]
+    return record_synthetic(HEAD, planted, 3, lines=campaign_lines(slow=slow))
 
 
 def _true_head(campaign):

@@ -9,36 +9,38 @@ import numpy as np
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis, settled
 from inkjet_env.mismatch.selection.score_test import signatures
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 
-def held_out_misfits(joint: OutputErrorFit) -> tuple[str, ...]:
-    """Held-out recordings that the base model does not explain to their noise, even when it is fitted to them too.
+def held_out_misfits(joint: OutputErrorFit, chosen: Hypothesis) -> tuple[str, ...]:
+    """Held-out recordings that a hypothesis does not explain to their noise, even when it is fitted to them too.
 
-    An effect that no fitted recording shows is never looked for. If the base model predicted a held-out recording badly
+    An effect that no fitted recording shows is never looked for. If the hypothesis predicted a held-out recording badly
     only because the fitted recordings barely determine its parameters there, it explains it once it is fitted.
 
     Parameters
     ----------
     joint : OutputErrorFit
-        Fit whose base model explains the fitted recordings.
+        Recordings with their held-out samples, noise and base model.
+    chosen : Hypothesis
+        The hypothesis, which explains the fitted recordings.
 
     Returns
     -------
     tuple of str
         Names of the recordings, largest excess first.
     """
-    whole, found, settings = _of_everything(joint), {}, joint.settings.verdict
+    refitted, found, settings = _fitted_to_everything(joint, chosen), {}, joint.settings.verdict
     of_the_head = [o for o in joint.observed if o.channel != "drive_monitor"]
     for key in sorted({o.noise_key for o in of_the_head}):
         mine = [o for o in of_the_head if o.noise_key == key]
-        seen = np.concatenate([joint.base.residuals[o.name][o.rows(held_out=False)] for o in mine])
+        seen = np.concatenate([chosen.fit.residuals[o.name][o.rows(held_out=False)] for o in mine])
         usual = float(seen @ seen) / seen.size if seen.size else 1.0
         for o in mine:
-            residuals = whole.base.residuals[o.name][o.rows(held_out=True)]
+            residuals = refitted.fit.residuals[o.name][o.rows(held_out=True)]
             if not residuals.size:
                 continue
             excess = float(residuals @ residuals) / residuals.size / usual - 1
@@ -56,13 +58,15 @@ class Division:
     fitted: tuple[str, ...]
 
 
-def held_out_otherwise(joint: OutputErrorFit) -> Division | None:
+def held_out_otherwise(joint: OutputErrorFit, chosen: Hypothesis) -> Division | None:
     """The recordings held out such that the fitted ones show a mismatch of which so far only held-out ones know.
+
+    It is what the chosen hypothesis leaves there, while it explains the fitted recordings.
 
     Every second of the conditions that show it is fitted, the one that shows most first; the others check what is found
     there. None if at most one condition shows it.
     """
-    found = held_out_misfits(joint)
+    found = held_out_misfits(joint, chosen)
     condition = {o.name: o.condition for o in joint.observed}
     showing = list(dict.fromkeys(condition[name] for name in found))
     if len(showing) < 2:
@@ -77,6 +81,17 @@ def _of_everything(joint: OutputErrorFit) -> OutputErrorFit:
     """The same recordings and noise, with the held-out samples fitted too."""
     everything = [replace(o, fitted=o.excitation.samples) for o in joint.observed]
     return joint.anew(observed=everything, head=joint.base.head)
+
+
+def _fitted_to_everything(joint: OutputErrorFit, chosen: Hypothesis) -> Hypothesis:
+    """A hypothesis fitted to the held-out samples too; as it was where that fails."""
+    whole = _of_everything(joint)
+    if not chosen.ids:
+        return base_hypothesis(whole)
+    try:
+        return settled(whole, whole.near(chosen.fit).fit(chosen.fit.active))
+    except NUMERICAL:
+        return chosen
 
 
 def explains_held_out_after_refit(joint: OutputErrorFit, chosen: Hypothesis, context: FitContext) -> bool:

@@ -19,14 +19,14 @@ LOOKED_FOR = ("quadratic_damping", "feedthrough", "sensor_bandwidth")
 @pytest.fixture(scope="module")
 def both(effects, values, head):
     """A quiet campaign with much quadratic damping and a little feedthrough."""
-    from tests.mismatch.conftest import _lines
+    from tests.mismatch.conftest import campaign_lines
 
     little = {name: 0.2 * value for name, value in values("feedthrough").items() if name == "capacitive_s"}
     planted = [
         (effects["quadratic_damping"], values("quadratic_damping")),
         (effects["feedthrough"], complete(effects["feedthrough"], **little)),
     ]
-    return record_synthetic(head, planted, 3, 70.0, lines=_lines())
+    return record_synthetic(head, planted, 3, 70.0, lines=campaign_lines())
 
 
 def test_a_minor_effect_completes_the_model_and_is_told(both, head, effects):
