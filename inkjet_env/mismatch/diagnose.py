@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 from inkjet_env.identification.identify import doubtful_states
 from inkjet_env.identification.outcome import NO_DYNAMICS
 from inkjet_env.mismatch.diagnosis import Diagnosis
-from inkjet_env.mismatch.evidence import only_held_out_differ
 from inkjet_env.mismatch.fitting.base_model import base_model
 from inkjet_env.mismatch.fitting.base_parameters import in_convention
 from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
@@ -23,10 +22,11 @@ from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, observ
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
+from inkjet_env.mismatch.held_out import only_held_out_differ
 from inkjet_env.mismatch.selection.amplitude_likelihood import without_amplitudes
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
 from inkjet_env.mismatch.selection.held_out_refit import held_out_otherwise
-from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, completed, settled
 from inkjet_env.mismatch.selection.random_effect_values import RandomEffect
 from inkjet_env.mismatch.selection.random_effects import detect_random_effects
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
@@ -184,6 +184,7 @@ class _Work:
             joint, chosen = self.polished(joint, needed, random_effects)
         if chosen.ids and not supported(base_hypothesis(joint), chosen):
             chosen = base_hypothesis(joint)
+        joint, chosen = self.polished(joint, completed(joint, chosen), random_effects)
         self.stopwatch.took("selection")
         self.context.progress("testing the residuals")
         discrepancy = discrepancy_regression(chosen)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -16,8 +15,8 @@ from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.selection.clustered_errors import robust_errors
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
+from inkjet_env.mismatch.selection.rugged_intervals import rugged_reaches
 from inkjet_env.mismatch.selection.stepwise import Selection, cosine
-from inkjet_env.mismatch.settings import VerdictSettings
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import Parameter
 from inkjet_env.plant.errors import NUMERICAL
@@ -69,58 +68,6 @@ def modelled_recordings(
     )
 
 
-def closure_of(recordings: Sequence[ModelledRecording], settings: VerdictSettings) -> float:
-    """Closure over the held-out recordings of all channels, each in units of its noise.
-
-    It is the share of the base model's mean square beyond noise that the augmented model removes; NaN if there is
-    nothing significant to remove.
-    """
-    before = after = samples = 0.0
-    for r in recordings:
-        rows = r.measured.size - r.fitted
-        if rows and r.noise_rms > 0:
-            before += rows * (r.rms("base", held_out=True) / r.noise_rms) ** 2
-            after += rows * (r.rms("augmented", held_out=True) / r.noise_rms) ** 2
-            samples += rows
-    least = settings.least_excess * samples + settings.excess_standard_deviations * math.sqrt(2 * samples)
-    if not samples or before - samples < least:
-        return math.nan
-    return (before - after) / (before - samples)
-
-
-def held_out_left_over(base: Hypothesis, chosen: Hypothesis) -> float:
-    """Share of the mismatch in held-out recordings that the chosen hypothesis surely leaves; NaN if they show none.
-
-    Both are sums of squares of whitened residuals beyond those of fitted recordings of the same noise, so that the
-    doubt about the noise's level cancels. What chance may leave is taken off.
-
-    Parameters
-    ----------
-    base, chosen : Hypothesis
-        Base model without random effects, and the chosen hypothesis.
-    """
-    joint, standard_deviations = chosen.joint, chosen.joint.settings.verdict.held_out_standard_deviations
-    left = mismatch = doubt = 0.0
-    of_the_head = [o for o in joint.observed if o.channel != "drive_monitor"]
-    for key in sorted({o.noise_key for o in of_the_head}):
-        mine = [o for o in of_the_head if o.noise_key == key]
-        seen, after, before = (
-            np.concatenate([h.fit.residuals[o.name][o.rows(held_out=held_out)] for o in mine])
-            for h, held_out in ((chosen, False), (chosen, True), (base, True))
-        )
-        if not seen.size or not after.size:
-            continue
-        usual = float(seen @ seen) / seen.size
-        left += float(after @ after) / usual - after.size
-        mismatch += float(before @ before) / usual - after.size
-        tail = max(joint.noise.tail(o) for o in mine)
-        doubt += tail * 2 * after.size * (1 + after.size / seen.size)
-    sure = standard_deviations * math.sqrt(doubt)
-    if mismatch <= sure:
-        return math.nan
-    return min(max(left - sure, 0.0) / mismatch, 1.0)
-
-
 def unexplained_share(base: Hypothesis, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> float:
     """Share of the base model's mismatch that remains beyond noise; 0 if none remains significantly.
 
@@ -135,20 +82,6 @@ def unexplained_share(base: Hypothesis, chosen: Hypothesis, discrepancy: Discrep
     residuals, mismatch = known[0] + unknown[0], known[1] + unknown[1]
     share = residuals / max(mismatch, residuals) if residuals > 0 else 0.0
     return max(share, _unevenly(base, chosen)) if chosen.ids else share
-
-
-def only_held_out_differ(joint: OutputErrorFit, chosen: Hypothesis, discrepancy: DiscrepancyRegression) -> bool:
-    """Whether a hypothesis may explain the fitted recordings alone, and leaves a mismatch in those held out.
-
-    Effects that change between recordings may leave one, since nothing fitted says what they are there.
-    """
-    base, settings = base_hypothesis(joint), joint.settings.verdict
-    if not chosen.ids:
-        return True
-    if any(effect.depends_on_order for effect in chosen.fit.active.effects):
-        return False
-    explained = unexplained_share(base, chosen, discrepancy) <= settings.left_over
-    return explained and held_out_left_over(base, chosen) > settings.left_over
 
 
 def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
@@ -346,7 +279,7 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
     selection : Selection
         How it was selected, with the p-values of its effects.
     """
-    errors = _errors(chosen)
+    reaches = rugged_reaches(chosen, QUANTILE_90 * _errors(chosen), QUANTILE_90)
     idle = chosen.fit.idle
     active = chosen.fit.active
     lower, upper = joint.limits(active.effects)
@@ -361,8 +294,7 @@ def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selectio
         for k, p in enumerate(effect.parameters, start=mine.start):
             if idle[k] and lower[k] < upper[k]:
                 continue
-            reach = QUANTILE_90 * errors[k]
-            ends = [p.value(float(np.clip(active.theta[k] + s * reach, lower[k], upper[k]))) for s in (-1, 1)]
+            ends = [p.value(float(np.clip(active.theta[k] + s * reaches[k], lower[k], upper[k]))) for s in (-1, 1)]
             if not chosen.fit.converged:
                 ends = [-math.inf, math.inf]
             if beyond := _beyond(

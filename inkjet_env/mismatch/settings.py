@@ -291,6 +291,9 @@ class SelectionSettings(_Settings):
     delays: tuple[float, ...] = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0)
     """Delays of the copies of the motion among the regression's features. Unit: periods of the resonance. Source:
     tables."""
+    most_rugged_reach: float = 16.0
+    """Largest factor by which the interval of a value is widened if the likelihood is rugged there. Unit: 1. Source:
+    cost."""
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,7 @@ from inkjet_env.mismatch.design.next_experiment import next_experiment
 from inkjet_env.mismatch.diagnosis import Diagnosis, NamedEffect
 from inkjet_env.mismatch.evidence import (
     closest,
-    closure_of,
     compared,
-    held_out_left_over,
     modelled_recordings,
     named_effects,
     overlap,
@@ -23,6 +21,7 @@ from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.fit_result import FitResult
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.headline import headline
+from inkjet_env.mismatch.held_out import closure_of, confirmed, held_out_left_over
 from inkjet_env.mismatch.localization.locate import locate
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.probabilities import NONE_OF_THESE, Explanation, calibration
@@ -123,14 +122,16 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     groups, anything = found.groups, bool(chosen.ids or found.random_effects)
     # No name without improvement on recordings that no fit saw; only what changes between them need not foretell them.
     ordered = any(effect.depends_on_order for effect in chosen.fit.active.effects)
+    tested = held_out_left_over(base_hypothesis(bare), chosen)
     poor = bool(chosen.ids) and closure < settings.verdict.least_closure
+    if poor and math.isnan(tested):  # it is the noise's level that the closure shows
+        poor = not confirmed(base_hypothesis(bare), chosen)
     explained = poor and (closure > 0 or ordered) and explains_held_out_after_refit(joint, chosen, context)
     refuted = poor and not explained
     vague = max(map(len, groups), default=0) > settings.verdict.most_alike
     # the base model was checked on fitted recordings alone: does it hold where it predicted badly?
     unseen = () if anything or math.isnan(closure) else held_out_misfits(joint, chosen)
     unexplained = share if not refuted else max(share, min(1 - closure, 1.0))  # or what it leaves where it is tested
-    tested = held_out_left_over(base_hypothesis(bare), chosen)
     if explained and ordered:  # it need not foretell them
         tested = math.nan
     stages = tuple(effect.stage for effect in chosen.fit.active.effects)

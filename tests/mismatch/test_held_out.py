@@ -11,8 +11,9 @@ from inkjet_env.mismatch import diagnose
 from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
+from inkjet_env.mismatch.held_out import confirmed
 from inkjet_env.mismatch.selection.held_out_refit import _at_its_own_resonance, explains_held_out_after_refit
-from inkjet_env.mismatch.selection.hypotheses import Hypothesis
+from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis, settled
 from inkjet_env.plant import Plant
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete
@@ -50,7 +51,10 @@ def held_out_from(other, campaign):
 def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_nothing_else(recorded_as, head, effects):
     same, turned = (recorded_as("feedthrough", capacitive_s=sign * 5e-9) for sign in (1, -1))
     looked_for = [effects["feedthrough"], effects["cubic_stiffness"]]
-    named, vetoed = (diagnose(held_out_from(c, same), head, looked_for, workers=1) for c in (same, turned))
+    names = [o.name for o in observe(same) if not o.fitted]
+    named, vetoed = (
+        diagnose(held_out_from(c, same), head, looked_for, held_out=names, workers=1) for c in (same, turned)
+    )
     assert (named.verdict, ids(named)) == ("named", ["feedthrough"])
     assert named.closure > 0.7
     assert (vetoed.verdict, vetoed.effects, vetoed.candidates) == ("unknown", (), ())
@@ -66,6 +70,27 @@ def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_not
     plant = Plant(vetoed.printhead, vetoed.gains, vetoed.offsets)
     for o, recording in zip(observe(held_out_from(turned, same)), vetoed.recordings, strict=True):
         np.testing.assert_allclose(plant.signal(o.excitation), recording.modelled["base"], atol=1e-3)
+
+
+def test_a_weak_effect_is_confirmed_by_how_held_out_recordings_move_not_by_how_loud_they_are(
+    recorded_as, fitted, effects
+):
+    joint, effect = fitted(recorded_as("feedthrough", capacitive_s=1e-9)), effects["feedthrough"]
+
+    def with_feedthrough(capacitive_s, **options):
+        return joint.fit(ActiveEffects.of([(effect, complete(effect, capacitive_s=capacitive_s))]), **options)
+
+    base, right = base_hypothesis(joint), settled(joint, with_feedthrough(1e-9))
+    rng = np.random.default_rng(1)
+    noise = {o.name: 0.3 * rng.standard_normal(o.excitation.samples) for o in joint.observed}
+
+    def louder(h):
+        return Hypothesis(replace(h.fit, residuals={n: r + noise[n] for n, r in h.fit.residuals.items()}), joint)
+
+    assert confirmed(base, right)
+    assert confirmed(louder(base), louder(right))
+    assert not confirmed(base, Hypothesis(with_feedthrough(-1e-9, most_steps=0), joint))
+    assert not confirmed(base, base)  # nothing is foretold
 
 
 def test_what_came_where_all_was_held_out_keeps_its_name_and_says_that_it_was_predicted_worse(

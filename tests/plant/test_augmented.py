@@ -180,7 +180,7 @@ def test_a_file_from_before_a_law_had_a_freedom_is_read_with_its_plain_value(tmp
         (lambda d: d["effects"][0].update(id=["x"]), "the id of an effect must be one of"),
         (lambda d: d["effects"][0]["parameters"].pop("lossy"), "feedthrough, parameter lossy: is missing"),
         (lambda d: d["effects"][0].pop("parameters"), "parameter capacitive_s: is missing"),
-        (lambda d: d["effects"][1]["parameters"]["hardness"].update(value=0.5), r"must be 1 to 100 1; got 0\.5"),
+        (lambda d: d["effects"][1]["parameters"]["hardness"].update(value=0.5), r"must be 1 to 10000 1; got 0\.5"),
         (lambda d: d["effects"][1]["parameters"]["hardness"].update(value=None), "must be a number; got None"),
         (lambda d: d["effects"][1]["parameters"]["limit"].update(value=True), "must be a number; got True"),
         (lambda d: d.update(effects=d["effects"] * 2), "may occur only once"),

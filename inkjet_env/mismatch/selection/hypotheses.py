@@ -19,6 +19,7 @@ from inkjet_env.mismatch.selection.score_test import ScoreTest, superposed
 from inkjet_env.plant import Effect
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import rest
+from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
 
@@ -333,6 +334,20 @@ def shaped(joint: OutputErrorFit, fit: FitResult, beside: Hypothesis) -> Hypothe
         return plain
     whole = simplest(joint, begun, whole=True)
     return whole if whole.score > plain.score else plain
+
+
+def completed(joint: OutputErrorFit, chosen: Hypothesis) -> Hypothesis:
+    """A single effect with those terms of its law, off so far, that are worth their parameters.
+
+    A simple law may explain all with values that are not those of the law with its other terms on.
+    """
+    if len(chosen.ids) != 1 or not chosen.fit.active.terms(chosen.fit.active.last)[1]:
+        return chosen
+    try:
+        whole = shaped(joint, chosen.fit, base_hypothesis(joint))
+    except NUMERICAL:
+        return chosen
+    return whole if whole.score > chosen.score and not whole.degenerate else chosen
 
 
 def simplest(joint: OutputErrorFit, fit: FitResult, whole: bool = False) -> Hypothesis:

@@ -39,7 +39,7 @@ class SensorSaturation(Effect):
     )
     parameters = (
         Parameter("limit", SENSOR_UNIT, 1e-9, math.inf, "reciprocal", "rail that the signal never exceeds"),
-        Parameter("hardness", "1", 1.0, 100.0, "log", "1: gradual compression; 20 and more: clipping", open_ended=True),
+        Parameter("hardness", "1", 1.0, 1e4, "log", "1: gradual compression; 20 and more: clipping", open_ended=True),
         Parameter("skew", "1", -1.0, 1.0, meaning="1: only above 0; -1: only below 0", open_ended=True, plain=0.0),
     )
     strengths = ("limit",)

@@ -8,7 +8,7 @@ import pytest
 from inkjet_env.mismatch.evidence import named_effects
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
-from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, settled, shaped, simplest
+from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, completed, settled, shaped, simplest
 from inkjet_env.mismatch.selection.rugged_strengths import scanned, widely_scanned
 from inkjet_env.mismatch.selection.score_test import signatures
 from inkjet_env.mismatch.selection.stepwise import Selection
@@ -104,6 +104,25 @@ def test_the_whole_law_comes_on_where_several_parts_of_it_were_recorded(name, at
     assert plain.excess - whole.excess > SURE**2 * (whole.free - plain.free)
     assert abs(whole.excess) < SURE * noise_of_excess(whole)
     assert np.abs(errors_off(whole, SEVERAL[name])).max() < STANDARD_ERRORS
+
+
+def test_a_single_effect_gets_what_its_law_lacks_even_where_the_simple_law_leaves_little(at):
+    recorded = {"droop": 0.02, "recovery_s": 5e-5, "discharge_share": 1.0}
+    joint, begun = at("supply_droop", recorded, {"droop": 0.04, "recovery_s": 5e-5})
+    plain = simplest(joint, begun)
+    whole = completed(joint, plain)
+    assert whole.score > plain.score
+    assert "discharge_share" in {n for term in on(whole) for n in term}
+    droop = [h.fit.active.pairs[0][1]["droop"] / recorded["droop"] for h in (plain, whole)]
+    assert abs(droop[0] - 1) > 0.2
+    assert abs(droop[1] - 1) < 0.1
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_what_no_part_is_worth_stays_as_it_is(name, at):
+    joint, begun = at(name, PLAIN[name], PLAIN[name])
+    plain = simplest(joint, begun)
+    assert completed(joint, plain).fit.active.pairs == plain.fit.active.pairs
 
 
 @pytest.mark.parametrize("name", PLAIN)
