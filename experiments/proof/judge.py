@@ -23,7 +23,6 @@ COMPARED = {
     ("second_mode", "strength"): ("share", ("parallel",)),
     ("wave_echo", "delay_s"): ("delay_s", ("single_return",)),
     ("wave_echo", "strength"): ("share", ("single_return",)),
-    ("meniscus_refill", "recovery_s"): ("recovery_s", ("relaxing",)),
     ("air_bubble", "bubble_frequency_Hz"): ("frequency_Hz", ("compliant",)),
     ("air_bubble", "bubble_damping_ratio"): ("damping_ratio", ("compliant",)),
     ("feedthrough", "capacitive_s"): ("feedthrough_s", ("capacitive",)),
@@ -31,18 +30,21 @@ COMPARED = {
     ("mains_hum", "frequency_Hz"): ("frequency_Hz", ()),
     ("drive_resonance", "frequency_Hz"): ("frequency_Hz", ("series",)),
     ("drive_resonance", "damping_ratio"): ("damping_ratio", ("series",)),
-    ("supply_droop", "droop"): ("droop_per_100_V", ("common", "split")),
-    ("supply_droop", "recovery_s"): ("recovery_s", ("common", "split")),
+    ("supply_droop", "droop"): ("droop_per_100_V", ("common",)),
+    ("supply_droop", "recovery_s"): ("recovery_s", ("common",)),
     ("generator_steps", "update_s"): ("update_s", ("hold",)),
     ("generator_steps", "resolution_V"): ("step_V", ("bits",)),
-    ("structural_damping", "loss_factor"): ("loss_factor", ("constant_loss",)),
     ("self_heating", "cooling_s"): ("time_s", ("burst",)),
     ("sensor_highpass", "corner_Hz"): ("frequency_Hz", ("first_order",)),
     ("timebase_error", "skew"): ("rate_error", ("constant",)),
 }
 """Parameters with the same meaning in diagnosis and concealed plant: the plant's name for each, and the variants in
-which both use the same equation (all if none is listed). Parameters that depend on hysteretic volts, a convention that
-the two models need not share, and parameters of differing equations (such as the limit of a tanh) are left out."""
+which both use the same equation (all if none is listed): the diagnosis's law, fitted to the plant's signal without noise,
+gives the plant's value. Parameters that depend on hysteretic volts, a convention that the two models need not share,
+and parameters of differing equations (such as the limit of a tanh, or a loss factor of the static stiffness) are left
+out."""
+MEANING_CHANGES_WITH = {"air_bubble": "mass_ratio", "sensor_saturation": "skew"}
+"""By effect: the parameter with which its others mean something else, so that none is compared if a verdict has it."""
 COVERED = 0.5
 """Fraction of the true segments that the reported location must cover."""
 
@@ -136,6 +138,8 @@ def parameters(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dic
     concealed = {entry["id"]: entry for entry in truth["effects"]}
     for effect in verdict["effects"]:
         true = concealed.get(effect["id"])
+        if MEANING_CHANGES_WITH.get(effect["id"]) in effect["parameters"]:
+            continue
         for name, estimate in effect["parameters"].items():
             there, variants = COMPARED.get((effect["id"], name), ("", ()))
             if not there or true is None or (variants and true["variant"] not in variants):

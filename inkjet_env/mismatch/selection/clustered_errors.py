@@ -5,8 +5,8 @@ McCaffrey 2002, i.e. the jackknife over conditions): Eq. (4) of docs/explanation
 
     Cov(θ̂) = Σ_c w_c r̃_c r̃_cᵀ w_cᵀ,    r̃_c = (I − H_cc)⁻¹ r_c,                                                  (4)
 
-with ``w = (JᵀJ)⁻¹Jᵀ`` and ``H`` the hat matrix. The classical error assumes that residuals are noise; it is reported
-unless conditions scatter by significantly more.
+with ``w = (JᵀJ)⁻¹Jᵀ`` and ``H`` the hat matrix. The classical error assumes that residuals are noise; the larger of the
+two is reported, since a misfit of a few per cent of the noise, which no test sees, moves a parameter by its error.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from inkjet_env.typing import Real
 def robust_errors(
     classical: Real, weights: Real, basis: Real, left_out: LeaveOutResiduals, settings: SelectionSettings
 ) -> Real:
-    """The classical standard errors, or those of Eq. (4) where conditions scatter by significantly more, shape (k,).
+    """The larger of the classical standard errors and those of Eq. (4), shape (k,).
 
-    Multiplied by the normal quantile, either gives the interval: those of Eq. (4) are widened by the ratio of Student's
-    quantile to it for the effective number of conditions.
+    Multiplied by the normal quantile, they give the intervals: where conditions scatter by significantly more than
+    noise, errors are widened by the ratio of Student's quantile to it for the effective number of conditions.
 
     Parameters
     ----------
@@ -45,9 +45,8 @@ def robust_errors(
     errors, conditions = clustered_errors(weights, basis, left_out)
     freedom = np.maximum(conditions - 1, 1.0)
     more = (errors / np.maximum(classical, 1e-300)) ** 2 > chi2.ppf(settings.conditions_significance, freedom) / freedom
-    return np.where(
-        more & (conditions >= settings.least_conditions), student.ppf(0.95, freedom) / QUANTILE_90 * errors, classical
-    )
+    widened = np.where(more, student.ppf(0.95, freedom) / QUANTILE_90, 1.0) * errors
+    return np.where(conditions >= settings.least_conditions, np.maximum(widened, classical), classical)
 
 
 def clustered_errors(weights: Real, basis: Real, left_out: LeaveOutResiduals) -> tuple[Real, Real]:
