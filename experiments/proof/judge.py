@@ -39,10 +39,10 @@ COMPARED = {
     ("timebase_error", "skew"): ("rate_error", ("constant",)),
 }
 """Parameters with the same meaning in diagnosis and concealed plant: the plant's name for each, and the variants in
-which both use the same equation (all if none is listed): the diagnosis's law, fitted to the plant's signal without noise,
-gives the plant's value. Parameters that depend on hysteretic volts, a convention that the two models need not share,
-and parameters of differing equations (such as the limit of a tanh, or a loss factor of the static stiffness) are left
-out."""
+which both use the same equation (all if none is listed): fitted to the plant's signal without noise, the diagnosis's
+law gives the plant's value. Parameters that depend on hysteretic volts, a convention that the two models need not
+share, and parameters of differing equations (such as the limit of a tanh, or a loss factor of the static stiffness) are
+left out."""
 MEANING_CHANGES_WITH = {"air_bubble": "mass_ratio", "sensor_saturation": "skew"}
 """By effect: the parameter with which its others mean something else, so that none is compared if a verdict has it."""
 COVERED = 0.5

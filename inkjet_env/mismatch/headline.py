@@ -68,7 +68,8 @@ def headline(
         )
     if verdict == "unknown":
         refuted = [n.effect.id for n in named] or list(closest[0] if closest else ())
-        return _unknown(left_over, refuted, closest, location, max(map(len, groups), default=0), settings)
+        foretold = not closure < settings.least_closure  # or nothing was held out
+        return _unknown(left_over, refuted, foretold, closest, location, max(map(len, groups), default=0), settings)
     remains = [f"They leave {percent(left_over)} of the mismatch beyond noise."] if left_over > 0 else []
     little = [f"Minor, but beyond doubt: {_joined([n.effect.id for n in minor], 'and')}."] if minor else []
     if verdict == "set":
@@ -117,7 +118,8 @@ def _also(others: Sequence[str]) -> str:
 
 def _unknown(
     left_over: float,
-    refuted: Sequence[str],
+    fitted: Sequence[str],
+    foretold: bool,
     closest: tuple[tuple[str, ...], float] | None,
     location: Location,
     alike: int,
@@ -126,9 +128,15 @@ def _unknown(
     said = f"{percent(left_over)} of the mismatch is not explained by any effect of the catalogue"
     if left_over <= settings.left_over and alike > settings.most_alike:
         said = f"A small mismatch is present, and each of {alike} effects explains it equally well"
-    elif left_over <= settings.left_over and refuted:
-        fitted_well = _joined(refuted, "with").capitalize()
+    elif left_over <= settings.left_over and fitted:
+        fitted_well = _joined(fitted, "with").capitalize()
         said = f"{fitted_well} explains the fitted recordings but predicts the held-out ones poorly"
+        if foretold:
+            several = len(fitted) > 1
+            said = (
+                f"{fitted_well} {'together explain' if several else 'explains'} these recordings, but physics that the "
+                f"catalogue lacks is more probable{': several laws may imitate it' if several else ''}"
+            )
     elif closest is not None and closest[1] <= 1 - left_over + settings.left_over:
         ids, part = closest
         said += f"; {_joined(ids, 'with')} comes closest and explains {percent(part)}"

@@ -68,6 +68,15 @@ def test_the_name_that_is_refused_is_the_one_that_was_chosen(effects):
     assert said == "Slew limit explains the fitted recordings but predicts the held-out ones poorly."
 
 
+def test_what_explains_all_but_is_less_probable_than_none_of_these_is_not_said_to_predict_badly():
+    rest = "these recordings, but physics that the catalogue lacks is more probable"
+    for ids, closure, expected in (
+        (("creep",), math.nan, f"Creep explains {rest}."),
+        (("creep", "wave_echo"), 0.99, f"Creep with wave echo together explain {rest}: several laws may imitate it."),
+    ):
+        assert headline("unknown", [], [], closure, 0.0, (ids, 1.0), Location(), SETTINGS.verdict) == expected
+
+
 def test_too_many_that_explain_it_alike_are_not_listed():
     alike = tuple("abcdefg")
     said = headline("unknown", [], [alike], math.nan, 0.0, (("creep",), 1.0), Location(), SETTINGS.verdict)
