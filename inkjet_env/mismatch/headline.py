@@ -67,9 +67,9 @@ def headline(
             "Hold out other recordings and diagnose again."
         )
     if verdict == "unknown":
-        refuted = [n.effect.id for n in named] or list(closest[0] if closest else ())
+        fitted = [n.effect.id for n in named]
         foretold = not closure < settings.least_closure  # or nothing was held out
-        return _unknown(left_over, refuted, foretold, closest, location, max(map(len, groups), default=0), settings)
+        return _unknown(left_over, fitted, foretold, closest, location, max(map(len, groups), default=0), settings)
     remains = [f"They leave {percent(left_over)} of the mismatch beyond noise."] if left_over > 0 else []
     little = [f"Minor, but beyond doubt: {_joined([n.effect.id for n in minor], 'and')}."] if minor else []
     if verdict == "set":
@@ -137,6 +137,8 @@ def _unknown(
                 f"{fitted_well} {'together explain' if several else 'explains'} these recordings, but physics that the "
                 f"catalogue lacks is more probable{': several laws may imitate it' if several else ''}"
             )
+    elif left_over <= settings.left_over:
+        said = "The residuals have structure that noise has not, but no effect of the catalogue explains it"
     elif closest is not None and closest[1] <= 1 - left_over + settings.left_over:
         ids, part = closest
         said += f"; {_joined(ids, 'with')} comes closest and explains {percent(part)}"

@@ -137,7 +137,8 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     stages = tuple(effect.stage for effect in chosen.fit.active.effects)
     explanation = Explanation(unexplained, tested, stages, overlap(found.selection))
     sure = calibration().explained(explanation) >= settings.verdict.least_probability
-    missed = share > settings.verdict.left_over and not anything
+    certain = share > settings.verdict.left_over or found.selection.base_p_value < settings.verdict.certain_p_value
+    missed = certain and not anything
     if (anything and not sure) or missed or vague or unseen or found.doubt:
         verdict = "unknown"
     elif not anything:

@@ -57,31 +57,35 @@ def test_an_unknown_cause_tells_how_much_where_and_what_came_closest():
         "and explains 10 %. The mismatch is largest in r003, at 37 to 52 kHz and 58 to 66 kHz."
     )
     assert headline("unknown", [], [], 0.2, 0.9, None, Location(), SETTINGS.verdict).count(".") == 1
-    said = headline("unknown", [], [], -0.1, 0.0, (("creep",), 1.0), Location(), SETTINGS.verdict)
-    assert said == "Creep explains the fitted recordings but predicts the held-out ones poorly."
-    assert headline("unknown", [], [], -0.1, 0.03, (("creep",), 0.97), Location(), SETTINGS.verdict) == said
+
+
+def test_a_mismatch_that_is_certain_but_small_is_told_without_a_share():
+    said = headline("unknown", [], [], 0.0, 0.0, (("creep",), 0.3), Location(), SETTINGS.verdict)
+    assert said == "The residuals have structure that noise has not, but no effect of the catalogue explains it."
 
 
 def test_the_name_that_is_refused_is_the_one_that_was_chosen(effects):
     chosen = [named(effects["slew_limit"], 400.0, "Edges are cut.")]
     said = headline("unknown", chosen, [], 0.3, 0.0, (("creep", "wave_echo"), 1.0), Location(), SETTINGS.verdict)
     assert said == "Slew limit explains the fitted recordings but predicts the held-out ones poorly."
+    assert headline("unknown", chosen, [], -0.1, 0.03, None, Location(), SETTINGS.verdict) == said
 
 
-def test_what_explains_all_but_is_less_probable_than_none_of_these_is_not_said_to_predict_badly():
+def test_what_explains_all_but_is_less_probable_than_none_of_these_is_not_said_to_predict_badly(effects):
     rest = "these recordings, but physics that the catalogue lacks is more probable"
     for ids, closure, expected in (
         (("creep",), math.nan, f"Creep explains {rest}."),
         (("creep", "wave_echo"), 0.99, f"Creep with wave echo together explain {rest}: several laws may imitate it."),
     ):
-        assert headline("unknown", [], [], closure, 0.0, (ids, 1.0), Location(), SETTINGS.verdict) == expected
+        chosen = [named(effects[name], 400.0, "It.") for name in ids]
+        assert headline("unknown", chosen, [], closure, 0.0, None, Location(), SETTINGS.verdict) == expected
 
 
-def test_too_many_that_explain_it_alike_are_not_listed():
-    alike = tuple("abcdefg")
-    said = headline("unknown", [], [alike], math.nan, 0.0, (("creep",), 1.0), Location(), SETTINGS.verdict)
+def test_too_many_that_explain_it_alike_are_not_listed(effects):
+    chosen, alike = [named(effects["creep"], 400.0, "It creeps.")], tuple("abcdefg")
+    said = headline("unknown", chosen, [alike], math.nan, 0.0, (("creep",), 1.0), Location(), SETTINGS.verdict)
     assert said == "A small mismatch is present, and each of 7 effects explains it equally well."
-    said = headline("unknown", [], [alike[:6]], -0.1, 0.0, (("creep",), 1.0), Location(), SETTINGS.verdict)
+    said = headline("unknown", chosen, [alike[:6]], -0.1, 0.0, (("creep",), 1.0), Location(), SETTINGS.verdict)
     assert said == "Creep explains the fitted recordings but predicts the held-out ones poorly."
 
 

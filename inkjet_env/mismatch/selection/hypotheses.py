@@ -300,16 +300,16 @@ def _begun(
     most = max((given.nll - fit.nll for fit in screened), default=0.0)
     following, ended = [], []
     for effect in effects:
-        least = settings.screened_gain * most
+        least, continued = settings.screened_gain * most, settings.screened_starts
         if best_score.get(effect.id, 0.0) >= settings.further_score * largest:
-            least = -math.inf  # the score promises more than screening may show
+            least, continued = -math.inf, settings.starts  # the score promises more than screening may show
         apart: list[FitResult] = []
         for fit in sorted((fit for fit in screened if fit.active.last.id == effect.id), key=lambda fit: fit.nll):
             alike = settings.same_start_gain
             if not any(fit.nll - other.nll <= alike * abs(given.nll - other.nll) for other in apart):
                 apart.append(fit)
         good = [fit for fit in apart if given.nll - fit.nll >= least]
-        following += [fit for fit in good[: settings.screened_starts] if not fit.converged]
+        following += [fit for fit in good[:continued] if not fit.converged]
         ended += [fit for fit in apart if fit not in following]
     more = [(fit.active, fit) for fit in following]
     steps = settings.first_steps - settings.screening_steps

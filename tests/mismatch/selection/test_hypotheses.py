@@ -1,6 +1,7 @@
 """Which terms of an effect's law a fit keeps: the rest is let in where it is needed, and sent away where it is not."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from inkjet_env.mismatch.evidence import named_effects
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
+from inkjet_env.mismatch.selection import hypotheses
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, completed, settled, shaped, simplest
 from inkjet_env.mismatch.selection.rugged_strengths import scanned, widely_scanned
 from inkjet_env.mismatch.selection.score_test import signatures
@@ -104,6 +106,31 @@ def test_the_whole_law_comes_on_where_several_parts_of_it_were_recorded(name, at
     assert plain.excess - whole.excess > SURE**2 * (whole.free - plain.free)
     assert abs(whole.excess) < SURE * noise_of_excess(whole)
     assert np.abs(errors_off(whole, SEVERAL[name])).max() < STANDARD_ERRORS
+
+
+def test_a_start_that_looks_bad_after_one_step_is_continued_where_its_score_promises_the_most(
+    recorded_as, fitted, effects, monkeypatch
+):
+    """A limiter's start that clips too much leaves a large misfit at first."""
+    joint, effect = fitted(recorded_as("sensor_saturation", limit=20.0, hardness=50.0)), effects["sensor_saturation"]
+    settings, really, context = joint.settings.selection, hypotheses.tried_from, FitContext(ProcessPool(1))
+    found = signatures(joint, [effect], context)
+    starts = [start for _, start in found.ranked(effect, base_hypothesis(joint).residuals, settings.same_start)]
+    screened, continued = [], []
+
+    def seen(joint, active, begin, steps=None, *options, **named):
+        fit = really(joint, active, begin, steps, *options, **named)
+        if steps == settings.screening_steps:
+            nll = fit.nll if active.pairs[0][1] != pytest.approx(starts[0]) else 1e9
+            screened.append(replace(fit, nll=nll, converged=False))
+            return screened[-1]
+        continued.append(begin.nll)
+        return fit
+
+    monkeypatch.setattr(hypotheses, "tried_from", seen)
+    attribute(joint, base_hypothesis(joint), [effect], found, context)
+    assert len(screened) == settings.starts > settings.screened_starts
+    assert 1e9 in continued
 
 
 def test_a_single_effect_gets_what_its_law_lacks_even_where_the_simple_law_leaves_little(at):
