@@ -15,13 +15,15 @@ from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.printhead import Printhead
 
 
-def test_intervals_of_the_base_model_are_as_wide_as_those_of_the_identification(recorded, fitted):
+def test_intervals_of_the_base_model_are_those_of_the_identification_unless_its_few_conditions_scatter_more(
+    recorded, fitted
+):
     """Another fit, another noise model, other sensitivities."""
     campaign = recorded(seed=5)
     found, identified = dynamics(base_hypothesis(fitted(campaign))), identify(campaign).dynamics
     for name, estimate in found.items():
         other = identified[name]
-        assert estimate.high - estimate.low == pytest.approx(other.high - other.low, rel=0.25)
+        assert 0.75 < (estimate.high - estimate.low) / (other.high - other.low) < 1.75
 
 
 def test_intervals_hold_the_truth_about_as_often_as_they_say(recorded, fitted, head):
