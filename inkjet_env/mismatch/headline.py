@@ -134,8 +134,8 @@ def _unknown(
         if foretold:
             several = len(fitted) > 1
             said = (
-                f"{fitted_well} {'together explain' if several else 'explains'} these recordings, but physics that the "
-                f"catalogue lacks is more probable{': several laws may imitate it' if several else ''}"
+                f"{fitted_well} {'together explain' if several else 'explains'} these recordings, but so may physics "
+                f"that the catalogue lacks{', which several laws often imitate' if several else ''}"
             )
     elif left_over <= settings.left_over:
         said = "The residuals have structure that noise has not, but no effect of the catalogue explains it"

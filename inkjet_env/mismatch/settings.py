@@ -371,9 +371,9 @@ class VerdictSettings(_Settings):
     Unit: 1. Source: decision 6."""
     held_out_standard_deviations: float = 2.0
     """Standard deviations of the noise taken off what is left in held-out recordings. Unit: 1. Source: 95 %."""
-    least_probability: float = 0.5
+    least_probability: float = 0.8
     """Probability, Eq. (3) of docs/explanation/diagnosis.md, that what was found is right, below which the verdict is
-    unknown. Unit: 1. Source: more likely right than wrong."""
+    unknown. Unit: 1. Source: a wrong name costs four times what an open question does."""
     least_weight: float = 1e-3
     """Relative weight below which an explanation has no probability of its own. Unit: 1. Source: reader."""
     most_alike: int = 6

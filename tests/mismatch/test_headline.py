@@ -71,11 +71,12 @@ def test_the_name_that_is_refused_is_the_one_that_was_chosen(effects):
     assert headline("unknown", chosen, [], -0.1, 0.03, None, Location(), SETTINGS.verdict) == said
 
 
-def test_what_explains_all_but_is_less_probable_than_none_of_these_is_not_said_to_predict_badly(effects):
-    rest = "these recordings, but physics that the catalogue lacks is more probable"
+def test_what_explains_all_but_is_not_probable_enough_is_not_said_to_predict_badly(effects):
+    rest = "these recordings, but so may physics that the catalogue lacks"
+    both = f"Creep with wave echo together explain {rest}, which several laws often imitate."
     for ids, closure, expected in (
         (("creep",), math.nan, f"Creep explains {rest}."),
-        (("creep", "wave_echo"), 0.99, f"Creep with wave echo together explain {rest}: several laws may imitate it."),
+        (("creep", "wave_echo"), 0.99, both),
     ):
         chosen = [named(effects[name], 400.0, "It.") for name in ids]
         assert headline("unknown", chosen, [], closure, 0.0, None, Location(), SETTINGS.verdict) == expected
