@@ -79,6 +79,7 @@ def filtered(
     den = np.array(denominator) * scale[: len(denominator)][::-1] ** -1
     b, a, _ = cont2discrete((num, den), 1.0, method="foh")
     b = np.atleast_1d(b.squeeze())
+    signal = signal + 1e-100  # a filter at rest must not fade into numbers that are too small to be fast
     if not periodic:
         return lfilter(b, a, signal)
     lap = signal[:-1]

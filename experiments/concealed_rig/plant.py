@@ -17,8 +17,12 @@ from experiments.concealed_rig.other_hysteresis import (
     preisach_opening,
     product_preisach,
 )
-from experiments.concealed_rig.play import changing_play_sum_V, play_sum_V
+from experiments.concealed_rig.play import changing_play_sum_V, play_sum_V, smooth_play_sum_V
 from experiments.concealed_rig.resonator import Motion, Resonator, motion
+
+# A drive that rings takes this share of the resonator's steps a period, 16 half steps: plays hear its peaks to 5e-4.
+RINGING_SHARE = 0.05
+SMOOTH_POINTS = 10  # half steps in a period of the ringing with which a parabola goes through its peaks
 
 
 @dataclass(frozen=True)
@@ -93,10 +97,11 @@ def _measure_of_rate(drive_V: np.ndarray, grid: Grid, settings: PlaySettings) ->
     return np.concatenate(([relaxed[-1] if grid.periodic else 0.0], relaxed))
 
 
-def _plays_V(head: Head, drive_V: np.ndarray, grid: Grid, settings: PlaySettings) -> np.ndarray:
+def _plays_V(head: Head, drive_V: np.ndarray, grid: Grid, settings: PlaySettings, smooth: bool) -> np.ndarray:
     threshold, weight = head.plays()
     if settings == PlaySettings():
-        return play_sum_V(drive_V, threshold, weight, grid.periodic)
+        summed = smooth_play_sum_V if smooth else play_sum_V
+        return summed(drive_V, threshold, weight, grid.periodic)
     rate = None
     if settings.threshold_growth_V or settings.weight_growth:
         rate = _measure_of_rate(drive_V, grid, settings)
@@ -125,13 +130,19 @@ def _other_law_V(head: Head, drive_V: np.ndarray, grid: Grid, hysteresis: Hyster
     raise ValueError(f'law must be "plays", "bouc_wen" or "preisach"; got {hysteresis.law!r}.')
 
 
+def fastest_drive_Hz(plant: Plant) -> float:
+    """The highest frequency at which the drive rings, or bends, between the samples; 0: it does not."""
+    return max((effect.fastest_Hz for effect in plant.effects), default=0.0)
+
+
 def hysteretic_V(plant: Plant, applied_V: np.ndarray, grid: Grid, order: int = 1) -> np.ndarray:
     """Hysteretic drive at the half steps, shape (2·steps + 1,), of the voltage at the head."""
     seen, settings = applied_V, PlaySettings()
     for effect in plant.effects:
         seen, settings = effect.on_hysteresis_input(seen, grid), effect.on_plays(settings)
     law = plant.hysteresis
-    plays = 0.0 if law.law != "plays" and law.share == 1.0 else _plays_V(plant.head, seen, grid, settings)
+    smooth = 0 < fastest_drive_Hz(plant) * grid.half_s <= 1 / SMOOTH_POINTS
+    plays = 0.0 if law.law != "plays" and law.share == 1.0 else _plays_V(plant.head, seen, grid, settings, smooth)
     if law.law != "plays":
         plays = (1 - law.share) * plays + law.share * _other_law_V(plant.head, seen, grid, law)
     hysteretic = plant.head.reversible * seen + plays
@@ -179,7 +190,7 @@ def trace(plant: Plant, measurement: Measurement) -> Trace:
         measurement.drive_V.size,
         measurement.step_s,
         measurement.periodic,
-        0.0 if slow else resonator.fastest_Hz,
+        0.0 if slow else max(resonator.fastest_Hz, RINGING_SHARE * fastest_drive_Hz(plant)),
         plant.steps_per_period,
     )
     applied = grid.halves(measurement.drive_V)

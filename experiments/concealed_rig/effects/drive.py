@@ -68,6 +68,11 @@ class AmplifierBandwidth(Effect):
         """One of four low-passes."""
         return cls(variant=str(rng.choice(LOW_PASSES)), resonance_Hz=situation.head.resonance_Hz)
 
+    @property
+    def fastest_Hz(self) -> float:
+        """A third of the bandwidth: what is late bends, and hardly rings."""
+        return self.resonance_Hz / self.strength / 3 if self.strength else 0.0
+
     def on_drive(self, drive_V: np.ndarray, grid: Grid) -> np.ndarray:
         """Low-pass."""
         if not self.strength:

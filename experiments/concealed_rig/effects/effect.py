@@ -87,6 +87,11 @@ class Effect:
         """A variant with its shape drawn, of strength 0."""
         raise NotImplementedError(f"{cls.__name__} says no way to draw it")
 
+    @property
+    def fastest_Hz(self) -> float:
+        """Frequency at which the drive rings, or bends, between the samples; 0: it does not."""
+        return 0.0
+
     def on_drive(self, drive_V: np.ndarray, grid: Grid) -> np.ndarray:
         """Drive before it reaches the ceramic, at the half steps."""
         return drive_V

@@ -12,6 +12,11 @@ from experiments.concealed_rig.grid import Grid
 from experiments.concealed_rig.linear import filtered, relaxations
 from experiments.concealed_rig.measurement import Measurement
 
+SECOND_SECTION = 1.7
+# What a grid has to follow, over the ringing. A ferrite's corners are sharper; a line's echoes have corners for ever,
+# and are taken from the resonator's own grid.
+FOLLOWED = {"series": 1.0, "ladder": SECOND_SECTION, "ferrite": 1.5, "line": 0.0}
+
 
 def _shifted(drive_V: np.ndarray, points: float, periodic: bool) -> np.ndarray:
     """A drive some points later, linear between them."""
@@ -81,6 +86,11 @@ class DriveResonance(Effect):
         """Frequency of the (first) ringing."""
         return self.resonance_Hz / self.strength
 
+    @property
+    def fastest_Hz(self) -> float:
+        """Frequency of the highest ringing, or what it takes to follow it."""
+        return FOLLOWED[self.variant] * self.ringing_Hz if self.strength else 0.0
+
     def on_drive(self, drive_V: np.ndarray, grid: Grid) -> np.ndarray:
         """Ring."""
         if not self.strength:
@@ -96,11 +106,13 @@ class DriveResonance(Effect):
         w, zeta = 2 * np.pi * self.ringing_Hz, self.damping_ratio
         if w * grid.half_s > 300:
             return drive_V
-        out, start = drive_V - drive_V[0], drive_V[0]
+        start = drive_V[0]
         lead = [2 * zeta / w, 1.0] if self.variant == "ferrite" else [1.0]
-        for ratio in (1.0, 1.7) if self.variant == "ladder" else (1.0,):
-            out = filtered(lead, [1 / (w * ratio) ** 2, 2 * zeta / (w * ratio), 1.0], out, grid.half_s, grid.periodic)
-        return start + out
+        section = [1 / w**2, 2 * zeta / w, 1.0]
+        if self.variant == "ladder":  # both at once: what comes out of the first one is not straight between the points
+            w *= SECOND_SECTION
+            section = list(np.polymul(section, [1 / w**2, 2 * zeta / w, 1.0]))
+        return start + filtered(lead, section, drive_V - start, grid.half_s, grid.periodic)
 
     def parameters(self) -> dict[str, Any]:
         """Frequency of the ringing, and its damping ratio or the product of the reflections."""

@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from experiments.concealed_rig.effects.digitiser import retimed
 from experiments.concealed_rig.effects.drive import LOW_PASSES, low_passed
 from experiments.concealed_rig.effects.effect import Effect, Situation
 from experiments.concealed_rig.grid import Grid
 from experiments.concealed_rig.linear import filtered, linear_motion, relaxations
 from experiments.concealed_rig.measurement import Measurement
+
+FINER = 8  # points of a smooth signal in a step, where straight lines between them are to pass for it
 
 
 def slope_V_per_s(drive_V: np.ndarray, grid: Grid) -> np.ndarray:
@@ -109,10 +112,9 @@ class SensorBandwidth(Effect):
         if not self.strength or measurement.channel == "strain_gauge":
             return signal
         bandwidth = self.resonance_Hz / self.strength
-        # Straight lines between the steps are a low-pass of 1 − (ω·step)²/12; a second difference makes up for it.
-        ends = (signal[-2], signal[1]) if grid.periodic else (signal[0], signal[-1])
-        bend = np.diff(np.concatenate((ends[:1], signal, ends[1:])), 2)
-        return low_passed(signal - bend / 12, bandwidth, self.variant, grid.step_s, grid.periodic)
+        # Straight lines are a low-pass of their own, 1 − (ω·step)²/12: a spline goes through points close enough.
+        smooth = retimed(signal, np.arange((signal.size - 1) * FINER + 1) / FINER, grid, smooth=True)
+        return low_passed(smooth, bandwidth, self.variant, grid.step_s / FINER, grid.periodic)[::FINER]
 
     def parameters(self) -> dict[str, Any]:
         """Bandwidth (−3 dB of first order; natural frequency of second order; lower pole; of the line's delay)."""
