@@ -45,9 +45,6 @@ share, and parameters of differing equations (such as the limit of a tanh, or a 
 left out."""
 MEANING_CHANGES_WITH = {"air_bubble": "mass_ratio", "sensor_saturation": "skew"}
 """By effect: the parameter with which its others mean something else, so that none is compared if a verdict has it."""
-RESOLVED = {"drive_resonance": 16.0}
-"""By effect: the ratio of its frequency to the head's up to which the concealed plant's step realises frequency and
-damping ratio to 0.02 % and 0.7 %; beyond it they are up to 9 % and 60 % off, and are not compared."""
 COVERED = 0.5
 """Fraction of the true segments that the reported location must cover."""
 
@@ -142,9 +139,6 @@ def parameters(verdict: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dic
     for effect in verdict["effects"]:
         true = concealed.get(effect["id"])
         if MEANING_CHANGES_WITH.get(effect["id"]) in effect["parameters"]:
-            continue
-        most = RESOLVED.get(effect["id"])
-        if true and most and true["parameters"].get("frequency_Hz", 0.0) > most * truth["head"]["resonance_Hz"]:
             continue
         for name, estimate in effect["parameters"].items():
             there, variants = COMPARED.get((effect["id"], name), ("", ()))

@@ -161,18 +161,6 @@ def test_parameters_are_compared_where_both_mean_the_same():
     assert parameters(verdict, truth("second_order")) == []
 
 
-def test_a_frequency_that_the_concealed_plant_does_not_resolve_is_not_compared():
-    estimate = {"value": 2e6, "low": 1.9e6, "high": 2.1e6, "unit": "Hz"}
-    verdict = {"effects": [{"id": "drive_resonance", "parameters": {"frequency_Hz": estimate}}]}
-
-    def truth(frequency_Hz):
-        concealed = {"id": "drive_resonance", "variant": "series", "parameters": {"frequency_Hz": frequency_Hz}}
-        return {"effects": [concealed], "head": {"resonance_Hz": 5e4}}
-
-    assert len(parameters(verdict, truth(7e5))) == 1
-    assert parameters(verdict, truth(2e6)) == []
-
-
 def test_a_parameter_that_means_something_else_beside_another_is_not_compared():
     def limited(**others):
         estimates = {"limit": 6.5, "hardness": 50.0} | others
