@@ -124,8 +124,9 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     ordered = any(effect.depends_on_order for effect in chosen.fit.active.effects)
     tested = held_out_left_over(base_hypothesis(bare), chosen)
     poor = bool(chosen.ids) and closure < settings.verdict.least_closure
-    if poor and math.isnan(tested):  # it is the noise's level that the closure shows
-        poor = not confirmed(base_hypothesis(bare), chosen)
+    # there, the closure may show the noise's level
+    faint = poor and math.isnan(tested) and confirmed(base_hypothesis(bare), chosen)
+    poor = poor and not faint
     explained = poor and (closure > 0 or ordered) and explains_held_out_after_refit(joint, chosen, context)
     refuted = poor and not explained
     vague = max(map(len, groups), default=0) > settings.verdict.most_alike
@@ -155,8 +156,9 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         recordings = modelled_recordings(bare, joint, corrected, found.discrepancy)
         closure = closure_of(recordings, settings.verdict)
     named, minor = _named(found, corrected)
+    explains = math.nan if faint else closure
     said = found.doubt or headline(
-        verdict, named, groups, closure, share, closest(base_hypothesis(joint), found.selection), location,
+        verdict, named, groups, explains, share, closest(base_hypothesis(joint), found.selection), location,
         settings.verdict, all(joint.noise.known(o) for o in joint.seen), unseen, minor,
     )  # fmt: skip
     probabilities = _probabilities(found, named, explanation, verdict)

@@ -134,11 +134,10 @@ def test_motions_that_only_stick_are_stiffer_and_lose_less_than_friction_would_t
     excitation = shot_of(np.zeros(501), "free", start=(1.0, 0.0), substeps=4)
     found = motion("coulomb_friction", excitation, quiet, friction_V=4.0, speed_V=1e-3, slip_V=200.0)
     turned = (np.arange(501) / 100) * math.sqrt(1 + 4.0 / 200.0)  # a spring of f / z0 beside its own
-    assert found == pytest.approx(np.cos(2 * np.pi * turned), abs=0.2)
+    assert found == pytest.approx(np.cos(2 * np.pi * turned), abs=0.03)
     freely = np.cos(2 * np.pi * np.arange(501) / 100)
     assert np.abs(found - freely).max() > 0.25
-    assert 1 - found.max() < 1e-6
-    assert found[-150:].max() > 0.8  # rubbing would have stopped it within a quarter of a period
+    assert 0.99 < found[-150:].max() < 1  # rubbing would have stopped it within a quarter of a period
 
 
 def test_sticking_surfaces_in_steady_state_are_those_of_the_last_of_many_laps():

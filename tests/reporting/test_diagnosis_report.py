@@ -252,6 +252,15 @@ def test_a_page_does_not_doubt_what_its_verdict_names(named):
         assert "damping ratio" not in text  # the head of a model that has no name
 
 
+def test_a_page_of_an_unknown_verdict_in_which_nothing_was_found_speaks_of_no_effect(diagnoses):
+    said = "The residuals have structure that noise has not, but no effect of the catalogue explains it."
+    found = replace(diagnoses["none"], verdict="unknown", headline=said, left_over=0.0)
+    page = text_of(diagnosis_html(found))
+    assert f"None. {said}" in page
+    assert "The effect that explains" not in page
+    assert "equally well" not in page
+
+
 def test_candidates_are_told_with_what_sets_them_apart(diagnoses, pages):
     text = text_of(pages["set"])
     for candidate in diagnoses["set"].candidates[0]:
