@@ -109,9 +109,9 @@ def select(
         beam = [h for h in added[:width] if h.gain >= settings.beam_gain * added[0].gain]
     grown, chosen = chosen, without_idle(joint, chosen, compared)
     tests = p_values.get(frozenset(chosen.ids), p_values[frozenset(grown.ids)])
-    lost = chosen.sure_excess > settings.lost * (chosen.excess + 2 * chosen.gain)
+    compared_with_others = () if leaves_too_much(chosen) else chosen.ids
     alternatives = {
-        name: _as_good(joint, chosen, name, effects, found, compared, context) for name in (() if lost else chosen.ids)
+        name: _as_good(joint, chosen, name, effects, found, compared, context) for name in compared_with_others
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
     needed = {name: tests[name] for name in chosen.ids}
@@ -150,6 +150,12 @@ def explained(without: Hypothesis, with_it: Hypothesis) -> float:
 def unexplained(hypothesis: Hypothesis) -> float:
     """Sum of squared residuals, beyond noise if the noise is known."""
     return hypothesis.excess if hypothesis.noise_known else 2 * hypothesis.fit.nll
+
+
+def leaves_too_much(hypothesis: Hypothesis) -> bool:
+    """Whether so large a share of the mismatch is left that the verdict is unknown whatever else explains as much."""
+    mismatch = max(hypothesis.excess, 0.0) + 2 * hypothesis.gain  # what is left may be less than the noise by chance
+    return hypothesis.sure_excess > hypothesis.joint.settings.selection.lost * mismatch
 
 
 def without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[frozenset[str], Hypothesis]) -> Hypothesis:

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, conditions, settled
 from inkjet_env.mismatch.selection.score_test import ScoreTest, signatures
-from inkjet_env.mismatch.selection.stepwise import cosine, leans, select, supported, worth_adding
+from inkjet_env.mismatch.selection.stepwise import cosine, leans, leaves_too_much, select, supported, worth_adding
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete, coordinates
 
@@ -82,6 +83,15 @@ def test_fits_on_two_processes_are_those_on_one(looked):
     assert [(h.ids, h.fit.nll) for h in one] == [(h.ids, h.fit.nll) for h in two]
     for a, b in zip(one, two, strict=True):
         np.testing.assert_array_equal(a.fit.active.theta, b.fit.active.theta)
+
+
+@pytest.mark.parametrize(
+    ("excess", "sure_excess", "too_much"),
+    [(-300.0, 0.0, False), (0.0, 0.0, False), (900.0, 90.0, False), (900.0, 110.0, True)],
+)
+def test_too_much_is_left_only_where_it_is_beyond_the_noise(excess, sure_excess, too_much):
+    joint = SimpleNamespace(settings=DiagnosisSettings())
+    assert leaves_too_much(SimpleNamespace(excess=excess, sure_excess=sure_excess, gain=50.0, joint=joint)) == too_much
 
 
 def test_an_effect_is_added_beside_those_that_are_on(looked, effects, values):
