@@ -43,7 +43,7 @@ which both use the same equation (all if none is listed): fitted to the plant's 
 law gives the plant's value. Parameters that depend on hysteretic volts, a convention that the two models need not
 share, and parameters of differing equations (such as the limit of a tanh, or a loss factor of the static stiffness) are
 left out."""
-MEANING_CHANGES_WITH = {"air_bubble": "mass_ratio", "sensor_saturation": "skew"}
+MEANING_CHANGES_WITH = {"air_bubble": "mass_ratio"}
 """By effect: the parameter with which its others mean something else, so that none is compared if a verdict has it."""
 COVERED = 0.5
 """Fraction of the true segments that the reported location must cover."""

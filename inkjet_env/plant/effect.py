@@ -26,7 +26,9 @@ STAGES = ("drive", "hysteresis", "resonator", "sensing")
 SCALES = ("linear", "log", "reciprocal")
 """Scales on which a parameter may be fitted."""
 
-METHODS = ("starts", "superposed", "bounds", "untestable", "changes", "description", *STAGES, "random_effect_basis")
+METHODS = (
+    "starts", "scaled", "superposed", "bounds", "untestable", "changes", "description", *STAGES, "random_effect_basis"
+)  # fmt: skip
 """Methods that an effect may override."""
 
 
@@ -194,6 +196,19 @@ class Effect:
         An effect with several strengths has separate starts for each, with the others off.
         """
         raise NotImplementedError
+
+    def scaled(self, values: Values, factor: float) -> dict[str, float]:
+        """Values, within bounds, with which it adds about ``factor`` times as much; by default, strengths scaled so.
+
+        ``factor`` is negative if it should act the other way.
+        """
+        found = dict(values)
+        for p in self.parameters:
+            if p.name in self.strengths and p.name not in self.tuned:
+                scaled = p.coordinate(values[p.name]) * (abs(factor) if p.scale == "reciprocal" else factor)
+                low, high = p.bounds
+                found[p.name] = p.value(min(max(scaled, low), high))
+        return found
 
     def example_values(self, printhead: Printhead, largest: float = 1.0, noise_rms: float = 1.0) -> dict[str, float]:
         """Values at full strength, which change recordings that show the effect by some per cent, a quarter at most.

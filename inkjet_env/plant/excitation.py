@@ -33,8 +33,8 @@ class Excitation:
     start : tuple of float
         Deflection relative to its rest position under the first drive, and scaled speed ``x' / ω0``, at the first
         sample, both in hysteretic volts; used if ``initial_state`` is ``"free"``.
-    largest_signal : float, optional
-        Largest magnitude measured, in the sensor's unit, if known: the starting level of a sensor that clips.
+    signal_range : tuple of float, optional
+        Lowest and highest value measured, in the sensor's unit, if known: where the rails of a sensor that clips are.
     residual_lines_Hz : tuple of float
         Frequencies of the strongest lines in the base model's residuals of such recordings: where a hum may be.
     quasi_static : bool
@@ -54,7 +54,7 @@ class Excitation:
     neighbour_V: Real | None = None
     substeps: int = 2
     start: tuple[float, float] = (0.0, 0.0)
-    largest_signal: float | None = None
+    signal_range: tuple[float, float] | None = None
     residual_lines_Hz: tuple[float, ...] = ()
     quasi_static: bool = False
     session: tuple[tuple[int, float], ...] = ()

@@ -151,7 +151,7 @@ def test_the_softest_saturation_is_the_hyperbola():
     effect, ramp = EFFECTS["sensor_saturation"], np.linspace(-9, 9, 37)
     shown = effect.sensing(complete(effect, limit=2.0, hardness=1.0), ramp, None, HEAD, shot_of())
     assert shown == pytest.approx(ramp / (1 + np.abs(ramp) / 2), rel=1e-12)
-    above = effect.sensing(complete(effect, limit=4.0, hardness=1.0, skew=1.0), ramp, None, HEAD, shot_of())
+    above = effect.sensing(complete(effect, limit=2.0, hardness=1.0, skew=1.0), ramp, None, HEAD, shot_of())
     assert above == pytest.approx(np.where(ramp > 0, shown, ramp), rel=1e-12)
 
 
@@ -165,20 +165,41 @@ def test_hard_saturation_is_clipping():
 
 def test_skewed_rails_lie_apart_and_one_of_them_may_be_gone():
     effect, ramp = EFFECTS["sensor_saturation"], np.array([-1e6, 1e6])
-    for skew, above, below in ((0.5, 2.0, 6.0), (-0.25, 4.0, 2.4), (1.0, 1.5, 1e6)):
+    for skew, above, below in ((0.5, 3.0, 9.0), (-0.25, 5.0, 3.0), (1.0, 3.0, 1e6)):
         values = complete(effect, limit=3.0, hardness=30.0, skew=skew)
         assert effect.sensing(values, ramp, None, HEAD, shot_of()) == pytest.approx([-below, above], rel=1e-6)
-    assert "stays below 1.5 V." in effect.description(complete(effect, limit=3.0, hardness=30.0, skew=1.0))
-    assert "stays below 1.5 V." in effect.description(complete(effect, limit=3.0, hardness=30.0, skew=0.999))
-    assert "stays below 2 V and above -6 V." in effect.description(complete(effect, limit=3.0, hardness=30.0, skew=0.5))
+    assert "stays below 3 V." in effect.description(complete(effect, limit=3.0, hardness=30.0, skew=1.0))
+    assert "stays below 3 V." in effect.description(complete(effect, limit=3.0, hardness=30.0, skew=0.999))
+    assert "stays below 3 V and above -9 V." in effect.description(complete(effect, limit=3.0, hardness=30.0, skew=0.5))
 
 
 def test_saturation_begins_at_what_was_measured_where_that_is_known():
     effect, excitation = EFFECTS["sensor_saturation"], shot_of()
-    largest = np.abs(Plant(HEAD).signal(excitation)).max()
-    assert max(s["limit"] for s in effect.starts(HEAD, [excitation]) if not s["skew"]) == pytest.approx(10 * largest)
-    excitation = replace(excitation, largest_signal=12.0)
-    assert max(s["limit"] for s in effect.starts(HEAD, [excitation]) if not s["skew"]) == pytest.approx(120.0)
+
+    def softest(excitation):
+        return {s["skew"]: s["limit"] for s in effect.starts(HEAD, [excitation]) if s["hardness"] == 1}
+
+    signal = Plant(HEAD).signal(excitation)
+    low, high = float(signal.min()), float(signal.max())
+    assert softest(excitation) == pytest.approx({0.0: 10 * max(-low, high), 1.0: 10 * high, -1.0: -10 * low})
+    measured = replace(excitation, signal_range=(-4.0, 12.0))
+    assert softest(measured) == pytest.approx({0.0: 120.0, 1.0: 120.0, -1.0: 40.0})
+    both = [s for s in effect.starts(HEAD, [measured]) if s["skew"] not in (-1, 0, 1)]
+    ramp = np.array([-1e6, 1e6])
+    for values in both:
+        assert effect.sensing(values, ramp, None, HEAD, shot_of()) == pytest.approx([-4.0, 12.0], rel=1e-6)
+    assert both
+    above_0 = replace(excitation, signal_range=(1.0, 3.0))
+    assert softest(above_0) == pytest.approx(dict.fromkeys((0.0, 1.0, -1.0), 30.0))
+
+
+@pytest.mark.parametrize("hardness", [1.0, 6.0])
+def test_a_scaled_saturation_cuts_off_as_many_times_as_much(hardness):
+    effect, signal = EFFECTS["sensor_saturation"], np.linspace(-1, 1, 21)
+    values = complete(effect, limit=30.0 ** (1 / hardness), hardness=hardness)
+    cut = signal - effect.sensing(values, signal, None, HEAD, shot_of())
+    more = signal - effect.sensing(effect.scaled(values, 2.0), signal, None, HEAD, shot_of())
+    assert more == pytest.approx(2 * cut, rel=0.05)
 
 
 # hum and drift

@@ -162,14 +162,14 @@ def test_parameters_are_compared_where_both_mean_the_same():
 
 
 def test_a_parameter_that_means_something_else_beside_another_is_not_compared():
-    def limited(**others):
-        estimates = {"limit": 6.5, "hardness": 50.0} | others
-        there = {name: {"value": v, "low": v, "high": v, "unit": "V"} for name, v in estimates.items()}
-        return {"effects": [{"id": "sensor_saturation", "parameters": there}]}
+    def bubble(**others):
+        estimates = {"bubble_frequency_Hz": 6.5e4} | others
+        there = {name: {"value": v, "low": v, "high": v, "unit": "Hz"} for name, v in estimates.items()}
+        return {"effects": [{"id": "air_bubble", "parameters": there}]}
 
-    truth = {"effects": [{"id": "sensor_saturation", "variant": "clip", "parameters": {"level_V": 6.4}}]}
-    assert [row["parameter"] for row in parameters(limited(), truth)] == ["limit"]
-    assert parameters(limited(skew=-0.8), truth) == []
+    truth = {"effects": [{"id": "air_bubble", "variant": "compliant", "parameters": {"frequency_Hz": 6.4e4}}]}
+    assert [row["parameter"] for row in parameters(bubble(), truth)] == ["bubble_frequency_Hz"]
+    assert parameters(bubble(mass_ratio=0.8), truth) == []
 
 
 def where(recordings=(), time_s=(), frequency_Hz=(), drive_V=()):

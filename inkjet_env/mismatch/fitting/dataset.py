@@ -89,7 +89,7 @@ def observe(
                 recording.order,
                 recording.neighbour_V,
                 substeps,
-                largest_signal=float(np.abs(signal).max()),
+                signal_range=(float(signal.min()), float(signal.max())),
                 quasi_static=measurement.quasi_static,
             )
             found[name] = [

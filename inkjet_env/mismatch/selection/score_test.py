@@ -278,12 +278,5 @@ def superposed(joint: OutputErrorFit, effect: Effect, residuals: Real, basis: Re
 
 
 def _scaled(effect: Effect, start: dict[str, float], factor: float) -> dict[str, float]:
-    """A start with its strengths multiplied, within bounds and by no more than linearisation can be trusted."""
-    factor = math.copysign(min(max(abs(factor), 0.05), 3.0), factor)
-    values = dict(start)
-    for p in effect.parameters:
-        if p.name in effect.strengths and p.name not in effect.tuned:
-            scaled = p.coordinate(start[p.name]) * (abs(factor) if p.scale == "reciprocal" else factor)
-            low, high = p.bounds
-            values[p.name] = p.value(min(max(scaled, low), high))
-    return values
+    """A start with its strengths multiplied, by no more than linearisation can be trusted."""
+    return effect.scaled(start, math.copysign(min(max(abs(factor), 0.05), 3.0), factor))
