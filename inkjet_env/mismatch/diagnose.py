@@ -31,7 +31,7 @@ from inkjet_env.mismatch.selection.random_effect_values import RandomEffect
 from inkjet_env.mismatch.selection.random_effects import detect_random_effects
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
 from inkjet_env.mismatch.selection.split_likelihood import at_a_frequency
-from inkjet_env.mismatch.selection.stepwise import Selection, leftover, select, supported, without_idle
+from inkjet_env.mismatch.selection.stepwise import Selection, leftover, select, stands_out, supported, without_idle
 from inkjet_env.mismatch.selection.truncated_law import fit_truncated_law
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.mismatch.stopwatch import Stopwatch
@@ -182,8 +182,9 @@ class _Work:
         # with finer nodes or another noise an effect may no longer be supported
         if (needed := without_idle(joint, chosen, {})) is not chosen:
             joint, chosen = self.polished(joint, needed, random_effects)
-        if chosen.ids and not supported(base_hypothesis(joint), chosen):
-            chosen = base_hypothesis(joint)
+        base = base_hypothesis(joint)
+        if chosen.ids and not (supported(base, chosen) and stands_out(base, chosen, len(with_law))):
+            chosen = base
         joint, chosen = self.polished(joint, completed(joint, chosen), random_effects)
         self.stopwatch.took("selection")
         self.context.progress("testing the residuals")

@@ -141,7 +141,8 @@ class Diagnosis:
         What several effects explain each alone, in sum, over what they explain together, less 1; 0 of one.
     p_value : float
         Probability that noise alone would look as much like an effect as these recordings do: score test over all
-        effects that have a law.
+        effects that have a law. Where nothing is found and the largest score is not beyond any doubt about the noise,
+        the probability by its scatter between conditions if that is larger.
     attributions : tuple of HypothesisScore
         Best hypotheses that were compared, best first.
     untestable : dict of str to str

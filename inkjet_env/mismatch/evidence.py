@@ -16,7 +16,7 @@ from inkjet_env.mismatch.selection.clustered_errors import robust_errors
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.rugged_intervals import rugged_reaches
-from inkjet_env.mismatch.selection.stepwise import Selection, cosine
+from inkjet_env.mismatch.selection.stepwise import Selection, cosine, p_value_bound
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import Parameter
 from inkjet_env.plant.errors import NUMERICAL
@@ -241,25 +241,6 @@ def _surely(effect: Effect, values: dict[str, float], estimates: dict[str, Estim
 def _signal_unit(joint: OutputErrorFit) -> str:
     """Unit of a fast sensor's signal if there is one, else of the first recording's signal."""
     return next((o.unit for o in joint.observed if o.excitation.fast), joint.observed[0].unit)
-
-
-def p_value_bound(gain: float, parameters: int, tried: int) -> float:
-    """Upper bound of the probability that the best of several tries gains as much from noise alone.
-
-    Wilks's chi-square with Bonferroni's bound.
-
-    Parameters
-    ----------
-    gain : float
-        Gain in log-likelihood.
-    parameters : int
-        Number of free parameters that gain it.
-    tried : int
-        Number of tries.
-    """
-    from scipy.special import gammaincc
-
-    return min(1.0, tried * float(gammaincc(parameters / 2, max(gain, 0.0))))
 
 
 def named_effects(joint: OutputErrorFit, chosen: Hypothesis, selection: Selection) -> list[NamedEffect]:

@@ -138,8 +138,10 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     stages = tuple(effect.stage for effect in chosen.fit.active.effects)
     explanation = Explanation(unexplained, tested, stages, overlap(found.selection))
     sure = calibration().explained(explanation) >= settings.verdict.least_probability
-    certain = share > settings.verdict.left_over or found.selection.base_p_value < settings.verdict.certain_p_value
+    by_test = found.selection.base_p_value < settings.verdict.certain_p_value and base_hypothesis(bare).sure_excess > 0
+    certain = share > settings.verdict.left_over or by_test
     missed = certain and not anything
+    p_value = max(found.selection.base_p_value, 0.0 if anything or missed else found.selection.scatter_p_value)
     if (anything and not sure) or missed or vague or unseen or found.doubt:
         verdict = "unknown"
     elif not anything:
@@ -191,7 +193,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     return Diagnosis(
         campaign, verdict, said, tuple(named) if verdict != "unknown" else (), tuple(minor),
         tuple(groups) if verdict != "unknown" else (), location, recordings, closure, share, tested,
-        explanation.overlap, found.selection.base_p_value, compared(found.selection), found.untestable, following,
+        explanation.overlap, p_value, compared(found.selection), found.untestable, following,
         remainder, found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
         dynamics(stands) if known else nothing, probabilities, tuple(notes), stopwatch.seconds, stopwatch.stages,
         settings, own,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -11,6 +12,7 @@ from inkjet_env.identification.measurements import RepeatedMeasurement, least_no
 from inkjet_env.identification.noise import NoiseModel, channel_noise, noise_model, repeat_deviations, whittle
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.noise_levels import noise_levels
+from inkjet_env.mismatch.fitting.offset_scatter import offset_scatter
 from inkjet_env.mismatch.settings import FittingSettings
 from inkjet_env.typing import Real
 
@@ -39,6 +41,9 @@ class Noise:
         By channel, the variance of the noise's power, relative to that of normally distributed noise; at least 1.
     borrowed : frozenset
         Keys without repeats or rest of their own, whose model was converted from that of another sampling step.
+    offsets : dict of str to float
+        By channel, the standard deviation of recordings' offsets beyond that of the model, in the channel's unit, where
+        there is any; see `offset_scatter`.
     """
 
     models: Mapping[tuple[str, float], NoiseModel]
@@ -48,7 +53,9 @@ class Noise:
     levels: Mapping[str, Real] = field(default_factory=dict)
     tails: Mapping[str, float] = field(default_factory=dict)
     borrowed: frozenset[tuple[str, float]] = frozenset()
+    offsets: Mapping[str, float] = field(default_factory=dict)
     _kept: dict[tuple[tuple[str, float], int], Real] = field(default_factory=dict, init=False, repr=False)
+    _constants: dict[str, tuple[Real, float]] = field(default_factory=dict, init=False, repr=False)
 
     def known(self, observed: ObservedRecording) -> bool:
         """Whether the noise was estimated from anything but a fit's own residuals."""
@@ -59,9 +66,17 @@ class Noise:
 
         The shape is kept: the first samples, at which the filter is not yet full, are zero.
         """
-        model = self.models[observed.noise_key]
         flat = columns.ndim == 1
-        table = columns[:, None] if flat else columns
+        table = self._of_one_offset(observed, columns[:, None] if flat else columns)
+        if observed.channel in self.offsets:
+            constant, size = self._constant(observed)
+            less = (1 - 1 / math.sqrt(1 + self.offsets[observed.channel] ** 2 * size)) / size
+            table = table - np.outer(constant, less * (constant @ table))
+        return table[:, 0] if flat else table
+
+    def _of_one_offset(self, observed: ObservedRecording, table: Real) -> Real:
+        """As `whitened`, of noise whose offset is the same in all recordings."""
+        model = self.models[observed.noise_key]
         if observed.name in self.levels:
             table = table / self.levels[observed.name][:, None]
         white = model.whitened(table)
@@ -74,7 +89,14 @@ class Noise:
             lines = rfft(result, length, axis=0) / self._roots(observed.noise_key, length)
             result = irfft(lines, length, axis=0)[: table.shape[0]]
             result[: table.shape[0] - white.shape[0]] = 0.0
-        return result[:, 0] if flat else result
+        return result
+
+    def _constant(self, observed: ObservedRecording) -> tuple[Real, float]:
+        """A whitened offset of one unit, shape (n,), and its sum of squares."""
+        if observed.name not in self._constants:
+            constant = self._of_one_offset(observed, np.ones((observed.excitation.samples, 1)))[:, 0]
+            self._constants[observed.name] = constant, max(float(constant @ constant), 1e-300)
+        return self._constants[observed.name]
 
     def lost(self, observed: ObservedRecording) -> int:
         """Number of samples at the start of a recording that whitening drops."""
@@ -103,6 +125,9 @@ class Noise:
             scale += 0.5 * float(np.mean(np.log(model.levels(observed.excitation.samples))))
         if observed.name in self.levels:
             scale += float(np.mean(np.log(self.levels[observed.name])))
+        if observed.channel in self.offsets:
+            spread = self.offsets[observed.channel] ** 2 * self._constant(observed)[1]
+            scale += 0.5 * math.log1p(spread) / observed.excitation.samples
         return scale
 
 
@@ -132,7 +157,21 @@ def noise_seen(
     least : mapping, optional
         ``Noise.least``; computed from these recordings unless given. Pass the campaign's if these are only part of it.
     """
-    least = least or _least(observed)
+    found = _of_one_offset(observed, residuals, otherwise, settings, least or _least(observed))
+    white = {
+        o.name: found.whitened(o, np.column_stack([np.ones(o.excitation.samples), residuals[o.name]])) for o in observed
+    }
+    return replace(found, offsets=offset_scatter(observed, white, settings))
+
+
+def _of_one_offset(
+    observed: Sequence[ObservedRecording],
+    residuals: Mapping[str, Real],
+    otherwise: Mapping[tuple[str, float], NoiseModel],
+    settings: FittingSettings,
+    least: Mapping[str, float],
+) -> Noise:
+    """Noise whose offset is the same in all recordings; parameters as of `noise_seen`."""
     stationary = _stationary(observed, residuals, otherwise, settings, least)
     modelled = {o.name: o.measured - residuals[o.name] for o in observed}
     for channel in sorted({o.channel for o in observed}):

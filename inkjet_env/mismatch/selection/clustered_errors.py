@@ -61,3 +61,22 @@ def clustered_errors(weights: Real, basis: Real, left_out: LeaveOutResiduals) ->
     share = np.array(information) / np.maximum(np.sum(information, axis=0), 1e-300)
     conditions = 1 / np.maximum(np.sum(share**2, axis=0), 1e-300)
     return np.sqrt(np.sum(np.square(change), axis=0)), conditions  # Eq. (4)
+
+
+def scatter_p_value(size: float, direction: Real, left_out: LeaveOutResiduals) -> float:
+    """Probability that something in the residuals is nothing, by how much its size scatters between conditions.
+
+    One-sided, by Student's distribution for the effective number of conditions. Residuals need not be independent
+    within a condition.
+
+    Parameters
+    ----------
+    size : float
+        Its size, in standard deviations of independent noise.
+    direction : ndarray, shape (rows,)
+        Its unit vector.
+    left_out : LeaveOutResiduals
+        Residuals without it, with each condition left out.
+    """
+    errors, conditions = clustered_errors(np.ones((1, 1)), direction[:, None], left_out)
+    return float(student.sf(abs(size) / max(float(errors[0]), 1e-300), max(float(conditions[0]) - 1, 1.0)))

@@ -51,6 +51,10 @@ class ScoreTest(ABC):
     def scores(self, residuals: Real) -> Real:
         """Score of each start, shape (k,): standard normal if the model with these residuals (rows,) is right."""
 
+    @abstractmethod
+    def column(self, k: int) -> Real:
+        """Signature ``s_k / ‖s_k‖``, shape (rows,)."""
+
     @property
     @abstractmethod
     def gram(self) -> Real:
@@ -115,6 +119,10 @@ class Signatures(ScoreTest):
         scores: Real = self.columns.T @ residuals  # Eq. (1)
         return scores
 
+    def column(self, k: int) -> Real:
+        column: Real = self.columns[:, k]
+        return column
+
     @cached_property
     def gram(self) -> Real:
         gram: Real = self.columns.T @ self.columns
@@ -169,6 +177,10 @@ class SignaturesBeside(ScoreTest):
         left = residuals - self.basis @ (self.basis.T @ residuals)
         scores: Real = self.whole.scores(left)[self.chosen] / self.own
         return scores
+
+    def column(self, k: int) -> Real:
+        column: Real = (self.whole.columns[:, self.chosen[k]] - self.basis @ self.inside[:, k]) / self.own[k]
+        return column
 
     @cached_property
     def gram(self) -> Real:

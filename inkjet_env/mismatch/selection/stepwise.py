@@ -10,7 +10,16 @@ import numpy as np
 
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis, leftover, settled
+from inkjet_env.mismatch.selection.clustered_errors import scatter_p_value
+from inkjet_env.mismatch.selection.cross_validation import predicted
+from inkjet_env.mismatch.selection.hypotheses import (
+    Hypothesis,
+    attribute,
+    base_hypothesis,
+    conditions,
+    leftover,
+    settled,
+)
 from inkjet_env.mismatch.selection.score_test import ScoreTest
 from inkjet_env.plant import Effect
 from inkjet_env.plant.active_effects import ActiveEffects
@@ -33,6 +42,9 @@ class Selection:
         For each chosen effect, by id: p-value of the score test that led to its being added.
     base_p_value : float
         Probability that noise alone gives any effect a score as large as the largest beside the base model.
+    scatter_p_value : float
+        Probability of that score by its scatter between conditions, which need not be independent noise within one; 0
+        if it is beyond any doubt about the noise.
     """
 
     chosen: Hypothesis
@@ -40,6 +52,7 @@ class Selection:
     compared: tuple[Hypothesis, ...]
     p_values: dict[str, float]
     base_p_value: float
+    scatter_p_value: float
 
 
 def select(
@@ -67,7 +80,7 @@ def select(
     beam, chosen = [base], base
     compared: dict[frozenset[str], Hypothesis] = {frozenset(): base}
     p_values: dict[frozenset[str], dict[str, float]] = {frozenset(): {}}
-    base_p_value = 1.0
+    base_p_value = scatter = 1.0
     for _ in range(settings.most_effects):
         added: list[Hypothesis] = []
         for parent in beam:
@@ -75,7 +88,7 @@ def select(
             scores = beside.best(parent.residuals)
             p_value = beside.p_value(max(scores.values(), default=0.0), context.rng, settings.score_draws)
             if parent is base:
-                base_p_value = p_value
+                base_p_value, scatter = p_value, largest_by_scatter(base, beside)
             if p_value > settings.significance_level:
                 continue
             promising = sorted(scores, key=lambda name: -scores[name])
@@ -115,7 +128,7 @@ def select(
     }
     ranked = sorted(compared.values(), key=lambda h: -h.score)
     needed = {name: tests[name] for name in chosen.ids}
-    return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), needed, base_p_value)
+    return Selection(chosen, alternatives, tuple(h for h in ranked if h.ids), needed, base_p_value, scatter)
 
 
 def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
@@ -129,6 +142,63 @@ def supported(without: Hypothesis, with_it: Hypothesis) -> bool:
         return False
     affected = errors > settings.affected_condition
     return not affected.any() or float(np.mean(gains[affected] > 0)) >= settings.better_conditions
+
+
+def stands_out(without: Hypothesis, with_it: Hypothesis, tried: int) -> bool:
+    """Whether what an effect adds differs from nothing by more than noise, and by more than it scatters.
+
+    Where noise is not independent, as that of a coarse converter or of a slow drift, it may favour an effect in one
+    condition by chance, far beyond what independent noise allows, but not in several by the same size. A gain beyond
+    any doubt about the noise needs no such test.
+
+    Parameters
+    ----------
+    without, with_it : Hypothesis
+        Without the effect and with it.
+    tried : int
+        Number of effects of which it is the best.
+    """
+    settings, gain = with_it.joint.settings.selection, without.fit.nll - with_it.fit.nll
+    if gain >= settings.undoubted_gain:
+        return True
+    free = int(np.count_nonzero(~with_it.fit.idle) - np.count_nonzero(~without.fit.idle))
+    if p_value_bound(gain, max(free, 1), tried) > settings.significance_level:
+        return False
+    added = without.residuals - with_it.residuals
+    length = float(np.linalg.norm(added))
+    return scatter_p_value(length, added / length, with_it.predicted) <= settings.scatter_significance
+
+
+def largest_by_scatter(base: Hypothesis, beside: ScoreTest) -> float:
+    """See `Selection.scatter_p_value`."""
+    scores, settings = beside.scores(base.residuals), base.joint.settings.selection
+    best = int(np.argmax(np.abs(scores))) if scores.size else None
+    if best is None or 0.5 * scores[best] ** 2 >= settings.undoubted_gain:
+        return 0.0 if scores.size else 1.0
+    direction = beside.column(best)
+    rest = base.residuals - scores[best] * direction
+    known = np.column_stack([base.columns, direction])
+    left_out = predicted(rest, known, conditions(base.joint), settings.single_condition)
+    return scatter_p_value(float(scores[best]), direction, left_out)
+
+
+def p_value_bound(gain: float, parameters: int, tried: int) -> float:
+    """Upper bound of the probability that the best of several tries gains as much from noise alone.
+
+    Wilks's chi-square with Bonferroni's bound.
+
+    Parameters
+    ----------
+    gain : float
+        Gain in log-likelihood.
+    parameters : int
+        Number of free parameters that gain it.
+    tried : int
+        Number of tries.
+    """
+    from scipy.special import gammaincc
+
+    return min(1.0, tried * float(gammaincc(parameters / 2, max(gain, 0.0))))
 
 
 def worth_adding(without: Hypothesis, with_it: Hypothesis) -> bool:
@@ -178,7 +248,7 @@ def without_idle(joint: OutputErrorFit, chosen: Hypothesis, compared: dict[froze
             if smaller is None:
                 continue
             compared[key] = smaller
-            if not (supported(smaller, chosen) and worth_adding(smaller, chosen)):
+            if not (supported(smaller, chosen) and worth_adding(smaller, chosen) and stands_out(smaller, chosen, 1)):
                 chosen = smaller
                 break
         else:
