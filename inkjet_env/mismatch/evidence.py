@@ -92,9 +92,7 @@ def _beyond_noise(base: Hypothesis, chosen: Hypothesis) -> tuple[float, float]:
     rows = int(keep.sum())
     if not rows:
         return 0.0, 0.0
-    samples = sum(joint.noise.samples[key] for key in sorted({o.noise_key for o in joint.seen if o.name in known}))
-    tail = max(joint.noise.tail(o) for o in joint.seen if o.name in known)
-    doubt = math.sqrt(tail * (2 * rows + 2 * rows**2 / max(samples, 1)))
+    doubt = joint.noise.doubt([o for o in joint.seen if o.name in known])
     residuals = float(np.sum(chosen.residuals[keep] ** 2)) - rows + chosen.columns.shape[1]
     mismatch = float(np.sum(base.residuals[keep] ** 2)) - rows + base.columns.shape[1]
     sure = residuals > settings.excess_standard_deviations * doubt and residuals > settings.least_excess * rows

@@ -315,9 +315,6 @@ class LocalizationSettings(_Settings):
     least_degrees_of_freedom: float = 10.0
     """Least number of degrees of freedom of a cell. Unit: 1. Source: Paulson's approximation, Ann. Math. Stat. 13,
     1942, holds from there on."""
-    independent_share: float = 0.5
-    """Share of independent samples among those that the noise was estimated from. Unit: 1. Source: of two repeats, one
-    determines the mean."""
     growing_noise: float = 30.0
     """Largest number of independent samples that a noise which grows with the signal counts as estimated from: how it
     grows is a model. Unit: samples. Source: tables."""

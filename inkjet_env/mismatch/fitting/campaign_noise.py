@@ -29,7 +29,8 @@ class Noise:
     models : dict
         Noise model by `ObservedRecording.noise_key`.
     samples : dict
-        Number of samples from which each model was estimated, by the same key; 0 if it comes from a fit's residuals.
+        Number of independent samples from which each model was estimated, by the same key: of repeats, those beyond
+        their mean. 0 if it comes from a fit's residuals.
     notes : tuple of str
         Sentences for the user about how the noise was estimated.
     least : dict of str to float
@@ -39,8 +40,9 @@ class Noise:
         everywhere; see `noise_levels`.
     tails : dict of str to float
         By channel, the variance of the noise's power, relative to that of normally distributed noise; at least 1.
-    borrowed : frozenset
-        Keys without repeats or rest of their own, whose model was converted from that of another sampling step.
+    borrowed : dict
+        Of keys without repeats or rest of their own: the key of another sampling step from which the model was
+        converted.
     offsets : dict of str to float
         By channel, the standard deviation of recordings' offsets beyond that of the model, in the channel's unit, where
         there is any; see `offset_scatter`.
@@ -52,7 +54,7 @@ class Noise:
     least: Mapping[str, float] = field(default_factory=dict)
     levels: Mapping[str, Real] = field(default_factory=dict)
     tails: Mapping[str, float] = field(default_factory=dict)
-    borrowed: frozenset[tuple[str, float]] = frozenset()
+    borrowed: Mapping[tuple[str, float], tuple[str, float]] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     _kept: dict[tuple[tuple[str, float], int], Real] = field(default_factory=dict, init=False, repr=False)
     _constants: dict[str, tuple[Real, float]] = field(default_factory=dict, init=False, repr=False)
@@ -110,6 +112,20 @@ class Noise:
     def tail(self, observed: ObservedRecording) -> float:
         """Variance of the noise's power in a recording, relative to that of normally distributed noise."""
         return self.tails.get(observed.channel, 1.0)
+
+    def doubt(self, observed: Sequence[ObservedRecording]) -> float:
+        """Standard deviation of the sum of squared residuals that a right model leaves in the fitted rows.
+
+        The noise's own level is as uncertain as the samples from which it was estimated are few.
+        """
+        rows: dict[tuple[str, float], int] = {}
+        for o in observed:
+            key = self.borrowed.get(o.noise_key, o.noise_key)
+            rows[key] = rows.get(key, 0) + o.fitted
+        variances = [
+            self.tails.get(key[0], 1.0) * (2 * n + 2 * n**2 / max(self.samples[key], 1)) for key, n in rows.items()
+        ]
+        return math.sqrt(sum(variances))
 
     def _roots(self, key: tuple[str, float], length: int) -> Real:
         """Amplitude of whitened noise at each line of a real Fourier transform, shape (length // 2 + 1, 1)."""
@@ -206,7 +222,7 @@ def _stationary(
     seen: dict[str, dict[float, list[Real]]] = {}
     sources: dict[str, dict[float, str]] = {}
     tails: dict[str, float] = {}
-    borrowed: set[tuple[str, float]] = set()
+    borrowed: dict[tuple[str, float], tuple[str, float]] = {}
     for key in sorted({o.noise_key for o in observed}):
         mine = [o for o in observed if o.noise_key == key]
         resting = [residuals[o.name] for o in mine if o.at_rest]
@@ -214,10 +230,11 @@ def _stationary(
         if resting:
             level = np.concatenate(resting).mean()
             resting = [stretch - level for stretch in resting]
-        repeated = []
-        for condition in {o.condition for o in mine if not o.still}:
+        repeated, means = [], 0
+        for condition in sorted({o.condition for o in mine if not o.still}):
             same = [residuals[o.name] for o in mine if o.condition == condition]
             repeated.extend(repeat_deviations(same))
+            means += same[0].size if len(same) > 1 else 0
         if resting and repeated:
             ratio = _power(repeated) / max(_power(resting), least[key[0]] ** 2, 1e-300)
             if ratio > settings.repeats_to_rest_variance:
@@ -225,7 +242,7 @@ def _stationary(
                     f"{key[0]}: repeats of the same drive differ by {np.sqrt(ratio):.2g} times the noise at rest; "
                     "something changes between recordings."
                 )
-                repeated = []
+                repeated, means = [], 0
         if repeated:
             source.append("repeats")
         if not (resting or repeated):
@@ -236,7 +253,7 @@ def _stationary(
         if stretches:
             seen.setdefault(key[0], {})[key[1]] = stretches
             sources.setdefault(key[0], {})[key[1]] = " and ".join(source)
-            samples[key] = sum(stretch.size for stretch in stretches)
+            samples[key] = sum(stretch.size for stretch in stretches) - means
     for channel, by_step in seen.items():
         # noise with a longer memory is a drift, which is left for the diagnosis to find
         found = channel_noise(by_step, sources[channel], least[channel], longest_memory=FLAT_BELOW_FIRST_LINE)
@@ -254,14 +271,14 @@ def _stationary(
                 converted, [residuals[o.name] for o in observed if o.noise_key == key], settings
             )
             samples[key] = samples[key[0], nearest]
-            borrowed.add(key)
+            borrowed[key] = key[0], nearest
         else:
             stretches = [residuals[o.name] for o in observed if o.noise_key == key]
             models[key], samples[key] = otherwise.get(key) or _of_most(stretches, least[key[0]]), 0
             notes.append(
                 f"{key[0]}: the noise is unknown without repeats or recordings at rest; residuals were taken for it."
             )
-    return Noise(models, samples, tuple(notes), least, tails=tails, borrowed=frozenset(borrowed))
+    return Noise(models, samples, tuple(notes), least, tails=tails, borrowed=borrowed)
 
 
 def of_own_colour(model: NoiseModel, residuals: Sequence[Real], settings: FittingSettings) -> NoiseModel:

@@ -277,7 +277,7 @@ def _rows(
     key = np.repeat([keys.index(o.noise_key) for o in observed], sizes)
     record = np.repeat(np.arange(len(observed)), sizes)
     squares, alone = np.concatenate(power), np.concatenate(expected)
-    noise_degrees = np.array([max(settings.independent_share * noise.samples[k], 1.0) for k in keys])
+    noise_degrees = np.array([max(float(noise.samples[k]), 1.0) for k in keys])
     parameters = [1 + noise.models[k].lost + 3 * len(noise.models[k].bands) for k in keys]
     smooth = np.array([1 / (settings.smooth_spectrum * count) for count in parameters])
     for i, k in enumerate(keys):

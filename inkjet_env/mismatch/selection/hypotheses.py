@@ -110,10 +110,7 @@ class Hypothesis:
         """What of the `excess` is beyond the doubt of the noise's own level; 0 where the noise is not known."""
         if not self.noise_known:
             return 0.0
-        rows, noise = self.residuals.size, self.joint.noise
-        samples = sum(noise.samples[key] for key in sorted({o.noise_key for o in self.joint.seen}))
-        tail = max(noise.tail(o) for o in self.joint.seen)
-        doubt = math.sqrt(tail * (2 * rows + 2 * rows**2 / max(samples, 1)))
+        doubt = self.joint.noise.doubt(self.joint.seen)
         return max(self.excess - self.joint.settings.verdict.excess_standard_deviations * doubt, 0.0)
 
     @property

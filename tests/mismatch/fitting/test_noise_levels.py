@@ -80,3 +80,26 @@ def test_heavy_tails_are_measured():
     _, heavy = campaign(lambda k, signal: RMS * rng.standard_t(5, SAMPLES))
     assert plain.tails["self_sensing"] == pytest.approx(1.0, abs=0.15)
     assert heavy.tails["self_sensing"] > 2
+
+
+@pytest.mark.parametrize(("repeats", "rest"), [(2, 0), (4, 0), (2, 1), (5, 3)])
+def test_the_doubt_of_the_level_is_that_of_what_it_was_estimated_from(repeats, rest):
+    """The second way: the scatter, over campaigns, of the residuals' power relative to the estimated level."""
+    excess, told = [], []
+    for seed in range(60):
+        rng, observed, residuals = np.random.default_rng([20, seed]), [], {}
+        for k in range(repeats + rest + 6):
+            signal = np.zeros(SAMPLES) if k < rest else RINGING
+            drive_V = 10.0 * (k >= rest) * (np.arange(SAMPLES) < 100)
+            residuals[f"r{k}"] = white(rng)
+            excitation = Excitation("self_sensing", "periodic", STEP_S, drive_V, k + 1)
+            condition = k if k < rest else rest if k < rest + repeats else k
+            measured = signal + residuals[f"r{k}"]
+            observed.append(ObservedRecording(f"r{k}", "self_sensing", "V", condition, excitation, measured, SAMPLES))
+        noise = noise_seen(observed, residuals, {}, FITTING)
+        assert noise.samples["self_sensing", STEP_S] == SAMPLES * (repeats - 1 + rest)
+        others = [o for o in observed if o.condition > rest]
+        power = sum(float(np.sum(noise.whitened(o, residuals[o.name]) ** 2)) for o in others)
+        excess.append(power - SAMPLES * len(others))
+        told.append(noise.doubt(others))
+    assert np.std(excess) == pytest.approx(np.mean(told), rel=0.3)
