@@ -201,7 +201,7 @@ def test_sensitivities_taken_elsewhere_lead_to_the_same_end(recorded, fitted, ef
     own = joint.fit(own.active, own.head)  # a fit ends where the next step promises less than 1
     lent = joint.fit(both, first.head, known=first.jacobian)
     lent = joint.fit(lent.active, lent.head, known=lent.jacobian)
-    assert lent.nll == pytest.approx(own.nll, abs=0.1)
+    assert lent.nll == pytest.approx(own.nll, abs=0.5)
     assert lent.nll < first.nll - 100
     again = joint.again(lent.end, lent.jacobian_at, lent.started, True, False)
     np.testing.assert_array_equal(lent.jacobian, again.jacobian)

@@ -178,7 +178,7 @@ def test_what_does_nothing_has_a_value_and_no_interval(at):
                       {"rayleigh_per_V": 2e-4, "loss_ratio": 10.0})  # fmt: skip
     chosen = settled(joint, begun)
     assert not chosen.degenerate
-    (named,) = named_effects(joint, chosen, Selection(chosen, {}, (chosen,), {}, 1.0))
+    (named,) = named_effects(joint, chosen, Selection(chosen, {}, (chosen,), {}, 1.0, 1.0))
     assert set(named.parameters) == {"rayleigh_per_V"}
     assert set(named.values) == {p.name for p in named.effect.parameters}
     assert named.values["loss_ratio"] == pytest.approx(10.0)

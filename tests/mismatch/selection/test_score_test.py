@@ -185,7 +185,7 @@ def test_of_starts_that_look_alike_only_the_one_of_the_right_size_is_tried(recor
 def test_of_two_starts_alike_the_one_whose_own_size_the_recordings_show_is_kept():
     """The other one scores higher, but scaled by a 25th it is not that effect any more."""
     one, turned, other = np.eye(3)
-    effect = SimpleNamespace(id="made up", parameters=(), strengths=(), tuned=())
+    effect = SimpleNamespace(id="made up", scaled=lambda values, factor: values)
     columns = np.column_stack([one, one + 0.05 * turned, other])
     starts = ({"start": 0.0}, {"start": 1.0}, {"start": 2.0})
     table = replace(made_up(columns, np.array([4.0, 100.0, 1.0])), effects=(effect,) * 3, starts=starts)
