@@ -138,10 +138,8 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     stages = tuple(effect.stage for effect in chosen.fit.active.effects)
     explanation = Explanation(unexplained, tested, stages, overlap(found.selection))
     sure = calibration().explained(explanation) >= settings.verdict.least_probability
-    by_test = found.selection.base_p_value < settings.verdict.certain_p_value and base_hypothesis(bare).sure_excess > 0
-    certain = share > settings.verdict.left_over or by_test
-    missed = certain and not anything
-    p_value = max(found.selection.base_p_value, 0.0 if anything or missed else found.selection.scatter_p_value)
+    p_value = max(found.selection.base_p_value, 0.0 if anything else found.selection.scatter_p_value)
+    missed = not anything and (share > settings.verdict.left_over or p_value < settings.verdict.certain_p_value)
     if (anything and not sure) or missed or vague or unseen or found.doubt:
         verdict = "unknown"
     elif not anything:

@@ -18,7 +18,7 @@ from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.settings import FittingSettings
 from inkjet_env.typing import Real
 
-VALUES = 200
+NODES = 200
 """Number of variances that are compared."""
 
 
@@ -49,7 +49,7 @@ def offset_scatter(
         if len(lengths) < 2:
             continue
         size, square = np.array(lengths), np.array(components) ** 2
-        variances = np.geomspace(1e-3 / size.max(), max(float(square.max()), 1.0) / size.min(), VALUES)
+        variances = np.geomspace(1e-3 / size.max(), max(float(square.max()), 1.0) / size.min(), NODES)
         spread = 1 + np.outer(variances, size)
         gains = 0.5 * np.sum(square * (1 - 1 / spread) - np.log(spread), axis=1)
         best = int(np.argmax(gains))
