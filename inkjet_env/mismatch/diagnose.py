@@ -30,8 +30,9 @@ from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.random_effect_values import RandomEffect
 from inkjet_env.mismatch.selection.random_effects import detect_random_effects
 from inkjet_env.mismatch.selection.score_test import Signatures, signatures
+from inkjet_env.mismatch.selection.significance import stands_out
 from inkjet_env.mismatch.selection.split_likelihood import at_a_frequency
-from inkjet_env.mismatch.selection.stepwise import Selection, leftover, select, stands_out, supported, without_idle
+from inkjet_env.mismatch.selection.stepwise import Selection, leftover, select, supported, without_idle
 from inkjet_env.mismatch.selection.truncated_law import fit_truncated_law
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.mismatch.stopwatch import Stopwatch

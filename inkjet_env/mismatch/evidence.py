@@ -16,7 +16,8 @@ from inkjet_env.mismatch.selection.clustered_errors import robust_errors
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.rugged_intervals import rugged_reaches
-from inkjet_env.mismatch.selection.stepwise import Selection, cosine, p_value_bound
+from inkjet_env.mismatch.selection.significance import p_value_bound
+from inkjet_env.mismatch.selection.stepwise import Selection, cosine
 from inkjet_env.plant import Effect
 from inkjet_env.plant.effect import Parameter
 from inkjet_env.plant.errors import NUMERICAL
