@@ -141,6 +141,7 @@ def _of_joint(joint: OutputErrorFit) -> bytes:
     for key, model in sorted(joint.noise.models.items()):
         parts.append(repr((key, list(model.coefficients), model.innovation, model.bands)).encode())
     parts += [part for name, level in sorted(joint.noise.levels.items()) for part in (name.encode(), level.tobytes())]
+    parts.append(repr(sorted(joint.noise.offsets.items())).encode())
     random_effects = [(effect.id, dict(values)) for effect, values in joint.random_effects]
     around = None if joint.around is None else (joint.around.ids, _as_json(joint.around))
     begun = (_head_json(joint.start), _as_json(joint.base), random_effects, around, joint.settings)

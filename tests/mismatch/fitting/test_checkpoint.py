@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch import diagnose
-from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint
+from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint, _of_joint
 
 attribute = importlib.import_module("inkjet_env.mismatch.selection.hypotheses")
 LOOKED_FOR = ("cubic_stiffness", "quadratic_damping", "feedthrough", "mains_hum")
@@ -84,6 +84,20 @@ def test_other_recordings_find_no_fits_of_these(run, tmp_path):
     with pytest.raises(Stopped):
         run(tmp_path / "fits", "refining")
     assert timeless(run(tmp_path / "fits", name="feedthrough")[0]) == timeless(whole)
+
+
+@pytest.mark.parametrize("part", ["models", "levels", "offsets"])
+def test_another_noise_has_other_fits(recorded, fitted, part):
+    joint = fitted(recorded("feedthrough"))
+    o = joint.observed[0]
+    other = {
+        "models": {key: replace(model, innovation=2 * model.innovation) for key, model in joint.noise.models.items()},
+        "levels": {o.name: np.full(o.excitation.samples, 2.0)},
+        "offsets": {o.channel: 0.01},
+    }
+    changed = joint.anew(noise=replace(joint.noise, **{part: other[part]}), base=joint.base)
+    assert _of_joint(joint.anew(base=joint.base)) == _of_joint(joint.anew(base=joint.base))
+    assert _of_joint(changed) != _of_joint(joint.anew(base=joint.base))
 
 
 def test_a_damaged_fit_is_refused_by_name(run, tmp_path):
