@@ -370,8 +370,8 @@ class VerdictSettings(_Settings):
     """Unexplained share of a mismatch in which nothing was found, above which the verdict is unknown. Unit: 1. Source:
     decision 6."""
     certain_p_value: float = 1e-6
-    """Probability by the score test of so large a mismatch by chance, below which the verdict is unknown though nothing
-    was found. Unit: 1. Source: a thousandth of that from which effects are looked for."""
+    """Probability of so large a mismatch by chance, by score test and scatter, below which the verdict is unknown
+    though nothing was found. Unit: 1. Source: a thousandth of that from which effects are looked for."""
     least_closure: float = 0.5
     """Closure below which an effect keeps its name only if it explains the held-out recordings once they are fitted.
     Unit: 1. Source: decision 6."""

@@ -173,21 +173,7 @@ def noise_seen(
     least : mapping, optional
         ``Noise.least``; computed from these recordings unless given. Pass the campaign's if these are only part of it.
     """
-    found = _of_one_offset(observed, residuals, otherwise, settings, least or _least(observed))
-    white = {
-        o.name: found.whitened(o, np.column_stack([np.ones(o.excitation.samples), residuals[o.name]])) for o in observed
-    }
-    return replace(found, offsets=offset_scatter(observed, white, settings))
-
-
-def _of_one_offset(
-    observed: Sequence[ObservedRecording],
-    residuals: Mapping[str, Real],
-    otherwise: Mapping[tuple[str, float], NoiseModel],
-    settings: FittingSettings,
-    least: Mapping[str, float],
-) -> Noise:
-    """Noise whose offset is the same in all recordings; parameters as of `noise_seen`."""
+    least = least or _least(observed)
     stationary = _stationary(observed, residuals, otherwise, settings, least)
     modelled = {o.name: o.measured - residuals[o.name] for o in observed}
     for channel in sorted({o.channel for o in observed}):
@@ -197,15 +183,16 @@ def _of_one_offset(
         modelled |= {o.name: modelled[o.name] - rest for o in mine}
     white = {o.name: stationary.whitened(o, np.column_stack([residuals[o.name], modelled[o.name]])) for o in observed}
     levels = noise_levels(observed, white, modelled, settings)
-    if not levels:
-        return stationary
-    floor = {o.name: least[o.channel] / stationary.models[o.noise_key].rms for o in observed}
-    levels = {name: np.maximum(level, floor[name]) for name, level in levels.items()}
-    level_one = {
-        o.name: residuals[o.name] / levels[o.name] if o.name in levels else residuals[o.name] for o in observed
-    }
-    stationary = _stationary(observed, level_one, otherwise, settings, least)
-    return replace(stationary, levels=levels)
+    if levels:
+        floor = {o.name: least[o.channel] / stationary.models[o.noise_key].rms for o in observed}
+        levels = {name: np.maximum(level, floor[name]) for name, level in levels.items()}
+        level_one = {
+            o.name: residuals[o.name] / levels[o.name] if o.name in levels else residuals[o.name] for o in observed
+        }
+        stationary = replace(_stationary(observed, level_one, otherwise, settings, least), levels=levels)
+    ones = {o.name: np.ones(o.excitation.samples) for o in observed}
+    white = {o.name: stationary.whitened(o, np.column_stack([ones[o.name], residuals[o.name]])) for o in observed}
+    return replace(stationary, offsets=offset_scatter(observed, white, settings))
 
 
 def _stationary(

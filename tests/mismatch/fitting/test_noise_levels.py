@@ -1,5 +1,7 @@
 """Noise that is not equally loud everywhere, told from a mismatch."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -103,3 +105,19 @@ def test_the_doubt_of_the_level_is_that_of_what_it_was_estimated_from(repeats, r
         excess.append(power - SAMPLES * len(others))
         told.append(noise.doubt(others))
     assert np.std(excess) == pytest.approx(np.mean(told), rel=0.3)
+
+
+def test_a_borrowed_model_brings_no_samples_of_its_own():
+    rng = np.random.default_rng(21)
+    (o, *_), noise = campaign(lambda k, signal: white(rng))
+    (key,) = noise.models
+    lent = (key[0], 2 * key[1])
+    other = replace(o, excitation=replace(o.excitation, step_s=lent[1], cache={}))
+    borrowing = replace(
+        noise,
+        models=dict(noise.models) | {lent: noise.models[key]},
+        samples=dict(noise.samples) | {lent: noise.samples[key]},
+        borrowed={lent: key},
+    )
+    assert other.noise_key == lent
+    assert borrowing.doubt([o, other]) == noise.doubt([o, o])

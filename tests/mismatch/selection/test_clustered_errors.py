@@ -6,9 +6,9 @@ import pytest
 from inkjet_env.mismatch.selection.clustered_errors import clustered_errors, robust_errors, scatter_p_value
 from inkjet_env.mismatch.selection.cross_validation import predicted
 from inkjet_env.mismatch.settings import DiagnosisSettings
+from tests.mismatch.shares import GROUPS, held_by_shares, without
 
 SETTINGS = DiagnosisSettings().selection
-GROUPS = [np.arange(40 * k, 40 * (k + 1)) for k in range(12)]
 
 
 def regression(rng, shared):
@@ -64,25 +64,12 @@ def test_a_parameter_of_one_condition_alone_keeps_its_classical_error():
     assert errors[0] > classical[0]
 
 
-def sized(shares, rng, error):
-    """Residuals of twelve conditions that hold a direction by shares of its size, and that direction."""
-    direction = rng.standard_normal(480)
-    direction /= np.linalg.norm(direction)
-    residuals = rng.standard_normal(480)
-    residuals -= direction * (direction @ residuals)
-    for rows, share in zip(GROUPS, shares, strict=True):
-        residuals[rows] += error * share * direction[rows] / np.linalg.norm(direction[rows]) ** 2
-    return direction, predicted(residuals - direction * (direction @ residuals), direction[:, None], GROUPS, 0.9)
-
-
 def test_what_one_condition_favours_scatters_and_what_all_favour_does_not():
     rng = np.random.default_rng(3)
-    one = np.zeros(12)
-    one[4] = 7.0
-    direction, left_out = sized(one, rng, 1.0)
-    assert scatter_p_value(7.0, direction, left_out) > 0.05
-    direction, left_out = sized(np.full(12, 7 / 12), rng, 1.0)
-    assert scatter_p_value(7.0, direction, left_out) < 1e-3
+    for shares, least, most in (([7.0] + 11 * [0.0], 0.05, 1.0), (12 * [7 / 12], 0.0, 1e-3)):
+        residuals, direction = held_by_shares(shares, rng)
+        left_out = predicted(without(residuals, direction), direction[:, None], GROUPS, 0.9)
+        assert least < scatter_p_value(7.0, direction, left_out) < most
 
 
 def test_the_p_value_by_scatter_is_calibrated_in_noise():
@@ -93,7 +80,7 @@ def test_the_p_value_by_scatter_is_calibrated_in_noise():
         direction /= np.linalg.norm(direction)
         residuals = rng.standard_normal(480)
         size = float(direction @ residuals)
-        rest = residuals - size * direction
-        p_values.append(scatter_p_value(size, direction, predicted(rest, direction[:, None], GROUPS, 0.9)))
+        left_out = predicted(without(residuals, direction), direction[:, None], GROUPS, 0.9)
+        p_values.append(scatter_p_value(size, direction, left_out))
     # of the magnitude: half the uniform distribution
     assert 0.02 * 600 < sum(p < 0.025 for p in p_values) < 0.08 * 600

@@ -128,6 +128,9 @@ def test_scores_beside_further_columns_are_those_of_what_is_left_of_each_signatu
     beside = table.beside(basis)
     np.testing.assert_allclose(beside.scores(residuals), left.T @ residuals, atol=1e-12)
     np.testing.assert_allclose(beside.gram, left.T @ left, atol=1e-12)
+    for k in range(9):
+        np.testing.assert_allclose(beside.column(k), left[:, k], atol=1e-12)
+        np.testing.assert_array_equal(table.column(k), table.columns[:, k])
     again = beside.beside(basis[:, :3])  # all that may adapt is given each time
     np.testing.assert_allclose(again.scores(residuals), table.beside(basis[:, :3]).scores(residuals), atol=1e-12)
 

@@ -12,14 +12,7 @@ from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, conditions, settled
 from inkjet_env.mismatch.selection.score_test import ScoreTest, signatures
-from inkjet_env.mismatch.selection.stepwise import (
-    cosine,
-    leans,
-    leaves_too_much,
-    select,
-    supported,
-    worth_adding,
-)
+from inkjet_env.mismatch.selection.stepwise import cosine, leans, leaves_too_much, select, supported, worth_adding
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete, coordinates
 
