@@ -87,6 +87,17 @@ def test_a_stopped_study_goes_on_with_what_is_missing(short_study):
     assert [row["name"] for row in diagnosis_study.rows()] == ["null nothing none 0", "null nothing none 1"]
 
 
+def test_the_summary_of_campaigns_without_an_effect_counts_their_p_values(short_study, capsys):
+    row = {"part": "noise", "effects": [], "strength": "white", "verdict": "none", "found": [], "seconds": 1.0}
+    p_values = [0.005, 0.05, 0.15, 0.95]
+    lines = [json.dumps(row | {"name": f"{p}", "seed": 0, "headline": "", "p_value": p}) for p in p_values]
+    lines.append(json.dumps(row | {"name": "other", "seed": 1, "verdict": "refused", "headline": "nothing rings"}))
+    short_study.write_text("\n".join(lines))
+    diagnosis_study.summary()
+    said = "p-values below 0.01: 25.0%; in tenths from 0 to 1: [2, 1, 0, 0, 0, 0, 0, 0, 0, 1]"
+    assert said in capsys.readouterr().out
+
+
 def failing(error):
     """In place of `outcome`: the case of seed 1 fails."""
     done = diagnosis_study.outcome
