@@ -97,8 +97,8 @@ class Calibration:
         Parameters
         ----------
         weights : dict of str to float
-            Relative weights of the explanations that were found, by the id of the effect that explains most; empty if
-            nothing was found.
+            Relative weights of the explanations that were found, by the id of the effect that explains most, or
+            "none of these" if no effect explains anything; empty if nothing was found.
         explanation : Explanation or None
             The best of them; None if nothing was found.
         effects : tuple of str
@@ -112,7 +112,8 @@ class Calibration:
             return {NOTHING: nothing, NONE_OF_THESE: other, **dict.fromkeys(effects, each)}
         right = self.explained(explanation) * (1 - self.nothing_if_found)
         found = {name: right * weight / sum(weights.values()) for name, weight in weights.items()}
-        return {**found, NONE_OF_THESE: 1 - self.nothing_if_found - right, NOTHING: self.nothing_if_found}
+        found[NONE_OF_THESE] = found.get(NONE_OF_THESE, 0.0) + 1 - self.nothing_if_found - right
+        return {**found, NOTHING: self.nothing_if_found}
 
 
 @lru_cache

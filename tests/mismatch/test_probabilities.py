@@ -19,7 +19,7 @@ from inkjet_env.mismatch.probabilities import NONE_OF_THESE, NOTHING, Explanatio
 IDS = ("creep", "second_mode", "wave_echo")
 
 
-@pytest.mark.parametrize("weights", [{}, {"creep": 1.0}, {"creep": 1.0, "wave_echo": 0.25}])
+@pytest.mark.parametrize("weights", [{}, {"creep": 1.0}, {"creep": 1.0, "wave_echo": 0.25}, {NONE_OF_THESE: 1.0}])
 def test_they_sum_to_one(weights):
     for left_over in (0.0, 0.3, 1.0):
         for held_out in (0.0, 0.5, 1.0, math.nan):

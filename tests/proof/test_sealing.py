@@ -174,7 +174,7 @@ def test_a_folder_of_an_earlier_version_tells_where_its_rig_is(proof):
     ("probabilities", "sentence"),
     [
         ({"creep": 0.5, "gremlins": 0.5}, "a probability of 'gremlins'"),
-        ({"creep": 0.5, "nothing": 0.4}, "must sum to 1; their sum is 0.9"),
+        ({"creep": 0.6, "nothing": 0.5}, "exceed 1 together; their sum is 1.1"),
     ],
 )
 def test_probabilities_that_are_none_stop_the_run(proof, probabilities, sentence):
@@ -184,9 +184,12 @@ def test_probabilities_that_are_none_stop_the_run(proof, probabilities, sentence
         check_answer(proof, entry, read_json(proof / "manifest.json"))
 
 
-def test_probabilities_may_be_given_to_every_label(proof):
+@pytest.mark.parametrize(
+    "probabilities", [{"creep": 0.5, "nothing": 0.25, "none of these": 0.25}, {"none of these": 0.8, "nothing": 0.005}]
+)
+def test_probabilities_may_be_given_to_every_label_and_leave_some_over(proof, probabilities):
     entry = read_answer(proof, a_campaign(proof).name)
-    entry["answer"]["verdict"]["probabilities"] = {"creep": 0.5, "nothing": 0.25, "none of these": 0.25}
+    entry["answer"]["verdict"]["probabilities"] = probabilities
     check_answer(proof, entry, read_json(proof / "manifest.json"))
 
 
