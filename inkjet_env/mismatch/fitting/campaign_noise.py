@@ -57,7 +57,7 @@ class Noise:
     borrowed: Mapping[tuple[str, float], tuple[str, float]] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     _kept: dict[tuple[tuple[str, float], int], Real] = field(default_factory=dict, init=False, repr=False)
-    _constants: dict[str, tuple[Real, float]] = field(default_factory=dict, init=False, repr=False)
+    _constants: dict[tuple[object, ...], tuple[Real, float]] = field(default_factory=dict, init=False, repr=False)
 
     def known(self, observed: ObservedRecording) -> bool:
         """Whether the noise was estimated from anything but a fit's own residuals."""
@@ -95,10 +95,12 @@ class Noise:
 
     def _constant(self, observed: ObservedRecording) -> tuple[Real, float]:
         """A whitened offset of one unit, shape (n,), and its sum of squares."""
-        if observed.name not in self._constants:
-            constant = self._of_one_offset(observed, np.ones((observed.excitation.samples, 1)))[:, 0]
-            self._constants[observed.name] = constant, max(float(constant @ constant), 1e-300)
-        return self._constants[observed.name]
+        samples = observed.excitation.samples
+        key = (observed.name, observed.noise_key, samples)  # proposals of a next experiment share one name
+        if key not in self._constants:
+            constant = self._of_one_offset(observed, np.ones((samples, 1)))[:, 0]
+            self._constants[key] = constant, max(float(constant @ constant), 1e-300)
+        return self._constants[key]
 
     def lost(self, observed: ObservedRecording) -> int:
         """Number of samples at the start of a recording that whitening drops."""

@@ -60,3 +60,14 @@ def test_a_shape_within_a_recording_is_not_touched():
     shape = np.sin(2 * np.pi * np.arange(SAMPLES) / SAMPLES)
     now, before = (np.linalg.norm(n.whitened(observed[5], shape)) for n in (noise, plain))
     assert now == pytest.approx(before, rel=0.05)
+
+
+def test_proposed_recordings_of_one_name_may_differ_in_length():
+    """Proposals of a next experiment are all called "next"."""
+    _, _, noise = campaign(np.random.default_rng(1), 0.01)
+    for samples in (SAMPLES, SAMPLES // 3, SAMPLES):
+        excitation = Excitation("strain_gauge", "demagnetised", STEP_S, np.zeros(samples), -1)
+        o = ObservedRecording("next", "strain_gauge", "V", -1, excitation, np.zeros(samples), samples)
+        constant = noise.whitened(o, np.ones(samples))
+        variance = noise.models[o.noise_key].innovation ** 2 / samples + noise.offsets["strain_gauge"] ** 2
+        assert constant @ constant == pytest.approx(1 / variance, rel=1e-6)
