@@ -231,7 +231,7 @@ def check_answer(folder: Path, entry: Mapping[str, Any], manifest: Mapping[str, 
     total = sum(probabilities.values())
     if not total < 1 + 1e-3:  # less may be given: what no label gets is right for none
         raise ProofError(
-            f"the probabilities in the verdict on {name} exceed 1 together; their sum is {total:.6g}. Nothing is scored."
+            f"the probabilities in the verdict on {name} exceed 1 together: {total:.6g}. Nothing is scored."
         )
     for path in entry["run"]["seen"]:
         if Path(path).is_relative_to(folder.resolve()):

@@ -174,7 +174,7 @@ def test_a_folder_of_an_earlier_version_tells_where_its_rig_is(proof):
     ("probabilities", "sentence"),
     [
         ({"creep": 0.5, "gremlins": 0.5}, "a probability of 'gremlins'"),
-        ({"creep": 0.6, "nothing": 0.5}, "exceed 1 together; their sum is 1.1"),
+        ({"creep": 0.6, "nothing": 0.5}, "exceed 1 together: 1.1"),
     ],
 )
 def test_probabilities_that_are_none_stop_the_run(proof, probabilities, sentence):
