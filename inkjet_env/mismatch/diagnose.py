@@ -22,6 +22,7 @@ from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer, observ
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
+from inkjet_env.mismatch.fitting.rounding import without_rounding
 from inkjet_env.mismatch.held_out import only_held_out_differ
 from inkjet_env.mismatch.selection.amplitude_likelihood import without_amplitudes
 from inkjet_env.mismatch.selection.discrepancy_regression import discrepancy_regression
@@ -327,10 +328,11 @@ class _Work:
         while True:
             try:
                 modelled = joint.modelled(chosen.fit)
-                residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
-                residuals = self.without_random_effects(joint.observed, residuals, random_effects)
-                noise = noise_seen(joint.observed, residuals, {}, settings)
-                joint = joint.anew(noise=noise, head=in_convention(joint.base.head))
+                observed = without_rounding(joint.observed, modelled, joint.noise, settings)
+                residuals = {o.name: o.measured - modelled[o.name] for o in observed}
+                residuals = self.without_random_effects(observed, residuals, random_effects)
+                noise = noise_seen(observed, residuals, {}, settings)
+                joint = joint.anew(observed=observed, noise=noise, head=in_convention(joint.base.head))
                 near = joint.near(chosen.fit.moved(head=in_convention(chosen.fit.head)))
                 chosen = settled(joint, near.fit(chosen.fit.active))
             except NUMERICAL:

@@ -50,7 +50,7 @@ def modelled_recordings(
     """
     # Where the noise is not known, it is at most what the regression leaves of the residuals.
     most = math.sqrt(1 - min(max(discrepancy.share, 0.0), 1.0))
-    base, augmented = bare.modelled(bare.base), joint.modelled(chosen.fit)
+    modelled = {"base": bare.modelled(bare.base), "augmented": joint.modelled(chosen.fit)}
     return tuple(
         ModelledRecording(
             o.name,
@@ -59,8 +59,8 @@ def modelled_recordings(
             o.excitation.order,
             o.excitation.step_s,
             o.excitation.drive_V,
-            o.measured,
-            {"base": base[o.name], "augmented": augmented[o.name]},
+            o.told,
+            {name: signals[o.name] + (o.told - o.measured) for name, signals in modelled.items()},
             o.fitted,
             joint.noise.rms(o) * (1.0 if joint.noise.known(o) else most),
         )

@@ -1,5 +1,8 @@
 """An effect that only held-out recordings show: two steep pulses, on a head whose amplifier is slow enough for them."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from inkjet_env.experiments.validation.synthetic_campaigns import record_synthetic
@@ -46,6 +49,18 @@ def test_the_recording_that_shows_most_is_fitted_and_another_checks_it(slow, fit
     assert held_out_misfits(joint, base_hypothesis(joint)) == ("r011", "r008")
     division = held_out_otherwise(joint, base_hypothesis(joint))
     assert (division.fitted, division.held_out) == (("r011",), ("r008",))
+
+
+def test_a_few_spikes_of_a_noise_with_heavy_tails_are_no_mismatch(recorded, fitted):
+    joint = fitted(recorded(seed=21, noise_kind="impulses"))
+    (o, *_) = (o for o in joint.observed if not o.fitted)
+    residuals = joint.base.residuals[o.name].copy()
+    residuals[[50, 150, 250]] = 20.0, -25.0, 30.0  # five times the power of its 400 samples together
+    spiky = replace(o, measured=o.measured + joint.noise.rms(o) * (residuals - joint.base.residuals[o.name]))
+    louder = replace(o, measured=o.measured + joint.noise.rms(o) * 2 * np.sin(np.arange(o.measured.size) / 5))
+    for other, told in ((spiky, ()), (louder, (o.name,))):
+        changed = joint.anew(observed=[other if one is o else one for one in joint.observed])
+        assert held_out_misfits(changed, base_hypothesis(changed)) == told
 
 
 def test_one_recording_alone_stays_held_out_since_none_could_check_it(slow, fitted):

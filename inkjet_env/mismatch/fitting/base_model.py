@@ -14,6 +14,7 @@ from inkjet_env.mismatch.fitting.base_parameters import Head, gains_and_offsets,
 from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.fitting.rounding import without_rounding
 from inkjet_env.mismatch.settings import DiagnosisSettings, FittingSettings
 from inkjet_env.plant.recorded_motion import session_of
 from inkjet_env.plant.wording import with_prefix
@@ -126,9 +127,23 @@ def _settled(
         joint = joint.anew(head=in_convention(joint.base.head))
         if before - joint.base.nll < settings.fitting.settled_gain:
             break
+    joint = _with_own_noise(joint, otherwise)
+    for _ in range(settings.fitting.rounding_rounds):
+        modelled = joint.modelled(joint.base)
+        observed = without_rounding(joint.observed, modelled, joint.noise, settings.fitting)
+        if all(o.rounding is None for o in observed):
+            break
+        joint = _with_own_noise(joint.anew(observed=observed, head=joint.base.head), otherwise)
+    return joint
+
+
+def _with_own_noise(joint: OutputErrorFit, otherwise: Mapping[tuple[str, float], NoiseModel]) -> OutputErrorFit:
+    """The joint fit with the noise of its base model's residuals."""
     modelled = joint.modelled(joint.base)
-    residuals = {o.name: o.measured - modelled[o.name] for o in observed}
-    return joint.anew(noise=noise_seen(observed, residuals, otherwise, settings.fitting), head=joint.base.head)
+    residuals = {o.name: o.measured - modelled[o.name] for o in joint.observed}
+    return joint.anew(
+        noise=noise_seen(joint.observed, residuals, otherwise, joint.settings.fitting), head=joint.base.head
+    )
 
 
 def _unexplained(joint: OutputErrorFit) -> float:

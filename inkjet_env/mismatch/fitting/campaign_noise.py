@@ -352,7 +352,7 @@ def _least(observed: Sequence[ObservedRecording]) -> dict[str, float]:
                 o.excitation.initial_state,
                 o.excitation.drive_V,
                 o.excitation.step_s,
-                (o.measured,),
+                (o.told,),
                 (o.name,),
                 o.fitted,
             )

@@ -26,9 +26,11 @@ class ObservedRecording:
     excitation : Excitation
         Drive and initial state.
     measured : ndarray, shape (n,)
-        Recorded signal, in ``unit``.
+        Recorded signal, in ``unit``, without the mean error of a coarse converter's rounding.
     fitted : int
         Number of samples from the start that a fit may see: n, 0 (held out) or between (its end is held out).
+    rounding : ndarray, shape (n,), optional
+        The mean error that was taken off, in ``unit``; see `without_rounding`.
     """
 
     name: str
@@ -38,6 +40,12 @@ class ObservedRecording:
     excitation: Excitation
     measured: Real
     fitted: int
+    rounding: Real | None = None
+
+    @property
+    def told(self) -> Real:
+        """The signal as its converter told it, shape (n,)."""
+        return self.measured if self.rounding is None else self.measured + self.rounding
 
     @property
     def still(self) -> bool:

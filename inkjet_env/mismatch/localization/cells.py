@@ -239,18 +239,6 @@ def background(residuals: Real, least: int = 8) -> Real:
     return np.maximum(np.interp(line, centres, level), 1.0)
 
 
-def without_spikes(residuals: Real, most: float = 3.0, window: int = 15) -> Real:
-    """Residuals, shape (n,), with single samples that stand out from their neighbours cut down.
-
-    A sample is cut to ``most`` times the noise, or the neighbours' level (median within ``window`` samples) if that is
-    larger: a mismatch that lasts stays as it is.
-    """
-    from scipy.ndimage import median_filter
-
-    level = np.maximum(median_filter(np.abs(residuals), min(window, residuals.size), mode="nearest") / 0.6745, 1.0)
-    return np.clip(residuals, -most * level, most * level)
-
-
 def _uncertain(o: ObservedRecording, noise: Noise, fit: FitResult) -> Real:
     """Factor by which the noise at each line may exceed its model; 1 where it was measured."""
     if o.noise_key not in noise.borrowed:

@@ -16,7 +16,8 @@ import numpy as np
 from inkjet_env.mismatch.fitting.campaign_noise import Noise
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
-from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, taken_by_fit, without_spikes
+from inkjet_env.mismatch.fitting.spikes import without_spikes
+from inkjet_env.mismatch.localization.cells import Cell, line_rows, sample_rows, taken_by_fit
 from inkjet_env.mismatch.localization.drift import Trend, shifts, trends
 from inkjet_env.mismatch.localization.extents import reported
 from inkjet_env.mismatch.localization.location import Location

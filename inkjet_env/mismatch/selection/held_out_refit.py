@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,8 +11,10 @@ import numpy as np
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
+from inkjet_env.mismatch.fitting.spikes import without_spikes
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, attribute, base_hypothesis, settled
 from inkjet_env.mismatch.selection.score_test import signatures
+from inkjet_env.mismatch.settings import VerdictSettings
 from inkjet_env.plant.errors import NUMERICAL
 from inkjet_env.typing import Real
 
@@ -37,17 +41,34 @@ def held_out_misfits(joint: OutputErrorFit, chosen: Hypothesis) -> tuple[str, ..
     of_the_head = [o for o in joint.observed if o.channel != "drive_monitor"]
     for key in sorted({o.noise_key for o in of_the_head}):
         mine = [o for o in of_the_head if o.noise_key == key]
-        seen = np.concatenate([chosen.fit.residuals[o.name][o.rows(held_out=False)] for o in mine])
-        usual = float(seen @ seen) / seen.size if seen.size else 1.0
-        for o in mine:
-            residuals = refitted.fit.residuals[o.name][o.rows(held_out=True)]
-            if not residuals.size:
-                continue
-            excess = float(residuals @ residuals) / residuals.size / usual - 1
-            doubt = np.sqrt(joint.noise.tail(o) * (2 / residuals.size + 2 / max(seen.size, 1)))
-            if excess > settings.least_excess + settings.excess_standard_deviations * doubt:
-                found[o.name] = excess * residuals.size
+        heavy = joint.noise.tail(mine[0]) > joint.settings.localization.heavy_tails
+        seen = [chosen.fit.residuals[o.name][: o.fitted] for o in mine if o.fitted]
+        for o in (o for o in mine if o.fitted < o.excitation.samples):
+            unseen = refitted.fit.residuals[o.name][o.fitted :]
+            excess = _sure_excess(unseen, seen, settings)
+            if heavy:  # a few spikes are none
+                excess = min(excess, _sure_excess(without_spikes(unseen), [without_spikes(r) for r in seen], settings))
+            if excess > 0:
+                found[o.name] = excess * unseen.size
     return tuple(sorted(found, key=lambda name: -found[name]))
+
+
+def _sure_excess(unseen: Real, seen: Sequence[Real], settings: VerdictSettings) -> float:
+    """By how much the power of held-out residuals exceeds that of fitted ones, as a share; 0 if chance may do so.
+
+    The power of a recording varies by the noise's tails, and as much as it varies more between fitted recordings.
+    """
+    if not seen:
+        usual, tail, between, others = 1.0, 1.0, 0.0, 1
+    else:
+        power = np.concatenate(seen) ** 2
+        usual, others = float(power.mean()) or 1.0, power.size
+        tail = max(1.0, float(power.var()) / (2 * usual**2))
+        each = np.array([float(np.mean(r**2)) for r in seen])
+        between = max(0.0, float(each.var()) / usual**2 - tail * float(np.mean([2 / r.size for r in seen])))
+    excess = float(unseen @ unseen) / unseen.size / usual - 1
+    doubt = math.sqrt(tail * (2 / unseen.size + 2 / others) + between)
+    return excess if excess > settings.least_excess + settings.excess_standard_deviations * doubt else 0.0
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,8 @@ def parts_of(
             )
             name = f"{o.name} part {k + 1}"
             own[name] = residual[cut]
-            parts.append(replace(o, name=name, excitation=excitation, measured=own[name], fitted=length))
+            one = replace(o, name=name, excitation=excitation, measured=own[name], fitted=length, rounding=None)
+            parts.append(one)
             if level is not None:
                 levels[name] = level[cut]
     least = {channel: value / math.sqrt(min(blocks)) for channel, value in noise.least.items()}

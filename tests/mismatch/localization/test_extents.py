@@ -10,7 +10,8 @@ from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
 from inkjet_env.mismatch.fitting.dataset import observe
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.localization.cells import Rows, background, without_spikes
+from inkjet_env.mismatch.fitting.spikes import without_spikes
+from inkjet_env.mismatch.localization.cells import Rows, background
 from inkjet_env.mismatch.localization.extents import Extent, extents, merged
 from inkjet_env.mismatch.localization.locate import locate
 from inkjet_env.printhead import Printhead
