@@ -175,8 +175,10 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         remainder = fit_remainder(stands)
         stopwatch.took("remainder")
     if remainder is not None:
+        rounding = {o.name: o.told - o.measured for o in stands.joint.observed}
         recordings = tuple(
-            replace(r, modelled={**r.modelled, "with_remainder": remainder.modelled[r.name]}) for r in recordings
+            replace(r, modelled={**r.modelled, "with_remainder": remainder.modelled[r.name] + rounding[r.name]})
+            for r in recordings
         )
     if not stands.fit.converged:
         of = " with ".join(name.replace("_", " ") for name in stands.ids) or "the base model"
