@@ -31,7 +31,7 @@ from inkjet_env.mismatch.selection.held_out_refit import explains_held_out_after
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.minor_effects import with_minor_effects
 from inkjet_env.mismatch.selection.random_effect_values import RandomEffect
-from inkjet_env.mismatch.selection.remainder_fit import fit_remainder
+from inkjet_env.mismatch.selection.remainder_fit import best_beside
 from inkjet_env.mismatch.selection.score_test import Signatures
 from inkjet_env.mismatch.selection.stepwise import Selection, weights
 from inkjet_env.mismatch.stopwatch import Stopwatch
@@ -152,6 +152,14 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         location = Location(tables=location.tables)
     stopwatch.took("location")
     corrected = _corrected(found, verdict, context)
+    tried = [corrected] if corrected is chosen else [corrected, chosen]
+    tried = [base_hypothesis(joint)] if verdict == "unknown" else tried  # never half of a model that is not named
+    stands, remainder = tried[0], None
+    if verdict != "none":
+        context.progress("fitting the remainder")
+        stands, remainder = best_beside(tried)
+        stopwatch.took("remainder")
+    corrected = chosen if verdict == "unknown" else stands
     if corrected is not chosen:
         recordings = modelled_recordings(bare, joint, corrected, found.discrepancy)
         closure = closure_of(recordings, settings.verdict)
@@ -168,12 +176,6 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         fits = _candidate_fits(found)
         following = next_experiment(fits, joint.noise, joint.observed, found.effects, settings.design)
     stopwatch.took("next experiment")
-    stands = base_hypothesis(joint) if verdict == "unknown" else corrected  # never half of a model that is not named
-    remainder = None
-    if verdict != "none":
-        context.progress("fitting the remainder")
-        remainder = fit_remainder(stands)
-        stopwatch.took("remainder")
     if remainder is not None:
         rounding = {o.name: o.told - o.measured for o in stands.joint.observed}
         recordings = tuple(

@@ -83,6 +83,34 @@ def fit_remainder(hypothesis: Hypothesis) -> FittedRemainder | None:
         return None
 
 
+def best_beside(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, FittedRemainder | None]:
+    """The hypothesis that predicts held-out recordings best, with a remainder beside it where that helps; and both.
+
+    A minor effect may imitate part of what a remainder predicts better. The first hypothesis stays unless another one
+    predicts clearly better.
+    """
+    found: list[tuple[float, Hypothesis, FittedRemainder | None]] = []
+    for h in hypotheses:
+        remainder = fit_remainder(h)
+        modelled = h.joint.modelled(h.fit) if remainder is None else remainder.modelled
+        found.append((_heldout_power(h, modelled), h, remainder))
+    least_fall = hypotheses[0].joint.settings.remainder.least_fall
+    best = min(found, key=lambda one: one[0])
+    chosen = best if best[0] < (1 - least_fall) ** 2 * found[0][0] else found[0]
+    return chosen[1], chosen[2]
+
+
+def _heldout_power(h: Hypothesis, modelled: Mapping[str, Real]) -> float:
+    """Sum of squares of what is left of held-out recordings, each in units of its noise."""
+    parts = [
+        (o.measured - modelled[o.name])[o.fitted :] / h.joint.noise.rms(o)
+        for o in h.joint.observed
+        if o.channel != "drive_monitor"
+    ]
+    left = np.concatenate(parts)
+    return float(left @ left)
+
+
 def _with_plain_noise(hypothesis: Hypothesis) -> OutputErrorFit:
     """The recordings with white noise wherever the noise is unknown.
 

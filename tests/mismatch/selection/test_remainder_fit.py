@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.validation.synthetic_campaigns import record_synthetic
+from inkjet_env.mismatch.selection import remainder_fit
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.remainder_fit import fit_remainder
 from inkjet_env.plant import Effect, Excitation, Parameter, Plant
@@ -110,3 +111,19 @@ def test_there_is_none_beside_the_effect_that_explains_the_recordings(campaign, 
 
 def test_there_is_none_without_held_out_recordings(campaign, fitted):
     assert fit_remainder(base_hypothesis(fitted(campaign([BEND]), held_out=[]))) is None
+
+
+@pytest.mark.parametrize(("left", "kept"), [((1.0, 0.5), 1), ((1.0, 0.999), 0), ((0.5, 1.0), 0)])
+def test_a_minor_effect_gives_way_to_a_remainder_that_predicts_clearly_better(bent, monkeypatch, left, kept):
+    joint, fitted = bent
+    with_minor, without = base_hypothesis(joint), base_hypothesis(joint)
+    of = dict(zip((with_minor, without), left, strict=True))
+
+    def remainder(hypothesis):
+        modelled = {o.name: o.measured + of[hypothesis] * joint.noise.rms(o) for o in joint.observed}
+        return replace(fitted, modelled=modelled)
+
+    monkeypatch.setattr(remainder_fit, "fit_remainder", remainder)
+    hypothesis, found = remainder_fit.best_beside([with_minor, without])
+    assert hypothesis is (with_minor, without)[kept]
+    assert found.modelled.keys() == fitted.modelled.keys()
