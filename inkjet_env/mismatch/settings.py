@@ -81,6 +81,9 @@ class FittingSettings(_Settings):
     sharpest_step: float = 0.1
     """Least standard deviation with which the mean error is smoothed: the base model is no more exact. Unit: steps.
     Source: tables."""
+    coarse_step: float = 0.15
+    """Standard deviation of the noise before a converter, in its steps, below which the correction is not exact enough.
+    Unit: steps. Source: docs/results/diagnosis.md, 2 false alarms on 15 heads."""
     on_grid: float = 0.05
     """Largest distance of a value from a multiple of its converter's step: values may be printed with few digits. Unit:
     steps. Source: tables."""

@@ -14,7 +14,7 @@ from inkjet_env.mismatch.fitting.base_parameters import Head, gains_and_offsets,
 from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, finer
 from inkjet_env.mismatch.fitting.joint_fit import OutputErrorFit
-from inkjet_env.mismatch.fitting.rounding import without_rounding
+from inkjet_env.mismatch.fitting.rounding import coarse_notes, without_rounding
 from inkjet_env.mismatch.settings import DiagnosisSettings, FittingSettings
 from inkjet_env.plant.recorded_motion import session_of
 from inkjet_env.plant.wording import with_prefix
@@ -132,9 +132,10 @@ def _settled(
         modelled = joint.modelled(joint.base)
         observed = without_rounding(joint.observed, modelled, joint.noise, settings.fitting)
         if all(o.rounding is None for o in observed):
-            break
+            return joint
         joint = _with_own_noise(joint.anew(observed=observed, head=joint.base.head), otherwise)
-    return joint
+    notes = (*joint.noise.notes, *coarse_notes(joint.observed, joint.noise, settings.fitting))
+    return joint.anew(noise=replace(joint.noise, notes=notes), base=joint.base, around=joint.around)
 
 
 def _with_own_noise(joint: OutputErrorFit, otherwise: Mapping[tuple[str, float], NoiseModel]) -> OutputErrorFit:

@@ -70,19 +70,39 @@ def without_rounding(
     settings : FittingSettings
         From which step on rounding matters.
     """
-    channels = sorted({o.channel for o in observed})
-    grids = {channel: _grid([o for o in observed if o.channel == channel], settings.on_grid) for channel in channels}
+    found = {channel: _converter(channel, observed, noise, settings) for channel in {o.channel: None for o in observed}}
     result = []
     for o in observed:
-        step, origin = grids[o.channel]
-        loudest = max(noise.rms(other) for other in observed if other.channel == o.channel)
-        sigma = math.sqrt(max(loudest**2 - step**2 / 12, 0.0))
+        step, origin, sigma = found[o.channel]
         if not math.isfinite(step) or sigma > settings.hidden_step * step or _step(o.told) > 1.5 * step:
             result.append(o if o.rounding is None else replace(o, measured=o.told, rounding=None))
             continue
         error = rounding_error(modelled[o.name], step, origin, max(sigma, settings.sharpest_step * step))
         result.append(replace(o, measured=o.told - error, rounding=error))
     return tuple(result)
+
+
+def coarse_notes(observed: Sequence[ObservedRecording], noise: Noise, settings: FittingSettings) -> tuple[str, ...]:
+    """Sentences about converters whose steps are so large that only the moments at which they step tell anything."""
+    notes = []
+    for channel in {o.channel: None for o in observed}:
+        step, _, sigma = _converter(channel, observed, noise, settings)
+        if math.isfinite(step) and sigma < settings.coarse_step * step:
+            notes.append(
+                f"{channel}: the converter's step is more than {1 / settings.coarse_step:.0f} times the noise before "
+                "it. What slow recordings show may be its rounding: record with a smaller range, or with noise added."
+            )
+    return tuple(notes)
+
+
+def _converter(
+    channel: str, observed: Sequence[ObservedRecording], noise: Noise, settings: FittingSettings
+) -> tuple[float, float, float]:
+    """Step of a channel's converter, infinite if there is none, one of its values, and the noise before it."""
+    mine = [o for o in observed if o.channel == channel]
+    step, origin = _grid(mine, settings.on_grid)
+    loudest = max(noise.rms(o) for o in mine)
+    return step, origin, math.sqrt(max(loudest**2 - step**2 / 12, 0.0)) if math.isfinite(step) else math.inf
 
 
 def _grid(mine: Sequence[ObservedRecording], most_off: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from inkjet_env.experiments.validation.diagnosis_study import Case, recorded
 from inkjet_env.mismatch import DiagnosisSettings, diagnose
 from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, observe
-from inkjet_env.mismatch.fitting.rounding import rounding_error, without_rounding
+from inkjet_env.mismatch.fitting.rounding import coarse_notes, rounding_error, without_rounding
 from inkjet_env.plant import Excitation, catalogue
 
 SETTINGS = DiagnosisSettings().fitting
@@ -69,6 +69,12 @@ def test_a_second_time_replaces_the_first():
 def test_where_noise_hides_the_steps_nothing_is_touched():
     observed, true, noise = recordings(0.3)
     assert without_rounding(observed, true, noise, SETTINGS) == tuple(observed)
+
+
+def test_steps_that_leave_nothing_but_the_moments_of_their_change_are_told():
+    (note,) = coarse_notes(*recordings(1.0, sigma=0.08)[::2], SETTINGS)
+    assert note.startswith("strain_gauge: the converter's step is more than 7 times the noise before it.")
+    assert coarse_notes(*recordings(1.0)[::2], SETTINGS) == ()
 
 
 def test_a_recording_of_another_range_and_values_off_any_grid_are_left_alone():
