@@ -240,6 +240,12 @@ def _rest_before(measurement: RepeatedMeasurement) -> int:
     return int(np.argmax(measurement.drive_V != 0))
 
 
+def smallest_step(values: Real) -> float:
+    """Smallest difference between the values of a converter, rounding aside; infinite if there is but one value."""
+    apart = np.diff(np.sort(values))
+    return float(apart[apart > 1e-8 * float(np.ptp(values))].min(initial=math.inf))
+
+
 def least_noise(gathered: Sequence[RepeatedMeasurement]) -> dict[str, float]:
     """RMS of each channel's resolution: the converter's step / √12, or 1e-7 of the strongest signal, in its unit.
 
@@ -248,9 +254,7 @@ def least_noise(gathered: Sequence[RepeatedMeasurement]) -> dict[str, float]:
     least = {}
     for channel in sorted({m.channel for m in gathered}):
         signals = [signal for m in gathered if m.channel == channel for signal in m.signals]
-        values = np.sort(np.concatenate(signals))
-        apart = np.diff(values)
-        step = float(apart[apart > 1e-8 * (values[-1] - values[0])].min(initial=math.inf))
+        step = smallest_step(np.concatenate(signals))
         strongest = max(float(np.std(signal)) for signal in signals)
         least[channel] = max(1e-7 * strongest, step / math.sqrt(12) if math.isfinite(step) else 0.0, 1e-300)
     return least

@@ -330,12 +330,12 @@ class LocalizationSettings(_Settings):
     least_degrees_of_freedom: float = 10.0
     """Least number of degrees of freedom of a cell. Unit: 1. Source: Paulson's approximation, Ann. Math. Stat. 13,
     1942, holds from there on."""
-    heavy_tails: float = 1.3
-    """Variance of the noise's power, relative to that of normal noise, from which single samples that stand out are cut
-    down. Unit: 1. Source: tables."""
     growing_noise: float = 30.0
     """Largest number of independent samples that a noise which grows with the signal counts as estimated from: how it
     grows is a model. Unit: samples. Source: tables."""
+    heavy_tails: float = 1.3
+    """Variance of the noise's power, relative to that of normal noise, from which single samples that stand out are cut
+    down. Unit: 1. Source: tables."""
     weak: float = 0.01
     """Share of the strongest cell's surplus power per sample, below which another cell of the same recording, or of all
     together, is not told. Unit: 1. Source: a tenth of the amplitude."""

@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtr
 
+from inkjet_env.identification.measurements import smallest_step
 from inkjet_env.mismatch.fitting.campaign_noise import Noise
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.settings import FittingSettings
@@ -74,7 +75,7 @@ def without_rounding(
     result = []
     for o in observed:
         step, origin, sigma = found[o.channel]
-        if not math.isfinite(step) or sigma > settings.hidden_step * step or _step(o.told) > 1.5 * step:
+        if not math.isfinite(step) or sigma > settings.hidden_step * step or smallest_step(o.told) > 1.5 * step:
             result.append(o if o.rounding is None else replace(o, measured=o.told, rounding=None))
             continue
         error = rounding_error(modelled[o.name], step, origin, max(sigma, settings.sharpest_step * step))
@@ -108,7 +109,7 @@ def _converter(
 def _grid(mine: Sequence[ObservedRecording], most_off: float) -> tuple[float, float]:
     """Step of a channel's converter and one of its values; an infinite step if the values are not on a grid."""
     values = np.unique(np.concatenate([o.told for o in mine]))
-    step = min(_step(o.told) for o in mine)
+    step = min(smallest_step(o.told) for o in mine)
     if not math.isfinite(step):
         return math.inf, 0.0
     steps = (values - values[0]) / step
@@ -117,10 +118,3 @@ def _grid(mine: Sequence[ObservedRecording], most_off: float) -> tuple[float, fl
     steps = (values - values[0]) / step
     on_grid = float(np.abs(steps - np.round(steps)).max()) < most_off
     return (step if on_grid else math.inf), float(values[0])
-
-
-def _step(values: Real) -> float:
-    """Smallest difference between a recording's values; infinite if there is but one value."""
-    apart = np.diff(np.unique(values))
-    apart = apart[apart > 1e-8 * float(np.ptp(values))]
-    return float(apart.min(initial=math.inf))
