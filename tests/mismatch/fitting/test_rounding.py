@@ -52,8 +52,8 @@ def test_what_it_leaves_of_a_slow_signal_is_noise(floor):
     observed, true, noise = recordings(1.0, floor=floor)
     after = without_rounding(observed, true, noise, SETTINGS)
     means = [[np.mean((o.measured - true[o.name]).reshape(-1, 200), axis=1) for o in of] for of in (observed, after)]
-    # Independent errors would leave 0.023 steps. The floor leaves 0.048: at rest, near the middle of a step, the noise is
-    # underrated, 0.14 for 0.2 before the converter.
+    # Independent errors would leave 0.023 steps. The floor leaves 0.048: at rest, near the middle of a step, the noise
+    # before the converter is underrated, 0.14 for 0.2.
     assert np.std(means[0]) > 1.8 * np.std(means[1])
     for o, was in zip(after, observed, strict=True):
         np.testing.assert_allclose(o.told, was.measured, atol=1e-12)
