@@ -54,7 +54,7 @@ def held_out_left_over(base: Hypothesis, chosen: Hypothesis) -> float:
             np.concatenate([h.fit.residuals[o.name][o.rows(held_out=held_out)] for o in mine])
             for h, held_out in ((chosen, False), (chosen, True), (base, True))
         )
-        if not seen.size or not after.size:
+        if not seen.any() or not after.size:  # fitted to the last digit, they tell nothing of the noise
             continue
         usual = float(seen @ seen) / seen.size
         left += float(after @ after) / usual - after.size

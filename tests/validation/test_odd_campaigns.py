@@ -4,7 +4,7 @@ import pytest
 
 from inkjet_env.experiments.validation.odd_campaigns import is_sentence, main, outcome_of
 
-ONCE_FAILED = (17, 42, 72, 122, 221, 301)
+ONCE_FAILED = (17, 42, 72, 102, 122, 221, 301)
 """Seeds that ended in a traceback or a warning once: silent sensors, rounding, a law that no drive left out fits."""
 
 
