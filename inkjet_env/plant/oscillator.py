@@ -119,7 +119,8 @@ class Oscillator:
             addresses = [(f.law.address, v.ctypes.data) for f, v in zip(self.forces, values, strict=True)]
             forces = np.array(addresses, dtype=np.int64).reshape(-1, 2)
             memories = [Memory.of(f, v, period_s) for f, v in zip(self.forces, values, strict=True) if f.relaxations]
-            before = rest + (state - rest) * np.exp(-lam * h)  # a step earlier, had the drive been constant
+            back = complex(min(-lam.real * h, 1.0), -lam.imag * h)  # at longer steps, the start decays within the first
+            before = rest + (state - rest) * np.exp(back)  # a step earlier, had the drive been constant
 
             def pushed_V(place: complex) -> float:
                 for memory in memories:
