@@ -241,7 +241,13 @@ def _rest_before(measurement: RepeatedMeasurement) -> int:
 
 
 def smallest_step(values: Real) -> float:
-    """Smallest difference between the values of a converter, rounding aside; infinite if there is but one value."""
+    """Smallest difference between the values of a converter, in their unit; infinite if there is but one value.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Signal in any unit. Differences below 1e-8 of its range are rounding of the arithmetic.
+    """
     apart = np.diff(np.sort(values))
     return float(apart[apart > 1e-8 * float(np.ptp(values))].min(initial=math.inf))
 

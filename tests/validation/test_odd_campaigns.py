@@ -5,7 +5,8 @@ import pytest
 from inkjet_env.experiments.validation.odd_campaigns import is_sentence, main, outcome_of
 
 ONCE_FAILED = (17, 42, 72, 102, 122, 221, 301)
-"""Seeds that ended in a traceback or a warning once: silent sensors, rounding, a law that no drive left out fits."""
+"""Seeds that ended in a traceback or a warning once: silent sensors, rounding, a law that no drive left out fits, a fit
+without any residual."""
 
 
 @pytest.mark.parametrize("seed", ONCE_FAILED)
