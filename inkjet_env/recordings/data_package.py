@@ -112,7 +112,7 @@ def _read_resource(
         if wanted is not None and stated != wanted:
             notes.append(f"{path}: {place}{label} is {brief(stated)} in the descriptor; {wanted} was not applied.")
     file = _file_inside(folder, path, place, _field(path, place, resource, "path", str))
-    samples = read_scope_samples([file], columns) if columns else _standard_samples(file, path, place, resource)
+    samples = read_scope_samples(file, columns) if columns else _standard_samples(file, path, place, resource)
     notes.extend(samples.notes)
     try:
         recording = Recording(

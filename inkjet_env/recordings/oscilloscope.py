@@ -1,19 +1,21 @@
-"""Recordings from an oscilloscope's CSV files, which do not describe what was measured."""
+"""Recordings from the files of oscilloscopes and other instruments, which do not describe what was measured."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from inkjet_env.recordings.campaign import Campaign, Source
+from inkjet_env.recordings.header import Header
+from inkjet_env.recordings.instrument_file import ARRAY_SUFFIXES, TEXT_SUFFIXES, Table, open_table
 from inkjet_env.recordings.recording import CampaignError, Recording
-from inkjet_env.recordings.roles import candidates, guessed_roles, named_roles
+from inkjet_env.recordings.roles import Roles, guessed_roles, named_roles
 from inkjet_env.recordings.samples import Samples, uniform
-from inkjet_env.recordings.sheet import Sheet, read_sheet
-from inkjet_env.recordings.table import Layout, read_columns
+from inkjet_env.recordings.text_file import open_text
 from inkjet_env.typing import Real
 
 _ARRAYS = {"drive": "drive_V", "sensor": "sensor", "monitor": "drive_monitor_V", "neighbour": "neighbour_V"}
@@ -23,75 +25,74 @@ _CHANNEL_WORDS = (
     ("displacement", re.compile(r"displace|deflection|position|vibrom|interferom", re.IGNORECASE)),
     ("self_sensing", re.compile(r"self|current", re.IGNORECASE)),
 )
-_ONE_CHANNEL = re.compile(r"^(.*?)[ _-]?(CH\d)$", re.IGNORECASE)
-
-Reader = Callable[[Sequence[int]], list[Real]]
+_CHANNEL_TAG = re.compile(r"(?:^|(?<=[ _-]))(CH?\d)(?=$|[ _-])|(?<=\w)(CH\d)$", re.IGNORECASE)
+SAME_TIME = 1e-3
+"""Largest difference, in sampling steps, between the times of two files of one recording."""
+SAME_STEP = 0.01
+"""Largest relative difference between the step of a file's times and the interval that its header states."""
 
 
 def read_scope_folder(
-    folder: Path, columns: Mapping[str, str | int], channel: str | None, initial_state: str = "free"
+    folder: Path,
+    columns: Mapping[str, str | int],
+    channel: str | None,
+    initial_state: str = "free",
+    interval_s: float | None = None,
 ) -> Campaign:
-    """Read each ``*.csv`` and ``*.txt`` file of a folder as one recording, in the order of their names.
+    """Read each file of a folder as one recording, in the order of their names.
 
-    Files whose names differ only in a final ``CH1``, ``CH2`` … and that hold one channel each form one recording. See
-    `read_campaign`.
+    Files whose names differ only in a channel's tag, such as ``CH1`` or ``C2``, and that hold one channel each form one
+    recording. See `read_campaign`.
     """
     files = sorted(
         path
         for path in folder.iterdir()
-        if path.suffix.lower() in (".csv", ".txt") and not path.name.startswith(".") and path.is_file()
+        if path.suffix.lower() in TEXT_SUFFIXES + ARRAY_SUFFIXES and not path.name.startswith(".") and path.is_file()
     )
-    notes: list[str] = []
+    tables, notes = _tables(files)
+    if not tables:
+        raise CampaignError(
+            f"{folder}: holds no campaign: neither datapackage.json nor a *.csv or *.txt file. Check the folder's name."
+        )
     recordings: list[Recording] = []
     sources: dict[str, Source] = {}
-    for name, group in _groups(files).items():
-        samples = read_scope_samples(group, columns)
+    for (name, table), samples in zip(
+        tables.items(), _samples_of(list(tables.values()), columns, interval_s), strict=True
+    ):
         notes += samples.notes
         guess = channel or samples.channel
         if guess is None:
             raise CampaignError(
-                f"{group[0]}: the sensor is unknown. Give channel=, which is self_sensing, strain_gauge or "
+                f"{table.file}: the sensor is unknown. Give channel=, which is self_sensing, strain_gauge or "
                 "displacement."
             )
         if channel is None:
-            notes.append(f"{group[0]}: channel {guess}, guessed from the sensor's name or unit.")
+            notes.append(f"{table.file}: channel {guess}, guessed from the sensor's name or unit.")
         try:
             order = len(recordings) + 1
             recordings.append(
                 Recording(name=name, channel=guess, initial_state=initial_state, order=order, **samples.arrays)
             )
         except ValueError as error:
-            raise CampaignError(f"{group[0]}: {error}") from None
+            raise CampaignError(f"{table.file}: {error}") from None
         sources[name] = samples.source
-    if not recordings:
-        raise CampaignError(
-            f"{folder}: holds no campaign: neither datapackage.json nor a *.csv or *.txt file. Check the folder's name."
-        )
     try:
         return Campaign(folder.resolve().name, tuple(recordings), notes=tuple(notes), sources=sources)
     except ValueError as error:
         raise CampaignError(f"{folder}: {error}") from None
 
 
-def _groups(files: list[Path]) -> dict[str, tuple[Path, ...]]:
-    """Files that form each recording, by its name."""
-    groups: dict[str, tuple[Path, ...]] = {}
-    for file in files:
-        match = _ONE_CHANNEL.match(file.stem)
-        name = match.group(1) if match and match.group(1) else file.stem
-        groups[name] = (*groups.get(name, ()), file)
-    return {(name if len(group) > 1 else group[0].stem): group for name, group in groups.items()}
-
-
-def read_scope_samples(files: Sequence[Path], columns: Mapping[str, str | int]) -> Samples:
-    """Read the samples of one recording from one file of an oscilloscope, or from several with one channel each.
+def read_scope_samples(file: Path, columns: Mapping[str, str | int], interval_s: float | None = None) -> Samples:
+    """Read the samples of one recording from one file of an instrument.
 
     Parameters
     ----------
-    files : sequence of Path
-        One file, or one per channel.
+    file : Path
+        The file.
     columns : mapping
         Column of each role that is known, by name or by number from 1.
+    interval_s : float, optional
+        Sampling interval in seconds, where the file has no times.
 
     Returns
     -------
@@ -101,110 +102,212 @@ def read_scope_samples(files: Sequence[Path], columns: Mapping[str, str | int]) 
     Raises
     ------
     CampaignError
-        Undetermined roles, inconsistent units, times that are not uniform, or anything that `read_columns` refuses.
+        Undetermined roles, inconsistent units, times that are not uniform, or anything that cannot be read.
     """
-    file = files[0]
-    sheet, read = (_joined if len(files) > 1 else _single)(files)
-    roles, reasons = named_roles(file, sheet, columns)
-    unsure = candidates(file, sheet, roles)
-    wanted = sorted({*roles.values(), *unsure})
-    values = dict(zip(wanted, read(wanted), strict=True))
-    scaled = {i: sheet.units[i].to_base(values[i]) if i in sheet.units else values[i] for i in wanted}
-    if unsure:
-        guessed, reason = guessed_roles(sheet, roles, {i: scaled[i] for i in unsure})
-        roles, reasons = roles | guessed, reasons | dict.fromkeys(guessed, reason)
-    for role, i in roles.items():
-        _check_unit(file, sheet, role, i)
-    arrays: dict[str, object] = {_ARRAYS[role]: scaled[i] for role, i in roles.items() if role != "time"}
-    unit = sheet.units.get(roles["sensor"])
-    arrays["unit"] = unit.base if unit else "V"
-    count = len(next(iter(values.values())))
-    repairs: tuple[str, ...] = ()
-    if sheet.clock is not None:
-        start_s, step_s = sheet.clock
-        numbers = values[roles["time"]] if "time" in roles else np.arange(count, dtype=np.float64)
-        arrays["time_s"] = _clock_times(file, start_s, step_s, numbers)
-    else:
-        time = roles["time"]
-        arrays["time_s"], repairs = uniform(file, sheet.layout, time, values[time], sheet.units.get(time))
-    names = sheet.layout.names
-    understood = ", ".join(
-        f"{role} = {names[i][:40]} ({reasons[role]}{_unit_note(sheet, role, i)})" for role, i in sorted(roles.items())
-    )
-    unread = [names[i] for i in sheet.columns if i not in roles.values()]
-    notes = [f"{file}: {sheet.style} style; {understood}.", *repairs]
-    if unread:
-        notes.append(f"{file}: column {', '.join(unread)[:80]} was not read.")
-    source = Source(str(file), sheet.layout.header_rows + 1)
-    return Samples(arrays, names, source, tuple(notes), _guessed_channel(names[roles["sensor"]], str(arrays["unit"])))
+    return _samples_of([open_table(file)], columns, interval_s)[0]
 
 
-def _single(files: Sequence[Path]) -> tuple[Sheet, Reader]:
-    sheet = read_sheet(files[0])
-    return sheet, lambda wanted: read_columns(files[0], sheet.layout, wanted)
+def _tables(files: Sequence[Path]) -> tuple[dict[str, Table], list[str]]:
+    """The table of each recording by its name, and notes on files that were passed over."""
+    notes: list[str] = []
+    opened: dict[Path, Table] = {}
+    for file in files:
+        try:
+            opened[file] = open_table(file)
+        except CampaignError:
+            beside = next((other for other in files if other != file and _stem(other) in file.name), None)
+            if file.suffix.lower() != ".txt" or beside is None or _has_numbers(file):
+                raise
+            notes.append(f"{file}: holds no samples and was passed over, as settings of {beside.name}.")
+    groups: dict[str, list[tuple[str, Table]]] = {}
+    for file, table in opened.items():
+        tag = _CHANNEL_TAG.search(_stem(file))
+        one_channel = len(table.columns) == 2 or (len(table.columns) == 1 and table.header.clock is not None)
+        name = _stem(file)
+        if tag is not None and one_channel:
+            name = " ".join(part.strip(" _-") for part in (name[: tag.start()], name[tag.end() :]) if part.strip(" _-"))
+        groups.setdefault(name or _stem(file), []).append((tag.group().upper() if tag else "", table))
+    found: dict[str, Table] = {}
+    for name, group in groups.items():
+        if len(group) > 1 and len({tag for tag, _ in group}) == len(group):
+            found[name] = JoinedTable(tuple(group))
+        else:
+            found |= {_stem(table.file): table for _, table in group}
+    return dict(sorted(found.items(), key=lambda pair: pair[1].file)), notes
 
 
-def _joined(files: Sequence[Path]) -> tuple[Sheet, Reader]:
-    """Several files, each with times and one channel, as one sheet: time, then one column per file: CH1, CH2 …"""
-    sheets = [read_sheet(file) for file in files]
-    for file, sheet in zip(files, sheets, strict=True):
-        if len(sheet.columns) != 2 or sheet.clock is not None:
-            raise CampaignError(
-                f"{file}: must hold a time and one channel, since {files[0].name} and {files[-1].name} are read as "
-                "one recording. Rename the files if they are separate recordings."
+def _stem(file: Path) -> str:
+    """Name of a file without its suffixes."""
+    return file.name.removesuffix(".gz").rpartition(".")[0] or file.stem
+
+
+def _has_numbers(file: Path) -> bool:
+    """Whether a text file has rows that look like samples."""
+    return sum(bool(re.fullmatch(r"[-+0-9.eE,;\t ]*\d[-+0-9.eE,;\t ]*", line)) for line in open_text(file).start) > 2
+
+
+@dataclass
+class JoinedTable(Table):
+    """Several files of one channel each, with their tags, as one table: time, then one column for each file."""
+
+    parts: tuple[tuple[str, Table], ...]
+
+    def __post_init__(self) -> None:
+        (_, first), *_ = self.parts
+        self.file, self.first_row = first.file, first.first_row
+        self.notes = tuple(note for _, table in self.parts for note in table.notes)
+        own = [table.columns[-1] for _, table in self.parts]
+        clocks = {table.header.clock for _, table in self.parts}
+        if len(clocks) > 1:
+            steps = ", ".join(
+                f"{table.file.name} {clock[1]:.4g} s" if (clock := table.header.clock) else f"{table.file.name} none"
+                for _, table in self.parts
             )
-    first = sheets[0]
-    names = [*first.layout.names, *(f"column {i}" for i in range(len(files) - 1))]
-    columns = (*first.columns, *range(len(first.layout.names), len(names)))
-    units, unknown = {**first.units}, {**first.unknown}
-    for column, file, sheet in zip(columns[1:], files, sheets, strict=True):
-        names[column] = file.stem[-3:].upper()
-        channel = sheet.columns[1]
-        units |= {column: sheet.units[channel]} if channel in sheet.units else {}
-        unknown |= {column: sheet.unknown[channel]} if channel in sheet.unknown else {}
-    layout = Layout(first.layout.header_rows, tuple(names), first.layout.delimiter, first.layout.decimal)
+            raise CampaignError(
+                f"{self.file}: the files {steps} state different sample intervals, so they are no one recording. "
+                "Rename them, or put drive and sensor of one recording into one file."
+            )
+        timed = len(first.columns) > 1
+        names = [first.header.names[first.columns[0]]] if timed else []
+        sources = [(table.header, column) for (_, table), column in zip(self.parts, own, strict=True)]
+        if timed:
+            sources.insert(0, (first.header, first.columns[0]))
+        names += [tag for tag, _ in self.parts]
+        units = {k: header.units[i] for k, (header, i) in enumerate(sources) if i in header.units}
+        unknown = {k: header.unknown[i] for k, (header, i) in enumerate(sources) if i in header.unknown}
+        self.columns = tuple(range(len(names)))
+        self.header = Header(tuple(names), units, unknown, first.header.clock, first.header.style)
 
-    def read(wanted: Sequence[int]) -> list[Real]:
-        tables = [read_columns(file, s.layout, s.columns) for file, s in zip(files, sheets, strict=True)]
-        for file, table in zip(files, tables, strict=True):
-            if not np.array_equal(table[0], tables[0][0]):
-                raise CampaignError(
-                    f"{file}: its times must be those of {files[0].name}; they differ. Export both again."
-                )
-        every = dict(zip(columns, [tables[0][0], *(table[1] for table in tables)], strict=True))
+    def read(self, wanted: Sequence[int]) -> list[Real]:
+        read = [table.read(table.columns) for _, table in self.parts]
+        if len({len(columns[-1]) for columns in read}) > 1 or len(read[0]) > 1:
+            self._check_times([columns[0] for columns in read])
+        every = [*([read[0][0]] if len(read[0]) > 1 else []), *(columns[-1] for columns in read)]
         return [every[i] for i in wanted]
 
-    return Sheet(layout, columns, units, unknown, None, first.style), read
+    def _check_times(self, times: Sequence[Real]) -> None:
+        step = abs(times[0][-1] - times[0][0]) / max(times[0].size - 1, 1)
+        for (_, table), time in zip(self.parts, times, strict=True):
+            if time.size != times[0].size or np.abs(time - times[0]).max() > SAME_TIME * step:
+                raise CampaignError(
+                    f"{table.file}: its times must be those of {self.file.name}; they differ. Export both again, or "
+                    "rename the files if they are separate recordings."
+                )
+
+    def print_step(self, column: int) -> float:
+        (_, first), *_ = self.parts
+        return first.print_step(first.columns[0])
+
+    def place(self, sample: int) -> str:
+        return self.parts[0][1].place(sample)
 
 
-def _check_unit(file: Path, sheet: Sheet, role: str, column: int) -> None:
-    name = sheet.layout.names[column]
-    if column in sheet.unknown:
+def _samples_of(tables: Sequence[Table], columns: Mapping[str, str | int], interval_s: float | None) -> list[Samples]:
+    """The samples of files with one wiring."""
+    known = [named_roles(table, columns, interval_s) for table in tables]
+    read: list[dict[int, Real]] = []
+    for table, roles in zip(tables, known, strict=True):
+        wanted = sorted({*roles.columns.values(), *roles.unsure})
+        values = dict(zip(wanted, table.read(wanted), strict=True))
+        units = table.header.units
+        time = roles.columns.get("time")
+        read.append({i: units[i].to_base(v) if i in units and i != time else v for i, v in values.items()})
+    guessed = guessed_roles(
+        [
+            (table, roles, {i: values[i] for i in roles.unsure})
+            for table, roles, values in zip(tables, known, read, strict=True)
+        ]
+    )
+    return [
+        _samples(
+            table,
+            replace(roles, columns=roles.columns | more, reasons=roles.reasons | dict.fromkeys(more, why)),
+            values,
+            interval_s,
+        )
+        for table, roles, values, (more, why) in zip(tables, known, read, guessed, strict=True)
+    ]
+
+
+def _samples(table: Table, roles: Roles, values: Mapping[int, Real], interval_s: float | None) -> Samples:
+    """The samples of one file whose roles are all known, its values in base units except times."""
+    header, names = table.header, table.header.names
+    for role, i in roles.columns.items():
+        _check_unit(table, role, i)
+    arrays: dict[str, object] = {_ARRAYS[role]: values[i] for role, i in roles.columns.items() if role != "time"}
+    unit = header.units.get(roles.columns["sensor"])
+    arrays["unit"] = unit.base if unit else "V"
+    arrays["time_s"], repairs = _times(table, roles, values, interval_s)
+    understood = ", ".join(
+        f"{role} = {names[i][:40]} ({roles.reasons[role]}{_unit_note(table, roles, role)})"
+        for role, i in sorted(roles.columns.items())
+    )
+    notes = [*table.notes, f"{table.file}: {header.style} style; {understood}.", *repairs]
+    unread = [names[i] for i in table.columns if i not in roles.columns.values()]
+    if unread:
+        notes.append(f"{table.file}: column {', '.join(unread)[:80]} was not read.")
+    source = Source(str(table.file), table.first_row)
+    channel = _guessed_channel(names[roles.columns["sensor"]], str(arrays["unit"]))
+    return Samples(arrays, names, source, tuple(notes), channel)
+
+
+def _times(
+    table: Table, roles: Roles, values: Mapping[int, Real], interval_s: float | None
+) -> tuple[Real, tuple[str, ...]]:
+    """Uniform times in seconds, and notes on how they were found."""
+    clock = table.header.clock if interval_s is None else (0.0, interval_s)
+    time, count = roles.columns.get("time"), len(next(iter(values.values())))
+    origin = "header" if interval_s is None else "user"
+    if time is None or roles.reasons["time"] == "sample numbers":
+        assert clock is not None  # otherwise there is a time
+        numbers = np.arange(count, dtype=np.float64) if time is None else values[time]
+        note = f"{table.file}: a sample every {clock[1]:.6g} s, as the {origin} states."
+        return _clock_times(table, clock, numbers), (note,)
+    if roles.reasons["time"].startswith("guessed") and count > 2 and (np.diff(values[time]) == 1).all():
         raise CampaignError(
-            f"{file}: the unit {sheet.unknown[column][:20]!r} of column {name[:40]} is not known; s, V, um and nm are, "
-            "and ms, us, ns, mV, uV, kV, mm. Convert the column."
+            f"{table.file}: column {table.header.names[time][:40]} counts the samples; it is no time. Give interval_s= "
+            "(--interval on the command line), or name the column time if a sample is taken every second."
+        )
+    time_s, notes = uniform(table, time, values[time], table.header.units.get(time))
+    step_s = float(time_s[-1] - time_s[0]) / (count - 1)
+    if clock is not None and abs(step_s / clock[1] - 1) > SAME_STEP:
+        told = f"the times are {step_s:.4g} s apart, the {origin} states a sample every {clock[1]:.4g} s"
+        power = np.log10(step_s / clock[1]) / 3
+        if interval_s is not None or (abs(power - round(power)) < 1e-3 and round(power)):
+            raise CampaignError(f"{table.file}: {told}. Check the unit of the times.")
+        notes = (*notes, f"{table.file}: {told}; the times were taken.")
+    return time_s, notes
+
+
+def _check_unit(table: Table, role: str, column: int) -> None:
+    name, header = table.header.names[column], table.header
+    if column in header.unknown:
+        raise CampaignError(
+            f"{table.file}: the unit {header.unknown[column][:20]!r} of column {name[:40]} is not known; s, V, um and "
+            "nm are, and ms, us, ns, mV, uV, kV, mm. Convert the column."
         )
     bases = ("s",) if role == "time" else _BASES[role]
-    if column in sheet.units and sheet.units[column].base not in bases:
+    if column in header.units and header.units[column].base not in bases:
         raise CampaignError(
-            f"{file}: the {role} must be in {' or '.join(bases)}; column {name[:40]} is in "
-            f"{sheet.units[column].base}. Specify the column with columns={{{role!r}: …}}."
+            f"{table.file}: the {role} must be in {' or '.join(bases)}; column {name[:40]} is in "
+            f"{header.units[column].base}. Specify the column with columns={{{role!r}: …}}."
         )
 
 
-def _unit_note(sheet: Sheet, role: str, column: int) -> str:
-    if column in sheet.units or (role == "time" and sheet.clock is not None):
+def _unit_note(table: Table, roles: Roles, role: str) -> str:
+    if roles.columns[role] in table.header.units or roles.reasons[role] == "sample numbers":
         return ""
     return f", no unit given: taken as {'s' if role == 'time' else 'V'}"
 
 
-def _clock_times(file: Path, start_s: float, step_s: float, numbers: Real) -> Real:
+def _clock_times(table: Table, clock: tuple[float, float], numbers: Real) -> Real:
+    start_s, step_s = clock
     if not (np.isfinite([start_s, step_s]).all() and step_s > 0):
-        raise CampaignError(f"{file}: the header's increment must be above 0 s; got {step_s:g} s. Export it again.")
+        raise CampaignError(f"{table.file}: the sample interval must be above 0 s; got {step_s:g} s. Check it.")
     if not (np.diff(numbers) == 1).all():
         k = int(np.argmin(np.diff(numbers) == 1))
         raise CampaignError(
-            f"{file}: sample numbers must count up by one; got {numbers[k + 1]:g} after {numbers[k]:g}. "
+            f"{table.file}: sample numbers must count up by one; got {numbers[k + 1]:g} after {numbers[k]:g}. "
             "Samples are missing or doubled: export it again."
         )
     return start_s + step_s * numbers

@@ -18,14 +18,15 @@ def read_campaign(
     columns: Mapping[str, str | int] | None = None,
     channel: str | None = None,
     initial_state: str | None = None,
+    interval_s: float | None = None,
 ) -> Campaign:
-    """Read a measuring campaign: a Data Package, or a folder of an oscilloscope's CSV files.
+    """Read a measuring campaign: a Data Package, or a folder of an instrument's files.
 
     Parameters
     ----------
     folder : str or Path
         Folder of the campaign. Its `datapackage.json`, if there is one, describes the recordings; otherwise each
-        ``*.csv`` or ``*.txt`` file is one.
+        ``*.csv``, ``*.txt``, ``*.npz``, ``*.mat`` … file is one, see `inkjet_env.recordings.instrument_file`.
     columns : mapping, optional
         Column of each role, if the names in the files do not show it: ``time``, ``drive``, ``sensor``, ``monitor`` and
         ``neighbour``, each by the column's name or by its number from 1.
@@ -34,6 +35,8 @@ def read_campaign(
     initial_state : {"demagnetised", "periodic", "free"}, optional
         Initial state of the head, if nothing in the folder says so; ``free`` by default. ``periodic``: the drive has
         been repeated, and one repetition is recorded.
+    interval_s : float, optional
+        Sampling interval in seconds, for files that hold neither times nor an interval.
 
     Returns
     -------
@@ -59,4 +62,4 @@ def read_campaign(
         )
     if (folder / DESCRIPTOR).exists():
         return read_data_package(folder, columns, channel, initial_state)
-    return read_scope_folder(folder, columns or {}, channel, initial_state or "free")
+    return read_scope_folder(folder, columns or {}, channel, initial_state or "free", interval_s)

@@ -1,150 +1,276 @@
-"""Roles of the columns of an oscilloscope file, such as drive and sensor: given, by name, or guessed with a note."""
+"""Roles of the columns of an instrument's file, such as drive and sensor: given, by name, or guessed with a note."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from pathlib import Path
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from inkjet_env.printhead import nearest_name
+from inkjet_env.recordings.header import INDICES
+from inkjet_env.recordings.instrument_file import Table
 from inkjet_env.recordings.recording import CampaignError, brief
-from inkjet_env.recordings.sheet import Sheet
 from inkjet_env.typing import Real
 
 ROLES = ("time", "drive", "sensor", "monitor", "neighbour")
-# The order matters: "drive monitor" is a monitor.
+# The order matters: "drive monitor" is a monitor, "generator output" is a drive.
 _NAMES = {
     "neighbour": re.compile(r"neighbou?r|adjacent", re.IGNORECASE),
     "monitor": re.compile(r"monitor", re.IGNORECASE),
-    "drive": re.compile(r"drive|awg|generator|wavegen|command", re.IGNORECASE),
-    "sensor": re.compile(r"sens|strain|displace|position|deflection|current|vibrom|interferom", re.IGNORECASE),
+    "drive": re.compile(
+        r"drive|awg|generator|wavegen|command|excitation|stimulus|\binput\b|_in$|^in$|^u\d?(?=$|[\s_(\[])",
+        re.IGNORECASE,
+    ),
+    "sensor": re.compile(
+        r"sens|strain|displace|position|deflection|current|vibrom|interferom|response|\boutput\b|_out$|^out$"
+        r"|^y\d?(?=$|[\s_(\[])",
+        re.IGNORECASE,
+    ),
 }
-_TIME = re.compile(r"^(time|second|x-axis)|^[tx]\b|^t_", re.IGNORECASE)
+_VOLTAGE = re.compile(r"volt(age)?", re.IGNORECASE)
+_TIME = re.compile(r"^(time|second|x-axis)|\btime\b|_time\b|^[tx]\b|^t_", re.IGNORECASE)
+_FREQUENCY = re.compile(r"^f(req(uency)?)?\b|frequency|\bhz\b", re.IGNORECASE)
+_PEAK_DETECT = re.compile(r"peak[ _-]?detect", re.IGNORECASE)
 CLEARLY_LARGER = 2.0
 """Ratio of ranges from which the column with the larger range is guessed to be the drive; below it, the first is."""
+STATED = "interval_s= (--interval on the command line)"
 
 
-def named_roles(file: Path, sheet: Sheet, columns: Mapping[str, str | int]) -> tuple[dict[str, int], dict[str, str]]:
-    """Columns, counted from 0, of the roles that are given or named in the header, and the reason for each role.
+@dataclass(frozen=True)
+class Roles:
+    """Columns of one file by their roles.
 
-    If the header states start and step of the times, ``time`` is the column of sample numbers, or absent.
+    Attributes
+    ----------
+    columns : dict of str to int
+        Column of each role that is known, counted from 0.
+    reasons : dict of str to str
+        How it is known, in words.
+    unsure : tuple of int
+        Columns that must be the drive or the sensor, in an order to be guessed.
+    """
+
+    columns: dict[str, int]
+    reasons: dict[str, str]
+    unsure: tuple[int, ...]
+
+    @property
+    def missing(self) -> list[str]:
+        """Roles that the unsure columns have."""
+        return [role for role in ("drive", "sensor") if role not in self.columns]
+
+
+def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: float | None = None) -> Roles:
+    """Columns of the roles that are given or named in the header.
+
+    If start and step of the times are stated, ``time`` is the column of sample numbers, or absent.
+
+    Parameters
+    ----------
+    table : Table
+        The file.
+    columns : mapping
+        Column of each role that is given, by name or by number from 1.
+    interval_s : float, optional
+        Sampling interval in seconds that the user states.
 
     Raises
     ------
     CampaignError
-        A role or a column that does not exist, a column with two roles, or two columns whose names claim one role.
+        A role or a column that does not exist, a column with two roles, two columns whose names claim one role, no
+        times, or more or fewer remaining columns than roles to be filled.
     """
     roles: dict[str, int] = {}
+    names = table.header.names
     for role, column in columns.items():
         if role not in ROLES:
             raise CampaignError(
                 f"columns must name {', '.join(ROLES)}; got {brief(role)}.{nearest_name(str(role)[:60], ROLES)}"
             )
-        number = _column_number(file, sheet, role, column)
+        number = _column_number(table, role, column)
         if number in roles.values():
             raise CampaignError(f"columns gives column {brief(column)} two roles. Give each role its own column.")
         roles[role] = number
     reasons = dict.fromkeys(roles, "as told")
+    free = [i for i in table.columns if i not in roles.values() and not _PEAK_DETECT.search(names[i])]
     if "time" not in roles:
-        roles, reasons = _with_time(sheet, roles, reasons)
+        time, reason = _time(table, free, interval_s)
+        if time is not None:
+            roles["time"], reasons["time"] = time, reason
+    seconds = [i for i in free if (unit := table.header.units.get(i)) is not None and unit.base == "s"]
+    free = [i for i in free if i not in roles.values()]
     for role, pattern in _NAMES.items():
-        if role in roles:
+        found = [i for i in free if pattern.search(names[i])]
+        if role in roles or not found:
             continue
-        found = [i for i in sheet.columns if i not in roles.values() and pattern.search(sheet.layout.names[i])]
         if len(found) > 1:
-            names = " and ".join(sheet.layout.names[i][:40] for i in found)
-            raise CampaignError(f"{file}: {names} could each be the {role}. Specify one with columns={{{role!r}: …}}.")
-        if found:
-            roles[role], reasons[role] = found[0], "by its name"
-    return roles, reasons
+            claimed = " and ".join(names[i][:40] for i in found)
+            raise CampaignError(
+                f"{table.file}: {claimed} could each be the {role}. Specify one with columns={{{role!r}: …}}."
+            )
+        roles[role], reasons[role] = found[0], "by its name"
+        free.remove(found[0])
+    if "drive" not in roles and "sensor" in roles:
+        volts = [i for i in free if _VOLTAGE.search(names[i])]
+        if len(volts) == 1:
+            roles["drive"], reasons["drive"] = volts[0], "by its name"
+            free.remove(volts[0])
+    missing = [role for role in ("drive", "sensor") if role not in roles]
+    free = [i for i in free if i not in seconds]  # the times of each channel
+    if len(missing) == 2 and len(free) == 1:
+        raise CampaignError(
+            f"{table.file}: holds one channel only, {names[free[0]][:40]}; a recording has a drive and a sensor. Export "
+            "both channels, or call the files of one recording the same but for CH1 and CH2."
+        )
+    if missing and len(free) != len(missing):
+        left = ", ".join(names[i] for i in free)[:120] or "none"
+        raise CampaignError(
+            f"{table.file}: the column of the {' and the '.join(missing)} is unknown; the remaining columns are: "
+            f"{left}. Specify it with columns={{{', '.join(f'{role!r}: …' for role in missing)}}}."
+        )
+    return Roles(roles, reasons, tuple(free) if missing else ())
 
 
-def _with_time(sheet: Sheet, roles: dict[str, int], reasons: dict[str, str]) -> tuple[dict[str, int], dict[str, str]]:
-    """Add the column of times, or of sample numbers."""
-    free = [i for i in sheet.columns if i not in roles.values()]
-    numbered = [i for i in free if sheet.layout.names[i].lower() in ("x", "sequence")]
-    if sheet.clock is not None:
-        found, reason = numbered[:1], "sample numbers; start and step from the header"
-    elif found := [i for i in free if i in sheet.units and sheet.units[i].base == "s"]:
-        reason = "by its unit"
-    elif found := [i for i in free if _TIME.search(sheet.layout.names[i])]:
-        reason = "by its name"
-    else:
-        found, reason = free, "guessed: the first column"
-    if not found:
-        return roles, reasons
-    return roles | {"time": found[0]}, reasons | {"time": reason}
+def _time(table: Table, free: Sequence[int], interval_s: float | None) -> tuple[int | None, str]:
+    """The column of times, or of sample numbers, if there is one, and the reason."""
+    names, units = table.header.names, table.header.units
+    stated = interval_s is not None or table.header.clock is not None
+    found = [i for i in free if i in units and units[i].base == "s"]
+    if found:
+        return found[0], "by its unit"
+    first = free[0] if free else None
+    if first is not None and (_FREQUENCY.search(names[first]) or "Hz" in table.header.unknown.get(first, "")):
+        raise CampaignError(
+            f"{table.file}: is a spectrum: its first column is {names[first][:40]}. Export the samples over time."
+        )
+    numbered = [i for i in free if names[i].lower() in INDICES]
+    if stated and numbered:
+        return numbered[0], "sample numbers"
+    found = [i for i in free if _TIME.search(names[i]) and i not in units and i not in table.header.unknown]
+    if found:
+        return found[0], "by its name"
+    if numbered:
+        raise CampaignError(
+            f"{table.file}: column {names[numbered[0]][:40]} numbers the samples, and no sample interval is stated. "
+            f"Give {STATED}, or export the times."
+        )
+    if stated:
+        return None, ""
+    unnamed = [i for i in free if i not in units and not any(p.search(names[i]) for p in _NAMES.values())]
+    if not unnamed or len(free) < 2:
+        raise CampaignError(
+            f"{table.file}: has no column of times, and its header states no sample interval. Add the column, or give "
+            f"{STATED}."
+        )
+    return unnamed[0], "guessed: the first column"
 
 
-def _column_number(file: Path, sheet: Sheet, role: str, column: str | int) -> int:
-    names = sheet.layout.names
+def _column_number(table: Table, role: str, column: str | int) -> int:
+    names = table.header.names
     if isinstance(column, str) and column in names:
         return names.index(column)
     try:
         number = int(column) - 1
     except (TypeError, ValueError):
         number = -1
-    if isinstance(column, bool) or number not in sheet.columns:
-        known = [names[i] for i in sheet.columns]
+    if isinstance(column, bool) or number not in table.columns:
+        known = [names[i] for i in table.columns]
         raise CampaignError(
-            f"{file}: has no column {brief(column)} for the {role}; it has {', '.join(known)[:120]}, or numbers from 1."
-            f"{nearest_name(str(column)[:60], known)}"
+            f"{table.file}: has no column {brief(column)} for the {role}; it has {', '.join(known)[:120]}, or numbers "
+            f"from 1.{nearest_name(str(column)[:60], known)}"
         )
     return number
 
 
-def candidates(file: Path, sheet: Sheet, roles: dict[str, int]) -> list[int]:
-    """Columns with uninformative names that must be the drive or the sensor, or both in an order to be guessed.
+def guessed_roles(
+    files: Sequence[tuple[Table, Roles, Mapping[int, Real]]],
+) -> list[tuple[dict[str, int], str]]:
+    """Roles of the unsure columns of the files of one folder, which have one wiring.
+
+    Parameters
+    ----------
+    files : sequence of (Table, Roles, mapping of int to ndarray)
+        Each file, its roles by name, and the samples of its unsure columns in base units.
+
+    Returns
+    -------
+    list of (dict of str to int, str)
+        For each file: column of each role that was missing, and the reason in words.
 
     Raises
     ------
     CampaignError
-        There are more or fewer such columns than roles to be filled.
+        Guesses from different files contradict each other, or no file allows one.
     """
-    missing = [role for role in ("drive", "sensor") if role not in roles]
-    free = [i for i in sheet.columns if i not in roles.values()]
-    if not missing:
-        return []
-    if len(free) != len(missing):
-        names = ", ".join(sheet.layout.names[i] for i in free)[:120] or "none"
+    answers: list[tuple[dict[str, int], str]] = []
+    guesses: dict[int, tuple[int, int, str]] = {}
+    for k, (table, roles, values) in enumerate(files):
+        if len(roles.unsure) == 2:
+            first, second = roles.unsure
+            units = table.header.units
+            lengths = [i for i in roles.unsure if i in units and units[i].base in ("um", "nm")]
+            if len(lengths) == 1:
+                answers.append(
+                    (
+                        {"drive": second if lengths[0] == first else first, "sensor": lengths[0]},
+                        "a length is the sensor",
+                    )
+                )
+                continue
+            guesses[k] = _larger(first, second, values)
+            answers.append(({}, ""))
+        elif roles.unsure:
+            answers.append(({roles.missing[0]: roles.unsure[0]}, "the only remaining column"))
+        else:
+            answers.append(({}, ""))
+    for names in {tuple(files[k][0].header.names[i] for i in files[k][1].unsure) for k in guesses}:
+        mine = [k for k in guesses if tuple(files[k][0].header.names[i] for i in files[k][1].unsure) == names]
+        for k, answer in _one_wiring([(files[n], guesses[n]) for n in mine], names).items():
+            answers[mine[k]] = answer
+    return answers
+
+
+def _larger(first: int, second: int, values: Mapping[int, Real]) -> tuple[int, int, str]:
+    """1 if the first column clearly has the larger range, 2 if the second has, 0 if neither; and the reason.
+
+    A column that never moves tells nothing: -1.
+    """
+    ranges = [float(np.ptp(values[i])) for i in (first, second)]
+    told = f"guessed: the larger range, {max(ranges):.3g} against {min(ranges):.3g}"
+    if min(ranges) == 0:
+        return -1, 0, ""
+    if ranges[1] >= CLEARLY_LARGER * ranges[0]:
+        return 2, 0, told
+    if ranges[0] >= CLEARLY_LARGER * ranges[1]:
+        return 1, 0, told
+    return 0, 0, "guessed: the first of two columns of similar range"
+
+
+def _one_wiring(
+    files: Sequence[tuple[tuple[Table, Roles, Mapping[int, Real]], tuple[int, int, str]]], names: Sequence[str]
+) -> dict[int, tuple[dict[str, int], str]]:
+    """One guess for files with the same columns, by their places."""
+    tells = Counter(guess for _, (guess, _, _) in files if guess > 0)
+    first_file = files[0][0][0].file
+    ask = "Say which it is with columns={'drive': …, 'sensor': …} (--columns)."
+    if len(tells) > 1:
         raise CampaignError(
-            f"{file}: the column of the {' and the '.join(missing)} is unknown; the remaining columns are: {names}. "
-            f"Specify it with columns={{{', '.join(f'{role!r}: …' for role in missing)}}}."
+            f"{first_file.parent}: {names[0][:40]} has the larger range in {tells[1]} recordings, {names[1][:40]} in "
+            f"{tells[2]}; which of them is the drive cannot be guessed. {ask}"
         )
-    return free
-
-
-def guessed_roles(sheet: Sheet, roles: dict[str, int], values: dict[int, Real]) -> tuple[dict[str, int], str]:
-    """Assign the remaining roles to the `candidates`.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        Columns of the file.
-    roles : dict
-        Columns by role, from `named_roles`.
-    values : dict
-        Samples of the candidates in base units, by column.
-
-    Returns
-    -------
-    roles : dict
-        Column of each role that was missing.
-    reason : str
-        Reason for the assignment, in words.
-    """
-    missing = [role for role in ("drive", "sensor") if role not in roles]
-    if len(values) == 1:
-        return {missing[0]: next(iter(values))}, "the only remaining column"
-    first, second = values
-    lengths = [i for i in values if i in sheet.units and sheet.units[i].base in ("um", "nm")]
-    if len(lengths) == 1:
-        return {"drive": second if lengths[0] == first else first, "sensor": lengths[0]}, "a length is the sensor"
-    range_1, range_2 = (float(np.ptp(values[i])) for i in values)
-    if range_2 >= CLEARLY_LARGER * range_1:
-        return {"drive": second, "sensor": first}, f"guessed: the larger range, {range_2:.3g} against {range_1:.3g}"
-    if range_1 >= CLEARLY_LARGER * range_2:
-        return {"drive": first, "sensor": second}, f"guessed: the larger range, {range_1:.3g} against {range_2:.3g}"
-    return {"drive": first, "sensor": second}, "guessed: the first of two columns of similar range"
+    if not tells and all(guess < 0 for _, (guess, _, _) in files):
+        raise CampaignError(
+            f"{first_file}: {names[0][:40]} or {names[1][:40]} never moves, so which of them is the drive cannot be "
+            f"guessed. {ask}"
+        )
+    chosen = next(iter(tells), 1)
+    answers = {}
+    for k, ((_, roles, _), (guess, _, told)) in enumerate(files):
+        first, second = roles.unsure
+        drive, sensor = (first, second) if chosen == 1 else (second, first)
+        reason = told if guess == chosen or not tells else "guessed: as in the other recordings"
+        answers[k] = ({"drive": drive, "sensor": sensor}, reason)
+    return answers

@@ -32,6 +32,24 @@ def last_digit(cells: Sequence[str]) -> float:
     return float(f"1e{min(places)}") if places else 0.0
 
 
+def single_precision_step(times: Real, print_step: float) -> float:
+    """Spacing of single-precision numbers at the largest of printed times if all are such numbers, otherwise 0.
+
+    An instrument that holds times in single precision prints more digits than they have.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Printed times.
+    print_step : float
+        One unit in the last printed digit.
+    """
+    rounded = times.astype(np.float32)
+    if np.abs(rounded - times).max(initial=0.0) > print_step:
+        return 0.0
+    return float(np.spacing(np.abs(rounded).max(initial=0.0)))
+
+
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def uniform_times(time_s: Real, print_step_s: float) -> tuple[Real, float] | None:
     """Times on the uniform grid that printed times represent.
@@ -60,6 +78,21 @@ def uniform_times(time_s: Real, print_step_s: float) -> tuple[Real, float] | Non
     if rising and off_s <= min(rounding_s, LARGEST_JITTER * step_s):
         return time_s, off_s / step_s
     printed = off_s <= print_step_s and print_step_s <= COARSEST_PRINT * (time_s[-1] - time_s[0])
+    if printed:
+        rounded_s = _shortest_near(step_s, 2 * print_step_s / (len(time_s) - 1))
+        middle = (len(time_s) - 1) / 2
+        rounded_grid_s: Real = start_s + step_s * middle + rounded_s * (np.arange(len(time_s)) - middle)
+        if float(np.max(np.abs(time_s - rounded_grid_s))) <= print_step_s:
+            grid_s = rounded_grid_s
     if printed or (rising and off_s <= LARGEST_JITTER * step_s):
         return grid_s, off_s / step_s
     return None
+
+
+def _shortest_near(value: float, tolerance: float) -> float:
+    """The number with the fewest digits within a tolerance of a value: instruments sample at such steps."""
+    for digits in range(17):
+        rounded = float(f"{value:.{digits}e}")
+        if abs(rounded - value) <= tolerance:
+            return rounded
+    return value

@@ -1,194 +1,156 @@
-"""CSV styles of oscilloscopes, distinguished by their first lines.
-
-========== =====================================================================================================
-Tektronix  ``Model,MSO46`` … ``Vertical Units,V,V`` … ``TIME,CH1,CH2``; older: ``Record Length,2500,,-5e-3,0.04,``, the
-           header in the first three columns beside the samples, one channel a file
-Keysight   ``x-axis,1,2`` / ``second,Volt,Volt``
-Rigol      ``X,CH1,CH2,Start,Increment,`` / ``Sequence,Volt,Volt,-6.0e-04,1.0e-06``; newer:
-           ``CH1V,CH2V,t0 =-5e-04, tInc = 1e-09,`` with no column of times; or ``Time(s),CH1V,CH2V``
-PicoScope  ``Time,Channel A,Channel B`` / ``(ms),(V),(mV)`` / empty line; ``;`` and decimal comma by locale
-plain      a header line, or none
-========== =====================================================================================================
-"""
+"""Where the samples of an instrument's text file are, found in its first lines, and what its header says of them."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+from inkjet_env.recordings.header import Header, is_number, read_header
 from inkjet_env.recordings.recording import CampaignError
-from inkjet_env.recordings.table import Layout, split_cells, split_lines
-from inkjet_env.recordings.units import Unit, known_unit, unit_in_name
+from inkjet_env.recordings.table import BLANKS, Layout, split_cells
+from inkjet_env.recordings.text_file import TextFile
+from inkjet_env.recordings.units import known_unit
 
-SNIFFED_BYTES = 1 << 16
-"""Bytes at the start of a file from which its layout is recognised."""
-_START = re.compile(r"^t0\s*=\s*(\S+)$", re.IGNORECASE)
-_INCREMENT = re.compile(r"^tInc\s*=\s*(\S+)$", re.IGNORECASE)
+DELIMITERS = ("\t", ";", ",", " ")
 _BESIDE = 3
+"""Columns of an older Tektronix file that hold its header, beside the samples."""
+_NO_VALUE = {
+    "", "nan", "inf", "+inf", "-inf", "∞", "+∞", "-∞", "-", "--", "---", "----", "-----", "n/a", "ovr", "over", "ol",
+    "+ol", "-ol", "overrange", "+over", "-over",
+}  # fmt: skip
+"""Cells of a sample that an instrument did not take or that was out of its range, in lower case."""
+_OUT_OF_RANGE = 9.8e37
+"""Least magnitude of the numbers that stand for no value in instruments' replies."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """The columns of one oscilloscope file.
+    """The samples of one file and what its header says.
 
-    Parameters
+    Attributes
     ----------
     layout : Layout
         Rows, names, delimiter and decimal sign of the file.
     columns : tuple of int
-        Numbers, from 0, of the columns that hold samples.
-    units : mapping of int to Unit
-        Units that are printed and known, by column.
-    unknown : mapping of int to str
-        Printed units that are not known, by column.
-    clock : (float, float) or None
-        Time of the first sample and sampling step in seconds, if the header states them in place of times.
-    style : str
-        Name of the style, for people.
+        Columns that hold samples, counted from 0.
+    header : Header
+        Names, units and clock.
+    notes : tuple of str
+        What was passed over, in sentences.
     """
 
     layout: Layout
     columns: tuple[int, ...]
-    units: dict[int, Unit]
-    unknown: dict[int, str]
-    clock: tuple[float, float] | None
-    style: str
+    header: Header
+    notes: tuple[str, ...] = ()
 
 
-def read_sheet(file: Path) -> Sheet:
-    """Find, from a file's first lines, where its samples are and in which units.
+@dataclass(frozen=True)
+class _Run:
+    """Consecutive rows of samples: their places among the lines, and their cells."""
+
+    delimiter: str
+    decimal: str
+    rows: tuple[int, ...]
+    cells: tuple[tuple[str, ...], ...]
+
+
+def read_sheet(text: TextFile) -> Sheet:
+    """Find where a file's samples are, and understand its header.
 
     Raises
     ------
     CampaignError
-        The file has no rows of numbers, or binary content.
+        The file has no rows of numbers.
     """
-    lines = _first_lines(file)
+    first = split_cells(text.start[0], ",") if text.start else [""]
+    if first[0].lower() == "record length" and len(first) > _BESIDE + 1 and all(map(is_number, first[_BESIDE:5])):
+        return _sheet_beside(text, first)
+    runs = [run for delimiter in DELIMITERS if (run := _longest_run(text.start, delimiter)) is not None]
+    if not runs:
+        raise _no_samples(text)
+    run = max(runs, key=lambda run: (len(run.rows), len(run.cells[0])))
+    width = len(run.cells[0])
+    filled = [sum(_value(row[i], run.decimal) is not None for row in run.cells) for i in range(width)]
+    columns = tuple(i for i in range(width) if filled[i] > len(run.rows) / 2)
+    header = read_header([split_cells(line, run.delimiter) for line in text.start[: run.rows[0]]], columns, width)
+    whole = [all(_value(row[i], run.decimal) is not None for i in columns) for row in run.cells]
+    skipped = whole.index(True) if True in whole else 0
+    layout = Layout(text, run.rows[skipped], header.names, run.delimiter, run.decimal)
+    notes: tuple[str, ...] = ()
+    if skipped:
+        rows = f"row {run.rows[0] + 1}" if skipped == 1 else f"rows {run.rows[0] + 1} to {run.rows[skipped - 1] + 1}"
+        notes = (f"{text.path}: {rows} at the start hold no value in some column and were passed over.",)
+    return Sheet(layout, columns, header, notes)
+
+
+def _longest_run(lines: Sequence[str], delimiter: str) -> _Run | None:
+    """The longest run of rows of numbers of one width, the last one of equals; empty rows do not end it."""
+    best: list[tuple[int, list[str]]] = []
+    run: list[tuple[int, list[str]]] = []
     for number, line in enumerate(lines):
-        for delimiter in ("\t", ";", ","):
-            cells = split_cells(line, delimiter)
-            if not _all_numbers(cells, delimiter):
-                continue
-            comma = delimiter != "," and any("," in sample for sample in lines[number:])
-            first = Layout(number, tuple(cells), delimiter, "," if comma else ".")
-            return _sheet(first, [split_cells(above, delimiter) for above in lines[:number]])
-        cells = split_cells(line, ",")
-        if number == 0 and cells[0].lower() == "record length" and _all_numbers(cells[_BESIDE:], ","):
-            return _sheet_beside(lines, cells)
-    raise CampaignError(
-        f"{file}: holds no row of at least two numbers in its first {len(lines)} rows. Export it as CSV, with "
-        "comma, semicolon or tab between columns, or take it out of the folder."
+        if not line.strip(BLANKS):
+            continue
+        cells = split_cells(line, delimiter)
+        if not _is_sample(cells, delimiter):
+            run = []
+            continue
+        if run and len(run[-1][1]) != len(cells):
+            run = []
+        run.append((number, cells))
+        if len(run) >= len(best):
+            best = run
+    if not best:
+        return None
+    comma = delimiter != "," and any("," in cell for _, cells in best for cell in cells)
+    return _Run(
+        delimiter, "," if comma else ".", tuple(number for number, _ in best), tuple(tuple(cells) for _, cells in best)
     )
 
 
-def _first_lines(file: Path) -> list[str]:
-    try:
-        with open(file, "rb") as opened:
-            start = opened.read(SNIFFED_BYTES)
-    except OSError as error:
-        raise CampaignError(f"{file}: cannot be read: {error.strerror or error}. Check the file.") from None
-    if b"\0" in start:
-        raise CampaignError(f"{file}: is binary or UTF-16, not plain text. Export it as CSV, encoding UTF-8.")
-    try:
-        text = start.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = start.decode("latin-1")  # "µs" of older instruments, or a character cut at the end of the block
-    lines = split_lines(text)
-    return lines[:-1] if len(start) == SNIFFED_BYTES else lines
+def _is_sample(cells: Sequence[str], delimiter: str) -> bool:
+    """Whether the first filled cell and one more are numbers, and the others are too or stand for no value."""
+    decimal = "." if delimiter == "," else ","
+    filled = [cell for cell in cells if cell]
+    numbers = [is_number(cell.replace(decimal, ".")) for cell in filled]
+    if len(filled) < 2:  # a sample whose value is missing
+        return len(cells) >= 2 and bool(cells[0]) and sum(numbers) == 1
+    return numbers[0] and all(number or cell.lower() in _NO_VALUE for number, cell in zip(numbers, filled, strict=True))
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+def _value(cell: str, decimal: str) -> float | None:
+    """Number in a cell; None if it holds none, or one that stands for no value."""
+    text = cell.replace(",", ".") if decimal == "," else cell
+    if cell.lower() in _NO_VALUE or not is_number(text) or not abs(float(text)) < _OUT_OF_RANGE:
+        return None
+    return float(text)
 
 
-def _all_numbers(cells: list[str], delimiter: str) -> bool:
-    """Whether all non-empty cells, at least two, are numbers; with a decimal comma if the delimiter allows it."""
-    filled = [cell if delimiter == "," else cell.replace(",", ".") for cell in cells if cell]
-    return len(filled) >= 2 and all(_is_number(cell) for cell in filled)
-
-
-def _sheet(first: Layout, header: list[list[str]]) -> Sheet:
-    """Sheet below a header; ``first.names`` are the cells of the first row of samples."""
-    filled = [row for row in header if any(row)]
-    about = {row[0].lower(): row[1:] for row in filled if len(row) > 1}
-    unit_row = filled.pop() if filled and _is_unit_row(filled[-1], below_names=len(filled) > 1) else []
-    names = filled[-1] if filled else []
-    clock, channels = _clock(names, unit_row)
-    columns = tuple(i for i, cell in enumerate(first.names) if cell)
-    labelled = len(channels) > max(columns)
-    labels = tuple(
-        channels[i] if labelled and i < len(channels) and channels[i] else f"column {i + 1}"
-        for i in range(len(first.names))
+def _no_samples(text: TextFile) -> CampaignError:
+    timed = any(cell.count(":") == 2 for line in text.start[-3:] for cell in split_cells(line, ",")[:1])
+    hint = "Write the times in seconds" if timed else "Export it as CSV, with comma, semicolon or tab between columns"
+    return CampaignError(
+        f"{text.path}: holds no row of at least two numbers in its first {len(text.start)} rows. {hint}, or take it "
+        "out of the folder."
     )
-    printed = unit_row or [*about.get("horizontal units", [""])[:1], *about.get("vertical units", [])]
-    units, unknown = {}, {}
-    for i in columns:
-        text = printed[i] if i < len(printed) else ""
-        unit = known_unit(text) or unit_in_name(labels[i])
-        if unit is not None:
-            units[i] = unit
-        elif text and text.lower() != "sequence":
-            unknown[i] = text
-    layout = Layout(first.header_rows, labels, first.delimiter, first.decimal)
-    return Sheet(layout, columns, units, unknown, clock, _style(about, names, unit_row))
 
 
-def _sheet_beside(lines: list[str], first: list[str]) -> Sheet:
+def _sheet_beside(text: TextFile, first: Sequence[str]) -> Sheet:
     """Sheet of an older Tektronix file, whose header stands beside the first samples."""
-    about = {cells[0].lower(): cells[1] for line in lines[:30] if len(cells := split_cells(line, ",")) > 1 and cells[0]}
+    rows = [cells for line in text.start[:30] if len(cells := split_cells(line, ",")) > 1 and cells[0]]
+    about = {cells[0].lower(): cells[1] for cells in rows}
     time, *channels = (i for i in range(_BESIDE, len(first)) if first[i])
     names = [f"column {i + 1}" for i in range(len(first))]
     names[time], names[channels[0]] = "TIME", about.get("source") or "CH1"
     printed = {time: about.get("horizontal units", ""), channels[0]: about.get("vertical units", "")}
-    units = {i: unit for i, text in printed.items() if (unit := known_unit(text))}
-    unknown = {i: text for i, text in printed.items() if text and i not in units}
-    return Sheet(Layout(0, tuple(names)), (time, *channels), units, unknown, None, "older Tektronix")
+    units = {i: unit for i, cell in printed.items() if (unit := known_unit(cell))}
+    unknown = {i: cell for i, cell in printed.items() if cell and i not in units}
+    header = Header(tuple(names), units, unknown, None, "older Tektronix")
+    return Sheet(Layout(text, 0, tuple(names)), (time, *channels), header)
 
 
-def _is_unit_row(row: list[str], below_names: bool) -> bool:
-    """Whether the cells of a row are units; below names that start with a time, unknown short words count too."""
-    words = [cell for cell in row if cell and not _is_number(cell)]
-    if not words:
-        return False
-    first = known_unit(words[0])
-    timed = below_names and first is not None and first.base == "s"
-    return all(
-        word.lower() == "sequence"
-        or known_unit(word) is not None
-        or (word[0] in "([" and word[-1] in ")]")
-        or (timed and len(word) <= 4)
-        for word in words
+def renamed(sheet: Sheet, names: Sequence[str]) -> Sheet:
+    """The sheet with other names of its columns."""
+    return replace(
+        sheet, layout=replace(sheet.layout, names=tuple(names)), header=replace(sheet.header, names=tuple(names))
     )
-
-
-def _clock(names: list[str], unit_row: list[str]) -> tuple[tuple[float, float] | None, list[str]]:
-    """Start and step in seconds if a header states them, and the names of the columns without them."""
-    lowered = [name.lower() for name in names]
-    if "start" in lowered and "increment" in lowered:
-        places = [lowered.index("start"), lowered.index("increment")]
-        printed = [unit_row[i] if i < len(unit_row) else "" for i in places]
-        channels = names[: min(places)]
-    else:
-        printed = [m.group(1) for pattern in (_START, _INCREMENT) for name in names if (m := pattern.match(name))]
-        channels = [name for name in names if not (_START.match(name) or _INCREMENT.match(name))]
-    if len(printed) == 2 and all(_is_number(cell) for cell in printed):
-        return (float(printed[0]), float(printed[1])), channels
-    return None, channels
-
-
-def _style(about: dict[str, list[str]], names: list[str], unit_row: list[str]) -> str:
-    first = names[0].lower() if names else ""
-    if {"model", "sample interval", "record length"} & set(about):
-        return "Tektronix"
-    if first == "x-axis":
-        return "Keysight"
-    if first == "x" or any(re.fullmatch(r"X\(CH\d\)|CH\dV|tInc.*", name) for name in names):
-        return "Rigol"
-    if any(name.lower().startswith("channel ") for name in names) and unit_row:
-        return "PicoScope"
-    return "plain"

@@ -108,7 +108,14 @@ DAMAGE = (
     b"9" * 400,
     b"t0 =",
 )
-ENDINGS = {"unix": ("\n", "utf-8"), "windows": ("\r\n", "utf-8-sig"), "latin": ("\r\n", "latin-1")}
+ENDINGS = {
+    "unix": ("\n", "utf-8"),
+    "windows": ("\r\n", "utf-8-sig"),
+    "latin": ("\r\n", "latin-1"),
+    "two bytes": ("\r\n", "utf-16"),
+    "two bytes without a mark": ("\n", "utf-16-le"),
+    "old macintosh": ("\r", "utf-8"),
+}
 
 
 def older_tektronix(channel, values):
@@ -185,7 +192,7 @@ def test_a_length_is_a_displacement(tmp_path):
 
 
 def test_files_come_in_the_order_of_their_names(tmp_path):
-    for name in ("b.csv", "a.TXT", ".hidden.csv", "c.dat"):
+    for name in ("b.csv", "a.TXT", ".hidden.csv", "c.log"):
         (tmp_path / name).write_text("\n".join(plain()))
     campaign = read_campaign(tmp_path, channel="strain_gauge")
     assert [(r.name, r.order) for r in campaign.recordings] == [("a", 1), ("b", 2)]
@@ -213,7 +220,11 @@ def test_files_come_in_the_order_of_their_names(tmp_path):
         ([*plain()[:9], "0.1,1"], {}, "row 10: must have 3 columns as the rows before; got 2"),
         ([*plain()[:9], "", "", *plain()[8:]], {}, "row 12: time must increase"),
         (plain()[:90] + plain()[95:], {}, "row 91: sampling must be uniform; .* is 5 steps off"),
-        (["X,CH1,CH2,Start,Increment", "Sequence,Volt,Volt,0,0", "0,1,2", "1,2,3"], {}, "increment must be above 0 s"),
+        (
+            ["X,CH1,CH2,Start,Increment", "Sequence,Volt,Volt,0,0", "0,1,2", "1,2,3"],
+            {},
+            "sample interval must be above 0 s",
+        ),
         (["X,CH1,CH2,Start,Increment", "Sequence,Volt,Volt,0,1", "0,1,2", "2,2,3"], {}, "must count up by one"),
     ],
 )
@@ -223,8 +234,9 @@ def test_what_cannot_be_told_is_refused_in_one_sentence(tmp_path, lines, given, 
 
 
 def test_binary_files_are_refused(tmp_path):
-    with pytest.raises(CampaignError, match="binary or UTF-16"):
-        read_lines(tmp_path, plain(), encoding="utf-16")
+    (tmp_path / "scope.csv").write_bytes(bytes(range(256)) * 20)
+    with pytest.raises(CampaignError, match="is binary, not text"):
+        read_campaign(tmp_path, channel="self_sensing")
 
 
 def test_a_folder_of_nothing_is_refused(tmp_path):

@@ -1,0 +1,218 @@
+"""One file of an instrument or a program as a table: text of any style, or arrays of NumPy, MATLAB, HDF5 or Parquet."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inkjet_env.extras import extra
+from inkjet_env.recordings.header import Header, stated_clock
+from inkjet_env.recordings.recording import CampaignError
+from inkjet_env.recordings.sampling import last_digit
+from inkjet_env.recordings.sheet import Sheet, read_sheet
+from inkjet_env.recordings.table import Columns, read_columns, row_of_sample
+from inkjet_env.recordings.text_file import open_text
+from inkjet_env.recordings.units import Unit, unit_in_name
+from inkjet_env.typing import Real
+
+TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".gz")
+ARRAY_SUFFIXES = (".npz", ".npy", ".mat", ".h5", ".hdf5", ".parquet")
+
+
+class Table(ABC):
+    """The columns of one file.
+
+    Attributes
+    ----------
+    file : Path
+        The file.
+    columns : tuple of int
+        Columns that hold samples, counted from 0.
+    header : Header
+        Names, units and clock.
+    first_row : int
+        Row of the first sample, counted from 1.
+    notes : tuple of str
+        What was passed over, in sentences.
+    """
+
+    file: Path
+    columns: tuple[int, ...]
+    header: Header
+    first_row: int
+    notes: tuple[str, ...]
+
+    @abstractmethod
+    def read(self, wanted: Sequence[int]) -> list[Real]:
+        """Some columns as float64, each of shape (n,), read-only, all finite."""
+
+    @abstractmethod
+    def print_step(self, column: int) -> float:
+        """One unit in the last printed digit of a column that was read, in its unit; 0 if it is not printed."""
+
+    @abstractmethod
+    def place(self, sample: int) -> str:
+        """The place of a sample, counted from 0, for people: its row, if the file has rows."""
+
+
+@dataclass
+class TextTable(Table):
+    """A text file."""
+
+    sheet: Sheet
+
+    def __post_init__(self) -> None:
+        self.file, self.columns, self.header = self.sheet.layout.file.path, self.sheet.columns, self.sheet.header
+        self.first_row, self.notes = self.sheet.layout.header_rows + 1, self.sheet.notes
+        self._last_read: Columns | None = None
+
+    def read(self, wanted: Sequence[int]) -> list[Real]:
+        self._last_read = read_columns(self.sheet.layout, wanted)
+        return self._last_read.values
+
+    def print_step(self, column: int) -> float:
+        if self._last_read is None:
+            return 0.0
+        decimal, edges = self.sheet.layout.decimal, (self._last_read.first, self._last_read.last)
+        return max(
+            last_digit([cells[column].replace(decimal, ".") for cells in rows if len(cells) > column]) for rows in edges
+        )
+
+    def place(self, sample: int) -> str:
+        return f"row {row_of_sample(self.sheet.layout, sample)}"
+
+
+@dataclass
+class ArrayTable(Table):
+    """Arrays by name, of one length, and single numbers beside them, such as a sampling rate."""
+
+    file: Path
+    arrays: Mapping[str, Real]
+    numbers: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        self.columns, self.first_row, self.notes = tuple(range(len(self.arrays))), 1, ()
+        units = {i: unit for i, name in enumerate(self.arrays) if (unit := unit_in_name(name)) is not None}
+        clock = stated_clock({name.lower(): [f"{number:.17g}"] for name, number in self.numbers.items()})
+        known = {i: unit for i, unit in units.items() if isinstance(unit, Unit)}
+        unknown = {i: unit for i, unit in units.items() if isinstance(unit, str)}
+        self.header = Header(tuple(self.arrays), known, unknown, clock, self.file.suffix[1:])
+
+    def read(self, wanted: Sequence[int]) -> list[Real]:
+        names = list(self.arrays)
+        for i in wanted:
+            bad = ~np.isfinite(self.arrays[names[i]])
+            if bad.any():
+                raise CampaignError(
+                    f"{self.file}, sample {int(np.argmax(bad)) + 1}: {names[i][:40]} must be finite. Trim the "
+                    "recording or mark the gap."
+                )
+        return [self.arrays[names[i]] for i in wanted]
+
+    def print_step(self, column: int) -> float:
+        return 0.0
+
+    def place(self, sample: int) -> str:
+        return f"sample {sample + 1}"
+
+
+def open_table(file: Path) -> Table:
+    """The table in a file.
+
+    Raises
+    ------
+    CampaignError
+        The file cannot be read, or holds no table of numbers.
+    """
+    suffix = file.suffix.lower()
+    if suffix not in ARRAY_SUFFIXES:
+        return TextTable(read_sheet(open_text(file)))
+    reader = {".npz": _npz, ".npy": _npy, ".mat": _mat, ".h5": _hdf5, ".hdf5": _hdf5, ".parquet": _parquet}[suffix]
+    try:
+        found = reader(file)
+    except (CampaignError, ImportError):
+        raise
+    except Exception as error:  # whatever a damaged file makes a reader raise
+        reason = " ".join(str(error).split())[:160] or type(error).__name__
+        raise CampaignError(f"{file}: cannot be read as {suffix}: {reason}. Export it again.") from None
+    return _array_table(file, found)
+
+
+def _array_table(file: Path, found: Mapping[str, Any]) -> ArrayTable:
+    """Vectors, columns of matrices and single numbers among some variables."""
+    arrays: dict[str, Real] = {}
+    numbers: dict[str, float] = {}
+    for name, value in found.items():
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiub":
+            continue
+        if array.size == 1:
+            numbers[name] = float(array.reshape(-1)[0])
+            continue
+        array = np.squeeze(array)
+        if array.ndim == 2:
+            table = array if array.shape[0] >= array.shape[1] else array.T
+            arrays |= {f"{name} {k + 1}": _column(table[:, k]) for k in range(table.shape[1])}
+        elif array.ndim == 1:
+            arrays[name] = _column(array)
+    lengths = {array.size for array in arrays.values()}
+    if len(lengths) > 1:
+        sizes = ", ".join(f"{name} {array.size}" for name, array in arrays.items())[:120]
+        raise CampaignError(f"{file}: its arrays must have one length; they have {sizes}. Save one recording a file.")
+    if len(arrays) < 2 or max(lengths) < 2:
+        raise CampaignError(f"{file}: holds no two arrays of at least two numbers. Save drive and sensor in it.")
+    return ArrayTable(file, arrays, numbers)
+
+
+def _column(values: Any) -> Real:
+    column = np.array(values, dtype=np.float64)
+    column.flags.writeable = False
+    return column
+
+
+def _npz(file: Path) -> Mapping[str, Any]:
+    with np.load(file, allow_pickle=False) as saved:
+        return {name: saved[name] for name in saved.files}
+
+
+def _npy(file: Path) -> Mapping[str, Any]:
+    array = np.load(file, allow_pickle=False)
+    if array.dtype.names:
+        return {name: array[name] for name in array.dtype.names}
+    return {"column": array}
+
+
+def _mat(file: Path) -> Mapping[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        found = loadmat(file, squeeze_me=False, struct_as_record=True)
+    except NotImplementedError:  # version 7.3 is HDF5
+        return _hdf5(file)
+    return {name: value for name, value in found.items() if not name.startswith("__")}
+
+
+def _hdf5(file: Path) -> Mapping[str, Any]:
+    with extra(f"{file}: an HDF5 file"):
+        import h5py
+    found: dict[str, Any] = {}
+    with h5py.File(file, "r") as opened:
+
+        def keep(name: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and "#" not in name:
+                found[name] = item[()]
+
+        opened.visititems(keep)
+    return found
+
+
+def _parquet(file: Path) -> Mapping[str, Any]:
+    with extra(f"{file}: a Parquet file"):
+        from pyarrow import parquet
+    table = parquet.read_table(file)
+    return {name: table[name].to_numpy() for name in table.column_names}
