@@ -32,16 +32,23 @@ ScopeState = Annotated[
     str | None,
     typer.Option("--initial-state", help="initial state of oscilloscope files: demagnetised, periodic or free (free)"),
 ]
+Interval = Annotated[
+    float | None,
+    typer.Option("--interval", help="sampling interval in seconds, for files without times", min=1e-15),
+]
 MOST_WARNINGS = 10
 """Largest number of warnings that are printed."""
 
 
-def reading_options(channel: str | None, columns: str | None, initial_state: str | None) -> dict[str, Any]:
+def reading_options(
+    channel: str | None, columns: str | None, initial_state: str | None, interval_s: float | None = None
+) -> dict[str, Any]:
     """Keyword arguments of `read_campaign` from the command line's options for oscilloscope files."""
     return {
         "channel": channel,
         "columns": None if columns is None else named_values("--columns", columns),
         "initial_state": initial_state,
+        "interval_s": interval_s,
     }
 
 

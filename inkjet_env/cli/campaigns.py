@@ -11,6 +11,7 @@ import typer
 from inkjet_env.cli.arguments import check_outputs, chosen_printhead, chosen_seed
 from inkjet_env.cli.campaign_reading import (
     Folder,
+    Interval,
     ScopeChannel,
     ScopeColumns,
     ScopeState,
@@ -110,6 +111,7 @@ def identify(
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
+    interval: Interval = None,
     workers: Annotated[int | None, typer.Option(help="number of processes for several campaigns (all cores)")] = None,
 ) -> None:
     """Identify a head's hysteresis and dynamics, with 90 % intervals, from a campaign.
@@ -126,7 +128,7 @@ def identify(
         "full_scale_V": full_scale,
         "held_out": None if held_out is None else tuple(name.strip() for name in held_out.split(",")),
     }
-    reading = reading_options(channel, columns, initial_state)
+    reading = reading_options(channel, columns, initial_state, interval)
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}.")
     if len(folders) > 1:
@@ -159,6 +161,7 @@ def evaluate(
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
+    interval: Interval = None,
 ) -> None:
     """Compare a printhead, as it is, with a campaign: free-run simulation of every recording, and the residual.
 
@@ -175,7 +178,9 @@ def evaluate(
 
     check_outputs((printhead, *files_of(folder)), json=json)
     register_own(effect)
-    found, unit = evaluation_json(folder, printhead, reading_options(channel, columns, initial_state), remainder)
+    found, unit = evaluation_json(
+        folder, printhead, reading_options(channel, columns, initial_state, interval), remainder
+    )
     if json is not None:
         write_json(json, found)
     if str(json) != "-":

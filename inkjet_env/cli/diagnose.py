@@ -12,6 +12,7 @@ import typer
 from inkjet_env.cli.arguments import check_outputs, chosen_seed
 from inkjet_env.cli.campaign_reading import (
     Folder,
+    Interval,
     ScopeChannel,
     ScopeColumns,
     ScopeState,
@@ -69,6 +70,7 @@ def diagnose(
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
+    interval: Interval = None,
 ) -> None:
     """Find where recordings and model differ, which physics the model lacks, and how much adding it improves the fit.
 
@@ -98,7 +100,7 @@ def diagnose(
         options["held_out"] = tuple(name.strip() for name in hold_out.split(","))
     if workers is not None:
         options["workers"] = workers
-    reading = reading_options(channel, columns, initial_state)
+    reading = reading_options(channel, columns, initial_state, interval)
     options["checkpoint"] = checkpoint = _checkpoint_folder(checkpoint, json, report, printhead_out)
     try:
         found = _diagnosed(folder, printhead, reading, chosen_seed(seed), options)

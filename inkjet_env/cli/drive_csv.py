@@ -1,12 +1,10 @@
-"""Sampled drives and responses as CSV: every row is checked on reading; files are written atomically."""
+"""Sampled drives and responses as CSV files, written atomically."""
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,87 +12,8 @@ from inkjet_env.printhead import Waveform
 from inkjet_env.storage import write_atomically
 from inkjet_env.typing import Real
 
-DRIVE_COLUMNS = ("time_s", "drive_V")
 DEFAULT_SAMPLE_RATE_Hz = 100e6
 MAX_SAMPLES = 10_000_000
-
-
-def read_drive(path: str | Path) -> tuple[Real, Real]:
-    """Read a sampled drive.
-
-    Parameters
-    ----------
-    path : str or Path
-        CSV with a header line that names ``time_s`` and ``drive_V``; other columns are ignored.
-
-    Returns
-    -------
-    time_s, drive_V : ndarray, shape (n,)
-        Times in seconds, increasing, and drive in volts.
-
-    Raises
-    ------
-    ValueError
-        The file does not exist or is not CSV, a column is missing, there are fewer than two samples, a value is not a
-        finite number, or a time does not increase. The message names the file, the row (the header is row 1), the
-        rule and a fix.
-    """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise ValueError(f"{path}: cannot be read: {reason}. Check the file's name.") from None
-    rows = csv.reader(text.splitlines())
-    header = [name.strip() for name in next(_parsed(path, rows), [])]
-    for column in DRIVE_COLUMNS:
-        if header.count(column) != 1:
-            raise ValueError(
-                f"{path}, row 1: the header must name {column} once; got {','.join(header)[:80]!r}. "
-                "The first line of the file must read time_s,drive_V."
-            )
-    places = [header.index(column) for column in DRIVE_COLUMNS]
-    samples: list[tuple[float, float]] = []
-    for row in _parsed(path, rows):
-        if not row:
-            continue
-        sample = _sample(f"{path}, row {rows.line_num}", row, places)
-        if samples and sample[0] <= samples[-1][0]:
-            raise ValueError(
-                f"{path}, row {rows.line_num}: time_s must increase from row to row; got {sample[0]:g} s after "
-                f"{samples[-1][0]:g} s. Sort the rows or remove the repeated one."
-            )
-        samples.append(sample)
-    if len(samples) < 2:
-        raise ValueError(f"{path}: a drive must have at least 2 samples; got {len(samples)}. Add rows.")
-    time_s, drive_V = np.array(samples).T
-    return np.ascontiguousarray(time_s), np.ascontiguousarray(drive_V)
-
-
-def _parsed(path: str | Path, rows: Any) -> Iterator[list[str]]:
-    try:
-        yield from rows
-    except csv.Error as error:
-        raise ValueError(
-            f"{path}, row {rows.line_num}: is not CSV: {error}. Give a text file with columns separated by commas."
-        ) from None
-
-
-def _sample(place: str, row: list[str], places: list[int]) -> tuple[float, float]:
-    values = []
-    for column, index in zip(DRIVE_COLUMNS, places, strict=True):
-        if index >= len(row):
-            raise ValueError(f"{place}: {column} is missing. Complete the row or remove it.")
-        try:
-            value = float(row[index])
-        except ValueError:
-            raise ValueError(
-                f"{place}: {column} must be a number; got {row[index]!r}. "
-                "Use a decimal point, and commas between columns."
-            ) from None
-        if not math.isfinite(value):
-            raise ValueError(f"{place}: {column} must be finite; got {row[index]!r}. Trim the recording.")
-        values.append(value)
-    return values[0], values[1]
 
 
 def write_columns(path: str | Path, columns: Mapping[str, Real]) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from inkjet_env.cli.arguments import check_outputs, chosen_cost
+from inkjet_env.cli.campaign_reading import Interval, warn
 from inkjet_env.cli.options import (
     CostA,
     CostB,
@@ -28,7 +29,10 @@ def simulate(
         tuple[float, float, float, float, float, float, float] | None,
         typer.Option(help="U1 U2 t1 t2 t3 t4 t5: two voltages and five durations", metavar="U1 U2 t1 t2 t3 t4 t5"),
     ] = None,
-    drive: Annotated[Path | None, typer.Option(help="CSV file with time_s and drive_V, in place of --waveform")] = None,
+    drive: Annotated[
+        Path | None,
+        typer.Option(help="file of times and drive, or a print controller's segments, in place of --waveform"),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="with --drive: write time_s, drive_V, sensor_V as CSV")] = None,
     plot: PlotFile = None,
     json: JsonFile = None,
@@ -40,6 +44,8 @@ def simulate(
     effective: Effective = None,
     window: Window = None,
     initial_state: InitialState = None,
+    interval: Interval = None,
+    implausible: Annotated[bool, typer.Option("--implausible", help="a drive beyond 1 kV is meant")] = False,
     hysteresis: Annotated[
         str,
         typer.Option(
@@ -55,12 +61,13 @@ def simulate(
 
     inkjet simulate --drive waveform.csv --printhead augmented.json --effect my_effects:QuadraticStiffness
     """
-    from inkjet_env.cli.drive_csv import read_drive, write_columns
+    from inkjet_env.cli.drive_csv import write_columns
     from inkjet_env.cli.own_effects import register_own
     from inkjet_env.plant.augmented import AugmentedPrinthead
     from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
     from inkjet_env.printhead import Waveform, respond_sampled
     from inkjet_env.printhead.window import DEFAULT_WINDOW_S
+    from inkjet_env.recordings.drive import read_drive
     from inkjet_env.storage import write_json
 
     check_outputs((drive, printhead), out=out, plot=plot, json=json)
@@ -75,7 +82,9 @@ def simulate(
             raise ValueError("--out needs --drive. To sample a waveform's response, give the waveform as a CSV file.")
         response = head.respond(Waveform.from_array(waveform), state, window_s, hysteresis)
     elif drive is not None:
-        samples = read_drive(drive)
+        read = read_drive(drive, interval, implausible)
+        warn(read.notes)
+        samples = read.time_s, read.drive_V
         try:
             if isinstance(head, AugmentedPrinthead):
                 response = head.respond_sampled(*samples, state, hysteresis, window_s)

@@ -122,8 +122,8 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
     free = [i for i in free if i not in seconds]  # the times of each channel
     if len(missing) == 2 and len(free) == 1:
         raise CampaignError(
-            f"{table.file}: holds one channel only, {names[free[0]][:40]}; a recording has a drive and a sensor. Export "
-            "both channels, or call the files of one recording the same but for CH1 and CH2."
+            f"{table.file}: holds one channel only, {names[free[0]][:40]}; a recording has a drive and a sensor. "
+            "Export both channels, or call the files of one recording the same but for CH1 and CH2."
         )
     if missing and len(free) != len(missing):
         left = ", ".join(names[i] for i in free)[:120] or "none"
@@ -132,6 +132,28 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
             f"{left}. Specify it with columns={{{', '.join(f'{role!r}: …' for role in missing)}}}."
         )
     return Roles(roles, reasons, tuple(free) if missing else ())
+
+
+def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | None, int]:
+    """Columns of the times, None if they are stated, and of the drive, in a file that may hold nothing else.
+
+    Raises
+    ------
+    CampaignError
+        No times, or no column or several that could be the drive.
+    """
+    names = table.header.names
+    free = [i for i in table.columns if not _PEAK_DETECT.search(names[i])]
+    time, _ = _time(table, free, interval_s)
+    free = [i for i in free if i != time]
+    claimed = [i for i in free if _NAMES["drive"].search(names[i]) and not _NAMES["monitor"].search(names[i])]
+    found = claimed or [i for i in free if _VOLTAGE.search(names[i])] or free
+    if len(found) != 1:
+        left = ", ".join(names[i][:40] for i in found) or "none"
+        raise CampaignError(
+            f"{table.file}: the column of the drive is unknown; it could be: {left}. Call one of them drive_V."
+        )
+    return time, found[0]
 
 
 def _time(table: Table, free: Sequence[int], interval_s: float | None) -> tuple[int | None, str]:

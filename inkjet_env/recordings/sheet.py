@@ -72,7 +72,7 @@ def read_sheet(text: TextFile) -> Sheet:
     run = max(runs, key=lambda run: (len(run.rows), len(run.cells[0])))
     width = len(run.cells[0])
     filled = [sum(_value(row[i], run.decimal) is not None for row in run.cells) for i in range(width)]
-    columns = tuple(i for i in range(width) if filled[i] > len(run.rows) / 2)
+    columns = tuple(i for i in range(width) if filled[i] >= len(run.rows) / 2)
     header = read_header([split_cells(line, run.delimiter) for line in text.start[: run.rows[0]]], columns, width)
     whole = [all(_value(row[i], run.decimal) is not None for i in columns) for row in run.cells]
     skipped = whole.index(True) if True in whole else 0

@@ -154,11 +154,17 @@ def test_bad_input_is_one_sentence_and_status_2(inkjet, tmp_path, arguments, sai
 @pytest.mark.parametrize(
     ("header", "rows", "said"),
     [
-        ("time,volt", ("0,0", "1,1"), "row 1: the header must name time_s once"),
+        ("time,one,other", ("0,0,0", "1,1,0"), "the column of the drive is unknown; it could be: one, other"),
+        (
+            "time_s,drive_V",
+            ("0,0", "1e-6,0", "1e-6,40"),
+            "row 4: .*got 1e-06 s twice. For a vertical edge, put the second row",
+        ),
+        ("time_s,drive_V", ("0,0", "1e-6,4e4"), "the drive goes to 40000 V. Check the unit"),
         ("time_s,drive_V", ("0,0", "1e-6,abc"), "row 3: drive_V must be a number; got 'abc'"),
         ("time_s,drive_V", ("0,0", "1e-6,nan"), "row 3: drive_V must be finite; got 'nan'"),
-        ("time_s,drive_V", ("0,0", "1e-6"), "row 3: drive_V is missing"),
-        ("time_s,drive_V", ("0,0", "2e-6,1", "1e-6,0"), "row 4: time_s must increase.*Sort the rows"),
+        ("time_s,drive_V", ("0,0", "1e-6"), "row 3: must have 2 columns"),
+        ("time_s,drive_V", ("0,0", "2e-6,1", "1e-6,0"), "row 4: time must increase.*Sort the rows"),
         ("time_s,drive_V", ("0,0",), "must have at least 2 samples; got 1"),
     ],
 )
@@ -173,8 +179,8 @@ def test_a_damaged_drive_is_told_by_file_and_row(inkjet, tmp_path, header, rows,
 
 
 def test_a_binary_drive_is_refused(inkjet, tmp_path):
-    (tmp_path / "d.csv").write_bytes(b"\xff\xfe\x00\x81")
-    assert "it is not UTF-8 text" in inkjet("simulate", "--drive", "d.csv")[2]
+    (tmp_path / "d.csv").write_bytes(bytes(range(256)))
+    assert "is binary, not text" in inkjet("simulate", "--drive", "d.csv")[2]
 
 
 def test_optimize_writes_a_waveform_for_a_generator_and_the_promised_json(inkjet, tmp_path):

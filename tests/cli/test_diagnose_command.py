@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from inkjet_env import mismatch
-from inkjet_env.cli.drive_csv import read_drive
 from inkjet_env.estimate import Estimate
 from inkjet_env.identification import ModelledRecording
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
@@ -18,6 +17,7 @@ from inkjet_env.plant.effect import complete
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, write_campaign
+from inkjet_env.recordings.drive import read_drive
 from inkjet_env.reporting import diagnosis_report
 from inkjet_env.rig import default_battery, record_campaign, strain_gauge_battery
 from inkjet_env.storage import write_json
@@ -195,9 +195,9 @@ def test_the_verdict_names_the_drive_from_its_own_folder(
     assert verdict["next_experiment"] == {"sentence": "Record the voltage at the head.", "drive_csv": drive_csv}
     assert [p for p in tmp_path.rglob("*.csv") if p.parent != folder] == ([] if file is None else [tmp_path / file])
     if file is not None:
-        time_s, drive_V = read_drive(tmp_path / file)
-        assert tuple(drive_V) == DRIVE_V
-        assert time_s == pytest.approx(1e-7 * np.arange(len(DRIVE_V)))
+        read = read_drive(tmp_path / file)
+        assert tuple(read.drive_V) == DRIVE_V
+        assert read.time_s == pytest.approx(1e-7 * np.arange(len(DRIVE_V)))
 
 
 def test_the_printhead_that_is_written_answers_with_its_effects(made_by_hand, found, inkjet, folder, tmp_path):
