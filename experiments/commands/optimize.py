@@ -52,7 +52,10 @@ def optimize(
     initial_state: InitialState = None,
     out: Annotated[
         Path,
-        typer.Option(help="CSV file for the best waveform: time_s and drive_V, uniformly sampled, 0 V at both ends"),
+        typer.Option(
+            help="file for the best waveform: CSV with time_s and drive_V, uniformly sampled, 0 V at both ends; or, if "
+            "it ends in .ini, segments of a print controller"
+        ),
     ] = Path("optimum.csv"),
     sample_rate: Annotated[float, typer.Option(help="sample rate of that CSV file, in Hz")] = SAMPLE_RATE_HZ,
     plot: PlotFile = None,
@@ -126,17 +129,24 @@ def _finish_optimize(
     from inkjet_env.cli.drive_csv import sampled_waveform, write_columns
     from inkjet_env.experiments.benchmark.single_run import write_record
     from inkjet_env.printhead import Waveform
+    from inkjet_env.recordings.segment_file import write_segments
     from inkjet_env.storage import write_json
 
     if run.best_point is None:
         print("Interrupted before the first evaluation; nothing was written.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED)
     found = plan.optimum_json(run)
-    time_s, drive_V = sampled_waveform(Waveform.from_array(found["waveform"]), sample_rate)
+    waveform = Waveform.from_array(found["waveform"])
     record = _record_file(out)
     if not run.complete:
         write_record(record, plan, run)
-    write_columns(out, {"time_s": time_s, "drive_V": drive_V})
+    if out.suffix.lower() == ".ini":
+        write_segments(out, *waveform.knots())
+        written = "segments of a print controller"
+    else:
+        time_s, drive_V = sampled_waveform(waveform, sample_rate)
+        write_columns(out, {"time_s": time_s, "drive_V": drive_V})
+        written = f"{time_s.size} samples at {sample_rate:g} Hz"
     if plot is not None:
         from inkjet_env.reporting.plotting import write_picture
         from inkjet_env.reporting.waveform_figures import draw_response
@@ -149,7 +159,7 @@ def _finish_optimize(
         print(f"{plan.optimizer} on {plan.problem.name}, seed {plan.seed}, {run.evaluations} evaluations:")
         print(f"cost {run.best_cost:.6f} V")
         print(f"waveform U1 U2 t1 t2 t3 t4 t5: {values}")
-        print(f"{out}: {time_s.size} samples at {sample_rate:g} Hz")
+        print(f"{out}: {written}")
     if not run.complete:
         again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]
         if sample_rate != SAMPLE_RATE_HZ:

@@ -27,7 +27,7 @@ class Drive:
     time_s, drive_V : ndarray, shape (n,)
         Times in seconds, increasing, and drive in volts.
     notes : tuple of str
-        How the file was understood, and what is doubtful, in sentences.
+        What is doubtful, in sentences.
     """
 
     time_s: Real
@@ -64,7 +64,7 @@ def read_drive(path: str | os.PathLike[str], interval_s: float | None = None, im
         text = open_text(file)
         if is_segment_file(text):
             time_s, drive_V = read_segments(text)
-            return _checked(file, time_s, drive_V, (f"{file}: segments of a print controller.",), implausible)
+            return _checked(file, time_s, drive_V, (), implausible)
         table = TextTable(read_sheet(text))
     return _checked(file, *_columns(table, interval_s), implausible)
 
@@ -82,10 +82,13 @@ def _columns(table: Table, interval_s: float | None) -> tuple[Real, Real, tuple[
                 f"{table.file}: the {role} must be in {bases[0]}; column {names[i][:40]} is in {unit[:20]}. Convert it."
             )
     drive_V = header.units[drive].to_base(values[drive]) if drive in header.units else values[drive]
-    note = f"{table.file}: drive = {names[drive][:40]}{'' if drive in header.units else ', no unit given: taken as V'}."
+    known = drive in header.units
+    notes = (
+        table.notes if known else (*table.notes, f"{table.file}: column {names[drive][:40]} has no unit: taken as V.")
+    )
     clock = header.clock if interval_s is None else (0.0, interval_s)
     if time is None and clock is not None:
-        return clock[0] + clock[1] * np.arange(drive_V.size), drive_V, (*table.notes, note)
+        return clock[0] + clock[1] * np.arange(drive_V.size), drive_V, notes
     assert time is not None
     time_s = header.units[time].to_base(values[time]) if time in header.units else values[time]
     steps = np.diff(time_s)
@@ -101,7 +104,7 @@ def _columns(table: Table, interval_s: float | None) -> tuple[Real, Real, tuple[
             f"{place}: time must increase from row to row; got {time_s[k + 1]:.9g} s after {time_s[k]:.9g} s. Sort the "
             "rows."
         )
-    return time_s, drive_V, (*table.notes, note)
+    return time_s, drive_V, notes
 
 
 def _checked(file: Path, time_s: Real, drive_V: Real, notes: tuple[str, ...], implausible: bool) -> Drive:

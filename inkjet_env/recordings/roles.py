@@ -181,13 +181,13 @@ def _time(table: Table, free: Sequence[int], interval_s: float | None) -> tuple[
         )
     if stated:
         return None, ""
-    unnamed = [i for i in free if i not in units and not any(p.search(names[i]) for p in _NAMES.values())]
-    if not unnamed or len(free) < 2:
+    named = first is None or first in units or any(pattern.search(names[first]) for pattern in _NAMES.values())
+    if named or len(free) < 2:
         raise CampaignError(
             f"{table.file}: has no column of times, and its header states no sample interval. Add the column, or give "
             f"{STATED}."
         )
-    return unnamed[0], "guessed: the first column"
+    return first, "guessed: the first column"
 
 
 def _column_number(table: Table, role: str, column: str | int) -> int:
