@@ -100,6 +100,8 @@ def diagnose(
         options["held_out"] = tuple(name.strip() for name in hold_out.split(","))
     if workers is not None:
         options["workers"] = workers
+    from inkjet_env.mismatch import clear_checkpoint
+
     reading = reading_options(channel, columns, initial_state, interval)
     options["checkpoint"] = checkpoint = _checkpoint_folder(checkpoint, json, report, printhead_out)
     try:
@@ -117,6 +119,9 @@ def diagnose(
         print_diagnosis(found)
         for what, file in written.items():
             print(f"{file}: {what}")
+    if checkpoint is not None:
+        sys.stdout.flush()
+        clear_checkpoint(checkpoint)  # only now: whatever failed above can be done again without the fits
 
 
 def _checkpoint_folder(given: Path | None, *outputs: Path | None) -> Path | None:

@@ -1,6 +1,6 @@
 """Diagnosis: where recordings and model differ, and which physical effect is missing."""
 
-from inkjet_env.mismatch.diagnose import diagnose
+from inkjet_env.mismatch.diagnose import clear_checkpoint, diagnose
 from inkjet_env.mismatch.diagnosis import Diagnosis
 from inkjet_env.mismatch.settings import (
     DesignSettings,
@@ -19,5 +19,6 @@ __all__ = [
     "LocalizationSettings",
     "SelectionSettings",
     "VerdictSettings",
+    "clear_checkpoint",
     "diagnose",
 ]

@@ -78,8 +78,8 @@ def diagnose(
     progress : callable, optional
         Called with a short text that says what is being done.
     checkpoint : str or Path, optional
-        Folder for finished fits: an interrupted diagnosis resumes from it, with the same result. It is removed when the
-        diagnosis is complete.
+        Folder for finished fits: an interrupted diagnosis resumes from it, with the same result. It stays when the
+        diagnosis is complete; `clear_checkpoint` removes it once the result is kept.
     settings : DiagnosisSettings, optional
         Thresholds and limits of all steps; the defaults are those of every published result.
 
@@ -107,9 +107,12 @@ def diagnose(
     )
     work = _Work(campaign, catalogued, context)
     with threadpool_limits(1):  # matrices are small here, and the processes use the cores
-        found = work.diagnosis(printhead, held_out)
-    context.checkpoint.clear()
-    return found
+        return work.diagnosis(printhead, held_out)
+
+
+def clear_checkpoint(folder: str | os.PathLike[str]) -> None:
+    """Remove the finished fits that a diagnosis kept in a folder, and the folder if nothing else is in it."""
+    FitCheckpoint(folder).clear()
 
 
 def misfit(noise: OutputErrorFit, joint: OutputErrorFit, chosen: Hypothesis) -> float:

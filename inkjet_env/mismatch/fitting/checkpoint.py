@@ -106,8 +106,8 @@ class FitCheckpoint:
             record: dict[str, Any] = json.loads((self.folder / name).read_text())
             if record["fit"] is not None:
                 _from_json(record["fit"], effects)
-        except (ValueError, TypeError, LookupError, AttributeError):
-            raise ValueError(f"{self.folder / name} is damaged: it is not as it was written. Delete it.") from None
+        except (OSError, ValueError, TypeError, LookupError, AttributeError):
+            return None  # it is not as it was written: the fit is made anew
         return record
 
 

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+
+LOOK_S = 0.5
+"""Seconds between two looks of a process at whether its parent is still there."""
 
 _job: tuple[Callable[[Any], Any], Sequence[Any]] | None = None
 
@@ -39,12 +45,24 @@ class ProcessPool:
             yield from map(function, tasks)
             return
         _job = (function, tasks)
-        pool = ProcessPoolExecutor(min(self.workers, len(tasks)), multiprocessing.get_context("fork"))
+        workers, fork = min(self.workers, len(tasks)), multiprocessing.get_context("fork")
+        pool = ProcessPoolExecutor(workers, fork, initializer=_end_with, initargs=(os.getpid(),))
         try:
             yield from pool.map(_done, range(len(tasks)))
         finally:
             pool.shutdown(cancel_futures=True)
             _job = None
+
+
+def _end_with(parent: int) -> None:
+    """Let this process end soon after its parent, however that ended."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _done(place: int) -> Any:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inkjet_env.mismatch import diagnose
+from inkjet_env.mismatch import clear_checkpoint, diagnose
 from inkjet_env.mismatch.fitting.checkpoint import FitCheckpoint, _of_joint
 
 attribute = importlib.import_module("inkjet_env.mismatch.selection.hypotheses")
@@ -69,7 +69,9 @@ def test_an_interrupted_diagnosis_ends_as_if_it_had_not_been(run, tmp_path, monk
     resumed, _ = run(tmp_path / "fits")
     assert timeless(resumed) == timeless(whole)
     assert all(len(question) < 5 for question in again)  # none of the first steps was done twice
-    assert not (tmp_path / "fits").exists()  # complete
+    assert (tmp_path / "fits").exists()  # until the result is kept
+    clear_checkpoint(tmp_path / "fits")
+    assert not (tmp_path / "fits").exists()
 
 
 def test_free_initial_states_go_on_too(run, tmp_path):
@@ -100,13 +102,14 @@ def test_another_noise_has_other_fits(recorded, fitted, part):
     assert _of_joint(changed) != _of_joint(joint.anew(base=joint.base))
 
 
-def test_a_damaged_fit_is_refused_by_name(run, tmp_path):
+@pytest.mark.parametrize("damaged", ['{"fit": {"end": 3}}', "", "[", "{}"])
+def test_a_damaged_fit_is_made_anew(run, tmp_path, damaged):
+    whole, _ = run(None)
     with pytest.raises(Stopped):
         run(tmp_path / "fits", "refining")
     for file in (tmp_path / "fits").iterdir():
-        file.write_text('{"fit": {"end": 3}}')
-    with pytest.raises(ValueError, match=r"\.fit\.json is damaged.*Delete it"):
-        run(tmp_path / "fits")
+        file.write_text(damaged)
+    assert timeless(run(tmp_path / "fits")[0]) == timeless(whole)
 
 
 TYPED = """

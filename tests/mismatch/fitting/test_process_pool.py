@@ -1,5 +1,10 @@
 """Work on several processes."""
 
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
@@ -45,3 +50,20 @@ def test_work_that_is_given_up_leaves_the_crew_ready():
 def test_a_crew_of_nobody_is_refused(workers):
     with pytest.raises(ValueError, match=f"workers must be at least 1; got {workers}"):
         ProcessPool(workers)
+
+
+@pytest.mark.parametrize("ended_by", [signal.SIGKILL, signal.SIGTERM])
+def test_processes_end_with_their_parent(ended_by):
+    script = (
+        "import os, time\n"
+        "from inkjet_env.mismatch.fitting.process_pool import ProcessPool\n"
+        "def work(task):\n    print(os.getpid(), flush=True)\n    time.sleep(600)\n"
+        "list(ProcessPool(2).map(work, range(2)))\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        workers = [int(parent.stdout.readline()) for _ in range(2)]
+        parent.send_signal(ended_by)
+        parent.wait()
+        parent.stdout.read()  # ends once no worker holds it
+    assert not any(Path(f"/proc/{worker}").exists() for worker in workers if Path("/proc").exists())
