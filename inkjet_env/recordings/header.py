@@ -27,10 +27,10 @@ _KEY_AND_VALUE = re.compile(r"^([^:=]{2,40}?)\s*[:=]\s*(\S.*)?$")
 _CHANNEL_AND_UNIT = re.compile(r"^(?:CH?|Channel )\d\s*:\s*(.*)$", re.IGNORECASE)
 _INTERVALS = re.compile(
     r"((time|sample|sampling|horizontal|x)[ _]?(interval|period|increment|step|resolution)|(sampling|sample)[ _]time"
-    r"|x?incr?(ement)?|delta[ _]?[tx]|dt|t[ _]?sample|ts|interval)"
+    r"|x?incr?(ement)?|delta([ _]?[tx])?|dt|t[ _]?sample|ts|interval|hresolution)"
 )
 _RATES = re.compile(r"((sample|sampling|samples)[ _]?(rate|frequency|freq|/s|per second)|samplerate|fs|sps)")
-_STARTS = re.compile(r"(t0|x[ _]?(origin|zero|0)|start([ _]time)?|first[ _]sample)")
+_STARTS = re.compile(r"(t0|x[ _]?(origin|org|zero|start|0)|hoffset|start([ _]time)?|first[ _]sample)")
 _GENERIC = {"value", "values", "ampl", "amplitude", "volt", "volts", "data", "sequence", "level", ""}
 """Names and units that tell nothing of a channel."""
 _ROW_LABELS = {"source", "label", "channel", "trace name"}
@@ -76,7 +76,7 @@ def read_header(rows: Sequence[Sequence[str]], columns: Sequence[int], width: in
     width : int
         Number of columns.
     """
-    filled = [[cell.lstrip("#%").strip() if k == 0 else cell for k, cell in enumerate(row)] for row in rows if any(row)]
+    filled = [[cell.lstrip("#%; ").strip() for cell in row] for row in rows if any(row)]
     about = _about(filled)
     unit_row = filled.pop() if filled and _is_unit_row(filled[-1], below_names=len(filled) > 1) else []
     row = filled[-1] if filled else []
@@ -169,8 +169,8 @@ def _clock(names: Sequence[str], unit_row: Sequence[str]) -> tuple[tuple[float, 
     else:
         printed = [m.group(1) for pattern in (_START, _INCREMENT) for name in names if (m := pattern.match(name))]
         channels = [name for name in names if not (_START.match(name) or _INCREMENT.match(name))]
-    if len(printed) == 2 and all(is_number(cell) for cell in printed):
-        return (float(printed[0]), float(printed[1])), channels
+    if len(printed) == 2 and all(seconds(cell) is not None for cell in printed):
+        return (seconds(printed[0]) or 0.0, seconds(printed[1]) or 0.0), channels
     return None, channels
 
 

@@ -25,7 +25,10 @@ _CHANNEL_WORDS = (
     ("displacement", re.compile(r"displace|deflection|position|vibrom|interferom", re.IGNORECASE)),
     ("self_sensing", re.compile(r"self|current", re.IGNORECASE)),
 )
-_CHANNEL_TAG = re.compile(r"(?:^|(?<=[ _-]))(CH?\d)(?=$|[ _-])|(?<=\w)(CH\d)$", re.IGNORECASE)
+_CHANNEL_TAG = re.compile(
+    r"(?:^|(?<=[ _-]))(?P<tag>(CH?|Chan|Channel[ _]?|F|M|Math|Ref)\d|Vib)(?=$|[ _-])|(?<=\w)CH\d$|^C\d(?=[A-Z])",
+    re.IGNORECASE,
+)
 SAME_TIME = 1e-3
 """Largest difference, in sampling steps, between the times of two files of one recording."""
 SAME_STEP = 0.01

@@ -97,7 +97,8 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
     reasons = dict.fromkeys(roles, "as told")
     free = [i for i in table.columns if i not in roles.values() and not _PEAK_DETECT.search(names[i])]
     if "time" not in roles:
-        time, reason = _time(table, free, interval_s)
+        needed = sum(role not in roles for role in ("drive", "sensor"))
+        time, reason = _time(table, free, interval_s, needed)
         if time is not None:
             roles["time"], reasons["time"] = time, reason
     seconds = [i for i in free if (unit := table.header.units.get(i)) is not None and unit.base == "s"]
@@ -144,7 +145,7 @@ def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | No
     """
     names = table.header.names
     free = [i for i in table.columns if not _PEAK_DETECT.search(names[i])]
-    time, _ = _time(table, free, interval_s)
+    time, _ = _time(table, free, interval_s, 1)
     free = [i for i in free if i != time]
     claimed = [i for i in free if _NAMES["drive"].search(names[i]) and not _NAMES["monitor"].search(names[i])]
     found = claimed or [i for i in free if _VOLTAGE.search(names[i])] or free
@@ -156,8 +157,13 @@ def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | No
     return time, found[0]
 
 
-def _time(table: Table, free: Sequence[int], interval_s: float | None) -> tuple[int | None, str]:
-    """The column of times, or of sample numbers, if there is one, and the reason."""
+def _time(
+    table: Table, free: Sequence[int], interval_s: float | None, needed: int
+) -> tuple[int | None, str]:
+    """The column of times, or of sample numbers, if there is one, and the reason.
+
+    It is guessed only if ``needed`` further columns remain.
+    """
     names, units = table.header.names, table.header.units
     stated = interval_s is not None or table.header.clock is not None
     found = [i for i in free if i in units and units[i].base == "s"]
@@ -182,7 +188,7 @@ def _time(table: Table, free: Sequence[int], interval_s: float | None) -> tuple[
     if stated:
         return None, ""
     named = first is None or first in units or any(pattern.search(names[first]) for pattern in _NAMES.values())
-    if named or len(free) < 2:
+    if named or len(free) <= needed:
         raise CampaignError(
             f"{table.file}: has no column of times, and its header states no sample interval. Add the column, or give "
             f"{STATED}."
