@@ -98,7 +98,7 @@ class ArrayTable(Table):
     def __post_init__(self) -> None:
         self.columns, self.first_row, self.notes = tuple(range(len(self.arrays))), 1, ()
         units = {i: unit for i, name in enumerate(self.arrays) if (unit := unit_in_name(name)) is not None}
-        clock = stated_clock({name.lower(): [f"{number:.17g}"] for name, number in self.numbers.items()})
+        clock = stated_clock({name.lower(): ["", f"{number:.17g}"] for name, number in self.numbers.items()})
         known = {i: unit for i, unit in units.items() if isinstance(unit, Unit)}
         unknown = {i: unit for i, unit in units.items() if isinstance(unit, str)}
         self.header = Header(tuple(self.arrays), known, unknown, clock, self.file.suffix[1:])

@@ -175,7 +175,9 @@ class JoinedTable(Table):
         sources = [(table.header, column) for (_, table), column in zip(self.parts, own, strict=True)]
         if timed:
             sources.insert(0, (first.header, first.columns[0]))
-        names += [tag for tag, _ in self.parts]
+        told = [table.header.names[column] for (_, table), column in zip(self.parts, own, strict=True)]
+        vague = len(set(told)) < len(told) or any(name.startswith("column ") for name in told)
+        names += [tag for tag, _ in self.parts] if vague else told
         units = {k: header.units[i] for k, (header, i) in enumerate(sources) if i in header.units}
         unknown = {k: header.unknown[i] for k, (header, i) in enumerate(sources) if i in header.unknown}
         self.columns = tuple(range(len(names)))
@@ -210,10 +212,11 @@ def _samples_of(tables: Sequence[Table], columns: Mapping[str, str | int], inter
     known = [named_roles(table, columns, interval_s) for table in tables]
     read: list[dict[int, Real]] = []
     for table, roles in zip(tables, known, strict=True):
-        wanted = sorted({*roles.columns.values(), *roles.unsure})
+        wanted = sorted({*roles.columns.values(), *roles.unsure, *roles.times})
         values = dict(zip(wanted, table.read(wanted), strict=True))
         units = table.header.units
         time = roles.columns.get("time")
+        _check_further_times(table, time, {i: values[i] for i in roles.times})
         read.append({i: units[i].to_base(v) if i in units and i != time else v for i, v in values.items()})
     guessed = guessed_roles(
         [
@@ -230,6 +233,22 @@ def _samples_of(tables: Sequence[Table], columns: Mapping[str, str | int], inter
         )
         for table, roles, values, (more, why) in zip(tables, known, read, guessed, strict=True)
     ]
+
+
+def _check_further_times(table: Table, time: int | None, further: Mapping[int, Real]) -> None:
+    """Raise an error if the channels of one file have different times."""
+    names, units = table.header.names, table.header.units
+    if time is None or not further:
+        return
+    first = table.read([time])[0]
+    step = abs(first[-1] - first[0]) / max(first.size - 1, 1)
+    for i, values in further.items():
+        if units.get(i) == units.get(time) and np.abs(values - first).max() > SAME_TIME * step:
+            k = int(np.argmax(np.abs(values - first) > SAME_TIME * step))
+            raise CampaignError(
+                f"{table.file}, {table.place(k)}: the times {names[time][:40]} and {names[i][:40]} differ, "
+                f"{first[k]:.9g} and {values[k]:.9g}. Export drive and sensor at the same times."
+            )
 
 
 def _samples(table: Table, roles: Roles, values: Mapping[int, Real], interval_s: float | None) -> Samples:
@@ -276,7 +295,11 @@ def _times(
     if clock is not None and abs(step_s / clock[1] - 1) > SAME_STEP:
         told = f"the times are {step_s:.4g} s apart, the {origin} states a sample every {clock[1]:.4g} s"
         power = np.log10(step_s / clock[1]) / 3
-        if interval_s is not None or (abs(power - round(power)) < 1e-3 and round(power)):
+        in_another_unit = abs(power - round(power)) < 1e-3 and round(power) != 0
+        if in_another_unit and time not in table.header.units:
+            told = f"{told}; the times have no unit, so the interval that the {origin} states was taken"
+            return time_s * (clock[1] / step_s), (*notes, f"{table.file}: {told}.")
+        if interval_s is not None or in_another_unit:
             raise CampaignError(f"{table.file}: {told}. Check the unit of the times.")
         notes = (*notes, f"{table.file}: {told}; the times were taken.")
     return time_s, notes

@@ -31,7 +31,7 @@ _NAMES = {
     ),
 }
 _VOLTAGE = re.compile(r"volt(age)?", re.IGNORECASE)
-_TIME = re.compile(r"^(time|second|x-axis)|\btime\b|_time\b|^[tx]\b|^t_", re.IGNORECASE)
+_TIME = re.compile(r"^(time|second|x-axis|x_value)|\btime\b|_time\b|^[tx]\b|^t_", re.IGNORECASE)
 _FREQUENCY = re.compile(r"^f(req(uency)?)?\b|frequency|\bhz\b", re.IGNORECASE)
 _PEAK_DETECT = re.compile(r"peak[ _-]?detect", re.IGNORECASE)
 CLEARLY_LARGER = 2.0
@@ -51,11 +51,14 @@ class Roles:
         How it is known, in words.
     unsure : tuple of int
         Columns that must be the drive or the sensor, in an order to be guessed.
+    times : tuple of int
+        Further columns of times.
     """
 
     columns: dict[str, int]
     reasons: dict[str, str]
     unsure: tuple[int, ...]
+    times: tuple[int, ...] = ()
 
     @property
     def missing(self) -> list[str]:
@@ -102,6 +105,9 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
         if time is not None:
             roles["time"], reasons["time"] = time, reason
     seconds = [i for i in free if (unit := table.header.units.get(i)) is not None and unit.base == "s"]
+    if "time" in roles:
+        seconds += [i for i in free if names[i] == names[roles["time"]] and i not in seconds]
+    seconds += [i for i in table.header.times if i in free and i not in seconds]
     free = [i for i in free if i not in roles.values()]
     for role, pattern in _NAMES.items():
         found = [i for i in free if pattern.search(names[i])]
@@ -132,7 +138,8 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
             f"{table.file}: the column of the {' and the '.join(missing)} is unknown; the remaining columns are: "
             f"{left}. Specify it with columns={{{', '.join(f'{role!r}: …' for role in missing)}}}."
         )
-    return Roles(roles, reasons, tuple(free) if missing else ())
+    further = tuple(i for i in seconds if i not in roles.values())
+    return Roles(roles, reasons, tuple(free) if missing else (), further)
 
 
 def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | None, int]:
@@ -157,9 +164,7 @@ def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | No
     return time, found[0]
 
 
-def _time(
-    table: Table, free: Sequence[int], interval_s: float | None, needed: int
-) -> tuple[int | None, str]:
+def _time(table: Table, free: Sequence[int], interval_s: float | None, needed: int) -> tuple[int | None, str]:
     """The column of times, or of sample numbers, if there is one, and the reason.
 
     It is guessed only if ``needed`` further columns remain.
@@ -169,6 +174,8 @@ def _time(
     found = [i for i in free if i in units and units[i].base == "s"]
     if found:
         return found[0], "by its unit"
+    if table.header.times and table.header.times[0] in free:
+        return table.header.times[0], "by its place"
     first = free[0] if free else None
     if first is not None and (_FREQUENCY.search(names[first]) or "Hz" in table.header.unknown.get(first, "")):
         raise CampaignError(
