@@ -38,6 +38,7 @@ _NAME_KEYS = (
 """Entries that name the channels."""
 _CHANNEL_UNIT_KEYS = ("vertical units", "vunit", "yunits", "y_unit_label", "unitname", "unit", "units", "verticalunit")
 _TIME_UNIT_KEYS = ("horizontal units", "hunit", "xunits", "horizontalunit")
+_KEYS = {*_NAME_KEYS, *_CHANNEL_UNIT_KEYS, *_TIME_UNIT_KEYS}
 _GENERIC = {"value", "values", "ampl", "amplitude", "data", "sequence", "level", "vol.", "voltage", "*", ""}
 """Names and units that tell nothing of a channel."""
 _STAMP = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d(:\d\d)?")
@@ -73,8 +74,17 @@ class Header:
     times: tuple[int, ...] = ()
 
 
-def read_header(rows: Sequence[Sequence[str]], columns: Sequence[int], width: int) -> Header:
+class HeaderError(ValueError):
+    """A header that says the samples cannot be read; the message is a sentence without the file's name."""
+
+
+def read_header(
+    rows: Sequence[Sequence[str]], columns: Sequence[int], width: int, beside: Sequence[Sequence[str]] = ()
+) -> Header:
     """Understand the rows of cells above the samples.
+
+    The units and above them the names stand last, but for rows of entries such as ``dt = 0.1 s``; all other rows are
+    entries with a key in the first cell.
 
     Parameters
     ----------
@@ -84,123 +94,129 @@ def read_header(rows: Sequence[Sequence[str]], columns: Sequence[int], width: in
         Columns that hold samples, counted from 0.
     width : int
         Number of columns.
+    beside : sequence of sequence of str
+        Cells of entries that stand to the left of the samples.
+
+    Raises
+    ------
+    HeaderError
+        Channels with different sample intervals, or samples that are no measured values.
     """
-    filled = [row for cells in rows if any(row := [cell.lstrip("#%; ").strip() for cell in cells])]
-    about, titles = _sorted(filled, len(columns))
-    paired = any(_is_paired(row) for row in filled)
-    unit_row = titles.pop() if titles and _is_unit_row(titles[-1], below_names=len(titles) > 1) else []
-    row = titles[-1] if titles else []
-    clock, channels = _clock(row, unit_row)
+    left = [row for cells in rows if any(row := [cell.lstrip("#%; ").strip() for cell in cells])]
+    entries: list[list[str]] = []
+    while left and _is_entry(left[-1], last=not entries):
+        entries.append(left.pop())
+    units_of = left.pop() if left and _is_unit_row(left[-1], below_names=len(left) > 1) else []
+    title = left.pop() if left and _is_title(left[-1], len(columns)) else []
+    about = _entries([*left, *reversed(entries), *(row for row in beside if any(row))])
+    if "fast" in map(str.lower, about.get("mode", [])) and "vertical scale" in about:
+        raise HeaderError("holds the converter's counts, not volts. Export it in the detailed format.")
+    clock, names = _clock(title, units_of)
     clock = clock or stated_clock(about)
-    given = channels if len(channels) > max(columns) else []
-    labels = [given[i] if i < len(given) and given[i] else f"column {i + 1}" for i in range(width)]
-    times = list(columns[::2]) if paired and not given else list(columns[:1])
-    if any(all(i < len(about.get(key, [])) and about[key][i] for i in columns) for key in _NAME_KEYS):
-        times = []  # every column is a channel
-    named = [i for i in columns if i not in times]
+    labels = [names[i] if i < len(names) and names[i] else f"column {i + 1}" for i in range(width)]
+    pairs = (title and _is_paired(title)) or (not title and any(_is_paired(row) for row in [*left, *entries]))
+    times = tuple(columns[::2]) if pairs else ()
+    timeless = all(f"name{k}" in about for k in range(len(columns)))
+    timeless |= any(all(len(about.get(key, [])) > i and about[key][i] for i in columns) for key in _NAME_KEYS)
+    channels = [i for i in columns if i not in (times or columns[: 0 if timeless else 1])]
     units: dict[int, Unit] = {}
     unknown: dict[int, str] = {}
     for i in columns:
-        text = unit_row[i] if i < len(unit_row) else ""
+        text = units_of[i] if i < len(units_of) else ""
         if text.lower() in _GENERIC and known_unit(text) is None:
-            text = _of_axis(
-                about, i, columns, _TIME_UNIT_KEYS if i in times and len(columns) > 1 else _CHANNEL_UNIT_KEYS
-            )
+            text = _unit_of_channel(about, i, channels) if i in channels else _first(about, _TIME_UNIT_KEYS)
         unit = known_unit(text) or unit_in_name(labels[i])
         if isinstance(unit, Unit):
             units[i] = unit
         elif unit or text.lower() not in _GENERIC:
             unknown[i] = unit or text
-    for i, name in _names_of(about, labels, columns, named).items():
+    for i, name in _better_names(about, labels, channels).items():
         labels[i] = name
-    several = tuple(times) if paired and not given else ()
-    return Header(tuple(labels), units, unknown, clock, _style(about, row, unit_row), several)
-
-
-def _sorted(rows: Sequence[Sequence[str]], count: int) -> tuple[dict[str, list[str]], list[list[str]]]:
-    """Entries of a header by their keys in lower case, the value for each column at its place; and rows of titles.
-
-    A row of titles fills nearly as many columns as there are; its cells are no numbers, dates or further keys.
-    """
-    about: dict[str, list[str]] = {}
-    titles: list[list[str]] = []
-    keys = {*_NAME_KEYS, *_CHANNEL_UNIT_KEYS, *_TIME_UNIT_KEYS}
-    for k, row in enumerate(rows):
-        cells = [cell for cell in row if cell]
-        key = row[0].strip(" \t:=").lower()
-        last = k + 1 == len(rows) and _are_titles(cells) and all(row[1 : count + 1 : 2])
-        if len(cells) == 1 and (found := _KEY_AND_VALUE.match(cells[0])):
-            about.setdefault(found.group(1).strip().lower(), ["", found.group(2) or ""])
-        elif _is_paired(row) and not last:
-            about[key] = list(row)
-        elif row[0].endswith((":", "=")) or (key in keys and len(cells) > 1):
-            about.setdefault(key, list(row))
-        elif all("=" in cell or ": " in cell for cell in cells) and not any(_INCREMENT.match(cell) for cell in cells):
-            found = _KEY_AND_VALUE.match(cells[0])
-            if found:
-                about.setdefault(found.group(1).strip().lower(), ["", found.group(2) or ""])
-        elif len(cells) >= max(count - 1, 1) and _are_titles(cells):
-            titles.append(list(row))
-            about.setdefault(key, list(row))
-        else:
-            about.setdefault(key, list(row))
-    return about, titles
+    return Header(tuple(labels), units, unknown, clock, _style(about, title, units_of), times)
 
 
 def _is_paired(row: Sequence[str]) -> bool:
     """Whether a row repeats its key before the value of each channel."""
-    return len(row) >= 4 and bool(row[0]) and row[0] == row[2]
+    return (
+        len(row) >= 4 and bool(row[0]) and row[0] == row[2] and not (row[1] and row[3] and row[1] == row[3] == row[0])
+    )
 
 
-def _are_titles(cells: Sequence[str]) -> bool:
-    if any(_STAMP.fullmatch(cell) or (len(cell) > 7 and _STAMP.match(cell)) for cell in cells):
+def _is_entry(row: Sequence[str], last: bool) -> bool:
+    """Whether a row below the names can only be entries; the last row above the samples may name a time by channel."""
+    cells = [cell for cell in row if cell]
+    if any(_START.match(cell) or _INCREMENT.match(cell) for cell in cells) and not all("=" in cell for cell in cells):
         return False
-    numbers = [is_number(cell) for cell in cells]
-    whole = all(cell.isdigit() for cell, number in zip(cells, numbers, strict=True) if number)
-    started = any(cell.lower() in ("sequence", "x-axis") for cell in cells)
-    return not any(numbers) or (started and (whole or cells[0].lower() == "sequence"))
+    if len(cells) == 1 or row[0].endswith((":", "=")) or row[0].strip(" \t:=").lower() in _KEYS:
+        return True
+    if _is_paired(row):
+        return not (last and row[1] and row[3] and not any(map(is_number, cells)))
+    return all(_KEY_AND_VALUE.match(cell) for cell in cells)
 
 
-def _of_axis(about: Mapping[str, list[str]], column: int, columns: Sequence[int], keys: Sequence[str]) -> str:
-    """Unit of a column from an entry for the axes: at its place, or in the order of the channels."""
-    for key in keys:
-        cells = about.get(key, [])
-        values = [_NAME_AND_UNIT.sub(r"\1", cell) for cell in cells[1:]]
-        values = [value if known_unit(value) else value.partition(" (")[0] for value in values]
-        told = [value for value in values if value and value != "*"]
+def _is_title(row: Sequence[str], count: int) -> bool:
+    """Whether a row names nearly as many columns as there are: no numbers, dates or entries."""
+    cells = [cell for cell in row if cell]
+    if len(cells) < max(count - 1, 1) or row[0].strip(" \t:=").lower() in _KEYS or row[0].endswith((":", "=")):
+        return False
+    if any(_STAMP.match(cell) or re.search(r":\s*[-+.\d]", cell) for cell in cells):
+        return False
+    numbers = [cell for cell in cells if is_number(cell)]
+    return not numbers or (cells[0].lower() in ("x-axis", "x") and all(cell.isdigit() for cell in numbers))
+
+
+def _entries(rows: Sequence[Sequence[str]]) -> dict[str, list[str]]:
+    """Entries by their keys in lower case: cells at the places of the columns, the key's empty."""
+    about: dict[str, list[str]] = {}
+    for row in rows:
+        cells = [cell for cell in row if cell]
+        key = row[0].strip(" \t:=").lower()
+        if found := _KEY_AND_VALUE.match(cells[0]) if len(cells) == 1 or all("=" in cell for cell in cells) else None:
+            about.setdefault(found.group(1).strip().lower(), ["", found.group(2) or ""])
+        elif _is_paired(row):
+            about[key] = ["" if k % 2 == 0 else cell for k, cell in enumerate(row)]
+        else:
+            about.setdefault(key, ["", *row[1:]])
+    return about
+
+
+def _first(about: Mapping[str, list[str]], keys: Sequence[str]) -> str:
+    return next((cell for key in keys for cell in about.get(key, []) if cell), "")
+
+
+def _unit_of_channel(about: Mapping[str, list[str]], column: int, channels: Sequence[int]) -> str:
+    """Unit of a channel from an entry for all of them: at its place, or in their order."""
+    for key in _CHANNEL_UNIT_KEYS:
+        cells = [_NAME_AND_UNIT.sub(r"\1", cell) for cell in about.get(key, [])]
+        cells = [cell if known_unit(cell) else cell.partition(" (")[0] for cell in cells]
+        told = [cell for cell in cells if cell]
         if not told:
             continue
-        if keys is _TIME_UNIT_KEYS:
-            return told[0]
-        at_place = values[column - 1] if 0 < column <= len(values) else ""
-        places = [k + 1 for k, value in enumerate(values) if value]
-        if all(place in columns for place in places) and not (len(told) == 1 and column not in places):
-            return at_place
-        channels = list(columns[1:])
-        return told[channels.index(column)] if column in channels and channels.index(column) < len(told) else ""
+        if all(len(cells) > i and cells[i] for i in channels):
+            return cells[column]
+        place = list(channels).index(column)
+        return told[place] if place < len(told) else ""
     return ""
 
 
-def _names_of(
-    about: Mapping[str, list[str]], labels: Sequence[str], columns: Sequence[int], channels: Sequence[int]
-) -> dict[int, str]:
-    """Better names of channels whose names repeat or tell nothing, from an entry that names them."""
-    names = [re.sub(r"\s*[(\[].*$", "", labels[i]).lower() for i in channels]
-    vague = {name for name in names if name in _GENERIC or name.startswith("column ") or names.count(name) > 1}
-    if not channels or not vague:
+def _better_names(about: Mapping[str, list[str]], labels: Sequence[str], channels: Sequence[int]) -> dict[int, str]:
+    """Names of channels from an entry for all of them, where their titles repeat or tell nothing."""
+    titles = [re.sub(r"\s*[(\[].*$", "", labels[i]).lower() for i in channels]
+    if not any(title in _GENERIC or title.startswith("column ") or titles.count(title) > 1 for title in titles):
         return {}
+    numbered = {i: _first(about, [f"name{k}"]) for k, i in enumerate(channels)}
+    if all(numbered.values()):
+        return numbered
     for key in _NAME_KEYS:
         cells = about.get(key, [])
-        at_place = {i: cells[i] for i in channels if i < len(cells) and cells[i]}
-        told = [cell for cell in cells[1:] if cell]
+        told = [cell for cell in cells if cell]
         if len(told) == 1 and len(channels) > 1:
             told = [part.strip() for part in re.sub(r"^\(.*?\):?", "", told[0]).split(",")]
-        found = at_place if len(at_place) == len(channels) else dict(zip(channels, told, strict=False))
+        placed = all(len(cells) > i and cells[i] for i in channels)
+        found = {i: cells[i] for i in channels} if placed else dict(zip(channels, told, strict=False))
         if len(found) == len(channels) and len(set(found.values())) == len(found):
             return found
-    return {
-        i: f"column {i + 1}" for i, name in zip(channels, names, strict=True) if name in _GENERIC and len(channels) > 1
-    }
+    return {i: f"column {i + 1}" for i, title in zip(channels, titles, strict=True) if titles.count(title) > 1}
 
 
 def _is_unit_row(row: Sequence[str], below_names: bool) -> bool:
@@ -235,27 +251,44 @@ def _clock(names: Sequence[str], unit_row: Sequence[str]) -> tuple[tuple[float, 
 
 
 def stated_clock(about: Mapping[str, list[str]]) -> tuple[float, float] | None:
-    """Start and step in seconds if entries of a header state them, and all that do agree."""
-    steps, start = set(), 0.0
+    """Start and step in seconds if entries of a header state them.
+
+    Raises
+    ------
+    HeaderError
+        Channels have different intervals.
+    """
+    steps: set[float] = set()
+    start = 0.0
     for entry, cells in about.items():
         name, _, unit = entry.replace("[", "(").partition("(")
         name, unit = name.strip(), unit.strip(" )]")
-        values = [cell.replace(",", ".") for cell in cells[1:] if cell]
-        if len(values) > 1 and is_number(values[-2]) and seconds(f"1 {values[-1]}") and not is_number(values[-1]):
-            values = [f"{values[-2]} {values[-1]}"]  # the unit has a cell of its own
-        if not all(seconds(cell) is not None or hertz(cell) for cell in values):
+        values = [cell.replace(",", ".") for cell in cells if cell]
+        if len(values) == 2 and is_number(values[0]) and not is_number(values[1]):
+            values = [" ".join(values)]  # the unit has a cell of its own
+        values = [f"{value} {unit}" if unit and is_number(value) else value for value in values]
+        read = hertz if _RATES.fullmatch(name) else seconds
+        if not all(read(value) is not None for value in values):
             values = values[:1]
-        for cell in values:
-            value = cell if not unit or not is_number(cell) else f"{cell} {unit}"
-            if _INTERVALS.fullmatch(name) and (step := seconds(value)):
-                steps.add(step)
-            elif _RATES.fullmatch(name) and (rate := hertz(value)):
-                steps.add(1 / rate)
-            elif _STARTS.fullmatch(name) and (first := seconds(value)) is not None:
-                start = first
-    if not steps or max(steps) > 1.001 * min(steps) or not min(steps) > 0:
+        found = [value for one in values if (value := read(one)) is not None]
+        if _INTERVALS.fullmatch(name):
+            mine = {value for value in found if value > 0}
+        elif _RATES.fullmatch(name):
+            mine = {1 / value for value in found if value > 0}
+        else:
+            mine = set()
+            if _STARTS.fullmatch(name) and found:
+                start = found[0]
+        if len(mine) > 1 and max(mine) > 1.001 * min(mine):
+            raise HeaderError(
+                f"has channels with different sample intervals, {min(mine):.4g} s and {max(mine):.4g} s. Export drive "
+                "and sensor with the same."
+            )
+        steps |= mine
+    if not steps or max(steps) > 1.001 * min(steps):
         return None
-    return start, min(steps)
+    address = _first(about, ["trigger address"])
+    return start or (-float(address) * min(steps) if is_number(address) else 0.0), min(steps)
 
 
 def is_number(cell: str) -> bool:

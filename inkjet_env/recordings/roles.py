@@ -16,20 +16,17 @@ from inkjet_env.recordings.recording import CampaignError, brief
 from inkjet_env.typing import Real
 
 ROLES = ("time", "drive", "sensor", "monitor", "neighbour")
-# The order matters: "drive monitor" is a monitor, "generator output" is a drive.
 _NAMES = {
-    "neighbour": re.compile(r"neighbou?r|adjacent", re.IGNORECASE),
-    "monitor": re.compile(r"monitor", re.IGNORECASE),
-    "drive": re.compile(
-        r"drive|awg|generator|wavegen|command|excitation|stimulus|\binput\b|_in$|^in$|^u\d?(?=$|[\s_(\[])",
-        re.IGNORECASE,
-    ),
-    "sensor": re.compile(
-        r"sens|strain|displace|position|deflection|current|vibrom|interferom|response|\boutput\b|_out$|^out$"
-        r"|^y\d?(?=$|[\s_(\[])",
-        re.IGNORECASE,
+    "neighbour": (r"neighbou?r|adjacent",),
+    "monitor": (r"monitor",),
+    "drive": (r"drive|awg|generator|wavegen|command|excitation|stimulus", r"\binput\b|_in$|^in$|^u\d?(?=$|[\s_(\[])"),
+    "sensor": (
+        r"sens|strain|displace|position|deflection|current|vibrom|interferom",
+        r"response|\boutput\b|_out$|^out$|^y\d?(?=$|[\s_(\[])",
     ),
 }
+"""Names of columns by role, those that tell most first. The roles' order matters: "drive monitor" is a monitor."""
+_POSITION = re.compile(r"position|displace", re.IGNORECASE)
 _VOLTAGE = re.compile(r"volt(age)?", re.IGNORECASE)
 _TIME = re.compile(r"^(time|second|x-axis|x_value)|\btime\b|_time\b|^[tx]\b|^t_", re.IGNORECASE)
 _FREQUENCY = re.compile(r"^f(req(uency)?)?\b|frequency|\bhz\b", re.IGNORECASE)
@@ -109,8 +106,8 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
         seconds += [i for i in free if names[i] == names[roles["time"]] and i not in seconds]
     seconds += [i for i in table.header.times if i in free and i not in seconds]
     free = [i for i in free if i not in roles.values()]
-    for role, pattern in _NAMES.items():
-        found = [i for i in free if pattern.search(names[i])]
+    for role in _NAMES:
+        found = _named(role, names, free)
         if role in roles or not found:
             continue
         if len(found) > 1:
@@ -138,8 +135,21 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
             f"{table.file}: the column of the {' and the '.join(missing)} is unknown; the remaining columns are: "
             f"{left}. Specify it with columns={{{', '.join(f'{role!r}: …' for role in missing)}}}."
         )
+    drive = roles.get("drive")
+    if drive is not None and drive not in table.header.units and _POSITION.search(names[drive]):
+        raise CampaignError(
+            f"{table.file}: {names[drive][:60]} is a position, not the voltage of a drive. Record the drive in volts."
+        )
     further = tuple(i for i in seconds if i not in roles.values())
     return Roles(roles, reasons, tuple(free) if missing else (), further)
+
+
+def _named(role: str, names: Sequence[str], free: Sequence[int]) -> list[int]:
+    """Columns whose names claim a role, by the words that tell most."""
+    for pattern in _NAMES[role]:
+        if found := [i for i in free if re.search(pattern, names[i], re.IGNORECASE)]:
+            return found
+    return []
 
 
 def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | None, int]:
@@ -154,7 +164,7 @@ def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | No
     free = [i for i in table.columns if not _PEAK_DETECT.search(names[i])]
     time, _ = _time(table, free, interval_s, 1)
     free = [i for i in free if i != time]
-    claimed = [i for i in free if _NAMES["drive"].search(names[i]) and not _NAMES["monitor"].search(names[i])]
+    claimed = [i for i in _named("drive", names, free) if i not in _named("monitor", names, free)]
     found = claimed or [i for i in free if _VOLTAGE.search(names[i])] or free
     if len(found) != 1:
         left = ", ".join(names[i][:40] for i in found) or "none"
@@ -194,7 +204,7 @@ def _time(table: Table, free: Sequence[int], interval_s: float | None, needed: i
         )
     if stated:
         return None, ""
-    named = first is None or first in units or any(pattern.search(names[first]) for pattern in _NAMES.values())
+    named = first is None or first in units or any(_named(role, names, [first]) for role in _NAMES)
     if named or len(free) <= needed:
         raise CampaignError(
             f"{table.file}: has no column of times, and its header states no sample interval. Add the column, or give "

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from inkjet_env.recordings.header import Header, is_number, read_header
+from inkjet_env.recordings.header import Header, HeaderError, is_number, read_header
 from inkjet_env.recordings.recording import CampaignError
 from inkjet_env.recordings.table import BLANKS, Layout, split_cells
 from inkjet_env.recordings.text_file import TextFile
@@ -75,11 +75,18 @@ def read_sheet(text: TextFile) -> Sheet:
     if run.delimiter == " " and above and len(above[-1][0].lstrip("#% ").split()) == width:
         above[-1] = above[-1][0].lstrip("#% ").split()
     rows, cells = list(run.rows), list(run.cells)
-    while above and _is_beside(above[-1], columns, width, run.decimal):  # a header beside the samples
+    while above and _is_beside(above[-1], columns, width, run.decimal):
         rows.insert(0, rows[0] - 1)
         cells.insert(0, tuple(above.pop()))
-    beside = [list(row[: columns[0]]) for row in cells[: len(cells) - len(run.cells)]]
-    header = read_header([*above, *beside], columns, width)
+    if columns[0] > 0:  # a header may stand beside the samples
+        lines = [split_cells(line, delimiter) for line in text.start[rows[0] : rows[-1] + 1]]
+        beside = [line[: columns[0]] for line in lines if _is_beside(line, columns, width, run.decimal)]
+    else:
+        beside = []
+    try:
+        header = read_header(above, columns, width, beside)
+    except HeaderError as error:
+        raise CampaignError(f"{text.path}: {error}") from None
     whole = [all(_value(row[i], run.decimal) is not None for i in columns) for row in cells]
     skipped = whole.index(True) if True in whole else 0
     layout = Layout(text, rows[skipped], header.names, run.delimiter, run.decimal)
