@@ -32,17 +32,22 @@ _INTERVALS = re.compile(
 _RATES = re.compile(r"((sample|sampling|samples)[ _]?(rate|frequency|freq|/s|per second)|samplerate|fs|sps|rate)")
 _STARTS = re.compile(r"(t0|x[ _]?(origin|org|zero|start|0)|hoffset|start([ _]time)?|first[ _]sample)")
 _NAME_KEYS = (
-    "source", "label", "channel", "channels", "trace name", "tracename", "channeltitle", "channel data", "name",
-    "signal name",
+    "source", "multichannelsource", "label", "channel", "channels", "trace name", "tracename",
+    "channeltitle", "channel data", "name", "signal name",
 )  # fmt: skip
 """Entries that name the channels."""
 _CHANNEL_UNIT_KEYS = ("vertical units", "vunit", "yunits", "y_unit_label", "unitname", "unit", "units", "verticalunit")
 _TIME_UNIT_KEYS = ("horizontal units", "hunit", "xunits", "horizontalunit")
 _KEYS = {*_NAME_KEYS, *_CHANNEL_UNIT_KEYS, *_TIME_UNIT_KEYS}
-_GENERIC = {"value", "values", "ampl", "amplitude", "data", "sequence", "level", "vol.", "voltage", "*", ""}
+_GENERIC = {"value", "values", "ampl", "amplitude", "data", "sequence", "level", "vol.", "voltage", "*", "ts", "rn", ""}
 """Names and units that tell nothing of a channel."""
+_STATISTICS = {"smp", "avg", "max", "min", "std", ""}
+"""Cells of a row below the units that tells how a logger made its values."""
 _STAMP = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d(:\d\d)?")
-INDICES = {"x", "sequence", "index", "idx", "sample", "samples", "sample number", "no", "no.", "nr", "#", "n", "point"}
+INDICES = {
+    "x", "sequence", "index", "idx", "sample", "samples", "sample number", "no", "no.", "nr", "#", "n", "point",
+    "record",
+}  # fmt: skip
 """Names of a column that numbers the samples."""
 
 
@@ -103,6 +108,8 @@ def read_header(
         Channels with different sample intervals, or samples that are no measured values.
     """
     left = [row for cells in rows if any(row := [cell.lstrip("#%; ").strip() for cell in cells])]
+    while left and all(cell.lower() in _STATISTICS for cell in left[-1]):
+        left.pop()
     entries: list[list[str]] = []
     while left and _is_entry(left[-1], last=not entries):
         entries.append(left.pop())
@@ -118,6 +125,8 @@ def read_header(
     times = tuple(columns[::2]) if pairs else ()
     timeless = all(f"name{k}" in about for k in range(len(columns)))
     timeless |= any(all(len(about.get(key, [])) > i and about[key][i] for i in columns) for key in _NAME_KEYS)
+    told = [[cell for cell in about.get(key, []) if cell] for key in _NAME_KEYS]
+    timeless |= clock is not None and any(1 < len(sources) == len(columns) for sources in told)
     channels = [i for i in columns if i not in (times or columns[: 0 if timeless else 1])]
     units: dict[int, Unit] = {}
     unknown: dict[int, str] = {}
@@ -232,7 +241,7 @@ def _is_unit_row(row: Sequence[str], below_names: bool) -> bool:
         or (word[0] in "([" and word[-1] in ")]")
         or (timed and len(word) <= 4)
         for word in words
-    ) and (first is not None or words[0].lower() == "sequence" or words[0][0] in "([")
+    ) and (first is not None or words[0].lower() in ("sequence", "ts") or words[0][0] in "([")
 
 
 def _clock(names: Sequence[str], unit_row: Sequence[str]) -> tuple[tuple[float, float] | None, list[str]]:

@@ -121,8 +121,8 @@ class ArrayTable(Table):
         return f"sample {sample + 1}"
 
 
-def open_table(file: Path) -> Table:
-    """The table in a file.
+def open_table(file: Path, settings: Path | None = None) -> Table:
+    """The table in a file; a file beside it may hold its header.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def open_table(file: Path) -> Table:
     """
     suffix = file.suffix.lower()
     if suffix not in ARRAY_SUFFIXES:
-        return TextTable(read_sheet(open_text(file)))
+        return TextTable(read_sheet(open_text(file), None if settings is None else open_text(settings)))
     reader = {".npz": _npz, ".npy": _npy, ".mat": _mat, ".h5": _hdf5, ".hdf5": _hdf5, ".parquet": _parquet}[suffix]
     try:
         found = reader(file)

@@ -13,7 +13,7 @@ from inkjet_env.recordings.campaign import Campaign, Source
 from inkjet_env.recordings.header import Header
 from inkjet_env.recordings.instrument_file import ARRAY_SUFFIXES, TEXT_SUFFIXES, Table, open_table
 from inkjet_env.recordings.recording import CampaignError, Recording
-from inkjet_env.recordings.roles import Roles, guessed_roles, named_roles
+from inkjet_env.recordings.roles import Roles, guessed_roles, is_position, named_roles
 from inkjet_env.recordings.samples import Samples, uniform
 from inkjet_env.recordings.text_file import open_text
 from inkjet_env.typing import Real
@@ -114,9 +114,12 @@ def _tables(files: Sequence[Path]) -> tuple[dict[str, Table], list[str]]:
     """The table of each recording by its name, and notes on files that were passed over."""
     notes: list[str] = []
     opened: dict[Path, Table] = {}
+    headers = {other: file for file in files for other in files if other.name == f"{_stem(file)}.Wfm{file.suffix}"}
     for file in files:
+        if file in headers.values():
+            continue
         try:
-            opened[file] = open_table(file)
+            opened[file] = open_table(file, headers.get(file))
         except CampaignError:
             beside = next((other for other in files if other != file and _stem(other) in file.name), None)
             if file.suffix.lower() != ".txt" or beside is None or _has_numbers(file):
@@ -258,6 +261,12 @@ def _samples(table: Table, roles: Roles, values: Mapping[int, Real], interval_s:
         _check_unit(table, role, i)
     arrays: dict[str, object] = {_ARRAYS[role]: values[i] for role, i in roles.columns.items() if role != "time"}
     unit = header.units.get(roles.columns["sensor"])
+    sensor = names[roles.columns["sensor"]]
+    if unit is None and is_position(sensor):
+        raise CampaignError(
+            f"{table.file}: {sensor[:60]} has no unit. Write it behind the name, such as position (um), or choose "
+            "another column."
+        )
     arrays["unit"] = unit.base if unit else "V"
     arrays["time_s"], repairs = _times(table, roles, values, interval_s)
     understood = ", ".join(

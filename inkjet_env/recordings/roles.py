@@ -136,12 +136,17 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
             f"{left}. Specify it with columns={{{', '.join(f'{role!r}: …' for role in missing)}}}."
         )
     drive = roles.get("drive")
-    if drive is not None and drive not in table.header.units and _POSITION.search(names[drive]):
+    if drive is not None and drive not in table.header.units and is_position(names[drive]):
         raise CampaignError(
             f"{table.file}: {names[drive][:60]} is a position, not the voltage of a drive. Record the drive in volts."
         )
     further = tuple(i for i in seconds if i not in roles.values())
     return Roles(roles, reasons, tuple(free) if missing else (), further)
+
+
+def is_position(name: str) -> bool:
+    """Whether the name of a column says that it is a position."""
+    return _POSITION.search(name) is not None
 
 
 def _named(role: str, names: Sequence[str], free: Sequence[int]) -> list[int]:

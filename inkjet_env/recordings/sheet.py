@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from inkjet_env.recordings.header import Header, HeaderError, is_number, read_header
 from inkjet_env.recordings.recording import CampaignError
-from inkjet_env.recordings.table import BLANKS, Layout, split_cells
+from inkjet_env.recordings.table import Layout, split_cells, without_remark
 from inkjet_env.recordings.text_file import TextFile
 
 DELIMITERS = ("\t", ";", ",", " ")
@@ -55,8 +56,15 @@ class _Run:
     cells: tuple[tuple[str, ...], ...]
 
 
-def read_sheet(text: TextFile) -> Sheet:
+def read_sheet(text: TextFile, settings: TextFile | None = None) -> Sheet:
     """Find where a file's samples are, and understand its header.
+
+    Parameters
+    ----------
+    text : TextFile
+        The file.
+    settings : TextFile, optional
+        A file beside it that holds its header, with colons between keys and values.
 
     Raises
     ------
@@ -83,6 +91,8 @@ def read_sheet(text: TextFile) -> Sheet:
         beside = [line[: columns[0]] for line in lines if _is_beside(line, columns, width, run.decimal)]
     else:
         beside = []
+    if settings is not None:
+        beside += [split_cells(line, ":") for line in settings.start]
     try:
         header = read_header(above, columns, width, beside)
     except HeaderError as error:
@@ -106,11 +116,12 @@ def _longest_run(lines: Sequence[str], delimiter: str) -> _Run | None:
     """The longest run of rows of numbers of one width, the last one of equals; empty rows do not end it."""
     runs: list[list[tuple[int, list[str]]]] = []
     run: list[tuple[int, list[str]]] = []
-    for number, line in enumerate(lines):
-        if not line.strip(BLANKS):
+    split = [split_cells(without_remark(line, delimiter), delimiter) for line in lines]
+    tag = _tag_of_samples(split)
+    for number, cells in enumerate(split):
+        if not any(cells):
             continue
-        cells = split_cells(line, delimiter)
-        if not _is_sample(cells, delimiter):
+        if not _is_sample(cells[1:] if tag and cells[0] == tag else cells, delimiter):
             run = []
             continue
         if not run or len(run[-1][1]) != len(cells):
@@ -126,6 +137,12 @@ def _longest_run(lines: Sequence[str], delimiter: str) -> _Run | None:
     return _Run(
         delimiter, "," if comma else ".", tuple(number for number, _ in best), tuple(tuple(cells) for _, cells in best)
     )
+
+
+def _tag_of_samples(rows: Sequence[Sequence[str]]) -> str:
+    """The word in the first cell of more than half of the rows, such as ``trace_values``; empty if there is none."""
+    (word, count), *_ = Counter(row[0] for row in rows).most_common(1) or [("", 0)]
+    return word if count > len(rows) / 2 and word[:1].isalpha() and word.lower() not in _NO_VALUE else ""
 
 
 def _is_sample(cells: Sequence[str], delimiter: str) -> bool:

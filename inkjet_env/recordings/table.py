@@ -107,7 +107,10 @@ def read_columns(layout: Layout, wanted: Sequence[int]) -> Columns:
         column.flags.writeable = False
     if count < 2 or not all(np.isfinite(column).all() for column in columns):
         raise _first_fault(layout, wanted, "a value is not finite")
-    edges = ([split_cells(line, layout.delimiter) for line in lines] for lines in (first, last))
+    edges = (
+        [split_cells(without_remark(line, layout.delimiter), layout.delimiter) for line in lines]
+        for lines in (first, last)
+    )
     return Columns(columns, *edges)
 
 
@@ -117,6 +120,8 @@ def _numbers(lines: list[str], layout: Layout, wanted: Sequence[int]) -> Real:
         return np.empty((0, len(wanted)))
     width = len(layout.names)
     text = "".join(lines)
+    if "#" in text:
+        lines = [without_remark(line, layout.delimiter) for line in lines]
     if '"' in text:
         if any(line.count('"') % 2 for line in lines):
             raise ValueError("a quotation mark is not closed")
@@ -145,6 +150,12 @@ def row_of_sample(layout: Layout, sample: int) -> int:
         return next(rows, (layout.header_rows + sample + 1, ""))[0]
 
 
+def without_remark(line: str, delimiter: str) -> str:
+    """A row of samples without the remark that some programs write behind it, after a number sign."""
+    place = line.find(f"{delimiter}#")
+    return line[:place] + "\n" if place > 0 and line[:place].strip(BLANKS) else line
+
+
 def split_cells(line: str, delimiter: str) -> list[str]:
     """Cells of one line, without the blanks and quotes around them."""
     if delimiter == " ":
@@ -159,7 +170,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 def _sample_lines(layout: Layout, lines: Iterator[str]) -> Iterator[tuple[int, str]]:
     for row, line in enumerate(lines, start=1):
         if row > layout.header_rows and line.strip(BLANKS):
-            yield row, line.rstrip("\n")
+            yield row, without_remark(line, layout.delimiter).rstrip("\n")
 
 
 def _first_fault(layout: Layout, wanted: Sequence[int], reason: str) -> CampaignError:
