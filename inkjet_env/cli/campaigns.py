@@ -149,7 +149,8 @@ def identify(
         write_json(json, found.as_json())
     if str(json) != "-":
         _tell(campaign, found)
-        print(f"{out}: ready for --printhead" + (f"; report: {report}" if report else ""))
+        ready = "written, but not to be used, see above" if found.warning else "ready for --printhead"
+        print(f"{out}: {ready}" + (f"; report: {report}" if report else ""))
 
 
 def evaluate(

@@ -62,9 +62,11 @@ def print_peaks(found: dict[str, Any]) -> None:
 
 
 def print_identification(name: str, found: Identification) -> None:
-    """Print the identified parameters with their intervals, the residuals beside the noise, and all notes."""
+    """Print the verdict, the identified parameters with their intervals, the residuals beside the noise, all notes."""
     from inkjet_env.reporting.formatting import interval_text
+    from inkjet_env.reporting.identification_report import headline
 
+    print(f"{name}: {headline(found)}.")
     head = found.printhead
     rows = [
         (label, *interval_text(estimate), unit)

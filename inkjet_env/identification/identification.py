@@ -7,12 +7,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from inkjet_env.estimate import Estimate
 from inkjet_env.identification.degree import DegreeChoice
 from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
+
+BADLY_PREDICTED = 2.0
+"""Ratio of residual to noise on held-out recordings above which one that misses `MUCH` of the signal is bad."""
+MUCH = 0.3
+"""Share of the signal of held-out recordings that a head must not leave unexplained."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +84,19 @@ class Identification:
         """RMS of a channel's residual and of its noise, in its unit, over held-out or over fitted recordings."""
         mine = [r for r in self.recordings if r.channel == channel and not math.isnan(r.rms(held_out=held_out))]
         return _pooled(r.rms(held_out=held_out) for r in mine), _pooled(r.noise_rms for r in mine)
+
+    @property
+    def warning(self) -> str | None:
+        """Why the head must not be used, in a sentence: it predicts held-out recordings badly; None if it does not."""
+        for channel in self.gains:
+            (rms, noise), mine = self.rms(channel, held_out=True), [r for r in self.heldout if r.channel == channel]
+            signal = _pooled(float(np.std(r.measured[r.fitted :])) for r in mine)
+            if rms > BADLY_PREDICTED * noise and rms > MUCH * signal:
+                return (
+                    f"Do not use this head: on held-out recordings of {channel} its residual is {rms / noise:.3g} "
+                    f"times the noise and {100 * rms / signal:.0f} % of the signal."
+                )
+        return None
 
     def fit_json(self) -> dict[str, Any]:
         """The entry "fit" of ``printhead.json``.

@@ -18,7 +18,7 @@ from inkjet_env.identification.fit import CampaignFit
 from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.model import Model
 from inkjet_env.identification.modelled_recording import ModelledRecording
-from inkjet_env.identification.starting_point import ringing_gain
+from inkjet_env.identification.resonance import doubt_of_resonance
 from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
 from inkjet_env.printhead.printhead import UNKNOWN_INTERVALS
 
@@ -26,11 +26,11 @@ QUANTILE_90 = 1.6448536269514722
 """Number of standard deviations about the mean that hold 90 % of a normal distribution."""
 LARGEST_UNCERTAINTY = math.log(10)
 """Half width of the interval of ``ln a0`` or ``ln a1`` above which the resonator counts as not identified."""
-LEAST_RINGING_GAIN = 50.0
-"""Smallest decrease of χ² by a resonance against a head without one; large because the search tries many."""
+SILENT = 33.0
+"""Wald statistic of a law below which it may be zero: beyond the 99.9 % point of χ² for the highest degree, 12."""
 NOTHING_RINGS = (
-    "they show no ringing. Record pulses with short edges, or a multisine about the resonance, sampled at ten times "
-    "its frequency; `inkjet record --plan FOLDER` writes such drives."
+    "these recordings show no ringing. Record pulses with short edges, or a multisine about the resonance, sampled at "
+    "ten times its frequency; `inkjet record --plan FOLDER` writes such drives."
 )
 """End of the error sentence if no resonance is found."""
 NO_DYNAMICS = (
@@ -47,7 +47,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
     Raises
     ------
     UnidentifiableError
-        The first channel does not follow the drive, nothing rings though it could (then it is a `NothingRingsError`),
+        A channel does not follow the drive, nothing rings though it could (then it is a `NothingRingsError`),
         or ``a0`` or ``a1`` is practically unknown.
     """
     law, d = fit.solution.model.weights, fit.solution.model.weights.size
@@ -63,8 +63,12 @@ def outcome_of(fit: CampaignFit) -> Identification:
     descending = (*(float(c) for c in coefficients[::-1]), 0.0)
     printhead: Printhead
     if fit.fast:
-        if ringing_gain(fit.fitted(fit.fast, d), model.a0, model.a1) < LEAST_RINGING_GAIN:
-            raise NothingRingsError(f"a model without a resonance fits these recordings equally well: {NOTHING_RINGS}")
+        held_out = [m for m in fit.all if m.fast and not m.fitted and not m.still and m.noise_key in fit.noise]
+        degree = model.weights.size
+        if doubt := doubt_of_resonance(fit.fitted(fit.fast, degree), fit.fitted(held_out, degree), model):
+            raise NothingRingsError(f"{doubt}: {NOTHING_RINGS}")
+    _check_gains(richer, fit.reference)
+    if fit.fast:
         dynamics = _resonator(model, richer)
         a0 = dynamics["a0"]
         by_convention = Estimate(math.sqrt(a0.value), math.sqrt(a0.low), math.sqrt(a0.high))
@@ -77,7 +81,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
         dynamics = {name: Estimate(math.nan, low, high) for name, (low, high) in UNKNOWN_INTERVALS.items()}
         printhead = QuasiStaticPrinthead(descending, fit.full_scale_V)
     shape = (np.eye(d) - np.outer(law, np.ones(d)) / law.sum()) / swing
-    return Identification(
+    found = Identification(
         printhead,
         dynamics,
         gains,
@@ -90,6 +94,7 @@ def outcome_of(fit: CampaignFit) -> Identification:
         fit.misfit,
         (*fit.notes, *_notes(fit, printhead, gains)),
     )
+    return replace(found, notes=(found.warning, *found.notes)) if found.warning else found
 
 
 def _gain_of_reference(fit: CampaignFit, model: Model) -> float:
@@ -123,6 +128,23 @@ def _gains(fit: CampaignFit, model: Model, richer: Solution, gain_of_reference: 
     return gains
 
 
+def _check_gains(richer: Solution, reference: str) -> None:
+    """Raise an error if a channel may as well not follow the drive: its gain, or the law times it, may be zero."""
+    law = richer.model.weights
+    silent = [reference] if law @ np.linalg.pinv(richer.covariance[: law.size, : law.size]) @ law < SILENT else []
+    for channel, ratio in richer.model.ratios.items():
+        if channel == reference:
+            continue
+        error = richer.error_of(np.eye(len(richer.names))[richer.names.index(f"ratio {channel}")])
+        if abs(ratio) < QUANTILE_90 * error:
+            silent.append(channel)
+    if silent:
+        raise UnidentifiableError(
+            f"the gain of {' and '.join(silent)} cannot be told from zero. Check sensor and columns, or leave its "
+            "recordings out."
+        )
+
+
 def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:
     """``a0`` in 1/s² and ``a1`` in 1/s, with the errors of the richer fit."""
     estimates = {}
@@ -130,8 +152,7 @@ def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:
         error = QUANTILE_90 * richer.error_of(np.eye(len(richer.names))[richer.names.index(f"ln {name}")])
         if not error < LARGEST_UNCERTAINTY:
             raise UnidentifiableError(
-                f"these recordings do not determine {name} to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: "
-                + NOTHING_RINGS
+                f"{name} is not determined to within a factor of {math.exp(LARGEST_UNCERTAINTY):.0f}: " + NOTHING_RINGS
             )
         estimates[name] = Estimate(value, value * math.exp(-error), value * math.exp(error))
     return estimates

@@ -27,8 +27,6 @@ GRID_DAMPING_RATIOS = (0.01, 0.05, 0.25)
 """Damping ratios in the coarse search."""
 GRID_SAMPLES = 12_000
 """Largest number of samples on which candidates are compared."""
-STIFFNESS = 3000.0
-"""Angular frequency times sampling step of a head that follows the drive without ringing."""
 
 
 def resonator_candidates(fast: Sequence[Fitted], weights: Real | None) -> list[tuple[float, float]]:
@@ -140,12 +138,6 @@ def best_start(fast: Sequence[Fitted], weights: Real | None) -> tuple[float, flo
             budget -= f.measurement.fitted
     candidates = resonator_candidates(fast, weights)
     return min(candidates, key=lambda pair: _misfit(part, weights, *pair))
-
-
-def ringing_gain(fast: Sequence[Fitted], a0: float, a1: float) -> float:
-    """Decrease of χ² by the resonator against one too stiff to ring, each with the law that suits it best."""
-    stiff = STIFFNESS / min(f.measurement.step_s for f in fast)
-    return _misfit(fast, None, stiff**2, stiff) - _misfit(fast, None, a0, a1)
 
 
 def _misfit(part: Sequence[Fitted], weights: Real | None, a0: float, a1: float) -> float:

@@ -96,8 +96,10 @@ def identification_html(campaign_name: str, identification: Identification) -> s
 
 
 def headline(identification: Identification) -> str:
-    """The resonance if it is known, and how well the model explains recordings that no fit has seen, in words."""
+    """That the head must not be used; or its resonance, if known, and how well it explains unseen recordings."""
     head = identification.printhead
+    if identification.warning:
+        return identification.warning[0].lower() + identification.warning[1:].removesuffix(".")
     found = "hysteresis alone, the resonance cannot be known from slow recordings; "
     if head.has_dynamics:
         found = f"resonance {hertz(head.frequency_Hz)}, damping ratio {head.damping_ratio:.3g}; "

@@ -35,7 +35,7 @@ def test_what_never_moves_names_the_recording_needed_and_the_command_that_plans_
 def test_drives_too_slow_to_ring_are_said_to_be():
     battery = [replace(line, channel="self_sensing") for line in strain_gauge_battery()]
     with pytest.raises(
-        UnidentifiableError, match=r"they show no ringing\. Record pulses .*inkjet record --plan FOLDER"
+        UnidentifiableError, match=r"these recordings show no ringing\. Record pulses .*inkjet record --plan FOLDER"
     ):
         identify(record_campaign(HEAD, 0, battery=battery))
 
@@ -44,7 +44,7 @@ def test_noise_alone_is_no_head():
     drive_V = 90 * np.sin(2 * np.pi * np.arange(1200) / 1200)
     rng = np.random.default_rng(0)
     noise = campaign_of(*rng.normal(0, 1e-3, (3, 1200)), drive_V=drive_V, step_s=1e-3, state="periodic")
-    with pytest.raises(UnidentifiableError, match="they show no ringing"):
+    with pytest.raises(UnidentifiableError, match="these recordings show no ringing"):
         identify(noise)
 
 
