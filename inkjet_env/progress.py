@@ -34,11 +34,11 @@ def shown_progress(label: str, total: int, done: int = 0) -> Iterator[Progress]:
         from rich.progress import Progress as Bar
 
         columns = (
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeRemainingColumn(),
-            TextColumn("{task.fields[note]}"),
+            TextColumn("{task.fields[note]}", markup=False),
         )
         with Bar(*columns, console=Console(stderr=True)) as bar:
             task = bar.add_task(label, total=total, completed=done, note="")
@@ -62,9 +62,10 @@ def shown_steps(label: str) -> Iterator[Callable[[str], None]]:
     """Show the current step of work of unknown duration; without a terminal, an occasional plain line."""
     if _drawn():
         from rich.console import Console
+        from rich.text import Text
 
-        with Console(stderr=True).status(label) as status:
-            yield lambda step: status.update(f"{label}: {step}")
+        with Console(stderr=True).status(Text(label)) as status:
+            yield lambda step: status.update(Text(f"{label}: {step}"))
         return
 
     last_s = time.monotonic()

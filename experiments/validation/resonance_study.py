@@ -182,7 +182,7 @@ def recorded(system: System, rng: np.random.Generator) -> Campaign:
             Recording(
                 name=f"r{k}",
                 channel=channel,
-                time_s=np.arange(y.size) * step_s,
+                time_s=np.arange(y.size, dtype=np.float64) * step_s,
                 drive_V=drive[::FINER].copy(),
                 sensor=sensor,
                 unit="um" if channel == "displacement" else "V",

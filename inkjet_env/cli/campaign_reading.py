@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -36,39 +37,73 @@ Interval = Annotated[
     float | None,
     typer.Option("--interval", help="sampling interval in seconds, for files without times", min=1e-15),
 ]
+Implausible = Annotated[
+    bool, typer.Option("--implausible", help="drives beyond 1 kV and impossible-looking sample rates are meant")
+]
 MOST_WARNINGS = 10
 """Largest number of warnings that are printed."""
 
 
-def reading_options(
-    channel: str | None, columns: str | None, initial_state: str | None, interval_s: float | None = None
-) -> dict[str, Any]:
-    """Keyword arguments of `read_campaign` from the command line's options for oscilloscope files."""
-    return {
-        "channel": channel,
-        "columns": None if columns is None else named_values("--columns", columns),
-        "initial_state": initial_state,
-        "interval_s": interval_s,
-    }
+@dataclass(frozen=True)
+class Reading:
+    """How to read and check campaigns, from the command line's options.
+
+    Attributes
+    ----------
+    channel, columns, initial_state, interval_s
+        As in `read_campaign`.
+    implausible : bool
+        Whether implausible units are meant.
+    """
+
+    channel: str | None = None
+    columns: Mapping[str, str] | None = None
+    initial_state: str | None = None
+    interval_s: float | None = None
+    implausible: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        channel: str | None,
+        columns: str | None,
+        initial_state: str | None,
+        interval_s: float | None,
+        implausible: bool,
+    ) -> Reading:
+        """The reading that options ask for; ``columns`` is still text."""
+        named = None if columns is None else named_values("--columns", columns)
+        return cls(channel, named, initial_state, interval_s, implausible)
+
+    def campaign(self, folder: Path) -> Campaign:
+        """Read the campaign of a folder."""
+        from inkjet_env.recordings import read_campaign
+
+        return read_campaign(
+            folder,
+            columns=self.columns,
+            channel=self.channel,
+            initial_state=self.initial_state,
+            interval_s=self.interval_s,
+        )
+
+    def warnings(self, campaign: Campaign, head: Printhead | AugmentedPrinthead | None = None) -> list[str]:
+        """The warnings about a campaign, and about its sampling if a head's resonance is known.
+
+        The first error is raised as a `CampaignError`, unless what is implausible is meant.
+        """
+        from inkjet_env.recordings import CampaignError, check_campaign
+
+        findings = check_campaign(campaign, head.frequency_Hz if head is not None and head.has_dynamics else None)
+        for finding in findings:
+            if finding.level == "error" and not self.implausible:
+                raise CampaignError(f"{finding} If it is meant, give --implausible.")
+        return [str(finding) for finding in findings]
 
 
 def files_of(folder: Path) -> tuple[Path, ...]:
     """All files in a campaign's folder; no result may overwrite them."""
     return tuple(path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else ()
-
-
-def checked(campaign: Campaign, head: Printhead | AugmentedPrinthead | None = None) -> list[str]:
-    """The warnings about a campaign, and about its sampling if a head's resonance is known.
-
-    The first error is raised as a `CampaignError`.
-    """
-    from inkjet_env.recordings import CampaignError, check_campaign
-
-    findings = check_campaign(campaign, head.frequency_Hz if head is not None and head.has_dynamics else None)
-    for finding in findings:
-        if finding.level == "error":
-            raise CampaignError(str(finding))
-    return [str(finding) for finding in findings]
 
 
 def warn(warnings: Sequence[str]) -> None:

@@ -11,12 +11,13 @@ import typer
 from inkjet_env.cli.arguments import check_outputs, chosen_printhead, chosen_seed
 from inkjet_env.cli.campaign_reading import (
     Folder,
+    Implausible,
     Interval,
+    Reading,
     ScopeChannel,
     ScopeColumns,
     ScopeState,
     files_of,
-    reading_options,
 )
 from inkjet_env.cli.options import JsonFile, OwnEffects, PrintheadFile, WithRemainder
 
@@ -112,6 +113,7 @@ def identify(
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
     interval: Interval = None,
+    implausible: Implausible = False,
     workers: Annotated[int | None, typer.Option(help="number of processes for several campaigns (all cores)")] = None,
 ) -> None:
     """Identify a head's hysteresis and dynamics, with 90 % intervals, from a campaign.
@@ -128,7 +130,7 @@ def identify(
         "full_scale_V": full_scale,
         "held_out": None if held_out is None else tuple(name.strip() for name in held_out.split(",")),
     }
-    reading = reading_options(channel, columns, initial_state, interval)
+    reading = Reading.of(channel, columns, initial_state, interval, implausible)
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}.")
     if len(folders) > 1:
@@ -163,6 +165,7 @@ def evaluate(
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
     interval: Interval = None,
+    implausible: Implausible = False,
 ) -> None:
     """Compare a printhead, as it is, with a campaign: free-run simulation of every recording, and the residual.
 
@@ -180,7 +183,7 @@ def evaluate(
     check_outputs((printhead, *files_of(folder)), json=json)
     register_own(effect)
     found, unit = evaluation_json(
-        folder, printhead, reading_options(channel, columns, initial_state, interval), remainder
+        folder, printhead, Reading.of(channel, columns, initial_state, interval, implausible), remainder
     )
     if json is not None:
         write_json(json, found)
@@ -194,8 +197,8 @@ def _check_target(folder: Path, plan: bool) -> None:
     from inkjet_env.recordings.data_package import DESCRIPTOR
     from inkjet_env.rig.record import SIMULATED
 
-    if not (folder / DESCRIPTOR).exists():
-        return
+    if not (folder / DESCRIPTOR).is_file():
+        return  # a pipe or a device there is refused by `write_campaign`
     if plan:
         raise CampaignError(f"{folder}: holds a campaign, and drives must not be mixed with it. Give another folder.")
     if SIMULATED not in (folder / DESCRIPTOR).read_text(encoding="utf-8", errors="replace"):
@@ -203,6 +206,8 @@ def _check_target(folder: Path, plan: bool) -> None:
             f"{folder}: holds a campaign that the virtual rig did not record and that would be overwritten; nothing "
             "was written. Give another folder."
         )
+    if sys.stdin.isatty() and sys.stderr.isatty():
+        typer.confirm(f"{folder}: holds a campaign of the virtual rig. Replace it?", abort=True, err=True)
 
 
 def _tell(campaign: Campaign, found: Identification) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 from pathlib import Path
@@ -12,13 +13,13 @@ import typer
 from inkjet_env.cli.arguments import check_outputs, chosen_seed
 from inkjet_env.cli.campaign_reading import (
     Folder,
+    Implausible,
     Interval,
+    Reading,
     ScopeChannel,
     ScopeColumns,
     ScopeState,
-    checked,
     files_of,
-    reading_options,
     warn,
 )
 from inkjet_env.cli.exit_status import INTERRUPTED
@@ -71,6 +72,7 @@ def diagnose(
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
     interval: Interval = None,
+    implausible: Implausible = False,
 ) -> None:
     """Find where recordings and model differ, which physics the model lacks, and how much adding it improves the fit.
 
@@ -82,6 +84,7 @@ def diagnose(
     """
     from inkjet_env.cli.own_effects import register_own
 
+    next_named = next_out is not None
     if next_out is None and json is not None and str(json) != "-":
         next_out = json.parent / NEXT
     files = {"printhead-out": printhead_out, "report": report, "next-out": next_out}
@@ -102,7 +105,7 @@ def diagnose(
         options["workers"] = workers
     from inkjet_env.mismatch import clear_checkpoint
 
-    reading = reading_options(channel, columns, initial_state, interval)
+    reading = Reading.of(channel, columns, initial_state, interval, implausible)
     options["checkpoint"] = checkpoint = _checkpoint_folder(checkpoint, json, report, printhead_out)
     try:
         found = _diagnosed(folder, printhead, reading, chosen_seed(seed), options)
@@ -114,7 +117,7 @@ def diagnose(
                 f"Interrupted; finished fits are kept in {checkpoint}. Run the same command to resume.", file=sys.stderr
             )
         raise typer.Exit(INTERRUPTED) from None
-    written = _written(found, json, files)
+    written = _written(found, json, files, next_named)
     if str(json) != "-":
         print_diagnosis(found)
         for what, file in written.items():
@@ -133,20 +136,19 @@ def _checkpoint_folder(given: Path | None, *outputs: Path | None) -> Path | None
 
 
 def _diagnosed(
-    folder: Path, printhead: Path | None, reading: Mapping[str, Any], seed: int, options: Mapping[str, Any]
+    folder: Path, printhead: Path | None, reading: Reading, seed: int, options: Mapping[str, Any]
 ) -> Diagnosis:
     """Read, check and diagnose the campaign of a folder; warnings go to standard error."""
     import numpy as np
 
     from inkjet_env.mismatch import diagnose
     from inkjet_env.printhead import Printhead
-    from inkjet_env.recordings import read_campaign
 
     head = None if printhead is None else Printhead.from_json(printhead)
     with shown_steps(f"diagnose {folder}") as progress:
         progress("reading")
-        campaign = read_campaign(folder, **reading)
-        warnings = checked(campaign, head)
+        campaign = reading.campaign(folder)
+        warnings = reading.warnings(campaign, head)
         try:
             found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=progress, **options)
         finally:
@@ -156,27 +158,33 @@ def _diagnosed(
     return found
 
 
-def _written(found: Diagnosis, json: Path | None, files: Mapping[str, Path | None]) -> dict[str, Path]:
+def _written(
+    found: Diagnosis, json: Path | None, files: Mapping[str, Path | None], next_named: bool
+) -> dict[str, Path]:
     """Write the requested files, once the contents of all are ready; each file by its description."""
     import numpy as np
 
-    from inkjet_env.cli.drive_csv import write_columns
+    from inkjet_env.cli.drive_csv import columns_text
     from inkjet_env.reporting.diagnosis_figures import sample_times_s
     from inkjet_env.reporting.diagnosis_report import diagnosis_html
     from inkjet_env.storage import json_text, write_atomically, write_json
 
     head_file, report, drive_file = files.values()
     experiment, drive_name = found.next_experiment, None
+    drive: str | None = None
     if experiment is not None and experiment.drive_V and drive_file is not None:
+        time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
+        drive = columns_text({"time_s": time_s, "drive_V": np.array(experiment.drive_V)})
+        if not next_named:
+            drive_file = _free_name(drive_file, drive)
         beside = Path() if json is None or str(json) == "-" else json.parent
         drive_name = Path(os.path.relpath(drive_file, beside)).as_posix()
     page = None if report is None else diagnosis_html(found)
     head = None if head_file is None else json_text(found.augmented_json())
     verdict = None if json is None else found.as_json(drive_name)
     written = {}
-    if experiment is not None and drive_file is not None and drive_name is not None:
-        time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
-        write_columns(drive_file, {"time_s": time_s, "drive_V": np.array(experiment.drive_V)})
+    if drive_file is not None and drive is not None:
+        write_atomically(drive_file, drive)
         written["drive of the next experiment"] = drive_file
     if head_file is not None and head is not None:
         write_atomically(head_file, head)
@@ -187,3 +195,13 @@ def _written(found: Diagnosis, json: Path | None, files: Mapping[str, Path | Non
     if json is not None:
         write_json(json, verdict)
     return written
+
+
+def _free_name(file: Path, content: str) -> Path:
+    """The file, or one numbered after it, that does not exist or holds this content: nobody named it."""
+    numbered = (file.with_name(f"{file.stem}-{number}{file.suffix}") for number in itertools.count(2))
+    return next(
+        tried
+        for tried in itertools.chain([file], numbered)
+        if not tried.exists() or (tried.is_file() and tried.read_bytes() == content.encode())
+    )

@@ -17,7 +17,12 @@ MAX_SAMPLES = 10_000_000
 
 
 def write_columns(path: str | Path, columns: Mapping[str, Real]) -> None:
-    """Write columns of equal length as CSV with a header line; all numbers but times are read back exactly.
+    """Write `columns_text` to a file."""
+    write_atomically(path, columns_text(columns))
+
+
+def columns_text(columns: Mapping[str, Real]) -> str:
+    """Columns of equal length as CSV with a header line; all numbers but times are read back exactly.
 
     Times (names ending in ``_s``) have 12 significant digits, so that ``k / rate`` is written without rounding noise.
     """
@@ -27,7 +32,7 @@ def write_columns(path: str | Path, columns: Mapping[str, Real]) -> None:
         ",".join(f % value for f, value in zip(formats, row, strict=True))
         for row in zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
     ]
-    write_atomically(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def sampled_waveform(waveform: Waveform, sample_rate_Hz: float) -> tuple[Real, Real]:

@@ -5,30 +5,28 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from inkjet_env.cli.campaign_reading import checked, warn
+from inkjet_env.cli.campaign_reading import Reading, warn
 from inkjet_env.identification import evaluate
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
-from inkjet_env.recordings import read_campaign
 
 
 def evaluation_json(
-    folder: Path, head_file: Path | None, reading: Mapping[str, Any], remainder: bool = True
+    folder: Path, head_file: Path | None, reading: Reading, remainder: bool = True
 ) -> tuple[dict[str, Any], str]:
     """The ``evaluation/1`` of a printhead on the campaign in a folder, and the unit of its overall ``rms``.
 
     The overall ``rms`` is over all samples of the fast channel: self-sensing, else displacement, else the strain gauge.
     ``remainder`` says whether a remainder that the file has is used. Warnings go to standard error.
     """
-    campaign = read_campaign(folder, **reading)
+    campaign = reading.campaign(folder)
     head = chosen_head(head_file, remainder)
-    warn(checked(campaign, head))
+    warn(reading.warnings(campaign, head))
     gains = {} if head_file is None or isinstance(head, AugmentedPrinthead) else _gains(head_file)
     try:
         found, refitted = evaluate(campaign, head, gains)
@@ -56,7 +54,7 @@ def _gains(head_file: Path) -> dict[str, float]:
     for channel, entry in channels.items() if isinstance(channels, dict) else ():
         try:
             gains[channel] = float(entry["gain"]["value"])
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             raise ValueError(f"{head_file}: fit.channels.{channel}.gain.value must be a number.") from None
         if not math.isfinite(gains[channel]):
             raise ValueError(f"{head_file}: fit.channels.{channel}.gain.value must be finite; got {gains[channel]}.")

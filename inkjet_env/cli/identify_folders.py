@@ -8,11 +8,11 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from inkjet_env.cli.campaign_reading import checked, warn
+from inkjet_env.cli.campaign_reading import Reading, warn
 from inkjet_env.extras import extra
 from inkjet_env.identification import Identification, identify
 from inkjet_env.progress import shown_progress, shown_steps
-from inkjet_env.recordings import Campaign, read_campaign
+from inkjet_env.recordings import Campaign
 from inkjet_env.storage import write_json
 
 ALONE = Path("printhead.json")
@@ -20,7 +20,7 @@ TOGETHER = Path("printheads")
 
 
 def identify_one(
-    folder: Path, reading: Mapping[str, Any], options: Mapping[str, Any], progress: bool = True
+    folder: Path, reading: Reading, options: Mapping[str, Any], progress: bool = True
 ) -> tuple[Campaign, Identification]:
     """Read, check and identify the campaign of one folder; warnings go to standard error.
 
@@ -28,8 +28,10 @@ def identify_one(
     ----------
     folder : Path
         Folder of the campaign.
-    reading, options : mapping
-        Keyword arguments of `read_campaign` and of `identify`.
+    reading : Reading
+        How to read and check it.
+    options : mapping
+        Keyword arguments of `identify`.
     progress : bool
         Whether to show the current step on standard error.
 
@@ -42,21 +44,21 @@ def identify_one(
     with shown_steps(f"identify {folder}") if progress else nullcontext() as step:
         if step:
             step("reading")
-        campaign = read_campaign(folder, **reading)
-        warned = checked(campaign)
+        campaign = reading.campaign(folder)
+        warned = reading.warnings(campaign)
         try:
             found = identify(campaign, progress=step, **options)
         except ValueError:
             warn(warned)  # they may explain the failure
             raise
-    warn([*warned, *(w for w in checked(campaign, found.printhead) if w not in warned)])
+    warn([*warned, *(w for w in reading.warnings(campaign, found.printhead) if w not in warned)])
     return campaign, found
 
 
 def identify_folders(
     folders: Sequence[Path],
     out: Path,
-    reading: Mapping[str, Any],
+    reading: Reading,
     options: Mapping[str, Any],
     workers: int | None = None,
 ) -> None:
@@ -68,7 +70,7 @@ def identify_folders(
         Folders of the campaigns; their names must differ.
     out : Path
         Folder for ``<campaign's folder>.json``; created if it is missing.
-    reading, options : mapping
+    reading, options
         As for `identify_one`.
     workers : int, optional
         Number of processes; all cores unless given.
@@ -104,9 +106,7 @@ def identify_folders(
         raise ValueError("\ninkjet: ".join(sorted(refused)))
 
 
-def _written(
-    folder: Path, file: Path, reading: Mapping[str, Any], options: Mapping[str, Any]
-) -> tuple[Path, str | None]:
+def _written(folder: Path, file: Path, reading: Reading, options: Mapping[str, Any]) -> tuple[Path, str | None]:
     """Identify one campaign in a worker process; its folder, and the error message if it could not be identified."""
     try:
         found = identify_one(folder, reading, options, progress=False)[1]

@@ -9,16 +9,19 @@ that the environment variable ``NUMBA_CACHE_DIR`` names. Without any of them eve
 
 from __future__ import annotations
 
+import io
 import multiprocessing
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from numba import njit
 from numba.core import event
+from numba.core.caching import IndexDataCacheFile
 
 INTERNAL = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of a function that only other kernels call: without an entrance from Python it compiles faster."""
@@ -55,6 +58,49 @@ def _say_once(sentence: str) -> None:
         print(sentence, file=sys.stderr, flush=True)
 
 
+NOT_KEPT = (
+    "Compiled code cannot be kept, because {why}, so every start takes seconds longer. Set NUMBA_CACHE_DIR to a folder "
+    "that you can write."
+)
+
+
+class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no types
+    """Files of compiled code, each with its digest: a damaged one is compiled again instead of being run.
+
+    numba's own files end in an error, or in a crash of the process, if they are truncated or garbled.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        try:
+            super().save(key, data)
+        except OSError as error:
+            _say_once(NOT_KEPT.format(why=f"{error.filename or self._index_path}: {error.strerror}"))
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+        content = io.BytesIO()
+        yield content
+        with super()._open_for_write(filepath) as file:
+            file.write(content.getvalue() + sha256(content.getvalue()).digest())  # pickle reads to its own end
+
+    def _load_index(self) -> Any:
+        return super()._load_index() if is_whole(Path(self._index_path)) else {}
+
+    def _load_data(self, name: str) -> Any:
+        if not is_whole(Path(self._data_path(name))):
+            raise OSError(f"{name} is damaged")  # numba then compiles the function
+        return super()._load_data(name)
+
+
+def is_whole(file: Path) -> bool:
+    """Whether a file ends with the SHA-256 of what is before."""
+    try:
+        content = file.read_bytes()
+    except OSError:
+        return False
+    return sha256(content[:-32]).digest() == content[-32:]
+
+
 class _Announcement(event.Listener):
     """Says on standard error that kernels are being compiled, when the first one really is."""
 
@@ -83,11 +129,10 @@ def kernel_jit(file: str, **options: Any) -> Callable[[Callable[..., Any]], Any]
         except RuntimeError as error:
             if "cannot cache function" not in str(error):
                 raise
-            _say_once(
-                "Compiled code cannot be kept, because no folder for it can be written, so every start takes seconds "
-                "longer. Set NUMBA_CACHE_DIR to a folder that you can write."
-            )
+            _say_once(NOT_KEPT.format(why="no folder for it can be written"))
             return njit(**options)(function)
+        files = kernel._cache._cache_file
+        kernel._cache._cache_file = CheckedFiles(kernel.stats.cache_path, files._index_name[:-4], files._source_stamp)
         _discard_once(file, Path(kernel.stats.cache_path))
         return kernel
 

@@ -60,6 +60,8 @@ class Campaign:
         for label in ("name", "title", "description"):
             if not isinstance(getattr(self, label), str):
                 raise ValueError(f"a campaign's {label} must be a string; got {brief(getattr(self, label))}.")
+        if not self.name.isprintable():
+            raise ValueError(f"a campaign's name must be printable; got {brief(self.name)}.")
         recordings = tuple(self.recordings)
         object.__setattr__(self, "recordings", recordings)
         object.__setattr__(self, "notes", tuple(self.notes))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from inkjet_env.recordings.samples import Samples, read_standard_samples
 
 DESCRIPTOR = "datapackage.json"
 FORMAT = "campaign/1"
+LARGEST_DESCRIPTOR = 1 << 26
+"""Bytes of a descriptor beyond which it is not read."""
 
 
 def read_data_package(
@@ -34,6 +37,7 @@ def read_data_package(
         raise CampaignError(f"{path}: inkjet.format must be {FORMAT!r}; got {brief(stated)}. Is it a newer one?")
     recordings: list[Recording] = []
     sources: dict[str, Source] = {}
+    _check_different(path, resources)
     for number, resource in enumerate(resources, start=1):
         recording, source = _read_resource(folder, number, resource, columns, (channel, initial_state), notes)
         recordings.append(recording)
@@ -53,8 +57,24 @@ def read_data_package(
         raise CampaignError(f"{path}: {error}") from None
 
 
+def _check_different(path: Path, resources: list[Any]) -> None:
+    """Raise an error if two resources have one name or one file, before any is read."""
+    for key in ("name", "path"):
+        counts = Counter(str(resource.get(key)) for resource in resources if isinstance(resource, dict))
+        value, count = next(iter(counts.most_common(1)), ("", 0))
+        if count > 1 and value != "None":
+            raise CampaignError(
+                f"{path}: {count} resources have the {key} {brief(value)}. Give each recording its own, or remove all "
+                "but one."
+            )
+
+
 def _read_descriptor(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise CampaignError(f"{path}: must be a file; it is a pipe, a device or a folder. Put the descriptor there.")
     try:
+        if (size := path.stat().st_size) > LARGEST_DESCRIPTOR:
+            raise CampaignError(f"{path}: holds {size:,} bytes, more than any descriptor. Is it the right file?")
         package = json.loads(path.read_text(encoding="utf-8-sig"))
         json.dumps(package, ensure_ascii=False).encode()  # JSON allows lone surrogates, which text cannot encode
     except OSError as error:

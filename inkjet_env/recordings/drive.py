@@ -88,7 +88,7 @@ def _columns(table: Table, interval_s: float | None) -> tuple[Real, Real, tuple[
     )
     clock = header.clock if interval_s is None else (0.0, interval_s)
     if time is None and clock is not None:
-        return clock[0] + clock[1] * np.arange(drive_V.size), drive_V, notes
+        return clock[0] + clock[1] * np.arange(drive_V.size, dtype=np.float64), drive_V, notes
     assert time is not None
     time_s = header.units[time].to_base(values[time]) if time in header.units else values[time]
     steps = np.diff(time_s)

@@ -147,7 +147,8 @@ def _array_table(file: Path, found: Mapping[str, Any]) -> ArrayTable:
     """Vectors, columns of matrices and single numbers among some variables."""
     arrays: dict[str, Real] = {}
     numbers: dict[str, float] = {}
-    for name, value in found.items():
+    for given, value in found.items():
+        name = "".join(letter if letter.isprintable() else "\ufffd" for letter in given)
         array = np.asarray(value)
         if array.dtype.kind not in "fiub":
             continue

@@ -28,6 +28,8 @@ EXCITATIONS = (
 )
 SENSOR_COLUMNS = {"V": "sensor_V", "um": "displacement_um", "nm": "displacement_nm"}
 """Name of the sensor's column in a file, by the unit of its signal."""
+LARGEST_ORDER = 1_000_000
+"""Largest position of a recording within its session."""
 LARGEST_JITTER = 0.01
 """Largest accepted deviation of a sample's time from the uniform grid, in sampling steps."""
 
@@ -109,8 +111,8 @@ class Recording:
         check_label("initial_state", self.initial_state, INITIAL_STATES)
         if not isinstance(self.excitation, str):
             raise ValueError(f"excitation must be a string such as 'bipolar'; got {brief(self.excitation)}.")
-        if not isinstance(self.order, int) or isinstance(self.order, bool) or self.order < 1:
-            raise ValueError(f"order must be a whole number from 1 on; got {brief(self.order)}.")
+        if not isinstance(self.order, int) or isinstance(self.order, bool) or not 1 <= self.order <= LARGEST_ORDER:
+            raise ValueError(f"order must be a whole number from 1 to {LARGEST_ORDER:,}; got {brief(self.order)}.")
         if self.repeat_of is not None and not isinstance(self.repeat_of, str):
             raise ValueError(f"repeat_of must be a recording's name or null; got {brief(self.repeat_of)}.")
         object.__setattr__(self, "condition", _checked_condition(self.condition))

@@ -81,7 +81,8 @@ def uniform_times(time_s: Real, print_step_s: float) -> tuple[Real, float] | Non
     if printed:
         rounded_s = _shortest_near(step_s, 2 * print_step_s / (len(time_s) - 1))
         middle = (len(time_s) - 1) / 2
-        rounded_grid_s: Real = start_s + step_s * middle + rounded_s * (np.arange(len(time_s)) - middle)
+        places = np.arange(len(time_s), dtype=np.float64) - middle
+        rounded_grid_s: Real = start_s + step_s * middle + rounded_s * places
         if float(np.max(np.abs(time_s - rounded_grid_s))) <= print_step_s:
             grid_s = rounded_grid_s
     if printed or (rising and off_s <= LARGEST_JITTER * step_s):

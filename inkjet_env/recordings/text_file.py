@@ -16,6 +16,8 @@ from inkjet_env.recordings.recording import CampaignError
 SNIFFED_BYTES = 1 << 16
 """Bytes at the start of a file from which its encoding and layout are recognised."""
 _GZIP = b"\x1f\x8b"
+_CONTROL_CODES = {code: "\ufffd" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n\r"}
+"""Characters that must not reach a terminal from the names in a header."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ def open_text(path: Path) -> TextFile:
     encoding = _encoding(start)
     if encoding is None:
         raise CampaignError(f"{path}: is binary, not text. Export it as CSV, or take it out of the folder.")
-    lines = io.StringIO(start.decode(encoding, errors="replace"), newline=None).read().split("\n")
+    readable = start.decode(encoding, errors="replace").translate(_CONTROL_CODES)
+    lines = io.StringIO(readable, newline=None).read().split("\n")
     return TextFile(path, encoding, tuple(lines[:-1] if len(start) == SNIFFED_BYTES or not lines[-1] else lines))
 
 

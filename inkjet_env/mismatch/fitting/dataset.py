@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from inkjet_env.identification.errors import UnidentifiableError
 from inkjet_env.identification.measurements import measurements
 from inkjet_env.plant import Excitation
 from inkjet_env.recordings import Campaign
@@ -106,6 +107,11 @@ def observe(
                 )
             ]
             if recording.drive_monitor_V is not None:
+                if np.ptp(recording.drive_monitor_V) == 0 < np.ptp(recording.drive_V):
+                    raise UnidentifiableError(
+                        f"the drive monitor of recording {name} never changes while its drive does. Connect its "
+                        "probe, or remove the column drive_monitor_V."
+                    )
                 monitor = replace(excitation, channel="drive_monitor", cache={})
                 voltage = recording.drive_monitor_V
                 label = f"{name} (drive monitor)"
