@@ -64,7 +64,7 @@ NOT_KEPT = (
 )
 
 
-class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no types
+class CheckedFiles(IndexDataCacheFile):
     """Files of compiled code, each with its digest: a damaged one is compiled again instead of being run.
 
     numba's own files end in an error, or in a crash of the process, if they are truncated or garbled.
