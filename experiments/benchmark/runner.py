@@ -23,6 +23,7 @@ from inkjet_env.experiments.benchmark.run_objective import ObjectiveFailedError,
 from inkjet_env.experiments.benchmark.settings import LEFT_OUT, SOURCES, BenchOutcome, BenchSettings
 from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.experiments.execution.cluster import run_each, worker_count, workers_of
+from inkjet_env.experiments.execution.held_folder import held
 from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import json_text, remove_unfinished, write_atomically
@@ -36,8 +37,8 @@ Batch = tuple[list[Ended], Exception | None]
 SLOWEST_FIRST = ("optuna-", "sb3-", "nevergrad-", "cma-es", "lbfgsb", "scipy-dual")
 
 
-def open_folder(folder: Path, settings: BenchSettings) -> None:
-    """Create this bench's ``folder``, or check that the runs in it may be used by this bench.
+def check_folder(folder: Path, settings: BenchSettings) -> None:
+    """Check that the runs in a folder, if there are any, may be used by this bench.
 
     They may if nothing differs on which a run depends. Optimisers, problems and the number of repeats may differ; runs
     that are not asked for remain in the folder.
@@ -45,10 +46,13 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
     Raises
     ------
     ValueError
-        The folder belongs to a bench with other settings or to something else. Nothing in it is changed.
+        The folder belongs to a bench with other settings or to something else, or a run in it is a link.
     """
     file = folder / "bench.json"
     asked = settings.to_json()
+    for run in (folder / "runs").glob("*.parquet"):
+        if run.is_symlink():
+            raise ValueError(f"{run}: is a link, and a run is written to its own folder only. Delete the link.")
     if file.exists():
         try:
             stored = json.loads(file.read_text(encoding="utf-8"))
@@ -66,11 +70,15 @@ def open_folder(folder: Path, settings: BenchSettings) -> None:
             )
     elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ValueError(f"{folder} is neither empty nor a bench's results folder. Give another folder.")
+
+
+def prepare_folder(folder: Path, settings: BenchSettings) -> None:
+    """Make the parts of a bench's folder, without what a killed process left unfinished, and write its settings."""
     for part in ("runs", "timings"):
         (folder / part).mkdir(parents=True, exist_ok=True)
         remove_unfinished(folder / part)
     remove_unfinished(folder)
-    write_atomically(file, json_text(asked))
+    write_atomically(folder / "bench.json", json_text(settings.to_json()))
 
 
 def _decisive(settings: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
@@ -96,7 +104,7 @@ def _decisive(settings: Mapping[str, Any], others: Mapping[str, Any]) -> dict[st
 def run_bench(
     settings: BenchSettings, folder: Path, workers: int | None = None, scheduler: str | None = None
 ) -> BenchOutcome:
-    """Do every run of the bench that ``folder`` does not hold yet, and return all results.
+    """Do every run of the bench that ``folder`` does not hold yet, and return all results; other benches are kept out.
 
     In your own script, call it under ``if __name__ == "__main__":``, because it starts processes.
 
@@ -114,15 +122,23 @@ def run_bench(
     Raises
     ------
     ValueError
-        The folder belongs to another bench or holds a damaged file, or the cluster cannot do the work.
+        The folder belongs to another bench, which may be running, or holds a damaged file, or the cluster cannot do the
+        work.
     ObjectiveFailedError
         The objective of a problem fails at a point; finished runs are kept.
     KeyboardInterrupt
         On Ctrl-C; finished runs are kept.
     """
+    check_folder(folder, settings)
+    with held(folder, "bench"):
+        prepare_folder(folder, settings)
+        return _run_in(folder, settings, workers, scheduler)
+
+
+def _run_in(folder: Path, settings: BenchSettings, workers: int | None, scheduler: str | None) -> BenchOutcome:
+    """Do the missing runs in a folder that this process holds."""
     from inkjet_env import optimizers
 
-    open_folder(folder, settings)
     reasons = optimizers.availability(entrant(name).optimizer for name in settings.optimizers)
     unavailable = {
         name: reason for name in settings.optimizers if (reason := reasons[entrant(name).optimizer]) is not None

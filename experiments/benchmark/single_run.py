@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
+import sys
+import time
 import zipfile
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +29,10 @@ if TYPE_CHECKING:
 
 RECORD_FORMAT = "evaluations/1"
 OPTIMUM_FORMAT = "optimum/1"
+RECORD_EVERY_S = 2.0
+"""Shortest time between two records of a run, in seconds."""
+LARGEST_SHARE = 50.0
+"""Shortest time between two records as a multiple of the time that one took to write."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +83,10 @@ class Optimisation:
         }
         return {name: where for name, where in found.items() if where is not None}
 
-    def carry_out(self, recorded: Run | tuple | None = None) -> Run:
+    def carry_out(self, recorded: Run | tuple | None = None, keep: Callable[[Run], object] | None = None) -> Run:
         """Run it, resuming after ``recorded``; Ctrl-C returns the run so far, with ``complete`` False.
+
+        ``keep`` is called after every batch with the run so far, such as a `RunningRecord`.
 
         Raises
         ------
@@ -91,12 +100,18 @@ class Optimisation:
         done = 0 if recorded is None else len(recorded.costs if hasattr(recorded, "costs") else recorded[1])
         try:
             with shown_progress(self.optimizer, self.budget) as progress:
+
+                def made(run: Run) -> None:
+                    progress(run.evaluations, f"best cost {run.best_cost:.4f} V")
+                    if keep is not None:
+                        keep(run)
+
                 return minimise(
                     self.problem.as_measured(self.seed, done),
                     optimizer,
                     self.budget,
                     recorded=recorded,
-                    on_batch=lambda run: progress(run.evaluations, f"best cost {run.best_cost:.4f} V"),
+                    on_batch=made,
                 )
         except Interrupted as interruption:
             return interruption.run
@@ -116,6 +131,37 @@ class Optimisation:
             "problem": self.problem.name,
             "complete": run.complete,
         }
+
+
+class RunningRecord:
+    """Writes a record of a run while it runs, so that one that is killed can be resumed.
+
+    Parameters
+    ----------
+    path : Path
+        File of the record.
+    optimisation : Optimisation
+        What runs.
+    replayed : int
+        Number of evaluations that are replayed, which a record holds already.
+    """
+
+    def __init__(self, path: Path, optimisation: Optimisation, replayed: int = 0) -> None:
+        self.path, self.optimisation, self.replayed = path, optimisation, replayed
+        self.due_s = time.monotonic() + RECORD_EVERY_S
+
+    def __call__(self, run: Run) -> None:
+        begin_s = time.monotonic()
+        if begin_s < self.due_s or run.evaluations <= self.replayed:
+            return
+        try:
+            write_record(self.path, self.optimisation, run)
+        except OSError as error:
+            print(f"{self.path}: {error.strerror}; if this run is killed, it cannot be resumed.", file=sys.stderr)
+            self.due_s = math.inf
+            return
+        end_s = time.monotonic()
+        self.due_s = end_s + max(RECORD_EVERY_S, LARGEST_SHARE * (end_s - begin_s))
 
 
 def write_record(path: Path, optimisation: Optimisation, run: Run) -> None:

@@ -74,7 +74,7 @@ def optimize(
     """
     from dataclasses import replace
 
-    from inkjet_env.experiments.benchmark.single_run import Optimisation, read_record
+    from inkjet_env.experiments.benchmark.single_run import Optimisation, RunningRecord, read_record
     from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
 
     check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
@@ -118,8 +118,11 @@ def optimize(
     )
     if (said := remainder_sentence(head, ("self_sensing",), largest_V)) is not None:
         print(said, file=sys.stderr)
-    run = plan.carry_out(recorded)
+    replayed = 0 if recorded is None else len(recorded[1])
+    run = plan.carry_out(recorded, RunningRecord(_record_file(out), plan, replayed))
     _finish_optimize(plan, run, out, sample_rate, plot, json, effect)
+    for record in {_record_file(out), resume} - {None}:
+        record.unlink(missing_ok=True)  # only now that the outputs are written
 
 
 def _finish_optimize(

@@ -105,17 +105,18 @@ def _proved(
 ) -> int:
     """Run the proof, write and print its score; return the exit status."""
     from inkjet_env.experiments.execution import cluster
+    from inkjet_env.experiments.execution.held_folder import held
     from inkjet_env.experiments.proof.judge import judge_case, questions
     from inkjet_env.experiments.proof.printing import print_score
     from inkjet_env.experiments.proof.protocol import Steps, answer_case, conceal_case, prove
     from inkjet_env.experiments.proof.report import write_page
     from inkjet_env.experiments.proof.score import score
-    from inkjet_env.experiments.proof.sealing import open_folder
+    from inkjet_env.experiments.proof.sealing import check_folder
     from inkjet_env.storage import json_text, write_atomically, write_json
 
     steps = Steps(conceal_case, answer_case, judge_case)
-    open_folder(out, settings)  # refuses an unsuitable folder before any process is started
-    with cluster.workers_of(scheduler, workers) as client:
+    check_folder(out, settings)  # before any process is started
+    with held(out, "proof"), cluster.workers_of(scheduler, workers) as client:
         outcome = prove(settings, out, client, steps, lambda draws: questions(draws, *asked))
     found = score(outcome)
     write_atomically(out / "score.json", json_text(found))

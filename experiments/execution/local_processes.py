@@ -10,7 +10,9 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -21,6 +23,8 @@ from typing import Any
 
 from inkjet_env.experiments.execution.jobs import ONE_THREAD, TRIES, ClusterError, WorkLostError
 
+SECONDS_TO_CLEAN_UP = 5.0
+"""Time that a process has to delete its temporary folders after its parent has ended."""
 ENDED_ITSELF = "the process that did it ended"
 
 
@@ -76,7 +80,7 @@ class LocalProcesses:
                 while waiting and idle:
                     name, number = waiting.pop(), idle.pop()
                     begun[name] += 1
-                    running[self._worker(number).pool.submit(function, *jobs[name]())] = name, number
+                    running[self._worker(number).pool.submit(_performed, function, *jobs[name]())] = name, number
                 failure: Exception | None = None
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     name, number = running.pop(future)
@@ -140,21 +144,36 @@ class _Worker:
 
 
 def _begin() -> None:
-    """Prepare a new process: one thread, deaf to Ctrl-C, and it ends when its parent does."""
+    """Prepare a new process: one thread, deaf to Ctrl-C; it cleans up when ended, and ends with its parent."""
     import threadpoolctl
 
     os.environ.update(ONE_THREAD)
     threadpoolctl.threadpool_limits(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGTERM, _end_cleanly)
     parent = multiprocessing.parent_process()
     assert parent is not None
 
     def end_with_parent() -> None:
         connection.wait([parent.sentinel])
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(SECONDS_TO_CLEAN_UP)
         os._exit(1)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
+
+
+def _performed(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Result of a job; the process ends where a signal ends the job, as it would without clean-up."""
+    try:
+        return function(*arguments)
+    except SystemExit:
+        os._exit(1)
+
+
+def _end_cleanly(number: int, _: object) -> None:
+    """Handler of a signal: leaves every context, which deletes temporary folders and ends their processes."""
+    sys.exit(128 + number)
 
 
 @contextmanager

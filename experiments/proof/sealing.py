@@ -78,8 +78,8 @@ class Settings:
         }
 
 
-def open_folder(folder: Path, settings: Settings) -> None:
-    """Create this proof's ``folder``, or check that it belongs to this proof.
+def check_folder(folder: Path, settings: Settings) -> None:
+    """Check that a folder, if it holds anything, belongs to this proof.
 
     Once all answers are committed to, code and packages other than those that gave them may judge them, on the same
     rig.
@@ -87,7 +87,7 @@ def open_folder(folder: Path, settings: Settings) -> None:
     Raises
     ------
     ProofError
-        The folder holds a proof of another version, seed, profile or code, or something else. Nothing in it is changed.
+        The folder holds a proof of another version, seed, profile or code, or something else.
     """
     file, asked = folder / SETTINGS, settings.to_json()
     if file.exists():
@@ -107,6 +107,17 @@ def open_folder(folder: Path, settings: Settings) -> None:
             )
     elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ProofError(f"{folder} is neither empty nor a proof's results folder. Give another one with --out.")
+
+
+def open_folder(folder: Path, settings: Settings) -> None:
+    """Create this proof's ``folder``, or resume the proof in it, without what a killed process left unfinished.
+
+    Raises
+    ------
+    ProofError
+        As `check_folder`; nothing in the folder is changed.
+    """
+    check_folder(folder, settings)
     for part in PARTS:
         (folder / part).mkdir(parents=True, exist_ok=True)
         for leftover in (folder / part).glob(f"*{UNFINISHED}"):
@@ -114,8 +125,8 @@ def open_folder(folder: Path, settings: Settings) -> None:
                 shutil.rmtree(leftover)
         remove_unfinished(folder / part)
     remove_unfinished(folder)
-    if not file.exists():
-        write_atomically(file, json_text(asked))
+    if not (folder / SETTINGS).exists():
+        write_atomically(folder / SETTINGS, json_text(settings.to_json()))
 
 
 def salt_of(folder: Path) -> str:

@@ -14,6 +14,7 @@ import typer
 from inkjet_env.cli.campaigns import evaluate, identify, record
 from inkjet_env.cli.diagnose import diagnose
 from inkjet_env.cli.exit_status import BAD_INPUT, INTERRUPTED
+from inkjet_env.cli.interruption import treat_alike
 from inkjet_env.cli.simulate import simulate
 from inkjet_env.extras import MissingExtraError, extra
 
@@ -61,6 +62,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a terminal that cannot print µ must not stop the command
             stream.reconfigure(errors="replace")
+    treat_alike()
     try:
         with extra("this command"):
             status = app(arguments, standalone_mode=False)

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from inkjet_env.experiments.benchmark.single_run import Optimisation, read_record, write_record
+from inkjet_env.experiments.benchmark import single_run
+from inkjet_env.experiments.benchmark.single_run import Optimisation, RunningRecord, read_record, write_record
 from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.optimizers.loop import Run
 from inkjet_env.storage import archive_bytes
@@ -31,6 +32,47 @@ def test_a_record_is_read_as_it_was_written(tmp_path, evaluations):
     assert plan == PLAN
     np.testing.assert_array_equal(points, run.points)
     np.testing.assert_array_equal(costs, run.costs)
+
+
+class Killed(BaseException):
+    """Stands for a signal that no process survives."""
+
+
+@pytest.mark.parametrize("batches", [1, 3, 7])
+def test_a_killed_run_ends_as_one_that_was_never_killed(tmp_path, monkeypatch, batches):
+    monkeypatch.setattr(single_run, "RECORD_EVERY_S", 0.0)
+    monkeypatch.setattr(single_run, "LARGEST_SHARE", 0.0)
+    plan = Optimisation(problem("nominal"), "cma-es", 120, 3)
+    record, seen = RunningRecord(tmp_path / "r.npz", plan), []
+
+    def keep(run):
+        record(run)
+        seen.append(run.evaluations)
+        if len(seen) == batches:
+            raise Killed
+
+    with pytest.raises(Killed):
+        plan.carry_out(keep=keep)
+    again, recorded = read_record(tmp_path / "r.npz")
+    assert (again, len(recorded[1])) == (plan, seen[-1])
+    ended, whole = again.carry_out(recorded), plan.carry_out()
+    np.testing.assert_array_equal(ended.points, whole.points)
+    np.testing.assert_array_equal(ended.costs, whole.costs)
+
+
+def test_a_replay_never_shortens_the_record(tmp_path, monkeypatch, evaluations):
+    monkeypatch.setattr(single_run, "RECORD_EVERY_S", 0.0)
+    record = RunningRecord(tmp_path / "r.npz", PLAN, replayed=40)
+    record(Run(evaluations["points"], evaluations["costs"], None, False, 0.0, 0.0))
+    assert not (tmp_path / "r.npz").exists()
+
+
+def test_a_record_that_cannot_be_written_is_told_of_once(tmp_path, monkeypatch, evaluations, capsys):
+    monkeypatch.setattr(single_run, "RECORD_EVERY_S", 0.0)
+    record = RunningRecord(tmp_path / "missing" / "r.npz", PLAN)
+    for _ in range(2):
+        record(Run(evaluations["points"], evaluations["costs"], None, False, 0.0, 0.0))
+    assert capsys.readouterr().err.count("if this run is killed, it cannot be resumed") == 1
 
 
 def changed(name, change):

@@ -126,6 +126,15 @@ def test_a_foreign_folder_is_left_alone(tmp_path):
     assert [f.name for f in tmp_path.iterdir()] == ["thesis.txt"]
 
 
+def test_a_run_that_is_a_link_is_refused_and_nothing_is_written_where_it_leads(tmp_path):
+    folder, elsewhere = tmp_path / "results", tmp_path / "elsewhere.parquet"
+    (folder / "runs").mkdir(parents=True)
+    (folder / "runs" / "nominal--pso--000.parquet").symlink_to(elsewhere)
+    with pytest.raises(ValueError, match=r"pso--000\.parquet: is a link"):
+        run_bench(small_settings(), folder)
+    assert not elsewhere.exists()
+
+
 @pytest.mark.parametrize("written", ['{"problems": ["nominal"]}', '{"shorter": 3, "optimizers": ["pso"]}', "[]"])
 def test_damaged_settings_of_a_bench_are_named(tmp_path, written):
     (tmp_path / "bench.json").write_text(written)

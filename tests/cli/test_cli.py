@@ -277,7 +277,8 @@ def test_a_damaged_record_is_named(inkjet, tmp_path):
     assert "part.csv.evaluations.npz: is not a complete record of an optimisation" in err
 
 
-def test_ctrl_c_ends_a_running_process_with_its_best_written(tmp_path):
+@pytest.mark.parametrize("signals", [["SIGINT"], ["SIGTERM"], ["SIGHUP"], ["SIGINT", "SIGINT"], ["SIGTERM", "SIGINT"]])
+def test_whatever_interrupts_a_running_process_its_best_is_written(tmp_path, signals):
     arguments = ["optimize", "--optimizer", "cma-es", "--budget", "1000000", "--out", "w.csv"]
     process = subprocess.Popen(
         [*COMMAND, *arguments],
@@ -289,7 +290,9 @@ def test_ctrl_c_ends_a_running_process_with_its_best_written(tmp_path):
     )
     assert any("cma-es" in line for line in process.stderr)  # it may have compiled the simulator first
     time.sleep(0.3)
-    process.send_signal(signal.SIGINT)
+    for name in signals:
+        process.send_signal(getattr(signal, name))
+        time.sleep(0.02)
     _out, err = process.communicate(timeout=30)
     assert process.returncode == INTERRUPTED, err
     assert "the best so far is kept" in err

@@ -2,7 +2,9 @@
 
 import os
 import signal
+import tempfile
 import time
+from pathlib import Path
 
 
 def double(number):
@@ -24,6 +26,14 @@ def fail_or_sleep(number):
         time.sleep(0.5)
         raise ZeroDivisionError("of the job")
     time.sleep(60)
+
+
+def sleep_in_temporary_folder(place, told):
+    """Sleep in a folder below ``place`` that is deleted at the end; it holds the process's number."""
+    with tempfile.TemporaryDirectory(dir=place) as folder:
+        Path(folder, "pid").write_text(str(os.getpid()))
+        Path(told).touch()
+        time.sleep(60)
 
 
 def threads():

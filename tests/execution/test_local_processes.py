@@ -1,6 +1,8 @@
 """Jobs done by processes on this machine."""
 
 import functools
+import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -49,3 +51,43 @@ def test_linear_algebra_has_one_thread(workers):
     kept = {}
     run_each(workers, jobs_to_run.threads, jobs_of([]), kept.__setitem__)
     assert set(kept["job 0"]) <= {1}
+
+
+PARENT = """
+import functools, sys
+sys.path.append(sys.argv[1])
+import jobs_to_run
+from inkjet_env.cli.interruption import treat_alike
+from inkjet_env.experiments.execution.cluster import run_each, workers_of
+if __name__ == "__main__":
+    treat_alike()
+    with workers_of(None, 1) as processes:
+        jobs = {"job": functools.partial(tuple, sys.argv[2:])}
+        run_each(processes, jobs_to_run.sleep_in_temporary_folder, jobs, print)
+"""
+
+
+@pytest.mark.parametrize("ended_by", ["SIGINT", "SIGTERM", "SIGKILL"])
+def test_a_job_cleans_up_however_its_parent_ends(tmp_path, ended_by):
+    script, place, told = tmp_path / "parent.py", tmp_path / "place", tmp_path / "told"
+    script.write_text(PARENT)
+    place.mkdir()
+    arguments = [sys.executable, script, Path(__file__).parent, place, told]
+    parent = subprocess.Popen(
+        arguments,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
+    )
+    wait_until(told.exists)
+    pid = int(next(place.glob("*/pid")).read_text())
+    parent.send_signal(getattr(signal, ended_by))
+    parent.wait(timeout=30)
+    wait_until(lambda: not list(place.iterdir()))
+    wait_until(lambda: not Path(f"/proc/{pid}").exists())
+
+
+def wait_until(true, seconds=30):
+    end_s = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end_s, "it never happened"
+        time.sleep(0.05)
