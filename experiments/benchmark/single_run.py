@@ -189,7 +189,7 @@ def read_record(path: Path, trusted: Collection[str] = ()) -> tuple[Optimisation
         The file is missing or is not such a record; the message names it.
     """
     try:
-        if path.is_file() and not zipfile.is_zipfile(path):
+        if path.exists() and not (path.is_file() and zipfile.is_zipfile(path)):
             raise ValueError("it is not an .npz archive")
         with np.load(path, allow_pickle=False) as archive:
             label = json.loads(str(archive["label"]))
@@ -217,7 +217,9 @@ def read_record(path: Path, trusted: Collection[str] = ()) -> tuple[Optimisation
     except (
         ValueError, KeyError, TypeError, EOFError, OSError, RecursionError, zipfile.BadZipFile, NotImplementedError
     ) as error:  # fmt: skip
-        reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
+        reason: object = "its archive is damaged" if isinstance(error, OSError) else error
+        if "pickle" in str(error):
+            reason = "it holds pickled objects, which are never loaded"
         raise ValueError(
             f"{path}: is not a complete record of an optimisation ({str(reason).rstrip('.') or type(error).__name__}). "
             "Give the .npz file that the interrupted run wrote, or start again without it."

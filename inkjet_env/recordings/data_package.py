@@ -83,6 +83,10 @@ def _read_descriptor(path: Path) -> dict[str, Any]:
         raise CampaignError(
             f"{path}, row {error.lineno}: is not JSON: {error.msg} at column {error.colno}. Correct that place."
         ) from None
+    except UnicodeDecodeError as error:
+        raise CampaignError(f"{path}: is not text in UTF-8 at byte {error.start + 1}. Save it in UTF-8.") from None
+    except UnicodeEncodeError:
+        raise CampaignError(f"{path}: holds half of a character, an escape of \\ud800 to \\udfff.") from None
     except RecursionError:
         raise CampaignError(f"{path}: is nested too deeply to be a descriptor. Is it the right file?") from None
     except ValueError as error:

@@ -78,6 +78,8 @@ def read_sheet(text: TextFile, settings: TextFile | None = None) -> Sheet:
     width = len(run.cells[0])
     filled = [sum(_value(row[i], run.decimal) is not None for row in run.cells) for i in range(width)]
     columns = tuple(i for i in range(width) if filled[i] >= len(run.rows) / 2)
+    if not columns:
+        raise _no_samples(text)
     delimiter = "\t" if run.delimiter == " " else run.delimiter  # words of a header are no cells
     above = [split_cells(line, delimiter) for line in text.start[: run.rows[0]]]
     if run.delimiter == " " and above and len(above[-1][0].lstrip("#% ").split()) == width:
