@@ -28,6 +28,7 @@ from inkjet_env.cli.own_effects import register_own
 if TYPE_CHECKING:
     from inkjet_env.experiments.benchmark.problem import Problem
     from inkjet_env.optimizers.loop import Run
+    from inkjet_env.printhead import Waveform
 
 SAMPLE_RATE_HZ = 100e6
 
@@ -58,6 +59,11 @@ def optimize(
         ),
     ] = Path("optimum.csv"),
     sample_rate: Annotated[float, typer.Option(help="sample rate of that CSV file, in Hz")] = SAMPLE_RATE_HZ,
+    generator: Annotated[
+        str | None,
+        typer.Option(help="write it for an arbitrary waveform generator: siglent, rigol, keysight or rohde-schwarz"),
+    ] = None,
+    amplifier: Annotated[float, typer.Option(help="gain of the amplifier behind that generator")] = 1.0,
     plot: PlotFile = None,
     json: JsonFile = None,
     resume: Annotated[
@@ -79,6 +85,7 @@ def optimize(
 
     check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
     check_rate(sample_rate)
+    _check_style(out, generator, amplifier)
     register_own(effect)
     settings = {
         "--optimizer": optimizer,
@@ -120,19 +127,39 @@ def optimize(
         print(said, file=sys.stderr)
     replayed = 0 if recorded is None else len(recorded[1])
     run = plan.carry_out(recorded, RunningRecord(_record_file(out), plan, replayed))
-    _finish_optimize(plan, run, out, sample_rate, plot, json, effect)
+    _finish_optimize(plan, run, out, (sample_rate, generator, amplifier), plot, json, effect)
     for record in {_record_file(out), resume} - {None}:
         record.unlink(missing_ok=True)  # only now that the outputs are written
 
 
+def _check_style(out: Path, generator: str | None, amplifier: float) -> None:
+    """Raise ``ValueError``, before any work, if the waveform cannot be written as asked."""
+    from inkjet_env.naming import check_name
+    from inkjet_env.recordings.generator_file import MAKERS
+
+    if generator is None:
+        if amplifier != 1.0:
+            raise ValueError("--amplifier states the gain behind a --generator; give that too.")
+        return
+    check_name("--generator", generator, MAKERS)
+    if out.suffix.lower() == ".ini":
+        raise ValueError(f"{out} would hold segments of a print controller; with --generator, let it end in .csv.")
+    if not 0 < amplifier < float("inf"):
+        raise ValueError(f"--amplifier must be a positive gain; got {amplifier:g}.")
+
+
 def _finish_optimize(
-    plan: Any, run: Run, out: Path, sample_rate: float, plot: Path | None, json: Path | None, own: list[str] | None
+    plan: Any,
+    run: Run,
+    out: Path,
+    style: tuple[float, str | None, float],
+    plot: Path | None,
+    json: Path | None,
+    own: list[str] | None,
 ) -> None:
     """Write and print the result of an optimisation, complete or interrupted."""
-    from inkjet_env.cli.drive_csv import sampled_waveform, write_columns
     from inkjet_env.experiments.benchmark.single_run import write_record
     from inkjet_env.printhead import Waveform
-    from inkjet_env.recordings.segment_file import write_segments
     from inkjet_env.storage import write_json
 
     if run.best_point is None:
@@ -143,13 +170,7 @@ def _finish_optimize(
     record = _record_file(out)
     if not run.complete:
         write_record(record, plan, run)
-    if out.suffix.lower() == ".ini":
-        write_segments(out, *waveform.knots())
-        written = "segments of a print controller"
-    else:
-        time_s, drive_V = sampled_waveform(waveform, sample_rate)
-        write_columns(out, {"time_s": time_s, "drive_V": drive_V})
-        written = f"{time_s.size} samples at {sample_rate:g} Hz"
+    written = _write_waveform(out, waveform, *style)
     if plot is not None:
         from inkjet_env.reporting.plotting import write_picture
         from inkjet_env.reporting.waveform_figures import draw_response
@@ -165,8 +186,11 @@ def _finish_optimize(
         print(f"{out}: {written}")
     if not run.complete:
         again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]
+        sample_rate, generator, amplifier = style
         if sample_rate != SAMPLE_RATE_HZ:
             again += ["--sample-rate", f"{sample_rate:.12g}"]
+        if generator is not None:
+            again += ["--generator", generator, "--amplifier", f"{amplifier:.12g}"]
         for plugin in plan.plugins():
             part, _, of = plugin.partition(" ")
             again += [f"--{part}", of]
@@ -179,6 +203,27 @@ def _finish_optimize(
             file=sys.stderr,
         )
         raise typer.Exit(INTERRUPTED)
+
+
+def _write_waveform(out: Path, waveform: Waveform, sample_rate: float, generator: str | None, amplifier: float) -> str:
+    """Write a waveform for a print controller, a generator, or as plain CSV; what was written, in words."""
+    from inkjet_env.cli.drive_csv import sampled_waveform, write_columns
+    from inkjet_env.recordings.generator_file import generator_text
+    from inkjet_env.recordings.segment_file import write_segments
+    from inkjet_env.storage import write_atomically
+
+    if out.suffix.lower() == ".ini":
+        write_segments(out, *waveform.knots())
+        return "segments of a print controller"
+    if generator is not None:
+        text, note = generator_text(generator, *waveform.knots(), sample_rate, amplifier)
+        write_atomically(out, text)
+        if note is not None:
+            print(f"{out}: {note}", file=sys.stderr)
+        return f"for a generator of {generator}, before an amplifier of gain {amplifier:g}"
+    time_s, drive_V = sampled_waveform(waveform, sample_rate)
+    write_columns(out, {"time_s": time_s, "drive_V": drive_V})
+    return f"{time_s.size} samples at {sample_rate:g} Hz"
 
 
 def _record_file(out: Path) -> Path:

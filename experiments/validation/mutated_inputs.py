@@ -110,7 +110,7 @@ def write_scope_files(folder: Path, campaign: Campaign, rng: np.random.Generator
     delimiter, decimal = (",", ".") if rng.random() < 0.5 else (";", ",")
     encoding = str(rng.choice(["utf-8", "utf-8-sig", "utf-16", "latin-1"]))
     head = [["Model", "X1"], ["Sample Interval", "1e-06"]] if rng.random() < 0.5 else []
-    head += [["Time", "CH1", "CH2"], ["(s)", "(V)", "(V)"]]
+    head += [["Time", "drive", "sensor"], ["(s)", "(V)", "(V)"]]
     for r in campaign.recordings:
         rows = head + [[f"{v:.9g}" for v in row] for row in zip(r.time_s, r.drive_V, r.sensor, strict=True)]
         lines = [delimiter.join(cell.replace(".", decimal) for cell in row) for row in rows]

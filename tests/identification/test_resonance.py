@@ -1,0 +1,78 @@
+"""A resonance is believed where there is one, and refused where an answer that never rings does as well."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from inkjet_env.experiments.validation.resonance_study import WITHOUT, outcome
+from inkjet_env.identification import UnidentifiableError, identify
+from inkjet_env.identification.resonance import low_passed
+from inkjet_env.recordings import Campaign, Recording
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("kind", [*WITHOUT, "resonator", "resonator"])
+def test_what_never_rings_is_refused_and_what_rings_is_found(kind, seed):
+    right, told = outcome(kind, seed)
+    assert right, told
+
+
+def test_a_low_pass_is_that_of_a_transfer_function():
+    rng = np.random.default_rng(0)
+    v, step_s, tau_s = np.cumsum(rng.normal(size=(400, 2)), axis=0), 1e-6, 7e-6
+    mine = low_passed(v, step_s / tau_s, periodic=False)
+    for k in range(2):
+        _, theirs, _ = signal.lsim(([1.0], [tau_s, 1.0]), v[:, k] - v[0, k], step_s * np.arange(400))
+        np.testing.assert_allclose(mine[:, k], theirs + v[0, k], atol=1e-9)
+
+
+def test_a_steady_low_pass_is_that_of_many_repeats():
+    v = np.random.default_rng(0).normal(size=150)
+    mine = low_passed(v, 0.02, periodic=True)
+    np.testing.assert_allclose(mine, low_passed(np.tile(v, 9), 0.02, periodic=False)[-150:], atol=1e-7)
+
+
+def test_slow_and_fast_limits_of_a_low_pass():
+    v = np.random.default_rng(0).normal(size=300)
+    np.testing.assert_allclose(low_passed(v, 1e4, periodic=False), v, atol=1e-3)
+    np.testing.assert_allclose(low_passed(v, 1e-9, periodic=False), v[0], atol=1e-5)
+
+
+def sine(frequency_Hz, state, level):
+    time_s = np.arange(2000) * 1e-3
+    drive_V = level * np.sin(2 * np.pi * frequency_Hz * time_s)
+    return time_s, drive_V, state
+
+
+@pytest.mark.parametrize("frequency_Hz", [1.0, 3.0])
+def test_the_second_harmonic_of_a_curved_law_is_no_resonance(frequency_Hz):
+    """One sine through a curved law, recorded as displacement: nothing is known between the harmonics."""
+    rng = np.random.default_rng(0)
+    recordings = []
+    for k, level in enumerate((5.0, 10.0, 10.0)):
+        time_s, drive_V, state = sine(frequency_Hz, "periodic", level)
+        sensor = drive_V + 0.02 * drive_V**2 + rng.normal(0, 0.01, 2000)
+        recordings.append(
+            Recording(f"r{k}", time_s, drive_V, sensor, "um", "displacement", initial_state=state, order=k + 1)
+        )
+    found = identify(Campaign("curved", tuple(recordings)))
+    assert not found.printhead.has_dynamics
+
+
+def test_a_channel_that_does_not_follow_the_drive_is_refused():
+    rng = np.random.default_rng(0)
+    drive_V = 40 * np.interp(np.arange(600), [50, 60, 150, 160], [0.0, 1.0, 1.0, 0.0])
+    recordings = [
+        Recording(
+            f"r{k}",
+            np.arange(600) * 1e-6,
+            drive_V * (1 + k) / 3,
+            rng.normal(size=600),
+            "V",
+            "self_sensing",
+            order=k + 1,
+        )
+        for k in range(4)
+    ]
+    with pytest.raises(UnidentifiableError):
+        identify(Campaign("silent", tuple(recordings)))

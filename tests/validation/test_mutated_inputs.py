@@ -1,0 +1,64 @@
+"""The fuzzer: damaged inputs are used or refused in plain words, and what it counts as a failure is one."""
+
+import numpy as np
+import pytest
+
+from inkjet_env.experiments.validation import mutated_inputs
+from inkjet_env.experiments.validation.mutated_inputs import KINDS, Kind, is_plain, outcome_of
+
+
+@pytest.mark.parametrize(("kind", "count"), [("campaign", 120), ("drive", 60), ("printhead", 25), ("record", 40)])
+def test_damaged_inputs_are_used_or_refused(kind, count):
+    outcomes = [outcome_of(kind, seed) for seed in range(count)]
+    assert not [outcome.told for outcome in outcomes if outcome.kind == "failed"]
+    assert any(outcome.kind == "refused" for outcome in outcomes)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_undamaged_input_is_used(kind, monkeypatch):
+    monkeypatch.setattr(mutated_inputs, "damage", lambda *_: None)
+    outcome = outcome_of(kind, 0)
+    assert outcome.kind == "used", outcome.told
+
+
+def raising(error):
+    def use(_):
+        raise error
+
+    return use
+
+
+def leaving(folder):
+    (folder / "input" / "x.csv.1.unfinished").touch()
+
+
+def warning(_):
+    np.log(np.zeros(1))
+
+
+def hanging(_):
+    while True:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("use", "told"),
+    [
+        (raising(KeyError("x")), "KeyError"),
+        (raising(ValueError("'utf-8' codec can't decode byte 0xff in position 3.")), "not plain"),
+        (raising(ValueError("x.csv: holds no numbers.\nTry again.")), "not plain"),
+        (leaving, "was left behind"),
+        (warning, "RuntimeWarning"),
+        (hanging, "took more than"),
+    ],
+)
+def test_what_is_handled_wrongly_is_a_failure(monkeypatch, use, told):
+    monkeypatch.setitem(KINDS, "campaign", Kind(KINDS["campaign"].make, use, 0.5))
+    outcome = outcome_of("campaign", 1)
+    assert outcome.kind == "failed"
+    assert told in outcome.told
+
+
+def test_words_in_quotes_are_the_users():
+    assert is_plain("r.csv, row 3: time must be a number; got 'codec'. Use a point.")
+    assert not is_plain("r.csv, row 3: the codec failed.")
