@@ -9,6 +9,7 @@ from importlib.util import find_spec
 PACKAGES = {
     "cli": ("typer", "rich", "matplotlib", "jinja2", "pyarrow", "joblib"),
     "bench": ("cma", "nevergrad", "pymoo", "optuna", "pandas", "plotly", "greenlet"),
+    "hdf5": ("h5py",),
     "rl": ("torch", "stable_baselines3"),
     "cluster": ("distributed", "dask"),
     "human": ("pygame", "matplotlib"),

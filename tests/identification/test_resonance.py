@@ -11,7 +11,7 @@ from inkjet_env.recordings import Campaign, Recording
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize("kind", [*WITHOUT, "resonator", "resonator"])
+@pytest.mark.parametrize("kind", [*WITHOUT, "resonator"])
 def test_what_never_rings_is_refused_and_what_rings_is_found(kind, seed):
     right, told = outcome(kind, seed)
     assert right, told
