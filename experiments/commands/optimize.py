@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from inkjet_env.cli.arguments import CostGiven, check_outputs, check_rate, chosen_cost, chosen_seed
+from inkjet_env.cli.arguments import (
+    CostGiven,
+    check_outputs,
+    check_rate,
+    chosen_cost,
+    chosen_limits,
+    chosen_seed,
+    warn_of_limits,
+)
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import (
     CostA,
@@ -17,6 +25,7 @@ from inkjet_env.cli.options import (
     Effective,
     InitialState,
     JsonFile,
+    Limits,
     OwnEffects,
     PlotFile,
     PrintheadFile,
@@ -64,6 +73,7 @@ def optimize(
         typer.Option(help="write it for an arbitrary waveform generator: siglent, rigol, keysight or rohde-schwarz"),
     ] = None,
     amplifier: Annotated[float, typer.Option(help="gain of the amplifier behind that generator")] = 1.0,
+    limits: Limits = None,
     plot: PlotFile = None,
     json: JsonFile = None,
     resume: Annotated[
@@ -86,6 +96,7 @@ def optimize(
     check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
     check_rate(sample_rate)
     _check_style(out, generator, amplifier)
+    chosen_limits(limits)  # refused before any work if they cannot be
     register_own(effect)
     settings = {
         "--optimizer": optimizer,
@@ -127,9 +138,10 @@ def optimize(
         print(said, file=sys.stderr)
     replayed = 0 if recorded is None else len(recorded[1])
     run = plan.carry_out(recorded, RunningRecord(_record_file(out), plan, replayed))
-    _finish_optimize(plan, run, out, (sample_rate, generator, amplifier), plot, json, effect)
-    for record in {_record_file(out), resume} - {None}:
-        record.unlink(missing_ok=True)  # only now that the outputs are written
+    _finish_optimize(plan, run, out, (sample_rate, generator, amplifier), limits, plot, json, effect)
+    for record in (_record_file(out), resume):
+        if record is not None:
+            record.unlink(missing_ok=True)  # only now that the outputs are written
 
 
 def _check_style(out: Path, generator: str | None, amplifier: float) -> None:
@@ -153,6 +165,7 @@ def _finish_optimize(
     run: Run,
     out: Path,
     style: tuple[float, str | None, float],
+    limits: str | None,
     plot: Path | None,
     json: Path | None,
     own: list[str] | None,
@@ -171,6 +184,7 @@ def _finish_optimize(
     if not run.complete:
         write_record(record, plan, run)
     written = _write_waveform(out, waveform, *style)
+    warn_of_limits(chosen_limits(limits), out, *waveform.knots())
     if plot is not None:
         from inkjet_env.reporting.plotting import write_picture
         from inkjet_env.reporting.waveform_figures import draw_response
@@ -189,6 +203,8 @@ def _finish_optimize(
         sample_rate, generator, amplifier = style
         if sample_rate != SAMPLE_RATE_HZ:
             again += ["--sample-rate", f"{sample_rate:.12g}"]
+        if limits is not None:
+            again += ["--limits", limits]
         if generator is not None:
             again += ["--generator", generator, "--amplifier", f"{amplifier:.12g}"]
         for plugin in plan.plugins():

@@ -283,7 +283,11 @@ def _make_drive(folder: Path, rng: np.random.Generator) -> None:
     (folder / "input").mkdir()
     campaign = small_campaign(np.random.default_rng(0))
     if rng.random() < 0.5:
-        write_segments(folder / "input" / "drive.ini", np.arange(5) * 1e-6, np.array([0.0, 40.0, 40.0, -20.0, 0.0]))
+        write_segments(
+            folder / "input" / "drive.ini",
+            np.arange(5, dtype=np.float64) * 1e-6,
+            np.array([0.0, 40.0, 40.0, -20.0, 0.0]),
+        )
     else:
         write_scope_files(folder / "input", replace(campaign, recordings=campaign.recordings[:1]), rng)
 

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from inkjet_env.printhead import PeakCost, Printhead
+    from inkjet_env.printhead import DriverLimits, PeakCost, Printhead
+    from inkjet_env.typing import Real
 
 CostGiven = tuple[float | None, float | None, str | None]
 
@@ -82,6 +84,19 @@ def _takes_files(folder: Path) -> bool:
             return True
     except OSError:
         return False
+
+
+def chosen_limits(limits: str | None) -> DriverLimits:
+    """The driver's limits; none unless given."""
+    from inkjet_env.printhead import DriverLimits
+
+    return DriverLimits.from_values({} if limits is None else named_values("--limits", limits))
+
+
+def warn_of_limits(limits: DriverLimits, what: object, time_s: Real, drive_V: Real) -> None:
+    """Print on standard error where a waveform exceeds a driver's limits."""
+    for excess in limits.excesses(time_s, drive_V):
+        print(f"warning: {what} {excess}", file=sys.stderr)
 
 
 def named_values(option: str, text: str) -> dict[str, str]:

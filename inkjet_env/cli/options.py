@@ -42,5 +42,12 @@ InitialState = Annotated[
     str | None,
     typer.Option(help="initial state of the hysteresis: periodic (the waveform repeats) or demagnetised (periodic)"),
 ]
+Limits = Annotated[
+    str | None,
+    typer.Option(
+        help="what the driver can do, as lowest_V=0,highest_V=48,rise_V_per_us=20,fall_V_per_us=20,step_us=0.1,"
+        "shortest_us=1,longest_us=50 (any of them); a waveform that asks for more is told of"
+    ),
+]
 JsonFile = Annotated[Path | None, typer.Option("--json", help='write the result as JSON; "-" is standard output')]
 PlotFile = Annotated[Path | None, typer.Option("--plot", help="plot of drive and response: .png, .svg or .pdf")]

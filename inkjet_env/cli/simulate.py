@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from inkjet_env.cli.arguments import check_outputs, chosen_cost
+from inkjet_env.cli.arguments import check_outputs, chosen_cost, chosen_limits, warn_of_limits
 from inkjet_env.cli.campaign_reading import Interval, warn
 from inkjet_env.cli.options import (
     CostA,
@@ -16,6 +16,7 @@ from inkjet_env.cli.options import (
     Effective,
     InitialState,
     JsonFile,
+    Limits,
     OwnEffects,
     PlotFile,
     PrintheadFile,
@@ -45,6 +46,7 @@ def simulate(
     window: Window = None,
     initial_state: InitialState = None,
     interval: Interval = None,
+    limits: Limits = None,
     implausible: Annotated[bool, typer.Option("--implausible", help="a drive beyond 1 kV is meant")] = False,
     hysteresis: Annotated[
         str,
@@ -73,6 +75,7 @@ def simulate(
     check_outputs((drive, printhead), out=out, plot=plot, json=json)
     if waveform is not None and drive is not None:
         raise ValueError("give --waveform or --drive, not both.")
+    driver = chosen_limits(limits)
     register_own(effect)
     head, cost = chosen_head(printhead, remainder), chosen_cost((cost_a, cost_b, effective))
     state, window_s = initial_state or "periodic", DEFAULT_WINDOW_S if window is None else window
@@ -80,11 +83,13 @@ def simulate(
     if waveform is not None:
         if out is not None:
             raise ValueError("--out needs --drive. To sample a waveform's response, give the waveform as a CSV file.")
+        warn_of_limits(driver, "the waveform", *Waveform.from_array(waveform).knots())
         response = head.respond(Waveform.from_array(waveform), state, window_s, hysteresis)
     elif drive is not None:
         read = read_drive(drive, interval, implausible)
         warn(read.notes)
         samples = read.time_s, read.drive_V
+        warn_of_limits(driver, drive, *samples)
         try:
             if isinstance(head, AugmentedPrinthead):
                 response = head.respond_sampled(*samples, state, hysteresis, window_s)

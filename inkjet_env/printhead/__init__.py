@@ -2,6 +2,7 @@
 
 from inkjet_env.naming import check_name, nearest_name
 from inkjet_env.printhead.cost import PeakCost
+from inkjet_env.printhead.driver_limits import DriverLimits
 from inkjet_env.printhead.hysteresis import BranchLaw, PlayOperators
 from inkjet_env.printhead.lumped import LumpedElements
 from inkjet_env.printhead.printhead import Printhead, QuasiStaticPrinthead, UnknownDynamicsError
@@ -12,6 +13,7 @@ from inkjet_env.printhead.waveform import Bounds, Waveform, as_waveform_array
 __all__ = [
     "Bounds",
     "BranchLaw",
+    "DriverLimits",
     "LumpedElements",
     "PeakCost",
     "PlayOperators",

@@ -100,7 +100,7 @@ def headline(identification: Identification) -> str:
     head = identification.printhead
     if identification.warning:
         return identification.warning[0].lower() + identification.warning[1:].removesuffix(".")
-    found = "hysteresis alone, the resonance cannot be known from slow recordings; "
+    found = "hysteresis alone, since no recording shows the resonance; "
     if head.has_dynamics:
         found = f"resonance {hertz(head.frequency_Hz)}, damping ratio {head.damping_ratio:.3g}; "
     held_out = bool(identification.heldout)
