@@ -170,7 +170,13 @@ def _value(cell: str, decimal: str) -> float | None:
 
 def _no_samples(text: TextFile) -> CampaignError:
     timed = any(cell.count(":") == 2 for line in text.start[-3:] for cell in split_cells(line, ",")[:1])
-    hint = "Write the times in seconds" if timed else "Export it as CSV, with comma, semicolon or tab between columns"
+    single = sum(is_number(line.strip()) for line in text.start)
+    if timed:
+        hint = "Write the times in seconds"
+    elif single > len(text.start) / 2:
+        hint = "Most rows hold one number: write time, drive and sensor beside each other, one column each"
+    else:
+        hint = "Export it as CSV, with comma, semicolon or tab between columns"
     return CampaignError(
         f"{text.path}: holds no row of at least two numbers in its first {len(text.start)} rows. {hint}, or take it "
         "out of the folder."

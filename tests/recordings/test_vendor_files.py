@@ -12,7 +12,7 @@ REFUSED_HERE = {
     "saleae_logic2": "digital.csv",
     "pi_gcs_voltage": "Actual Position of Axis  AXIS:1 has no unit. Write it behind the name",
     "campbell_toa5": "numbers the samples, and no sample interval is stated. Give interval_s=",
-    "octave_text": "holds no row of at least two numbers",
+    "octave_text": "Most rows hold one number: write time, drive and sensor beside each other, one column each",
 }
 """Files whose numbers are known and that cannot be read as they are, with what is said."""
 IN_UM = {"V": 1.0, "um": 1.0, "nm": 1e-3}
