@@ -65,6 +65,7 @@ ALLOWED = {
     "inkjet_env.experiments.execution": EXECUTION,
     "inkjet_env.experiments.validation": VALIDATION,
     "inkjet_env.experiments.validation.baselines": VALIDATION,
+    "inkjet_env.experiments.robustness": (*BENCHMARK, "inkjet_env.experiments.robustness"),
     "inkjet_env.experiments.benchmark.data": (),
     "inkjet_env.experiments.benchmark": BENCHMARK,
     "inkjet_env.experiments.benchmark.studies": STUDIES,

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from inkjet_env.recordings.checks import LARGEST_DRIVE_V, UNREAL_DRIVE_V
+from inkjet_env.recordings.clock import SAME_STEP, agreed_times, counted_times, refuse_other_times
 from inkjet_env.recordings.instrument_file import ARRAY_SUFFIXES, Table, TextTable, open_table
 from inkjet_env.recordings.recording import CampaignError
 from inkjet_env.recordings.roles import named_drive
@@ -71,7 +72,7 @@ def read_drive(path: str | os.PathLike[str], interval_s: float | None = None, im
 
 def _columns(table: Table, interval_s: float | None) -> tuple[Real, Real, tuple[str, ...]]:
     """Times in seconds, drive in volts and notes."""
-    time, drive = named_drive(table, interval_s)
+    time, reason, drive = named_drive(table, interval_s)
     wanted = [drive] if time is None else [time, drive]
     values = dict(zip(wanted, table.read(wanted), strict=True))
     header, names = table.header, table.header.names
@@ -82,15 +83,18 @@ def _columns(table: Table, interval_s: float | None) -> tuple[Real, Real, tuple[
                 f"{table.file}: the {role} must be in {bases[0]}; column {names[i][:40]} is in {unit[:20]}. Convert it."
             )
     drive_V = header.units[drive].to_base(values[drive]) if drive in header.units else values[drive]
-    known = drive in header.units
-    notes = (
-        table.notes if known else (*table.notes, f"{table.file}: column {names[drive][:40]} has no unit: taken as V.")
-    )
-    clock = header.clock if interval_s is None else (0.0, interval_s)
-    if time is None and clock is not None:
-        return clock[0] + clock[1] * np.arange(drive_V.size, dtype=np.float64), drive_V, notes
+    notes = list(table.notes)
+    if drive not in header.units:
+        notes.append(f"{table.file}: column {names[drive][:40]} has no unit: taken as V.")
+    some = drive_V if time is None else values[time]
+    if time is None:
+        refuse_other_times(table, {drive}, interval_s)
+    if (counted := counted_times(table, time, reason, some, interval_s)) is not None:
+        return counted[0], drive_V, (*notes, counted[1])
     assert time is not None
-    time_s = header.units[time].to_base(values[time]) if time in header.units else values[time]
+    if time not in header.units:
+        notes.append(f"{table.file}: column {names[time][:40]} ({reason}) has no unit: taken as s.")
+    time_s = header.units[time].to_base(some) if time in header.units else some
     steps = np.diff(time_s)
     if not (steps > 0).all():
         k = int(np.argmin(steps > 0))
@@ -104,7 +108,10 @@ def _columns(table: Table, interval_s: float | None) -> tuple[Real, Real, tuple[
             f"{place}: time must increase from row to row; got {time_s[k + 1]:.9g} s after {time_s[k]:.9g} s. Sort the "
             "rows."
         )
-    return time_s, drive_V, notes
+    if (np.abs(steps / np.median(steps) - 1) < SAME_STEP).all():
+        time_s, more = agreed_times(table, time, time_s, float(np.median(steps)), interval_s)
+        notes.extend(more)
+    return time_s, drive_V, tuple(notes)
 
 
 def _checked(file: Path, time_s: Real, drive_V: Real, notes: tuple[str, ...], implausible: bool) -> Drive:

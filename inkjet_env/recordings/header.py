@@ -19,34 +19,35 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from inkjet_env.recordings.units import Unit, hertz, known_unit, seconds, unit_in_name
+from inkjet_env.recordings.header_entries import (
+    FACTORS,
+    GENERIC,
+    KEY_AND_VALUE,
+    NAME_KEYS,
+    HeaderError,
+    better_names,
+    entries_of,
+    is_key,
+    is_number,
+    is_paired,
+    stated_clock,
+    unit_of_column,
+    unit_of_one,
+)  # fmt: skip
+from inkjet_env.recordings.units import NO_UNIT, Unit, known_unit, seconds, unit_in_name, unit_like
 
 _START = re.compile(r"^t0\s*=\s*(\S+)$", re.IGNORECASE)
 _INCREMENT = re.compile(r"^tInc\s*=\s*(\S+)$", re.IGNORECASE)
-_KEY_AND_VALUE = re.compile(r"^([^:=]{2,40}?)\s*[:=]\s*(\S.*)?$")
-_NAME_AND_UNIT = re.compile(r"^(?:CH?|Channel )\d\s*:\s*(.*)$", re.IGNORECASE)
-_INTERVALS = re.compile(
-    r"((time|sample|sampling|horizontal|x)[ _]?(interval|period|increment|step|resolution)|(sampling|sample)[ _]?time"
-    r"|x?incr?(ement)?|delta([ _]?[tx])?|dt|t[ _]?sample|ts|interval|h?resolution)"
-)
-_RATES = re.compile(r"((sample|sampling|samples)[ _]?(rate|frequency|freq|/s|per second)|samplerate|fs|sps|rate)")
-_STARTS = re.compile(r"(t0|x[ _]?(origin|org|zero|start|0)|hoffset|start([ _]time)?|first[ _]sample)")
-_NAME_KEYS = (
-    "source", "multichannelsource", "label", "channel", "channels", "trace name", "tracename",
-    "channeltitle", "channel data", "name", "signal name",
-)  # fmt: skip
-"""Entries that name the channels."""
-_CHANNEL_UNIT_KEYS = ("vertical units", "vunit", "yunits", "y_unit_label", "unitname", "unit", "units", "verticalunit")
-_TIME_UNIT_KEYS = ("horizontal units", "hunit", "xunits", "horizontalunit")
-_KEYS = {*_NAME_KEYS, *_CHANNEL_UNIT_KEYS, *_TIME_UNIT_KEYS}
-_GENERIC = {"value", "values", "ampl", "amplitude", "data", "sequence", "level", "vol.", "voltage", "*", "ts", "rn", ""}
-"""Names and units that tell nothing of a channel."""
+_RULE = re.compile(r"[-=_.*~ ]{2,}")
+_TIME_WORD = re.compile(r"time|^t\b|second", re.IGNORECASE)
+_UNIT_ROWS = 6
+"""Number of rows that may stand between the names and the samples."""
 _STATISTICS = {"smp", "avg", "max", "min", "std", ""}
 """Cells of a row below the units that tells how a logger made its values."""
 _STAMP = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d(:\d\d)?")
 INDICES = {
     "x", "sequence", "index", "idx", "sample", "samples", "sample number", "no", "no.", "nr", "#", "n", "point",
-    "record",
+    "record", "row",
 }  # fmt: skip
 """Names of a column that numbers the samples."""
 
@@ -79,17 +80,19 @@ class Header:
     times: tuple[int, ...] = ()
 
 
-class HeaderError(ValueError):
-    """A header that says the samples cannot be read; the message is a sentence without the file's name."""
-
-
 def read_header(
-    rows: Sequence[Sequence[str]], columns: Sequence[int], width: int, beside: Sequence[Sequence[str]] = ()
+    rows: Sequence[Sequence[str]],
+    columns: Sequence[int],
+    width: int,
+    beside: Sequence[Sequence[str]] = (),
+    decimal: str = ".",
+    counting: Sequence[int] = (),
+    whole: Sequence[int] = (),
 ) -> Header:
     """Understand the rows of cells above the samples.
 
     The units and above them the names stand last, but for rows of entries such as ``dt = 0.1 s``; all other rows are
-    entries with a key in the first cell.
+    entries with a key in the first cell. Nothing that can only be a unit is passed over.
 
     Parameters
     ----------
@@ -101,54 +104,131 @@ def read_header(
         Number of columns.
     beside : sequence of sequence of str
         Cells of entries that stand to the left of the samples.
+    decimal : str
+        Decimal sign of the samples.
+    counting, whole : sequence of int
+        Columns that count by one, and columns of whole numbers.
 
     Raises
     ------
     HeaderError
-        Channels with different sample intervals, or samples that are no measured values.
+        Channels with different sample intervals, units that contradict each other, names that do not stand over the
+        samples, or samples that are no measured values.
     """
     left = [row for cells in rows if any(row := [cell.lstrip("#%; ").strip() for cell in cells])]
+    left = [row for row in left if not all(_RULE.fullmatch(cell) or not cell for cell in row)]
     while left and all(cell.lower() in _STATISTICS for cell in left[-1]):
         left.pop()
     entries: list[list[str]] = []
     while left and _is_entry(left[-1], last=not entries):
         entries.append(left.pop())
-    units_of = left.pop() if left and _is_unit_row(left[-1], below_names=len(left) > 1) else []
-    title = left.pop() if left and _is_title(left[-1], len(columns)) else []
-    about = _entries([*left, *reversed(entries), *(row for row in beside if any(row))])
+    left, title, units_of, passed = _names_and_units(left, len(columns), width)
+    about = entries_of([*left, *passed, *reversed(entries), *(row for row in beside if any(row))])
     if "fast" in map(str.lower, about.get("mode", [])) and "vertical scale" in about:
         raise HeaderError("holds the converter's counts, not volts. Export it in the detailed format.")
+    factors = [
+        key for key, cells in about.items() if FACTORS.fullmatch(key) and any(cell not in ("", "1") for cell in cells)
+    ]
+    if factors and len(set(columns) - set(counting)) > 0 and set(columns) <= {*whole, *columns[:1]}:
+        raise HeaderError(
+            f"holds whole numbers and, in its header, {factors[0]!r}, a factor to volts. Multiply, or export volts."
+        )
     clock, names = _clock(title, units_of)
-    clock = clock or stated_clock(about)
+    clock = clock or stated_clock(about, decimal)
+    if (title and clock is None) or len(names) == len(title):
+        names = _over_samples(names, columns, width, counting)
     labels = [names[i] if i < len(names) and names[i] else f"column {i + 1}" for i in range(width)]
-    pairs = (title and _is_paired(title)) or (not title and any(_is_paired(row) for row in [*left, *entries]))
+    pairs = (title and is_paired(title)) or (not title and any(is_paired(row) for row in [*left, *entries]))
     times = tuple(columns[::2]) if pairs else ()
     timeless = all(f"name{k}" in about for k in range(len(columns)))
-    timeless |= any(all(len(about.get(key, [])) > i and about[key][i] for i in columns) for key in _NAME_KEYS)
-    told = [[cell for cell in about.get(key, []) if cell] for key in _NAME_KEYS]
+    timeless |= any(all(len(about.get(key, [])) > i and about[key][i] for i in columns) for key in NAME_KEYS)
+    told = [[cell for cell in about.get(key, []) if cell] for key in NAME_KEYS]
     timeless |= clock is not None and any(1 < len(sources) == len(columns) for sources in told)
     channels = [i for i in columns if i not in (times or columns[: 0 if timeless else 1])]
+    better = better_names(about, labels, channels)
     units: dict[int, Unit] = {}
     unknown: dict[int, str] = {}
     for i in columns:
         text = units_of[i] if i < len(units_of) else ""
-        if text.lower() in _GENERIC and known_unit(text) is None:
-            text = _unit_of_channel(about, i, channels) if i in channels else _first(about, _TIME_UNIT_KEYS)
-        unit = known_unit(text) or unit_in_name(labels[i])
+        if text.lower() in GENERIC and known_unit(text) is None:
+            text = unit_of_one(about, (better.get(i, labels[i]), labels[i])) or unit_of_column(
+                about, i, channels, columns
+            )
+        below = [row[i] for row in passed if i < len(row) and unit_like(row[i])]
+        text = text if text or not below else below[0]
+        mine, named = known_unit(text), unit_in_name(labels[i])
+        if mine is not None and isinstance(named, Unit) and mine != named:
+            raise HeaderError(
+                f"gives column {labels[i][:40]} two units, one in its name and {text[:20]} in a row of its own. "
+                "Correct the header."
+            )
+        unit = mine or named
         if isinstance(unit, Unit):
             units[i] = unit
-        elif unit or text.lower() not in _GENERIC:
+        elif unit or text.strip("()[] ").lower() not in (*GENERIC, *NO_UNIT):
             unknown[i] = unit or text
-    for i, name in _better_names(about, labels, channels).items():
+    for i, name in better.items():
         labels[i] = name
     return Header(tuple(labels), units, unknown, clock, _style(about, title, units_of), times)
 
 
-def _is_paired(row: Sequence[str]) -> bool:
-    """Whether a row repeats its key before the value of each channel."""
-    return (
-        len(row) >= 4 and bool(row[0]) and row[0] == row[2] and not (row[1] and row[3] and row[1] == row[3] == row[0])
-    )
+def _names_and_units(
+    left: list[list[str]], count: int, width: int
+) -> tuple[list[list[str]], list[str], list[str], list[list[str]]]:
+    """Rows above the names, the names, their units, and rows below that are neither; no names if there are none."""
+
+    def tells(row: Sequence[str]) -> bool:
+        """Whether a row surely holds names: one of a time, or one with a unit."""
+        named = any(_TIME_WORD.search(cell) or isinstance(unit_in_name(cell), Unit) for cell in row)
+        return named and len(row) == width and _is_title(row, count) and not _is_entry(row, last=False)
+
+    above = list(left)
+    units_of = above.pop() if above and _is_unit_row(above[-1], below_names=len(above) > 1) else []
+    if (
+        above
+        and _is_title(above[-1], count)
+        and (units_of or tells(above[-1]) or not any(map(tells, left[-_UNIT_ROWS:])))
+    ):
+        title = above.pop()
+        if not units_of and above and len(above[-1]) == len(title) and _is_all_units(above[-1]):
+            units_of = above.pop()
+        return above, title, units_of, []
+    for k in range(1, min(_UNIT_ROWS, len(left))):  # rows that are not understood may stand below
+        title, passed = left[-1 - k], left[len(left) - k :]
+        if tells(title):
+            rows = [row for row in passed if _is_unit_row(row, below_names=True)]
+            return left[: -1 - k], title, rows[0] if rows else [], [row for row in passed if row not in rows[:1]]
+    return above, [], units_of, []
+
+
+def _is_all_units(row: Sequence[str]) -> bool:
+    return all(known_unit(cell) is not None or unit_like(cell) for cell in row if cell) and any(row)
+
+
+def _over_samples(names: list[str], columns: Sequence[int], width: int, counting: Sequence[int]) -> list[str]:
+    """The names at the places of the columns that hold samples.
+
+    Raises
+    ------
+    HeaderError
+        They stand elsewhere, and nothing tells which belongs to which.
+    """
+    filled = [name for name in names if name]
+    if not filled or all(i < len(names) and names[i] for i in columns):
+        return names
+    if len(filled) == len(columns):
+        placed = [""] * width
+        for i, name in zip(columns, filled, strict=True):
+            placed[i] = name
+        return placed
+    if len(filled) == len(columns) - 1 and filled == names[: len(filled)] and len(names) < width:
+        if columns[0] in counting:  # the numbers of the rows have no name
+            return ["row", *names]
+        raise HeaderError(
+            f"names {len(filled)} columns, {', '.join(filled)[:80]}, above {len(columns)} columns of numbers. Name "
+            "every column."
+        )
+    return names
 
 
 def _is_entry(row: Sequence[str], last: bool) -> bool:
@@ -156,76 +236,24 @@ def _is_entry(row: Sequence[str], last: bool) -> bool:
     cells = [cell for cell in row if cell]
     if any(_START.match(cell) or _INCREMENT.match(cell) for cell in cells) and not all("=" in cell for cell in cells):
         return False
-    if len(cells) == 1 or row[0].endswith((":", "=")) or row[0].strip(" \t:=").lower() in _KEYS:
+    if len(cells) == 1 or row[0].endswith((":", "=")) or is_key(row[0]):
         return True
-    if _is_paired(row):
+    if is_paired(row):
         return not (last and row[1] and row[3] and not any(map(is_number, cells)))
-    return all(_KEY_AND_VALUE.match(cell) for cell in cells)
+    found = [KEY_AND_VALUE.match(cell) for cell in cells]
+    return all(found) and not all(known_unit(one.group(2) or "") for one in found if one)
 
 
 def _is_title(row: Sequence[str], count: int) -> bool:
     """Whether a row names nearly as many columns as there are: no numbers, dates or entries."""
     cells = [cell for cell in row if cell]
-    if len(cells) < max(count - 1, 1) or row[0].strip(" \t:=").lower() in _KEYS or row[0].endswith((":", "=")):
+    if len(cells) < max(count - 1, 1) or is_key(row[0]) or row[0].endswith((":", "=")):
         return False
-    if any(_STAMP.match(cell) or re.search(r":\s*[-+.\d]", cell) for cell in cells):
+    if any(_STAMP.match(cell) for cell in cells) or re.search(r":\s*[-+.\d]", cells[0]):
         return False
     numbers = [cell for cell in cells if is_number(cell)]
-    return not numbers or (cells[0].lower() in ("x-axis", "x") and all(cell.isdigit() for cell in numbers))
-
-
-def _entries(rows: Sequence[Sequence[str]]) -> dict[str, list[str]]:
-    """Entries by their keys in lower case: cells at the places of the columns, the key's empty."""
-    about: dict[str, list[str]] = {}
-    for row in rows:
-        cells = [cell for cell in row if cell]
-        key = row[0].strip(" \t:=").lower()
-        if found := _KEY_AND_VALUE.match(cells[0]) if len(cells) == 1 or all("=" in cell for cell in cells) else None:
-            about.setdefault(found.group(1).strip().lower(), ["", found.group(2) or ""])
-        elif _is_paired(row):
-            about[key] = ["" if k % 2 == 0 else cell for k, cell in enumerate(row)]
-        else:
-            about.setdefault(key, ["", *row[1:]])
-    return about
-
-
-def _first(about: Mapping[str, list[str]], keys: Sequence[str]) -> str:
-    return next((cell for key in keys for cell in about.get(key, []) if cell), "")
-
-
-def _unit_of_channel(about: Mapping[str, list[str]], column: int, channels: Sequence[int]) -> str:
-    """Unit of a channel from an entry for all of them: at its place, or in their order."""
-    for key in _CHANNEL_UNIT_KEYS:
-        cells = [_NAME_AND_UNIT.sub(r"\1", cell) for cell in about.get(key, [])]
-        cells = [cell if known_unit(cell) else cell.partition(" (")[0] for cell in cells]
-        told = [cell for cell in cells if cell]
-        if not told:
-            continue
-        if all(len(cells) > i and cells[i] for i in channels):
-            return cells[column]
-        place = list(channels).index(column)
-        return told[place] if place < len(told) else ""
-    return ""
-
-
-def _better_names(about: Mapping[str, list[str]], labels: Sequence[str], channels: Sequence[int]) -> dict[int, str]:
-    """Names of channels from an entry for all of them, where their titles repeat or tell nothing."""
-    titles = [re.sub(r"\s*[(\[].*$", "", labels[i]).lower() for i in channels]
-    if not any(title in _GENERIC or title.startswith("column ") or titles.count(title) > 1 for title in titles):
-        return {}
-    numbered = {i: _first(about, [f"name{k}"]) for k, i in enumerate(channels)}
-    if all(numbered.values()):
-        return numbered
-    for key in _NAME_KEYS:
-        cells = about.get(key, [])
-        told = [cell for cell in cells if cell]
-        if len(told) == 1 and len(channels) > 1:
-            told = [part.strip() for part in re.sub(r"^\(.*?\):?", "", told[0]).split(",")]
-        placed = all(len(cells) > i and cells[i] for i in channels)
-        found = {i: cells[i] for i in channels} if placed else dict(zip(channels, told, strict=False))
-        if len(found) == len(channels) and len(set(found.values())) == len(found):
-            return found
-    return {i: f"column {i + 1}" for i, title in zip(channels, titles, strict=True) if titles.count(title) > 1}
+    timed = cells[0].lower() in ("x-axis", "x") or _TIME_WORD.search(cells[0]) is not None
+    return not numbers or (timed and all(cell.isdigit() for cell in numbers))
 
 
 def _is_unit_row(row: Sequence[str], below_names: bool) -> bool:
@@ -236,12 +264,18 @@ def _is_unit_row(row: Sequence[str], below_names: bool) -> bool:
     first = known_unit(words[0])
     timed = below_names and first is not None and first.base == "s"
     return all(
-        word.lower() in _GENERIC
+        word.lower() in GENERIC
         or known_unit(word) is not None
+        or (below_names and unit_like(word))
         or (word[0] in "([" and word[-1] in ")]")
         or (timed and len(word) <= 4)
         for word in words
-    ) and (first is not None or words[0].lower() in ("sequence", "ts") or words[0][0] in "([")
+    ) and (
+        first is not None
+        or words[0].lower() in ("sequence", "ts")
+        or words[0][0] in "(["
+        or (below_names and unit_like(words[0]))
+    )
 
 
 def _clock(names: Sequence[str], unit_row: Sequence[str]) -> tuple[tuple[float, float] | None, list[str]]:
@@ -257,56 +291,6 @@ def _clock(names: Sequence[str], unit_row: Sequence[str]) -> tuple[tuple[float, 
     if len(printed) == 2 and all(seconds(cell) is not None for cell in printed):
         return (seconds(printed[0]) or 0.0, seconds(printed[1]) or 0.0), channels
     return None, channels
-
-
-def stated_clock(about: Mapping[str, list[str]]) -> tuple[float, float] | None:
-    """Start and step in seconds if entries of a header state them.
-
-    Raises
-    ------
-    HeaderError
-        Channels have different intervals.
-    """
-    steps: set[float] = set()
-    start = 0.0
-    for entry, cells in about.items():
-        name, _, unit = entry.replace("[", "(").partition("(")
-        name, unit = name.strip(), unit.strip(" )]")
-        values = [cell.replace(",", ".") for cell in cells if cell]
-        if len(values) == 2 and is_number(values[0]) and not is_number(values[1]):
-            values = [" ".join(values)]  # the unit has a cell of its own
-        values = [f"{value} {unit}" if unit and is_number(value) else value for value in values]
-        read = hertz if _RATES.fullmatch(name) else seconds
-        if not all(read(value) is not None for value in values):
-            values = values[:1]
-        found = [value for one in values if (value := read(one)) is not None]
-        if _INTERVALS.fullmatch(name):
-            mine = {value for value in found if value > 0}
-        elif _RATES.fullmatch(name):
-            mine = {1 / value for value in found if value > 0}
-        else:
-            mine = set()
-            if _STARTS.fullmatch(name) and found:
-                start = found[0]
-        if len(mine) > 1 and max(mine) > 1.001 * min(mine):
-            raise HeaderError(
-                f"has channels with different sample intervals, {min(mine):.4g} s and {max(mine):.4g} s. Export drive "
-                "and sensor with the same."
-            )
-        steps |= mine
-    if not steps or max(steps) > 1.001 * min(steps):
-        return None
-    address = _first(about, ["trigger address"])
-    return start or (-float(address) * min(steps) if is_number(address) else 0.0), min(steps)
-
-
-def is_number(cell: str) -> bool:
-    """Whether a cell is a number."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def _style(about: Mapping[str, list[str]], names: Sequence[str], unit_row: Sequence[str]) -> str:

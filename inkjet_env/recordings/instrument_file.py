@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,16 +12,19 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.extras import extra
-from inkjet_env.recordings.header import Header, stated_clock
+from inkjet_env.recordings.header import Header
+from inkjet_env.recordings.header_entries import HeaderError, stated_clock
 from inkjet_env.recordings.recording import CampaignError
 from inkjet_env.recordings.sampling import last_digit
 from inkjet_env.recordings.sheet import Sheet, read_sheet
 from inkjet_env.recordings.table import Columns, read_columns, row_of_sample
 from inkjet_env.recordings.text_file import open_text
-from inkjet_env.recordings.units import Unit, unit_in_name
+from inkjet_env.recordings.units import Unit, known_unit, unit_in_name, unit_like
 from inkjet_env.typing import Real
 
 TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".gz")
+_UNIT_SUFFIX = re.compile(r"_([munk\u00b5]?s|[kMG]?Hz)$", re.IGNORECASE)
+"""Unit of a single number, such as ``dt_us``."""
 ARRAY_SUFFIXES = (".npz", ".npy", ".mat", ".h5", ".hdf5", ".parquet")
 
 
@@ -39,6 +43,8 @@ class Table(ABC):
         Row of the first sample, counted from 1.
     notes : tuple of str
         What was passed over, in sentences.
+    counting : tuple of int
+        Columns that count by one.
     """
 
     file: Path
@@ -46,6 +52,7 @@ class Table(ABC):
     header: Header
     first_row: int
     notes: tuple[str, ...]
+    counting: tuple[int, ...]
 
     @abstractmethod
     def read(self, wanted: Sequence[int]) -> list[Real]:
@@ -69,6 +76,7 @@ class TextTable(Table):
     def __post_init__(self) -> None:
         self.file, self.columns, self.header = self.sheet.layout.file.path, self.sheet.columns, self.sheet.header
         self.first_row, self.notes = self.sheet.layout.header_rows + 1, self.sheet.notes
+        self.counting = self.sheet.counting
         self._last_read: Columns | None = None
 
     def read(self, wanted: Sequence[int]) -> list[Real]:
@@ -89,19 +97,30 @@ class TextTable(Table):
 
 @dataclass
 class ArrayTable(Table):
-    """Arrays by name, of one length, and single numbers beside them, such as a sampling rate."""
+    """Arrays by name, of one length, single numbers beside them, such as a sampling rate, and units by array."""
 
     file: Path
     arrays: Mapping[str, Real]
     numbers: Mapping[str, float]
+    printed: Mapping[str, str]
 
     def __post_init__(self) -> None:
         self.columns, self.first_row, self.notes = tuple(range(len(self.arrays))), 1, ()
-        units = {i: unit for i, name in enumerate(self.arrays) if (unit := unit_in_name(name)) is not None}
-        clock = stated_clock({name.lower(): ["", f"{number:.17g}"] for name, number in self.numbers.items()})
-        known = {i: unit for i, unit in units.items() if isinstance(unit, Unit)}
-        unknown = {i: unit for i, unit in units.items() if isinstance(unit, str)}
-        self.header = Header(tuple(self.arrays), known, unknown, clock, self.file.suffix[1:])
+        self.counting = tuple(i for i, a in enumerate(self.arrays.values()) if a.size > 2 and (np.diff(a) == 1).all())
+        known: dict[int, Unit] = {}
+        unknown: dict[int, str] = {}
+        for i, name in enumerate(self.arrays):
+            text = self.printed.get(name, "")
+            unit = known_unit(text) or text or unit_in_name(name)
+            if isinstance(unit, Unit):
+                known[i] = unit
+            elif unit:
+                unknown[i] = unit
+        entries = {_UNIT_SUFFIX.sub(r" (\1)", name).lower(): ["", f"{x:.17g}"] for name, x in self.numbers.items()}
+        try:
+            self.header = Header(tuple(self.arrays), known, unknown, stated_clock(entries), self.file.suffix[1:])
+        except HeaderError as error:
+            raise CampaignError(f"{self.file}: {error}") from None
 
     def read(self, wanted: Sequence[int]) -> list[Real]:
         names = list(self.arrays)
@@ -132,26 +151,32 @@ def open_table(file: Path, settings: Path | None = None) -> Table:
     suffix = file.suffix.lower()
     if suffix not in ARRAY_SUFFIXES:
         return TextTable(read_sheet(open_text(file), None if settings is None else open_text(settings)))
+    units: Mapping[str, str] = {}
     reader = {".npz": _npz, ".npy": _npy, ".mat": _mat, ".h5": _hdf5, ".hdf5": _hdf5, ".parquet": _parquet}[suffix]
     try:
         found = reader(file)
+        units = _parquet_units(file) if suffix == ".parquet" else {}
     except (CampaignError, ImportError):
         raise
     except Exception as error:  # whatever a damaged file makes a reader raise
         reason = " ".join(str(error).split())[:160] or type(error).__name__
         raise CampaignError(f"{file}: cannot be read as {suffix}: {reason}. Export it again.") from None
-    return _array_table(file, found)
+    return _array_table(file, found, units)
 
 
-def _array_table(file: Path, found: Mapping[str, Any]) -> ArrayTable:
-    """Vectors, columns of matrices and single numbers among some variables."""
+def _array_table(file: Path, found: Mapping[str, Any], units: Mapping[str, str]) -> ArrayTable:
+    """Vectors, columns of matrices, single numbers and units among some variables."""
     arrays: dict[str, Real] = {}
     numbers: dict[str, float] = {}
+    whole, texts = True, dict(units)
     for given, value in found.items():
         name = "".join(letter if letter.isprintable() else "\ufffd" for letter in given)
         array = np.asarray(value)
+        if array.dtype.kind in "US" and array.size == 1:
+            texts[name] = str(array.reshape(-1)[0])
         if array.dtype.kind not in "fiub":
             continue
+        whole &= array.size == 1 or array.dtype.kind != "f" or name.lower().startswith("t")
         if array.size == 1:
             numbers[name] = float(array.reshape(-1)[0])
             continue
@@ -167,7 +192,19 @@ def _array_table(file: Path, found: Mapping[str, Any]) -> ArrayTable:
         raise CampaignError(f"{file}: its arrays must have one length; they have {sizes}. Save one recording a file.")
     if len(arrays) < 2 or max(lengths) < 2:
         raise CampaignError(f"{file}: holds no two arrays of at least two numbers. Save drive and sensor in it.")
-    return ArrayTable(file, arrays, numbers)
+    if whole and (factors := [name for name in numbers if re.fullmatch(r"scale|gain|.*factor|lsb.*", name.lower())]):
+        raise CampaignError(f"{file}: holds whole numbers and {factors[0]!r}, a factor. Save volts.")
+    printed = {}
+    for key, text in texts.items():
+        stem = re.sub(r"_?units?$", "", key, flags=re.IGNORECASE)
+        mine = [name for name in arrays if stem and name.lower() == stem.lower()]
+        if mine:
+            printed[mine[0]] = text
+        elif stem != key and (known_unit(text) or unit_like(text)):
+            raise CampaignError(
+                f"{file}: {key[:40]} = {text[:20]} belongs to no array. Put units behind names: drive_mV."
+            )
+    return ArrayTable(file, arrays, numbers, printed)
 
 
 def _column(values: Any) -> Real:
@@ -217,3 +254,15 @@ def _parquet(file: Path) -> Mapping[str, Any]:
         from pyarrow import parquet
     table = parquet.read_table(file)
     return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def _parquet_units(file: Path) -> Mapping[str, str]:
+    """Units in the fields' own metadata, by column."""
+    from pyarrow import parquet
+
+    found = {}
+    for field in parquet.read_schema(file):
+        for key, text in (field.metadata or {}).items():
+            if key.decode(errors="replace").lower() in ("unit", "units"):
+                found[field.name] = text.decode(errors="replace")
+    return found

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from inkjet_env.recordings.campaign import Campaign, Source
+from inkjet_env.recordings.clock import SAMPLE_NUMBERS, agreed_times, counted_times, refuse_other_times
 from inkjet_env.recordings.header import Header
 from inkjet_env.recordings.instrument_file import ARRAY_SUFFIXES, TEXT_SUFFIXES, Table, open_table
 from inkjet_env.recordings.recording import CampaignError, Recording
-from inkjet_env.recordings.roles import Roles, guessed_roles, is_position, named_roles
+from inkjet_env.recordings.roles import Roles, contradicted, guessed_roles, is_position, named_roles
 from inkjet_env.recordings.samples import Samples, uniform
 from inkjet_env.recordings.text_file import open_text
 from inkjet_env.typing import Real
@@ -31,8 +32,6 @@ _CHANNEL_TAG = re.compile(
 )
 SAME_TIME = 1e-3
 """Largest difference, in sampling steps, between the times of two files of one recording."""
-SAME_STEP = 0.01
-"""Largest relative difference between the step of a file's times and the interval that its header states."""
 
 
 def read_scope_folder(
@@ -53,6 +52,10 @@ def read_scope_folder(
         if path.suffix.lower() in TEXT_SUFFIXES + ARRAY_SUFFIXES and not path.name.startswith(".") and path.is_file()
     )
     tables, notes = _tables(files)
+    unread = sorted(p.name for p in folder.iterdir() if p.is_file() and p not in files and not p.name.startswith("."))
+    if unread:
+        more = f" and {len(unread) - 3} more" if len(unread) > 3 else ""
+        notes.append(f"{folder}: {', '.join(name[:40] for name in unread[:3])}{more} of another kind, not read.")
     if not tables:
         raise CampaignError(
             f"{folder}: holds no campaign: neither datapackage.json nor a *.csv or *.txt file. Check the folder's name."
@@ -138,7 +141,13 @@ def _tables(files: Sequence[Path]) -> tuple[dict[str, Table], list[str]]:
         if len(group) > 1 and len({tag for tag, _ in group}) == len(group):
             found[name] = JoinedTable(tuple(group))
         else:
-            found |= {_stem(table.file): table for _, table in group}
+            for _, table in group:
+                if (same := found.get(_stem(table.file))) is not None:
+                    raise CampaignError(
+                        f"{table.file}: it and {same.file.name} would be one recording, {_stem(table.file)}. Rename "
+                        "one, or take it out of the folder."
+                    )
+                found[_stem(table.file)] = table
     return dict(sorted(found.items(), key=lambda pair: pair[1].file)), notes
 
 
@@ -160,17 +169,19 @@ class JoinedTable(Table):
 
     def __post_init__(self) -> None:
         (_, first), *_ = self.parts
-        self.file, self.first_row = first.file, first.first_row
+        self.file, self.first_row, self.counting = first.file, first.first_row, ()
         self.notes = tuple(note for _, table in self.parts for note in table.notes)
         own = [table.columns[-1] for _, table in self.parts]
         clocks = {table.header.clock for _, table in self.parts}
         if len(clocks) > 1:
-            steps = ", ".join(
-                f"{table.file.name} {clock[1]:.4g} s" if (clock := table.header.clock) else f"{table.file.name} none"
+            stated = ", ".join(
+                f"{table.file.name} from {clock[0]:.9g} s every {clock[1]:.6g} s"
+                if (clock := table.header.clock)
+                else f"{table.file.name} none"
                 for _, table in self.parts
             )
             raise CampaignError(
-                f"{self.file}: the files {steps} state different sample intervals, so they are no one recording. "
+                f"{self.file}: the files state different times ({stated}), so they are no one recording. "
                 "Rename them, or put drive and sensor of one recording into one file."
             )
         timed = len(first.columns) > 1
@@ -259,6 +270,8 @@ def _samples(table: Table, roles: Roles, values: Mapping[int, Real], interval_s:
     header, names = table.header, table.header.names
     for role, i in roles.columns.items():
         _check_unit(table, role, i)
+    if why := contradicted(table, roles, values):
+        raise CampaignError(f"{table.file}: {why} Specify them with columns={{'drive': …, 'sensor': …}} (--columns).")
     arrays: dict[str, object] = {_ARRAYS[role]: values[i] for role, i in roles.columns.items() if role != "time"}
     unit = header.units.get(roles.columns["sensor"])
     sensor = names[roles.columns["sensor"]]
@@ -286,32 +299,17 @@ def _times(
     table: Table, roles: Roles, values: Mapping[int, Real], interval_s: float | None
 ) -> tuple[Real, tuple[str, ...]]:
     """Uniform times in seconds, and notes on how they were found."""
-    clock = table.header.clock if interval_s is None else (0.0, interval_s)
-    time, count = roles.columns.get("time"), len(next(iter(values.values())))
-    origin = "header" if interval_s is None else "user"
-    if time is None or roles.reasons["time"] == "sample numbers":
-        assert clock is not None  # otherwise there is a time
-        numbers = np.arange(count, dtype=np.float64) if time is None else values[time]
-        note = f"{table.file}: a sample every {clock[1]:.6g} s, as the {origin} states."
-        return _clock_times(table, clock, numbers), (note,)
-    if roles.reasons["time"].startswith("guessed") and count > 2 and (np.diff(values[time]) == 1).all():
-        raise CampaignError(
-            f"{table.file}: column {table.header.names[time][:40]} counts the samples; it is no time. Give interval_s= "
-            "(--interval on the command line), or name the column time if a sample is taken every second."
-        )
-    time_s, notes = uniform(table, time, values[time], table.header.units.get(time))
-    step_s = float(time_s[-1] - time_s[0]) / (count - 1)
-    if clock is not None and abs(step_s / clock[1] - 1) > SAME_STEP:
-        told = f"the times are {step_s:.4g} s apart, the {origin} states a sample every {clock[1]:.4g} s"
-        power = np.log10(step_s / clock[1]) / 3
-        in_another_unit = abs(power - round(power)) < 1e-3 and round(power) != 0
-        if in_another_unit and time not in table.header.units:
-            told = f"{told}; the times have no unit, so the interval that the {origin} states was taken"
-            return time_s * (clock[1] / step_s), (*notes, f"{table.file}: {told}.")
-        if interval_s is not None or in_another_unit:
-            raise CampaignError(f"{table.file}: {told}. Check the unit of the times.")
-        notes = (*notes, f"{table.file}: {told}; the times were taken.")
-    return time_s, notes
+    time, reason = roles.columns.get("time"), roles.reasons.get("time", "")
+    if time is None:
+        refuse_other_times(table, set(roles.columns.values()), interval_s)
+    some = next(iter(values.values())) if time is None else values[time]
+    if (counted := counted_times(table, time, reason, some, interval_s)) is not None:
+        return counted[0], (counted[1],)
+    assert time is not None
+    time_s, notes = uniform(table, time, some, table.header.units.get(time))
+    step_s = float(time_s[-1] - time_s[0]) / (some.size - 1)
+    time_s, more = agreed_times(table, time, time_s, step_s, interval_s)
+    return time_s, (*notes, *more)
 
 
 def _check_unit(table: Table, role: str, column: int) -> None:
@@ -319,7 +317,7 @@ def _check_unit(table: Table, role: str, column: int) -> None:
     if column in header.unknown:
         raise CampaignError(
             f"{table.file}: the unit {header.unknown[column][:20]!r} of column {name[:40]} is not known; s, V, um and "
-            "nm are, and ms, us, ns, mV, uV, kV, mm. Convert the column."
+            "nm are, and ms, us, ns, mV, uV, kV, mm. Write it so, or convert the column."
         )
     bases = ("s",) if role == "time" else _BASES[role]
     if column in header.units and header.units[column].base not in bases:
@@ -330,22 +328,9 @@ def _check_unit(table: Table, role: str, column: int) -> None:
 
 
 def _unit_note(table: Table, roles: Roles, role: str) -> str:
-    if roles.columns[role] in table.header.units or roles.reasons[role] == "sample numbers":
+    if roles.columns[role] in table.header.units or roles.reasons[role] == SAMPLE_NUMBERS:
         return ""
     return f", no unit given: taken as {'s' if role == 'time' else 'V'}"
-
-
-def _clock_times(table: Table, clock: tuple[float, float], numbers: Real) -> Real:
-    start_s, step_s = clock
-    if not (np.isfinite([start_s, step_s]).all() and step_s > 0):
-        raise CampaignError(f"{table.file}: the sample interval must be above 0 s; got {step_s:g} s. Check it.")
-    if not (np.diff(numbers) == 1).all():
-        k = int(np.argmin(np.diff(numbers) == 1))
-        raise CampaignError(
-            f"{table.file}: sample numbers must count up by one; got {numbers[k + 1]:g} after {numbers[k]:g}. "
-            "Samples are missing or doubled: export it again."
-        )
-    return start_s + step_s * numbers
 
 
 def _guessed_channel(name: str, unit: str) -> str | None:

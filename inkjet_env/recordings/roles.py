@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from inkjet_env.printhead import nearest_name
+from inkjet_env.recordings.clock import SAMPLE_NUMBERS
 from inkjet_env.recordings.header import INDICES
 from inkjet_env.recordings.instrument_file import Table
 from inkjet_env.recordings.recording import CampaignError, brief
@@ -19,13 +20,20 @@ ROLES = ("time", "drive", "sensor", "monitor", "neighbour")
 _NAMES = {
     "neighbour": (r"neighbou?r|adjacent",),
     "monitor": (r"monitor",),
-    "drive": (r"drive|awg|generator|wavegen|command|excitation|stimulus", r"\binput\b|_in$|^in$|^u\d?(?=$|[\s_(\[])"),
+    "drive": (
+        r"drive|awg|generator|wavegen|command|excitation|stimulus",
+        r"analog(ue)?[ _]*out|\bao[ _]?\d|\bdac\d?\b",
+        r"(?<!analog )(?<!analogue )\binput\b|_in$|^in$|^u\d?(?=$|[\s_(\[])",
+    ),
     "sensor": (
         r"sens|strain|displace|position|deflection|current|vibrom|interferom",
-        r"response|\boutput\b|_out$|^out$|^y\d?(?=$|[\s_(\[])",
+        r"analog(ue)?[ _]*in|\bai[ _]?\d|\badc\d?\b",
+        r"response|(?<!analog )(?<!analogue )\boutput\b|_out$|^out$|^y\d?(?=$|[\s_(\[])",
     ),
 }
-"""Names of columns by role, those that tell most first. The roles' order matters: "drive monitor" is a monitor."""
+"""Names of columns by role, those that tell most first. The roles' order matters: "drive monitor" is a monitor; and a
+data acquisition card's output drives the head, whose answer is its input."""
+_PAIR = re.compile(r"(^|[\s_(])(min|max)(imum)?(?=$|[\s_)(])", re.IGNORECASE)
 _POSITION = re.compile(r"position|displace", re.IGNORECASE)
 _VOLTAGE = re.compile(r"volt(age)?", re.IGNORECASE)
 _TIME = re.compile(r"^(time|second|x-axis|x_value)|\btime\b|_time\b|^[tx]\b|^t_", re.IGNORECASE)
@@ -101,6 +109,12 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
         time, reason = _time(table, free, interval_s, needed)
         if time is not None:
             roles["time"], reasons["time"] = time, reason
+    numbering = [
+        i for i in free if i in table.counting and (names[i].lower() in INDICES or names[i].startswith("column "))
+    ]
+    if "time" in roles and len(free) - len(numbering) >= 1 + sum(role not in roles for role in ("drive", "sensor")):
+        free = [i for i in free if i not in numbering]
+    _refuse_envelopes(table, free)
     seconds = [i for i in free if (unit := table.header.units.get(i)) is not None and unit.base == "s"]
     if "time" in roles:
         seconds += [i for i in free if names[i] == names[roles["time"]] and i not in seconds]
@@ -144,6 +158,46 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
     return Roles(roles, reasons, tuple(free) if missing else (), further)
 
 
+def _refuse_envelopes(table: Table, free: Sequence[int]) -> None:
+    """Raise an error if two columns are the least and the largest values of one channel."""
+    plain: dict[str, int] = {}
+    for i in free:
+        name = table.header.names[i]
+        bare = _PAIR.sub(r"\1", name)
+        if bare == name:
+            continue
+        if bare in plain:
+            raise CampaignError(
+                f"{table.file}: {table.header.names[plain[bare]][:40]} and {name[:40]} are the envelope of one "
+                "channel, not its samples. Export the samples."
+            )
+        plain[bare] = i
+
+
+def contradicted(table: Table, roles: Roles, values: Mapping[int, Real]) -> str:
+    """Why names that only say input and output may be meant the other way round; empty if they are not.
+
+    An amplifier's input is the small voltage of a generator, and its output drives the head.
+    """
+    pair = tuple(roles.columns.get(role, -1) for role in ("drive", "sensor"))
+    names, units = table.header.names, table.header.units
+    by_name = all(roles.reasons.get(role) == "by its name" for role in ("drive", "sensor"))
+    volts = all(i in units and units[i].base == "V" for i in pair)
+    stronger = any(
+        re.search(p, names[i], re.IGNORECASE) for i in pair for r in ("drive", "sensor") for p in _NAMES[r][:2]
+    )
+    if not (by_name and volts) or stronger:
+        return ""
+    drive, sensor = pair
+    first, second = (float(np.ptp(values[i])) for i in (drive, sensor))
+    if second < CLEARLY_LARGER * first:
+        return ""
+    return (
+        f"{names[drive][:40]} would be the drive by its name, yet {names[sensor][:40]} has the larger range, "
+        f"{second:.3g} V against {first:.3g} V: an amplifier's input and output?"
+    )
+
+
 def is_position(name: str) -> bool:
     """Whether the name of a column says that it is a position."""
     return _POSITION.search(name) is not None
@@ -157,8 +211,8 @@ def _named(role: str, names: Sequence[str], free: Sequence[int]) -> list[int]:
     return []
 
 
-def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | None, int]:
-    """Columns of the times, None if they are stated, and of the drive, in a file that may hold nothing else.
+def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | None, str, int]:
+    """Columns of the times, None if they are stated, how they are known, and the drive's, which may be the only one.
 
     Raises
     ------
@@ -167,7 +221,7 @@ def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | No
     """
     names = table.header.names
     free = [i for i in table.columns if not _PEAK_DETECT.search(names[i])]
-    time, _ = _time(table, free, interval_s, 1)
+    time, reason = _time(table, free, interval_s, 1)
     free = [i for i in free if i != time]
     claimed = [i for i in _named("drive", names, free) if i not in _named("monitor", names, free)]
     found = claimed or [i for i in free if _VOLTAGE.search(names[i])] or free
@@ -176,7 +230,7 @@ def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | No
         raise CampaignError(
             f"{table.file}: the column of the drive is unknown; it could be: {left}. Call one of them drive_V."
         )
-    return time, found[0]
+    return time, reason, found[0]
 
 
 def _time(table: Table, free: Sequence[int], interval_s: float | None, needed: int) -> tuple[int | None, str]:
@@ -192,13 +246,13 @@ def _time(table: Table, free: Sequence[int], interval_s: float | None, needed: i
     if table.header.times and table.header.times[0] in free:
         return table.header.times[0], "by its place"
     first = free[0] if free else None
-    if first is not None and (_FREQUENCY.search(names[first]) or "Hz" in table.header.unknown.get(first, "")):
+    if first == table.columns[0] and (_FREQUENCY.search(names[first]) or "Hz" in table.header.unknown.get(first, "")):
         raise CampaignError(
             f"{table.file}: is a spectrum: its first column is {names[first][:40]}. Export the samples over time."
         )
     numbered = [i for i in free if names[i].lower() in INDICES]
     if stated and numbered:
-        return numbered[0], "sample numbers"
+        return numbered[0], SAMPLE_NUMBERS
     found = [i for i in free if _TIME.search(names[i]) and i not in units and i not in table.header.unknown]
     if found:
         return found[0], "by its name"

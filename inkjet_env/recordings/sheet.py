@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from inkjet_env.recordings.header import Header, HeaderError, is_number, read_header
+from inkjet_env.recordings.header import Header, read_header
+from inkjet_env.recordings.header_entries import HeaderError, is_number
 from inkjet_env.recordings.recording import CampaignError
 from inkjet_env.recordings.table import Layout, split_cells, without_remark
 from inkjet_env.recordings.text_file import TextFile
+from inkjet_env.recordings.units import known_unit
 
 DELIMITERS = ("\t", ";", ",", " ")
 _NO_VALUE = {
@@ -20,6 +23,8 @@ _NO_VALUE = {
 """Cells of a sample that an instrument did not take or that was out of its range, in lower case."""
 _BESIDE_NUMBERS = re.compile(r"0x[0-9A-Fa-f]+$|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[ T]\d|\d{1,2}:\d\d:\d\d")
 """Cells that may stand among the numbers of a sample: digital channels, dates and times of day."""
+NAME_ROWS = 3
+"""Number of rows above samples that blanks separate which may hold names and units."""
 _OUT_OF_RANGE = 9.8e37
 """Least magnitude of the numbers that stand for no value in instruments' replies."""
 
@@ -38,12 +43,15 @@ class Sheet:
         Names, units and clock.
     notes : tuple of str
         What was passed over, in sentences.
+    counting : tuple of int
+        Columns that count by one.
     """
 
     layout: Layout
     columns: tuple[int, ...]
     header: Header
     notes: tuple[str, ...] = ()
+    counting: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,12 +90,13 @@ def read_sheet(text: TextFile, settings: TextFile | None = None) -> Sheet:
         raise _no_samples(text)
     delimiter = "\t" if run.delimiter == " " else run.delimiter  # words of a header are no cells
     above = [split_cells(line, delimiter) for line in text.start[: run.rows[0]]]
-    if run.delimiter == " " and above and len(above[-1][0].lstrip("#% ").split()) == width:
-        above[-1] = above[-1][0].lstrip("#% ").split()
+    if run.delimiter == " ":
+        above = [*above[:-NAME_ROWS], *(_blank_aligned(row, width) for row in above[-NAME_ROWS:])]
     rows, cells = list(run.rows), list(run.cells)
-    while above and _is_beside(above[-1], columns, width, run.decimal):
+    while above and (_is_beside(above[-1], columns, width, run.decimal) or _has_gaps(above[-1], columns, run)):
         rows.insert(0, rows[0] - 1)
         cells.insert(0, tuple(above.pop()))
+    _check_thousands(text, run, columns)
     if columns[0] > 0:  # a header may stand beside the samples
         lines = [split_cells(line, delimiter) for line in text.start[rows[0] : rows[-1] + 1]]
         beside = [line[: columns[0]] for line in lines if _is_beside(line, columns, width, run.decimal)]
@@ -96,7 +105,8 @@ def read_sheet(text: TextFile, settings: TextFile | None = None) -> Sheet:
     if settings is not None:
         beside += [split_cells(line, ":") for line in settings.start]
     try:
-        header = read_header(above, columns, width, beside)
+        counting, whole_numbers = _counts(run, columns)
+        header = read_header(above, columns, width, beside, run.decimal, counting, whole_numbers)
     except HeaderError as error:
         raise CampaignError(f"{text.path}: {error}") from None
     whole = [all(_value(row[i], run.decimal) is not None for i in columns) for row in cells]
@@ -106,12 +116,64 @@ def read_sheet(text: TextFile, settings: TextFile | None = None) -> Sheet:
     if skipped:
         told = f"row {rows[0] + 1}" if skipped == 1 else f"rows {rows[0] + 1} to {rows[skipped - 1] + 1}"
         notes = (f"{text.path}: {told} at the start hold no value in some column and were passed over.",)
-    return Sheet(layout, columns, header, notes)
+    return Sheet(layout, columns, header, notes, tuple(counting))
 
 
 def _is_beside(row: Sequence[str], columns: Sequence[int], width: int, decimal: str) -> bool:
     """Whether a row holds numbers in the columns of samples, and an entry of the header before them."""
     return columns[0] > 0 and len(row) == width and all(_value(row[i], decimal) is not None for i in columns)
+
+
+def _has_gaps(row: Sequence[str], columns: Sequence[int], run: _Run) -> bool:
+    """Whether a row is a sample whose later cells hold no value, by whatever mark: only its time is a number."""
+    first = columns[0]
+    return (
+        len(row) == len(run.cells[0])
+        and _value(row[first], run.decimal) is not None
+        and not any(known_unit(row[i]) for i in columns[1:])
+        and len(columns) > 1
+    )
+
+
+def _blank_aligned(row: Sequence[str], width: int) -> list[str]:
+    """Cells of a header's row above columns that blanks separate; unchanged if it is none."""
+    text = row[0].lstrip("#% ")
+    if len(row) > 1 or "=" in text or re.search(r":\s", text):
+        return list(row)
+    for cells in (text.split(), re.split(r"\s{2,}", text), re.findall(r"\S+(?:\s+[\[(][^\])]*[\])])?", text)):
+        if len(cells) == width:
+            return cells
+    return list(row)
+
+
+def _counts(run: _Run, columns: Sequence[int]) -> tuple[list[int], list[int]]:
+    """Columns that count by one, and columns of whole numbers."""
+    counting, whole = [], []
+    for i in columns:
+        values = [value for row in run.cells if (value := _value(row[i], run.decimal)) is not None]
+        if all(value == int(value) for value in values):
+            whole.append(i)
+            if len(values) > 2 and all(b - a == 1 for a, b in itertools.pairwise(values)):
+                counting.append(i)
+    return counting, whole
+
+
+def _check_thousands(text: TextFile, run: _Run, columns: Sequence[int]) -> None:
+    """Raise an error if a mark in some numbers may separate thousands."""
+    for i in columns:
+        cells = [row[i] for row in run.cells]
+        marked = [k for k, cell in enumerate(cells) if re.search(r"[.,]", cell)]
+        plain = [cell for cell in cells if re.fullmatch(r"[-+]?\d{1,3}", cell)]
+        if (
+            marked
+            and len(marked) + len(plain) == len(cells)
+            and any(len(cell.lstrip("+-")) == 3 for cell in plain)
+            and all(re.fullmatch(r"[-+]?[1-9]\d{0,2}[.,]\d{3}", cells[k]) for k in marked)
+        ):
+            raise CampaignError(
+                f"{text.path}, row {run.rows[marked[0]] + 1}: {cells[marked[0]]} among whole numbers may be "
+                f"{cells[marked[0]].replace(',', '').replace('.', '')} with a mark for thousands. Export it without."
+            )
 
 
 def _longest_run(lines: Sequence[str], delimiter: str) -> _Run | None:
@@ -171,13 +233,18 @@ def _value(cell: str, decimal: str) -> float | None:
 def _no_samples(text: TextFile) -> CampaignError:
     timed = any(cell.count(":") == 2 for line in text.start[-3:] for cell in split_cells(line, ",")[:1])
     single = sum(is_number(line.strip()) for line in text.start)
+    worded = [re.split(r"[,;\t]", line) for line in text.start[-20:]]
+    worded = [cells for cells in worded if sum(is_number(cell.strip()) for cell in cells) > 1]
     if timed:
         hint = "Write the times in seconds"
     elif single > len(text.start) / 2:
         hint = "Most rows hold one number: write time, drive and sensor beside each other, one column each"
+    elif len(worded) > 10:
+        words = next((cell.strip() for cell in worded[0] if not is_number(cell.strip())), "")
+        hint = f"Its rows hold {words[:20]!r} beside numbers: remove that column"
     else:
         hint = "Export it as CSV, with comma, semicolon or tab between columns"
     return CampaignError(
-        f"{text.path}: holds no row of at least two numbers in its first {len(text.start)} rows. {hint}, or take it "
-        "out of the folder."
+        f"{text.path}: holds no row of numbers, at least two and nothing else, in its first {len(text.start)} rows. "
+        f"{hint}, or take it out of the folder."
     )

@@ -161,7 +161,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     if delimiter == " ":
         return line.replace('"', "").split() or [""]
     try:
-        cells = next(csv.reader([line], delimiter=delimiter), []) or [""]
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []) or [""]
     except csv.Error:
         cells = line.split(delimiter)
     return [cell.strip() for cell in cells]

@@ -132,7 +132,7 @@ BAD_WAVEFORM = [
     (["--waveform", *OPTIMUM, "--json", "nowhere/a.json"], "nowhere must be a writable folder"),
     (["--waveform", *OPTIMUM, "--out", "/proc/a.csv"], "/proc must be a writable folder"),
     (["--waveform", *OPTIMUM, "--wave"], "No such option: --wave"),
-    (["--drive", "none.csv"], "none.csv: cannot be read: No such file"),
+    (["--drive", "none.csv"], "none.csv: must be a file; there is none"),
     (["--waveform", *OPTIMUM, "--window", "350"], "at most 0.01 s, or infinite; got 350.*350 µs is 350e-6"),
     (["--waveform", *OPTIMUM, "--cost-a", "1e308"], "A must be a number within"),
 ]

@@ -76,7 +76,7 @@ def test_one_percent_of_a_step_is_uniform_and_two_are_not():
         ({"initial_state": "demagnetized"}, "Did you mean 'demagnetised'"),
         ({"unit": "mV"}, "unit must be one of V, um, nm"),
         ({"excitation": 3}, "excitation must be a string"),
-        ({"order": 0}, "order must be a whole number from 1 on"),
+        ({"order": 0}, "order must be a whole number from 1 to 1,000,000"),
         ({"order": True}, "order must be"),
         ({"order": 1.5}, "order must be"),
         ({"repeat_of": 1}, "repeat_of must be"),

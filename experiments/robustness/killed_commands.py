@@ -1,6 +1,6 @@
 """Whether a command that is killed at random, and started again, ends as one that was left alone.
 
-``python -m inkjet_env.experiments.validation.killed_commands optimize --kills 20``
+``python -m inkjet_env.experiments.robustness.killed_commands optimize --kills 20``
 
 The command runs once undisturbed. Then it is killed with SIGKILL after a random part of its time and started again, so
 often, and let run to its end. Every file that it wrote must then hold the same, but for times, and no process of it
@@ -214,7 +214,7 @@ def _tell(name: str, text: str) -> None:
 
 def main() -> int:
     """Kill commands; the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m inkjet_env.experiments.validation.killed_commands")
+    parser = argparse.ArgumentParser(prog="python -m inkjet_env.experiments.robustness.killed_commands")
     parser.add_argument("commands", nargs="*", default=[*COMMANDS], choices=[[], *COMMANDS], metavar="COMMAND")
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from inkjet_env.experiments.validation import mutated_inputs
-from inkjet_env.experiments.validation.mutated_inputs import KINDS, Kind, is_plain, outcome_of
+from inkjet_env.experiments.robustness import mutated_inputs
+from inkjet_env.experiments.robustness.mutated_inputs import KINDS, Kind, is_plain, outcome_of
 
 
 @pytest.mark.parametrize(("kind", "count"), [("campaign", 120), ("drive", 60), ("printhead", 25), ("record", 40)])

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from inkjet_env.experiments.validation import killed_commands
-from inkjet_env.experiments.validation.killed_commands import COMMANDS, Killed, contents, killed_after, tried
+from inkjet_env.experiments.robustness import killed_commands
+from inkjet_env.experiments.robustness.killed_commands import COMMANDS, Killed, contents, killed_after, tried
 
 SMALL = Killed(
     ("optimize", "--budget", "60000", "--optimizer", "cma-es", "--out", "best.csv", "--json", "best.json"),

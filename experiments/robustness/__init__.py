@@ -1,0 +1,1 @@
+"""Studies of the commands' behaviour: files that are damaged, and commands that are killed."""
