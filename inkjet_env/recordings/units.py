@@ -27,7 +27,11 @@ class Unit:
 
     def to_base(self, values: Real) -> Real:
         """Values in ``base``, same shape; the same array if there is nothing to convert."""
-        return values if self.times == self.over else values * self.times / self.over
+        if self.times == self.over:
+            return values
+        converted: Real = values * self.times / self.over
+        converted.flags.writeable = False
+        return converted
 
 
 _SECOND, _MINUTE, _VOLT, _MICROMETRE, _NANOMETRE = Unit("s"), Unit("s", times=60.0), Unit("V"), Unit("um"), Unit("nm")
