@@ -78,7 +78,7 @@ def _columns(table: Table, interval_s: float | None) -> tuple[Real, Real, tuple[
     header, names = table.header, table.header.names
     for role, i, bases in (("time", time, ("s",)), ("drive", drive, ("V",))):
         if i is not None and (i in header.unknown or (i in header.units and header.units[i].base not in bases)):
-            unit = header.unknown.get(i) or header.units[i].base
+            unit = header.unknown[i] or "no unit" if i in header.unknown else header.units[i].base
             raise CampaignError(
                 f"{table.file}: the {role} must be in {bases[0]}; column {names[i][:40]} is in {unit[:20]}. Convert it."
             )

@@ -34,12 +34,23 @@ from inkjet_env.recordings.header_entries import (
     unit_of_column,
     unit_of_one,
 )  # fmt: skip
-from inkjet_env.recordings.units import NO_UNIT, Unit, known_unit, seconds, unit_in_name, unit_like
+from inkjet_env.recordings.units import NO_UNIT, Unit, known_unit, other_unit, seconds, unit_in_name, unit_like
 
 _START = re.compile(r"^t0\s*=\s*(\S+)$", re.IGNORECASE)
 _INCREMENT = re.compile(r"^tInc\s*=\s*(\S+)$", re.IGNORECASE)
+_SCALE = re.compile(r"vertical[ _]?scale|v(olts?)?[ _]?(/|per)[ _]?div(ision)?", re.IGNORECASE)
+MOST_DIVISIONS = 12
+"""Number of divisions beyond which samples are no volts."""
 _RULE = re.compile(r"[-=_.*~ ]{2,}")
 _TIME_WORD = re.compile(r"time|^t\b|second", re.IGNORECASE)
+_SETTINGS = re.compile(
+    r"scale|div|offset|position|level|range|delay|trig|coupl|bandwidth|imped|probe|skew|interval|period|rate|resol|incr"
+    r"|duration|length|\bt0\b|\bdt\b|start|origin|date|version|noise|cursor|measure",
+    re.IGNORECASE,
+)
+"""Words of entries whose units are those of a setting."""
+_LEFT = re.compile(r"(?:\bin |(?<!\d)[:=(\[,]\s*)([^\W\d_]{2,12})\s*(?=$|[)\],;])")
+"""A word that may be a unit, in brackets, after "in" or alone behind a mark."""
 _UNIT_ROWS = 6
 """Number of rows that may stand between the names and the samples."""
 _STATISTICS = {"smp", "avg", "max", "min", "std", ""}
@@ -47,7 +58,7 @@ _STATISTICS = {"smp", "avg", "max", "min", "std", ""}
 _STAMP = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d(:\d\d)?")
 INDICES = {
     "x", "sequence", "index", "idx", "sample", "samples", "sample number", "no", "no.", "nr", "#", "n", "point",
-    "record", "row",
+    "record", "row", "xpos", "i",
 }  # fmt: skip
 """Names of a column that numbers the samples."""
 
@@ -88,6 +99,7 @@ def read_header(
     decimal: str = ".",
     counting: Sequence[int] = (),
     whole: Sequence[int] = (),
+    largest: Mapping[int, float] | None = None,
 ) -> Header:
     """Understand the rows of cells above the samples.
 
@@ -108,6 +120,8 @@ def read_header(
         Decimal sign of the samples.
     counting, whole : sequence of int
         Columns that count by one, and columns of whole numbers.
+    largest : mapping of int to float, optional
+        Largest magnitude in each column.
 
     Raises
     ------
@@ -115,6 +129,7 @@ def read_header(
         Channels with different sample intervals, units that contradict each other, names that do not stand over the
         samples, or samples that are no measured values.
     """
+    largest = largest or {}
     left = [row for cells in rows if any(row := [cell.lstrip("#%; ").strip() for cell in cells])]
     left = [row for row in left if not all(_RULE.fullmatch(cell) or not cell for cell in row)]
     while left and all(cell.lower() in _STATISTICS for cell in left[-1]):
@@ -137,6 +152,13 @@ def read_header(
     clock = clock or stated_clock(about, decimal)
     if (title and clock is None) or len(names) == len(title):
         names = _over_samples(names, columns, width, counting)
+    largest_count = max((abs(value) for i, value in largest.items() if i in whole), default=0.0)
+    scales = [float(cell) for key, cells in about.items() if _SCALE.fullmatch(key) for cell in cells if is_number(cell)]
+    if scales and set(columns) <= {*whole, *columns[:1]} and largest_count > MOST_DIVISIONS * max(scales):
+        raise HeaderError(
+            f"holds whole numbers up to {largest_count:g}, though a division is {max(scales):g} V: the converter's "
+            "counts, not volts. Export volts."
+        )
     labels = [names[i] if i < len(names) and names[i] else f"column {i + 1}" for i in range(width)]
     pairs = (title and is_paired(title)) or (not title and any(is_paired(row) for row in [*left, *entries]))
     times = tuple(columns[::2]) if pairs else ()
@@ -145,7 +167,7 @@ def read_header(
     told = [[cell for cell in about.get(key, []) if cell] for key in NAME_KEYS]
     timeless |= clock is not None and any(1 < len(sources) == len(columns) for sources in told)
     channels = [i for i in columns if i not in (times or columns[: 0 if timeless else 1])]
-    better = better_names(about, labels, channels)
+    better = better_names(about, labels, channels, columns)
     units: dict[int, Unit] = {}
     unknown: dict[int, str] = {}
     for i in columns:
@@ -167,9 +189,31 @@ def read_header(
             units[i] = unit
         elif unit or text.strip("()[] ").lower() not in (*GENERIC, *NO_UNIT):
             unknown[i] = unit or text
+    without = [i for i in columns if i not in units and i not in unknown]
+    for text, base in _units_left([*left, *passed, *entries]) if without else ():
+        for i in without:
+            if (i in channels) == (base != "s"):
+                unknown.setdefault(i, text)
+    if units_of and any(i in units for i in channels):
+        for i in without:
+            if i in channels and (i >= len(units_of) or not units_of[i]):
+                unknown.setdefault(i, "")
     for i, name in better.items():
         labels[i] = name
     return Header(tuple(labels), units, unknown, clock, _style(about, title, units_of), times)
+
+
+def _units_left(rows: Sequence[Sequence[str]]) -> list[tuple[str, str]]:
+    """Units, with their base, in rows that are neither names nor their units, where they may be meant for columns."""
+    found = []
+    for row in rows:
+        text = ", ".join(cell for cell in row if cell)
+        if not _SETTINGS.search(text):
+            for word in _LEFT.findall(text):
+                unit = known_unit(word)
+                if unit is not None and unit.times != unit.over:
+                    found.append((word, unit.base))
+    return found
 
 
 def _names_and_units(
@@ -213,7 +257,12 @@ def _over_samples(names: list[str], columns: Sequence[int], width: int, counting
     HeaderError
         They stand elsewhere, and nothing tells which belongs to which.
     """
-    filled = [name for name in names if name]
+    filled = [name for name in names if name and name.lower() not in ("comment", "comments", "remark")]
+    if len(filled) > width:
+        raise HeaderError(
+            f"names {len(filled)} columns, {', '.join(filled)[:80]}, above {width} columns. Put names that hold a "
+            "delimiter into quotes, or name each column once."
+        )
     if not filled or all(i < len(names) and names[i] for i in columns):
         return names
     if len(filled) == len(columns):
@@ -236,6 +285,8 @@ def _is_entry(row: Sequence[str], last: bool) -> bool:
     cells = [cell for cell in row if cell]
     if any(_START.match(cell) or _INCREMENT.match(cell) for cell in cells) and not all("=" in cell for cell in cells):
         return False
+    if _names_units(row) or (len(cells) == 1 and len(row) > 1 and known_unit(cells[0])):
+        return False
     if len(cells) == 1 or row[0].endswith((":", "=")) or is_key(row[0]):
         return True
     if is_paired(row):
@@ -244,9 +295,18 @@ def _is_entry(row: Sequence[str], last: bool) -> bool:
     return all(found) and not all(known_unit(one.group(2) or "") for one in found if one)
 
 
+def _names_units(row: Sequence[str]) -> bool:
+    """Whether two cells or more are names with units, so that whatever the others are, the row holds names."""
+    return (
+        sum(known_unit(cell) is None and "=" not in cell and isinstance(unit_in_name(cell), Unit) for cell in row) > 1
+    )
+
+
 def _is_title(row: Sequence[str], count: int) -> bool:
     """Whether a row names nearly as many columns as there are: no numbers, dates or entries."""
     cells = [cell for cell in row if cell]
+    if _names_units(row) and len(cells) >= count - 1:
+        return True
     if len(cells) < max(count - 1, 1) or is_key(row[0]) or row[0].endswith((":", "=")):
         return False
     if any(_STAMP.match(cell) for cell in cells) or re.search(r":\s*[-+.\d]", cells[0]):
@@ -257,7 +317,7 @@ def _is_title(row: Sequence[str], count: int) -> bool:
 
 
 def _is_unit_row(row: Sequence[str], below_names: bool) -> bool:
-    """Whether the cells of a row are units; below names that start with a time, unknown short words count too."""
+    """Whether the cells of a row are units; below names, units of any quantity and unknown short words count too."""
     words = [cell for cell in row if cell and not is_number(cell)]
     if not words:
         return False
@@ -266,7 +326,7 @@ def _is_unit_row(row: Sequence[str], below_names: bool) -> bool:
     return all(
         word.lower() in GENERIC
         or known_unit(word) is not None
-        or (below_names and unit_like(word))
+        or (below_names and (unit_like(word) or other_unit(word)))
         or (word[0] in "([" and word[-1] in ")]")
         or (timed and len(word) <= 4)
         for word in words
@@ -274,7 +334,7 @@ def _is_unit_row(row: Sequence[str], below_names: bool) -> bool:
         first is not None
         or words[0].lower() in ("sequence", "ts")
         or words[0][0] in "(["
-        or (below_names and unit_like(words[0]))
+        or (below_names and (unit_like(words[0]) or other_unit(words[0])))
     )
 
 

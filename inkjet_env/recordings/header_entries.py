@@ -33,7 +33,7 @@ FACTORS = re.compile(
     r"|volts?[ _/]*(per[ _]*)?(bit|count|lsb)"
 )
 """Entries with the factor from a converter's counts to volts."""
-LONGEST_BARE_S = 10.0
+LONGEST_BARE_S = 1.0
 """Sample interval from which a number without a unit is not taken as seconds."""
 GENERIC = {"value", "values", "ampl", "amplitude", "data", "sequence", "level", "vol.", "voltage", "*", "ts", "rn", ""}
 """Names and units that tell nothing of a channel."""
@@ -65,14 +65,23 @@ def entries_of(rows: Sequence[Sequence[str]]) -> dict[str, list[str]]:
         cells = [cell for cell in row if cell]
         key = row[0].strip(" \t:=").lower()
         if found := KEY_AND_VALUE.match(cells[0]) if len(cells) == 1 or all("=" in cell for cell in cells) else None:
-            about.setdefault(found.group(1).strip().lower(), ["", found.group(2) or ""])
+            _keep(about, found.group(1).strip().lower(), ["", found.group(2) or ""])
         elif (found := KEY_AND_VALUE.match(cells[0])) and is_key(found.group(1)):
             about.setdefault(found.group(1).strip().lower(), ["", found.group(2) or "", *row[1:]])
         elif is_paired(row):
             about[key] = ["" if k % 2 == 0 else cell for k, cell in enumerate(row)]
         else:
-            about.setdefault(key, ["", *row[1:]])
+            _keep(about, key, ["", *row[1:]])
     return about
+
+
+def _keep(about: dict[str, list[str]], key: str, cells: list[str]) -> None:
+    """Keep an entry; the first of those with one key, but a clock must not be stated twice with different numbers."""
+    clock = _INTERVALS.fullmatch(key) or _RATES.fullmatch(key)
+    if clock and about.get(key, cells) != cells:
+        told = " and ".join(next(filter(None, one), "") for one in (about[key], cells))
+        raise HeaderError(f"states {key} twice, {told}. Remove one.")
+    about.setdefault(key, cells)
 
 
 def _first(about: Mapping[str, list[str]], keys: re.Pattern[str]) -> str:
@@ -105,14 +114,17 @@ def unit_of_column(about: Mapping[str, list[str]], column: int, channels: Sequen
         if all(len(cells) > i and cells[i] for i in channels):
             return cells[column]
         place = list(channels).index(column)
-        return told[place] if place < len(told) else ""
+        return told[0] if len(told) == 1 else told[place] if place < len(told) else ""
     return "" if column in channels else _first(about, _TIME_UNIT_KEY)
 
 
-def better_names(about: Mapping[str, list[str]], labels: Sequence[str], channels: Sequence[int]) -> dict[int, str]:
+def better_names(
+    about: Mapping[str, list[str]], labels: Sequence[str], channels: Sequence[int], columns: Sequence[int]
+) -> dict[int, str]:
     """Names of channels from an entry for all of them, where their titles repeat or tell nothing."""
-    titles = [re.sub(r"\s*[(\[].*$", "", labels[i]).lower() for i in channels]
-    if not any(title in GENERIC or title.startswith("column ") or titles.count(title) > 1 for title in titles):
+    titles = [labels[i].lower() for i in channels]
+    bare = [re.sub(r"\s*[(\[].*$", "", title) for title in titles]
+    if not any(t in GENERIC or t.startswith("column ") for t in bare) and len(set(titles)) == len(titles):
         return {}
     numbered = {i: next(filter(None, about.get(f"name{k}", [])), "") for k, i in enumerate(channels)}
     if all(numbered.values()):
@@ -123,6 +135,8 @@ def better_names(about: Mapping[str, list[str]], labels: Sequence[str], channels
         if len(told) == 1 and len(channels) > 1:
             told = [part.strip() for part in re.sub(r"^\(.*?\):?", "", told[0]).split(",")]
         placed = all(len(cells) > i and cells[i] for i in channels)
+        if len(told) == len(columns) > len(channels):  # the times' too
+            placed, told = False, told[len(columns) - len(channels) :]
         found = {i: cells[i] for i in channels} if placed else dict(zip(channels, told, strict=False))
         if len(found) == len(channels) and len(set(found.values())) == len(found):
             return found
@@ -150,8 +164,10 @@ def stated_clock(about: Mapping[str, list[str]], decimal: str = ".") -> tuple[fl
                         "Write it without."
                     )
         values = [cell.replace(",", ".") for cell in cells if cell]
-        if len(values) == 2 and is_number(values[0]) and not is_number(values[1]):
-            values = [" ".join(values)]  # the unit has a cell of its own
+        if len(values) % 2 == 0 and all(is_number(a) and not is_number(b) for a, b in _pairs(values)):
+            values = [" ".join(pair) for pair in _pairs(values)]  # the units have cells of their own
+        if _RATES.fullmatch(name) and (key_unit := re.search(r"([kM]?)hz$", name, re.IGNORECASE)):
+            values = [f"{value} {key_unit.group()}" if is_number(value) else value for value in values]
         values = [f"{value} {unit}" if unit and is_number(value) else value for value in values]
         read = hertz if _RATES.fullmatch(name) else seconds
         if not all(read(value) is not None for value in values):
@@ -179,6 +195,10 @@ def stated_clock(about: Mapping[str, list[str]], decimal: str = ".") -> tuple[fl
         return None
     address = next(filter(None, about.get("trigger address", [])), "")
     return start or (-float(address) * min(steps) if is_number(address) else 0.0), min(steps)
+
+
+def _pairs(values: Sequence[str]) -> list[tuple[str, str]]:
+    return list(zip(values[::2], values[1::2], strict=True))
 
 
 def is_number(cell: str) -> bool:

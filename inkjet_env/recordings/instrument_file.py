@@ -25,6 +25,10 @@ from inkjet_env.typing import Real
 TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".gz")
 _UNIT_SUFFIX = re.compile(r"_([munk\u00b5]?s|[kMG]?Hz)$", re.IGNORECASE)
 """Unit of a single number, such as ``dt_us``."""
+_UNIT_IN_TEXT = re.compile(r"[(\[\"' ]([mun\u00b5]s|[mu\u00b5k]V)[)\]\"' ,]")
+"""A unit in a text, other than seconds and volts."""
+_FACTORS = re.compile(r"scale|gain|factor|lsb|per_?(count|bit)|resolution|_to_(volt|v)|bits|range", re.IGNORECASE)
+"""Names of single numbers that turn counts into volts."""
 ARRAY_SUFFIXES = (".npz", ".npy", ".mat", ".h5", ".hdf5", ".parquet")
 
 
@@ -111,7 +115,10 @@ class ArrayTable(Table):
         unknown: dict[int, str] = {}
         for i, name in enumerate(self.arrays):
             text = self.printed.get(name, "")
-            unit = known_unit(text) or text or unit_in_name(name)
+            named = unit_in_name(name)
+            unit = known_unit(text) or text or named
+            if text and isinstance(named, Unit) and unit != named:
+                raise CampaignError(f"{self.file}: {name[:40]} has another unit beside it, {text[:20]}. Correct one.")
             if isinstance(unit, Unit):
                 known[i] = unit
             elif unit:
@@ -172,11 +179,17 @@ def _array_table(file: Path, found: Mapping[str, Any], units: Mapping[str, str])
     for given, value in found.items():
         name = "".join(letter if letter.isprintable() else "\ufffd" for letter in given)
         array = np.asarray(value)
-        if array.dtype.kind in "US" and array.size == 1:
-            texts[name] = str(array.reshape(-1)[0])
+        if array.dtype.kind in "USO":
+            told = [str(text) for text in array.reshape(-1).tolist()]
+            if array.size == 1:
+                texts[name] = told[0]
+            elif any(unit_like(text) or unit_in_name(text) for text in told):
+                raise CampaignError(f"{file}: the units in {name[:40]} are not read. Put them behind names: drive_mV.")
         if array.dtype.kind not in "fiub":
             continue
-        whole &= array.size == 1 or array.dtype.kind != "f" or name.lower().startswith("t")
+        time = re.search(r"time|^t\b|^t_", name, re.IGNORECASE)
+        if array.size > 1 and not time:
+            whole &= array.dtype.kind != "f" or bool(np.allclose(array, np.round(array), rtol=1e-12, atol=1e-9))
         if array.size == 1:
             numbers[name] = float(array.reshape(-1)[0])
             continue
@@ -192,7 +205,7 @@ def _array_table(file: Path, found: Mapping[str, Any], units: Mapping[str, str])
         raise CampaignError(f"{file}: its arrays must have one length; they have {sizes}. Save one recording a file.")
     if len(arrays) < 2 or max(lengths) < 2:
         raise CampaignError(f"{file}: holds no two arrays of at least two numbers. Save drive and sensor in it.")
-    if whole and (factors := [name for name in numbers if re.fullmatch(r"scale|gain|.*factor|lsb.*", name.lower())]):
+    if whole and (factors := [name for name, number in numbers.items() if number != 1 and _FACTORS.search(name)]):
         raise CampaignError(f"{file}: holds whole numbers and {factors[0]!r}, a factor. Save volts.")
     printed = {}
     for key, text in texts.items():
@@ -200,9 +213,9 @@ def _array_table(file: Path, found: Mapping[str, Any], units: Mapping[str, str])
         mine = [name for name in arrays if stem and name.lower() == stem.lower()]
         if mine:
             printed[mine[0]] = text
-        elif stem != key and (known_unit(text) or unit_like(text)):
+        elif (stem != key and (known_unit(text) or unit_like(text))) or _UNIT_IN_TEXT.search(text):
             raise CampaignError(
-                f"{file}: {key[:40]} = {text[:20]} belongs to no array. Put units behind names: drive_mV."
+                f"{file}: the unit in {key[:40]} = {text[:30]!r} belongs to no array. Put units behind names: drive_mV."
             )
     return ArrayTable(file, arrays, numbers, printed)
 
@@ -263,6 +276,6 @@ def _parquet_units(file: Path) -> Mapping[str, str]:
     found = {}
     for field in parquet.read_schema(file):
         for key, text in (field.metadata or {}).items():
-            if key.decode(errors="replace").lower() in ("unit", "units"):
+            if "unit" in key.decode(errors="replace").lower():
                 found[field.name] = text.decode(errors="replace")
     return found

@@ -314,6 +314,11 @@ def _times(
 
 def _check_unit(table: Table, role: str, column: int) -> None:
     name, header = table.header.names[column], table.header
+    if header.unknown.get(column) == "":
+        raise CampaignError(
+            f"{table.file}: column {name[:40]} has no unit, though others have one. Write it in the header, or choose "
+            "another column."
+        )
     if column in header.unknown:
         raise CampaignError(
             f"{table.file}: the unit {header.unknown[column][:20]!r} of column {name[:40]} is not known; s, V, um and "

@@ -33,7 +33,7 @@ _NAMES = {
 }
 """Names of columns by role, those that tell most first. The roles' order matters: "drive monitor" is a monitor; and a
 data acquisition card's output drives the head, whose answer is its input."""
-_PAIR = re.compile(r"(^|[\s_(])(min|max)(imum)?(?=$|[\s_)(])", re.IGNORECASE)
+_PAIR = re.compile(r"(^|[\s_(])(min|max|low|high)(imum|est)?(?=$|[\s_)(])", re.IGNORECASE)
 _POSITION = re.compile(r"position|displace", re.IGNORECASE)
 _VOLTAGE = re.compile(r"volt(age)?", re.IGNORECASE)
 _TIME = re.compile(r"^(time|second|x-axis|x_value)|\btime\b|_time\b|^[tx]\b|^t_", re.IGNORECASE)
@@ -223,7 +223,9 @@ def named_drive(table: Table, interval_s: float | None = None) -> tuple[int | No
     free = [i for i in table.columns if not _PEAK_DETECT.search(names[i])]
     time, reason = _time(table, free, interval_s, 1)
     free = [i for i in free if i != time]
-    claimed = [i for i in _named("drive", names, free) if i not in _named("monitor", names, free)]
+    others = {*_named("monitor", names, free), *_named("neighbour", names, free)}
+    free = [i for i in free if i not in others]
+    claimed = _named("drive", names, free)
     found = claimed or [i for i in free if _VOLTAGE.search(names[i])] or free
     if len(found) != 1:
         left = ", ".join(names[i][:40] for i in found) or "none"

@@ -25,6 +25,10 @@ from inkjet_env.typing import Real
 _SECTION = re.compile(r"\[\s*([A-Za-z]+)\s*(\d*)\s*\]")
 _SEGMENT = re.compile(r"seg(?:ment)?\s*(\d+)\s*=\s*(.*)", re.IGNORECASE)
 _COMMENT = re.compile(r"\s*[;#].*$")
+_CHANGES = re.compile(r"[^=]*(scale|gain|factor|unit|invert|offset|repeat|count|times)[^=]*=", re.IGNORECASE)
+"""Settings that would change the waveform."""
+_MISSPELT = re.compile(r"s\w{0,6}\s*\d+\b|[^=]*=(\s*[-+\d.]+\s*,){3}", re.IGNORECASE)
+"""What was surely meant as a segment."""
 _FIELDS = ("start voltage", "end voltage", "slew rate", "hold time")
 SAME_VOLTAGE_V = 1e-6
 """Largest difference in volts between the end of a segment and the start of the next."""
@@ -53,12 +57,23 @@ def read_segments(text: TextFile) -> tuple[Real, Real]:
             content = _COMMENT.sub("", line).strip()
             if found := _SECTION.fullmatch(content):
                 pulse = int(found.group(2) or 0) if found.group(1).lower() == "pulse" else None
+                if pulse is None and found.group(1).lower().startswith("pul"):
+                    raise CampaignError(f"{text.path}, row {row}: section {content[:40]} is not understood: [Pulse0]?")
             elif (found := _SEGMENT.fullmatch(content)) and pulse is not None:
                 place = f"{text.path}, row {row}"
                 segments = pulses.setdefault(pulse, {})
                 if (number := int(found.group(1))) in segments:
                     raise CampaignError(f"{place}: segment {number} is there twice. Give each its own number.")
                 segments[number] = row, _numbers(place, found.group(2))
+            elif (
+                _MISSPELT.match(content)
+                or _CHANGES.match(content)
+                or (pulse is not None and content and "=" not in content)
+            ):
+                raise CampaignError(
+                    f"{text.path}, row {row}: {brief(content)} is no segment, Seg0 = start, end, slew, hold, and may "
+                    "change the waveform. Correct it, or take it out."
+                )
     ordered = [one for _, segments in sorted(pulses.items()) for _, one in sorted(segments.items())]
     if not ordered:
         raise CampaignError(f"{text.path}: has no [Pulse0] section with segments Seg0 = start, end, slew, hold.")
@@ -82,6 +97,8 @@ def read_segments(text: TextFile) -> tuple[Real, Real]:
             if last_us:
                 time_us += last_us
                 corners.append((time_us, end_V))
+    if len(corners) < 2:
+        raise CampaignError(f"{text.path}: its segments take no time at all. Give rises or hold times above 0.")
     time, drive_V = np.array(corners).T
     return np.ascontiguousarray(time * MICROSECOND), np.ascontiguousarray(drive_V)
 

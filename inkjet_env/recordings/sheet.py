@@ -105,8 +105,8 @@ def read_sheet(text: TextFile, settings: TextFile | None = None) -> Sheet:
     if settings is not None:
         beside += [split_cells(line, ":") for line in settings.start]
     try:
-        counting, whole_numbers = _counts(run, columns)
-        header = read_header(above, columns, width, beside, run.decimal, counting, whole_numbers)
+        counting, whole_numbers, largest = _counts(run, columns)
+        header = read_header(above, columns, width, beside, run.decimal, counting, whole_numbers, largest)
     except HeaderError as error:
         raise CampaignError(f"{text.path}: {error}") from None
     whole = [all(_value(row[i], run.decimal) is not None for i in columns) for row in cells]
@@ -140,22 +140,28 @@ def _blank_aligned(row: Sequence[str], width: int) -> list[str]:
     text = row[0].lstrip("#% ")
     if len(row) > 1 or "=" in text or re.search(r":\s", text):
         return list(row)
-    for cells in (text.split(), re.split(r"\s{2,}", text), re.findall(r"\S+(?:\s+[\[(][^\])]*[\])])?", text)):
+    for cells in (
+        text.split(),
+        re.split(r"\s{2,}", text),
+        re.split(r",\s*", text),
+        re.findall(r"\S+(?:\s+[\[(][^\])]*[\])])?", text),
+    ):
         if len(cells) == width:
             return cells
     return list(row)
 
 
-def _counts(run: _Run, columns: Sequence[int]) -> tuple[list[int], list[int]]:
-    """Columns that count by one, and columns of whole numbers."""
-    counting, whole = [], []
+def _counts(run: _Run, columns: Sequence[int]) -> tuple[list[int], list[int], dict[int, float]]:
+    """Columns that count by one, columns of whole numbers, and the largest magnitude in each."""
+    counting, whole, largest = [], [], {}
     for i in columns:
         values = [value for row in run.cells if (value := _value(row[i], run.decimal)) is not None]
+        largest[i] = max(map(abs, values), default=0.0)
         if all(value == int(value) for value in values):
             whole.append(i)
             if len(values) > 2 and all(b - a == 1 for a, b in itertools.pairwise(values)):
                 counting.append(i)
-    return counting, whole
+    return counting, whole, largest
 
 
 def _check_thousands(text: TextFile, run: _Run, columns: Sequence[int]) -> None:

@@ -89,7 +89,7 @@ def read_columns(layout: Layout, wanted: Sequence[int]) -> Columns:
         with layout.file.lines() as lines:
             rows = itertools.islice(lines, layout.header_rows, None)
             while block := list(itertools.islice(rows, ROWS_A_BLOCK)):
-                filled = [line for line in block if line.strip(BLANKS)]
+                filled = [line for line in block if _is_row(line)]
                 values = _numbers(filled, layout, wanted)
                 first, last = first or filled[:EDGE], [*last, *filled[-EDGE:]][-EDGE:]
                 end = count + len(values)
@@ -138,6 +138,11 @@ def _numbers(lines: list[str], layout: Layout, wanted: Sequence[int]) -> Real:
     return np.loadtxt(lines, delimiter=delimiter, comments=None, quotechar='"', usecols=tuple(wanted), ndmin=2)
 
 
+def _is_row(line: str) -> bool:
+    """Whether a line is a row of samples: neither empty nor a comment."""
+    return bool(line.strip(BLANKS)) and line.lstrip()[0] not in "#%"
+
+
 def _with_points(text: str) -> str:
     """Text with decimal points for decimal commas; what was a point is then no part of a number."""
     return text.translate(_POINTS_AND_COMMAS)
@@ -169,7 +174,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 
 def _sample_lines(layout: Layout, lines: Iterator[str]) -> Iterator[tuple[int, str]]:
     for row, line in enumerate(lines, start=1):
-        if row > layout.header_rows and line.strip(BLANKS):
+        if row > layout.header_rows and _is_row(line):
             yield row, without_remark(line, layout.delimiter).rstrip("\n")
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+import unicodedata
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from inkjet_env.typing import Real
@@ -35,44 +36,55 @@ class Unit:
 
 
 _SECOND, _MINUTE, _VOLT, _MICROMETRE, _NANOMETRE = Unit("s"), Unit("s", times=60.0), Unit("V"), Unit("um"), Unit("nm")
-_UNITS = {
-    **dict.fromkeys(("s", "S", "sec", "secs", "second", "seconds"), _SECOND),
-    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisec", "millisecond", "milliseconds"), Unit("s", over=1e3)),
-    **dict.fromkeys(("us", "usec", "usecs", "micros", "microsec", "microsecond", "microseconds"), Unit("s", over=1e6)),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds"), Unit("s", over=1e9)),
-    **dict.fromkeys(("ps", "picosecond", "picoseconds"), Unit("s", over=1e12)),
-    **dict.fromkeys(("min", "minute", "minutes"), _MINUTE),
-    **dict.fromkeys(("V", "v", "volt", "volts", "Vdc", "Vac"), _VOLT),
-    **dict.fromkeys(("mV", "mv", "mvolt", "mvolts", "millivolt", "millivolts"), Unit("V", over=1e3)),
-    **dict.fromkeys(("uV", "microvolt", "microvolts"), Unit("V", over=1e6)),
-    **dict.fromkeys(("kV", "KV", "kilovolt", "kilovolts"), Unit("V", times=1e3)),
-    **dict.fromkeys(("um", "micron", "microns", "micrometer", "micrometre", "micrometers", "micrometres"), _MICROMETRE),
-    **dict.fromkeys(("nm", "nanometer", "nanometre", "nanometers", "nanometres"), _NANOMETRE),
-    **dict.fromkeys(("pm", "picometer", "picometre", "picometers", "picometres"), Unit("nm", over=1e3)),
-    **dict.fromkeys(("mm", "millimeter", "millimetre", "millimeters", "millimetres"), Unit("um", times=1e3)),
-    **dict.fromkeys(("cm", "centimeter", "centimetre", "centimeters", "centimetres"), Unit("um", times=1e4)),
-    **dict.fromkeys(("m", "meter", "metre", "meters", "metres"), Unit("um", times=1e6)),
+_SPELLINGS = {
+    "s S sec secs second seconds Sek Sekunde Sekunden secondes segundos с": _SECOND,
+    "ms msec msecs millis millisec millisecond milliseconds Millisekunden мс": Unit("s", over=1e3),
+    "us usec usecs micros microsec microsecond microseconds Mikrosekunden мкс": Unit("s", over=1e6),
+    "ns nsec nsecs nanos nanosecond nanoseconds Nanosekunden нс": Unit("s", over=1e9),
+    "ps picosecond picoseconds": Unit("s", over=1e12),
+    "min minute minutes": _MINUTE,
+    "V v volt volts Vdc Vac В": _VOLT,
+    "mV mv mvolt mvolts millivolt millivolts мВ": Unit("V", over=1e3),
+    "uV uvolt uvolts microvolt microvolts": Unit("V", over=1e6),
+    "kV KV kilovolt kilovolts кВ": Unit("V", times=1e3),
+    "um micron microns micrometer micrometre micrometers micrometres мкм": _MICROMETRE,
+    "nm nanometer nanometre nanometers nanometres нм": _NANOMETRE,
+    "pm picometer picometre picometers picometres": Unit("nm", over=1e3),
+    "mm millimeter millimetre millimeters millimetres": Unit("um", times=1e3),
+    "cm centimeter centimetre centimeters centimetres": Unit("um", times=1e4),
+    "m meter metre meters metres": Unit("um", times=1e6),
 }
-_LETTERS = {"Âµ": "u", "µ": "u", "μ": "u"}
+_UNITS = {word: unit for words, unit in _SPELLINGS.items() for word in words.split()}
+_LETTERS = {"Âµ": "u", "Î¼": "u", "&micro;": "u", "µ": "u", "μ": "u"}
 """Ways in which the letter for a millionth arrives: two of its codes, and the first read as Latin-1."""
-_SPELLED = ("sec", "volt", "met", "micro", "milli", "nano", "pico", "centi", "kilo", "min")
+_SPELLED = ("sec", "volt", "uvolt", "mvolt", "met", "micro", "milli", "nano", "pico", "centi", "kilo", "min")
 NO_UNIT = ("", "-", "--", "none", "n/a", "[]", "()", "1")
 """What stands for no unit, in lower case."""
 _UNIT_LIKE = re.compile(
-    r"(x?\s*1(0\s*\^?|e)?\s*[-+]?\d*\s*[*·x]?|\?|æ|Â?[µμ]|milli|micro|nano|pico|kilo|mega|centi|mu|[munpkcdg])?"
+    r"(x\s*1\d*\s*|1\s*e\s*[-+]?\d+\s*|10\s*(\^\s*)?[-+\u2212]\s*\d+\s*|10\^\d+\s*|\?|\ufffd|\u00e6|\u00c2?[\u00b5\u03bc]|milli|micro"
+    r"|nano|pico|kilo|mega|centi|mu|[munpkcdg])?"
     r"[-\s]?(s|secs?|seconds?|v|volts?|vpp|vrms|met(er|re)s?|m|Å|angstroms?|min(ute)?s?|h|hours?|days?)"
     r"([-\s]*(dc|ac|pp|p-p|rms|peak))?",
     re.IGNORECASE,
 )
 """What can only be meant as a unit of time, voltage or length, known or not."""
-_BRACKETED = re.compile(r"(?<!^[VvIi])[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
-_NODE = re.compile(r"^([VI])\(.+\)$", re.IGNORECASE)
-_AFTER_IN = re.compile(r"(?:^|\s)in\s+([^\s()\[\]]+)$", re.IGNORECASE)
+_BRACKETED = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
+_NODE = re.compile(r"^([VI])\([^()]+\)$", re.IGNORECASE)
+_REMARK = re.compile(
+    r"(ch(an(nel)?)?|plot|trace|axis|out(put)?|in(put)?|port|probe|math|ref|demod)?[ _.#:]*\w?\d{0,3}|raw|(un)?filtered"
+    r"|trigger|drive|sensor|monitor|neighbou?r|(strain )?gauge|command|response|rel(ative)?|abs(olute)?|avg|mean"
+    r"|average|min|max|low|high|top|bottom|left|right|real|imag|x\d+|\d+x|\d+:\d+",
+    re.IGNORECASE,
+)
+"""What may stand in brackets and is no unit."""
 _AFTER_SLASH = re.compile(r"^[^/]*[^/\s]\s*/\s*([^\s/]{1,12})$")
-_LAST_WORD = re.compile(r"[^\s,;:-](?:\s*[,;:]\s*|\s+-\s*|-|\s+)([^\s,;:-]{1,12}(?:[-\s](?:DC|AC|dc|ac))?)$")
-_SUFFIXED = re.compile(r"_([A-Za-zµμ]{1,12})$")
-_CAMEL = re.compile(r"[a-z](Ms|Us|Ns|Ps|Mv|MV|Uv|Kv|Um|Nm|V)$")
-_RIGOL_CHANNEL = re.compile(r"^CH\d+(V)$")
+_AFTER_IN = re.compile(r"(?:^|\s)in\s+([^\s()\[\]]{1,12})$", re.IGNORECASE)
+_WORDS = re.compile(r"[0-9.]*[0-9]|[^\W\d_]+|\S", re.UNICODE)
+_SETTING = re.compile(r"(?:^|[\s_])[-+]?\d[\d.,]*[\s_]*[^\W\d_]+$")
+"""A number with its unit at the end of a name, such as ``at 200 mV``: no unit of the column."""
+_CAMEL = re.compile(r"(?<=[a-z]{3})(?=[A-Z])")
+_RIGOL_CHANNEL = re.compile(r"^CH\d+([VAWU])$")
+_OF_TIME = re.compile(r"time|zeit|temps|tiempo|tempo|clock|stamp|^t$", re.IGNORECASE)
 _PREFIXES = "fpnuµμmkKMG"
 _OTHER_UNIT = re.compile(
     rf"[{_PREFIXES}]?(A|N|Pa|Hz|W|J|C|F|H|T|g|bar|psi|Ohm|ohm|Ω|m/s|m/s2|m/s²|m/s\^2|g|rad|V/us|V/µs|C/s|S|l/min)"
@@ -80,7 +92,9 @@ _OTHER_UNIT = re.compile(
     r"|counts?|LSB|bits?|samples?|pts?|points?|in(ch)?|ft|thou|mil|.*(/|\^|²|³|·).*"
 )
 """Units of other quantities than time, voltage and length."""
-_OTHER_SUFFIX = re.compile(rf"[{_PREFIXES}](A|N|Pa|Hz|W|J)|Hz|Pa|bar|psi|ohm|degC")
+_OTHER_SUFFIX = re.compile(
+    rf"[{_PREFIXES}](A|N|Pa|Hz|W|J)|Hz|Pa|bar|psi|ohm|degC|ampere|newtons?|counts|LSB", re.IGNORECASE
+)
 """Those that are meant where they end a name: ``channel_A`` is no current."""
 
 
@@ -110,62 +124,108 @@ def unit_like(printed: str) -> bool:
     return _UNIT_LIKE.fullmatch(printed.strip().strip("()[]{}<>").strip()) is not None
 
 
+def other_unit(printed: str) -> bool:
+    """Whether a cell is a unit of another quantity, as far as those are known: ``A``, ``Ampere``, ``%``, ``counts``."""
+    text = _plain(printed)
+    return (_OTHER_UNIT.fullmatch(text) or _OTHER_SUFFIX.fullmatch(text)) is not None or text.lower() == "unknown"
+
+
 def _plain(printed: str) -> str:
-    text = printed.strip().strip("()[]{}<>").strip()
+    text = _readable(printed).strip("()[]{}<>").strip(" .*")
+    return re.sub(r"(?<=i)-(?=[a-z])", "", text)  # milli-seconds
+
+
+def _readable(text: str) -> str:
+    """A text with the letter for a millionth as u, and wide letters and brackets as plain ones."""
     for way, letter in _LETTERS.items():
         text = text.replace(way, letter)
-    return re.sub(r"(?<=i)-(?=[a-z])", "", text)  # milli-seconds
+    return unicodedata.normalize("NFKC", text).replace("\u03bc", "u").strip()
 
 
 def unit_in_name(name: str) -> Unit | str | None:
     """Unit in the name of a column, as in ``Time (ms)``, ``U/mV``, ``C1 in V`` or ``drive_V``; None if there is none.
 
-    A unit that is not known is returned as printed.
+    A unit that is not known is returned as printed, and so are two that differ.
 
     Examples
     --------
     >>> unit_in_name("Channel A (mV)"), unit_in_name("current_mA"), unit_in_name("X(CH1)"), unit_in_name("Drive (MV)")
     (Unit(base='V', times=1.0, over=1000.0), 'mA', None, 'MV')
+    >>> unit_in_name("Time.ms"), unit_in_name("Sensor (V) [mV]"), unit_in_name("Sensor at 200 mV"), unit_in_name("V_m")
+    (Unit(base='s', times=1.0, over=1000.0), 'V and mV', None, None)
     """
-    found = _unit_in_name(name.strip())
-    smallest = found == _MINUTE and re.search(r"time|^t\b", name, re.IGNORECASE) is None
-    return None if smallest else found  # "CH1 min" is no time
-
-
-def _unit_in_name(name: str) -> Unit | str | None:
+    name = _readable(name)
     if node := _NODE.match(name):  # a circuit simulator's voltage or current at a node
         return _VOLT if node.group(1) in "Vv" else "A"
-    if len(name) > 1 and (unit := known_unit(name)) is not None:
-        return unit
-    bracketed = _BRACKETED.findall(name)
-    for text in bracketed:
-        if unit := known_unit(text):
-            return unit
-        if _OTHER_UNIT.fullmatch(text) or unit_like(text):
-            return str(text)
-    if bracketed:
-        return None
-    for pattern, others in ((_AFTER_IN, _OTHER_UNIT), (_AFTER_SLASH, _OTHER_UNIT), (_SUFFIXED, _OTHER_SUFFIX)):
-        if found := pattern.search(name):
-            text, stem = found.group(1), name[: found.start(1)].strip("_/ ")
-            if len(text) == 1 and len(stem) == 1 and stem not in "tTUVu":
+    if rigol := _RIGOL_CHANNEL.match(name):
+        return known_unit(rigol.group(1)) or rigol.group(1)
+    found = [*_bracketed_units(name), *_trailing_units(_BRACKETED.sub(" ", name).strip())]
+    known = list(dict.fromkeys(one for one in found if isinstance(one[1], Unit)))
+    if len({unit for _, unit in known}) > 1:
+        return " and ".join(dict.fromkeys(text for text, _ in known))
+    if known:
+        return known[0][1]
+    return next((text for text, _ in found), None)
+
+
+def _bracketed_units(name: str) -> list[tuple[str, Unit | None]]:
+    """Texts in the brackets of a name that are units, and what they are; None where they are not known."""
+    found: list[tuple[str, Unit | None]] = []
+    for inner in _BRACKETED.findall(name):
+        for part in re.split(r"[,;]", inner):
+            text = re.sub(r"^in\s+", "", part.strip(" .*"))
+            unit = known_unit(text)
+            setting = re.match(r"[-+]?\d[\d.]*\s*[^\W\d]", text) and not unit_like(text)
+            if text.lower() in NO_UNIT or setting or (unit == _MINUTE and not _OF_TIME.search(name)):
                 continue
-            if len(stem) == 1 and stem in "UVIuvi" and known_unit(text) == _SECOND:
-                continue  # V_s is the voltage of a sensor
-            if unit := known_unit(text):
-                return unit
-            if others.fullmatch(text) or (len(text) > 1 and unit_like(text)):
-                return text
-    found = _LAST_WORD.search(name)
-    if found and (len(found.group(1)) > 1 or found.group(1) in "sVv"):
-        if unit := known_unit(found.group(1)):
-            return unit
-        if _OTHER_SUFFIX.fullmatch(found.group(1)) or (len(found.group(1)) > 1 and unit_like(found.group(1))):
-            return found.group(1)
-    if found := _CAMEL.search(name):
-        text = found.group(1)
-        return text if text == "MV" else _UNITS[text[0].lower() + text[1:].replace("v", "V") if len(text) > 1 else text]
-    return _VOLT if _RIGOL_CHANNEL.match(name) else None
+            if unit or other_unit(text) or unit_like(text) or not _REMARK.fullmatch(text):
+                found.append((text, unit))
+    return found
+
+
+def _trailing_units(name: str) -> list[tuple[str, Unit | None]]:
+    """The unit at the end or the start of a name without its brackets, and what it is."""
+    if len(name) > 1 and (unit := known_unit(name)) is not None:
+        return [(name, unit)] if unit != _VOLT and unit != _MINUTE else []
+    for pattern in (_AFTER_IN, _AFTER_SLASH):
+        if found := pattern.search(name):
+            text, unit = found.group(1), known_unit(found.group(1))
+            if unit or other_unit(text) or (len(text) > 1 and unit_like(text)):
+                return [(text, unit)]
+    if _SETTING.search(name):
+        return []
+    words = _WORDS.findall(_CAMEL.sub(" ", name))
+    letters = [k for k, word in enumerate(words) if word[0].isalpha()]
+    if len(letters) < 2:
+        return []
+    last, first = letters[-1], letters[0]
+    if last >= len(words) - 3:
+        text, stem = words[last], [words[k] for k in letters[:-1]]
+        if unit := _written_as_unit(text, stem):
+            return [(text, unit)]
+        if _OTHER_SUFFIX.fullmatch(text) or (len(text) > 1 and unit_like(text)):
+            return [(text, None)]
+        if text in "hd" and _OF_TIME.search(" ".join(stem)):
+            return [(text, None)]
+    text = words[first]
+    unit = known_unit(text) if len(text) > 1 else None
+    if unit is None or unit in (_VOLT, _SECOND) or (unit == _MINUTE and not _OF_TIME.search(name)):
+        return []
+    return [(text, unit)]
+
+
+def _written_as_unit(word: str, stem: Sequence[str]) -> Unit | None:
+    """The unit that the last word of a name is, if what stands before it is more than a letter."""
+    unit = known_unit(word) or (
+        known_unit(word[0].lower() + word[1:].replace("v", "V")) if word[:1].isupper() and word[1:].islower() else None
+    )
+    of_time = _OF_TIME.search(" ".join(stem)) is not None
+    if unit == _MINUTE and not of_time:
+        return None
+    if len(word) > 1 or word in "Vv":
+        return unit
+    several = len(stem) > 1 or len(stem[-1]) > 1
+    return unit if word in "sm" and (several or of_time) else None
 
 
 def seconds(text: str) -> float | None:
@@ -175,6 +235,8 @@ def seconds(text: str) -> float | None:
 
 def hertz(text: str) -> float | None:
     """A sampling rate with its unit, as ``2.5 GSa/s`` or ``48000``, in hertz; None if it is none."""
+    if "mHz" in text:
+        return None  # mega, as some print it, or milli
     names = ("", "hz", "s/s", "s/sec", "sa/s", "sa/sec", "samples/s", "samples/sec", "samples/second", "sps")
     return _quantity(text.lower(), {f"{prefix}{name}": factor for prefix, factor in _RATES for name in names})
 

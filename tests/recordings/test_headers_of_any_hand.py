@@ -71,6 +71,16 @@ def check(folder, unit="V", given=None, channel="self_sensing", **options):
         (["Drive Unit,V", "Sensor Unit,mV", "Time (us),Drive,Sensor"], (US, 1, 1e3)),
         (["Time (ms),CH:1 drive (V),CH:2 (mV)"], (MS, 1, 1e3)),
         (["time,V(drive),V(sensor)"], (S, 1, 1)),
+        (["Time_ms_,Drive_V_,Sensor_mV_"], (MS, 1, 1e3)),
+        (["Time..ms.,Drive..V.,Sensor..mV."], (MS, 1, 1e3)),
+        (["Time.ms,Drive.V,SensorMillivolts"], (MS, 1, 1e3)),
+        (["ms_time,V drive,mV sensor"], (MS, 1, 1e3)),
+        (["Zeit (Millisekunden),Drive (V),Sensor \uff08mV\uff09"], (MS, 1, 1e3)),
+        (["\u0412\u0440\u0435\u043c\u044f \u043c\u0441,drive \u0412,sensor \u043c\u0412"], (MS, 1, 1e3)),
+        (["Time (us),U (drive) [V],U (sensor) [mV]"], (US, 1, 1e3)),
+        (["Unit,ms,V,mV", "Name,Time,Drive,Sensor"], (MS, 1, 1e3)),
+        (["Vertical Units,mV", "Time (us),Drive,Sensor"], (US, 1e3, 1e3)),
+        (["Unnamed: 1,drive_V,sensor_mV", "time_ms,drive_V,sensor_mV"], (MS, 1, 1e3)),
     ],
 )  # fmt: skip
 def test_a_unit_is_used_wherever_it_stands(tmp_path, header, factors):
@@ -87,6 +97,15 @@ def test_a_unit_is_used_wherever_it_stands(tmp_path, header, factors):
         (["Time (us),Drive (V),Sensor (mVpp)"], "'mVpp'"),
         (["Time,Drive,Sensor", "MS,V,MV"], "'MS'"),
         (["Time (ms),Drive (V),Sensor (V)", "s,V,V"], "gives column Time (ms) two units"),
+        (["Time (ms),Drive (V),Sensor (V) [mV]"], "'V and mV'"),
+        (["x-axis,1,2", "second,Volt,Ampere"], "'Ampere'"),
+        (["Time(s),CH1V,CH2A"], "'A'"),
+        (["Time (us),Drive (V),Sensor (strain)"], "'strain'"),
+        (["Time,Drive,Sensor", "ms,V,"], "column Sensor has no unit, though others have one"),
+        (["# sensor in mV", "Time (ms),Drive (V),Sensor"], "'mV'"),
+        (["Time (ms),Drive (V),Sensor (V),rest,more"], "names 5 columns"),
+        (["fs_kHz,500", "fs_kHz,400", "Index,Drive (V),Sensor (V)"], "states fs_khz twice, 500 and 400"),
+        (["Time (s),CH1 low (V),CH1 high (V)"], "are the envelope of one channel"),
         (["Time (s),CH1 Min (V),CH1 Max (V)"], "are the envelope of one channel"),
         (["Time (s),Drive"], "names 2 columns, Time (s), Drive, above 3 columns of numbers"),
         (["Sample Interval,1000", "Index,Drive (V),Sensor (V)"], "without a unit. Write it, such as 1000 us"),
@@ -204,7 +223,7 @@ def test_units_of_arrays(tmp_path):
     np.savez(tmp_path / "r1.npz", dt_us=2.0, drive=DRIVE_V, sensor=SENSOR)
     check(tmp_path)
     np.savez(tmp_path / "r1.npz", dt=2e-6, drive=DRIVE_V, sensor=SENSOR, y_unit="mV")
-    with pytest.raises(CampaignError, match="y_unit = mV belongs to no array"):
+    with pytest.raises(CampaignError, match="the unit in y_unit = 'mV' belongs to no array"):
         read_campaign(tmp_path, channel="self_sensing")
     counts = np.round(DRIVE_V * 10).astype(np.int16)
     np.savez(tmp_path / "r1.npz", dt=2e-6, drive=counts, sensor=counts, scale=0.1)
@@ -246,3 +265,35 @@ def test_what_is_written_for_a_generator_is_read_at_its_rate_or_refused(tmp_path
     except CampaignError:
         return
     assert np.diff(drive.time_s) == pytest.approx(STEP_S)
+
+
+def test_numbers_beside_units_in_names_are_settings(tmp_path):
+    check(written(tmp_path, ["Time (s),Drive 50 V/div,Sensor at 200 mV"]))
+
+
+def test_counts_are_told_by_the_divisions_that_they_exceed(tmp_path):
+    columns = [np.arange(60), np.round(DRIVE_V), np.round(SENSOR * 100)]
+    header = ["Vertical Scale,1.0,0.5", "Sampling Period,2e-6", "Index,CH1 drive,CH2"]
+    with pytest.raises(CampaignError, match="the converter's counts, not volts"):
+        read_campaign(written(tmp_path, header, columns=columns), channel="self_sensing")
+
+
+@pytest.mark.parametrize(
+    ("line", "told"), [("Sge1 = 42, 0, -14, 4", "is no segment"), ("Seg1 42, 0, -14, 4", "is no segment"),
+                       ("VoltageScale = 0.5", "may change the waveform"), ("[Puls1]", "is not understood: [Pulse0]?")],
+)  # fmt: skip
+def test_a_line_that_may_be_a_segment_is_not_passed_over(tmp_path, line, told):
+    (tmp_path / "w.ini").write_text(f"[Pulse0]\nSeg0 = 0, 42, 21, 3.5\n{line}\n")
+    with pytest.raises(CampaignError) as refusal:
+        read_drive(tmp_path / "w.ini")
+    assert told in str(refusal.value)
+    (tmp_path / "w.ini").write_text("[Pulse0]\nSeg0 = 0, 0, 0, 0\n")
+    with pytest.raises(CampaignError, match="take no time at all"):
+        read_drive(tmp_path / "w.ini")
+
+
+def test_a_closing_comment_is_no_sample(tmp_path):
+    folder = written(tmp_path, ["time_s,drive_V,sensor_V"])
+    with (folder / "r1.csv").open("a") as file:
+        file.write("# end\n")
+    check(folder)
