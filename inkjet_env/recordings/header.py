@@ -31,9 +31,10 @@ from inkjet_env.recordings.header_entries import (
     is_number,
     is_paired,
     stated_clock,
+    unclear_clock,
     unit_of_column,
     unit_of_one,
-)  # fmt: skip
+)
 from inkjet_env.recordings.units import NO_UNIT, Unit, known_unit, other_unit, seconds, unit_in_name, unit_like
 
 _START = re.compile(r"^t0\s*=\s*(\S+)$", re.IGNORECASE)
@@ -81,6 +82,8 @@ class Header:
         Name of the style, for people.
     times : tuple of int
         Columns of times, where the header shows that each channel has its own.
+    unclear : str
+        What the header says of a sampling interval or rate that is not understood.
     """
 
     names: tuple[str, ...]
@@ -89,6 +92,7 @@ class Header:
     clock: tuple[float, float] | None
     style: str
     times: tuple[int, ...] = ()
+    unclear: str = ""
 
 
 def read_header(
@@ -200,7 +204,15 @@ def read_header(
                 unknown.setdefault(i, "")
     for i, name in better.items():
         labels[i] = name
-    return Header(tuple(labels), units, unknown, clock, _style(about, title, units_of), times)
+    return Header(
+        tuple(labels),
+        units,
+        unknown,
+        clock,
+        _style(about, title, units_of),
+        times,
+        "" if clock else unclear_clock(about),
+    )
 
 
 def _units_left(rows: Sequence[Sequence[str]]) -> list[tuple[str, str]]:

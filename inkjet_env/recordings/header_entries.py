@@ -34,7 +34,7 @@ FACTORS = re.compile(
 )
 """Entries with the factor from a converter's counts to volts."""
 LONGEST_BARE_S = 1.0
-"""Sample interval from which a number without a unit is not taken as seconds."""
+"""Sample interval from which a number without a unit is not taken: it may be seconds, or microseconds."""
 GENERIC = {"value", "values", "ampl", "amplitude", "data", "sequence", "level", "vol.", "voltage", "*", "ts", "rn", ""}
 """Names and units that tell nothing of a channel."""
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}([.,])\d{3}(?![\d.,eE])")
@@ -177,8 +177,7 @@ def stated_clock(about: Mapping[str, list[str]], decimal: str = ".") -> tuple[fl
             bare = all(is_number(value) for value in values)
             bits = "resolution" in name and bare  # or samples of a division
             mine = {value for value in found if value > 0 and not (bits and value >= 1)}
-            if bare and any(value >= LONGEST_BARE_S for value in mine):
-                raise HeaderError(f"states {name} {max(mine):g} without a unit. Write it, such as {max(mine):g} us.")
+            mine = {value for value in mine if not (bare and value >= LONGEST_BARE_S)}
         elif _RATES.fullmatch(name):
             mine = {1 / value for value in found if value > 0}
         else:
@@ -199,6 +198,16 @@ def stated_clock(about: Mapping[str, list[str]], decimal: str = ".") -> tuple[fl
 
 def _pairs(values: Sequence[str]) -> list[tuple[str, str]]:
     return list(zip(values[::2], values[1::2], strict=True))
+
+
+def unclear_clock(about: Mapping[str, list[str]]) -> str:
+    """What entries say of a sampling interval or rate, where `stated_clock` finds none; empty if they say nothing."""
+    told = [
+        f"{key} {next(filter(None, cells), '')}"[:60]
+        for key, cells in about.items()
+        if _INTERVALS.fullmatch(key) or _RATES.fullmatch(key)
+    ]
+    return " and ".join(told[:2])
 
 
 def is_number(cell: str) -> bool:

@@ -260,17 +260,21 @@ def _time(table: Table, free: Sequence[int], interval_s: float | None, needed: i
         return found[0], "by its name"
     if numbered:
         raise CampaignError(
-            f"{table.file}: column {names[numbered[0]][:40]} numbers the samples, and no sample interval is stated. "
-            f"Give {STATED}, or export the times."
+            f"{table.file}: column {names[numbered[0]][:40]} numbers the samples, and "
+            + (f"{table.header.unclear} is not understood" if table.header.unclear else "no sample interval is stated")
+            + f". Give {STATED}, or export the times."
         )
     if stated:
         return None, ""
     named = first is None or first in units or any(_named(role, names, [first]) for role in _NAMES)
     if named or len(free) <= needed:
-        raise CampaignError(
-            f"{table.file}: has no column of times, and its header states no sample interval. Add the column, or give "
-            f"{STATED}."
+        unclear = table.header.unclear
+        said = (
+            f"what its header states, {unclear}, is not understood"
+            if unclear
+            else "its header states no sample interval"
         )
+        raise CampaignError(f"{table.file}: has no column of times, and {said}. Add the column, or give {STATED}.")
     return first, "guessed: the first column"
 
 

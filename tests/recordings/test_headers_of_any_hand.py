@@ -108,7 +108,7 @@ def test_a_unit_is_used_wherever_it_stands(tmp_path, header, factors):
         (["Time (s),CH1 low (V),CH1 high (V)"], "are the envelope of one channel"),
         (["Time (s),CH1 Min (V),CH1 Max (V)"], "are the envelope of one channel"),
         (["Time (s),Drive"], "names 2 columns, Time (s), Drive, above 3 columns of numbers"),
-        (["Sample Interval,1000", "Index,Drive (V),Sensor (V)"], "without a unit. Write it, such as 1000 us"),
+        (["Sample Interval,1000", "Index,Drive (V),Sensor (V)"], "sample interval 1000 is not understood"),
     ],
 )
 def test_what_is_not_understood_is_refused(tmp_path, header, told):
@@ -179,7 +179,7 @@ def test_counts_with_a_factor_beside_them_are_refused(tmp_path):
         read_campaign(folder, channel="self_sensing")
 
 
-@pytest.mark.parametrize("resolution", ["Resolution,12", "X Resolution,25"])
+@pytest.mark.parametrize("resolution", ["Resolution,12", "X Resolution,25", "Delta_X,1"])
 def test_the_resolution_of_a_converter_is_no_interval(tmp_path, resolution):
     check(written(tmp_path, [resolution, "Time (us),Drive,Sensor"], (US, 1, 1)))
 
