@@ -50,7 +50,7 @@ _SETTINGS = re.compile(
     re.IGNORECASE,
 )
 """Words of entries whose units are those of a setting."""
-_LEFT = re.compile(r"(?:\bin |(?<!\d)[:=(\[,]\s*)([^\W\d_]{2,12})\s*(?=$|[)\],;])")
+_LEFT = re.compile(r"(?:\bin |_|(?<!\d)[:=(\[,]\s*)([^\W\d_]{2,12})\s*(?=$|[)\],;:])")
 """A word that may be a unit, in brackets, after "in" or alone behind a mark."""
 _UNIT_ROWS = 6
 """Number of rows that may stand between the names and the samples."""
@@ -134,7 +134,11 @@ def read_header(
         samples, or samples that are no measured values.
     """
     largest = largest or {}
-    left = [row for cells in rows if any(row := [cell.lstrip("#%; ").strip() for cell in cells])]
+    left = [
+        row
+        for cells in rows
+        if any(row := [(cell if k else cell.lstrip("#%; ")).strip() for k, cell in enumerate(cells)])
+    ]
     left = [row for row in left if not all(_RULE.fullmatch(cell) or not cell for cell in row)]
     while left and all(cell.lower() in _STATISTICS for cell in left[-1]):
         left.pop()
@@ -338,7 +342,8 @@ def _is_unit_row(row: Sequence[str], below_names: bool) -> bool:
     return all(
         word.lower() in GENERIC
         or known_unit(word) is not None
-        or (below_names and (unit_like(word) or other_unit(word)))
+        or (below_names and unit_like(word))
+        or ((below_names or first is not None) and other_unit(word))
         or (word[0] in "([" and word[-1] in ")]")
         or (timed and len(word) <= 4)
         for word in words
