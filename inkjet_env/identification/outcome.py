@@ -21,6 +21,7 @@ from inkjet_env.identification.modelled_recording import ModelledRecording
 from inkjet_env.identification.resonance import doubt_of_resonance
 from inkjet_env.printhead import Printhead, QuasiStaticPrinthead
 from inkjet_env.printhead.printhead import UNKNOWN_INTERVALS
+from inkjet_env.typing import Real
 
 QUANTILE_90 = 1.6448536269514722
 """Number of standard deviations about the mean that hold 90 % of a normal distribution."""
@@ -131,7 +132,7 @@ def _gains(fit: CampaignFit, model: Model, richer: Solution, gain_of_reference: 
 def _check_gains(richer: Solution, reference: str) -> None:
     """Raise an error if a channel may as well not follow the drive: its gain, or the law times it, may be zero."""
     law = richer.model.weights
-    silent = [reference] if law @ np.linalg.pinv(richer.covariance[: law.size, : law.size]) @ law < SILENT else []
+    silent = [reference] if _squared_distance_from_zero(law, richer.covariance[: law.size, : law.size]) < SILENT else []
     for channel, ratio in richer.model.ratios.items():
         if channel == reference:
             continue
@@ -143,6 +144,17 @@ def _check_gains(richer: Solution, reference: str) -> None:
             f"the gain of {' and '.join(silent)} cannot be told from zero. Check sensor and columns, or leave its "
             "recordings out."
         )
+
+
+def _squared_distance_from_zero(values: Real, covariance: Real) -> float:
+    """Wald's statistic ``θᵀ C⁻¹ θ`` of estimates that may be strongly correlated."""
+    error = np.sqrt(np.diag(covariance))
+    moved = error > 0
+    if not moved.any():
+        return math.inf if values.any() else 0.0
+    variances, axes = np.linalg.eigh(covariance[np.ix_(moved, moved)] / np.outer(error[moved], error[moved]))
+    along = axes.T @ (values[moved] / error[moved])
+    return float(np.sum(along**2 / np.maximum(variances, 1e-12 * variances[-1])))
 
 
 def _resonator(model: Model, richer: Solution) -> dict[str, Estimate]:

@@ -6,6 +6,7 @@ from scipy import signal
 
 from inkjet_env.experiments.validation.resonance_study import WITHOUT, outcome
 from inkjet_env.identification import UnidentifiableError, identify
+from inkjet_env.identification.outcome import _squared_distance_from_zero
 from inkjet_env.identification.resonance import low_passed
 from inkjet_env.recordings import Campaign, Recording
 
@@ -76,3 +77,12 @@ def test_a_channel_that_does_not_follow_the_drive_is_refused():
     ]
     with pytest.raises(UnidentifiableError):
         identify(Campaign("silent", tuple(recordings)))
+
+
+def test_a_law_of_strongly_correlated_coefficients_is_told_from_zero():
+    rng = np.random.default_rng(0)
+    axes = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    covariance = axes @ np.diag([1e-13, 1e-2, 1.0]) @ axes.T
+    assert _squared_distance_from_zero(axes[:, 0] * 1e-4, covariance) > 1e4  # the direction that is known best
+    assert _squared_distance_from_zero(axes[:, 2] * 2, covariance) == pytest.approx(4, rel=1e-3)
+    assert _squared_distance_from_zero(np.zeros(3), covariance) == 0
