@@ -23,4 +23,7 @@ def check_name(label: str, given: object, known: Iterable[str]) -> None:
     """Raise ``ValueError`` unless ``given`` is one of the ``known`` names; the message suggests the nearest."""
     known = tuple(known)
     if given not in known:
-        raise ValueError(f"{label} must be one of {', '.join(known)}; got {given!r}.{nearest_name(str(given), known)}")
+        shown = repr(given) if len(repr(given)) <= 60 else f"{repr(given)[:57]}…"
+        raise ValueError(
+            f"{label} must be one of {', '.join(known)}; got {shown}.{nearest_name(str(given)[:60], known)}"
+        )

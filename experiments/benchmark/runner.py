@@ -60,12 +60,13 @@ def check_folder(folder: Path, settings: BenchSettings) -> None:
                 raise ValueError("it is not a JSON object")
             difference = first_difference(_decisive(stored, asked), _decisive(asked, stored))
         except (ValueError, TypeError, AttributeError, RecursionError) as error:
+            why = "it is not text in UTF-8" if isinstance(error, UnicodeDecodeError) else str(error)[:120]
             raise ValueError(
-                f"{file} is damaged ({error}). Delete the folder {folder} to start again, or give another folder."
+                f"{file} is damaged ({why}). Delete the folder {folder} to start again, or give another folder."
             ) from None
         if difference:
             raise ValueError(
-                f"{folder} holds a bench with other settings: {difference}. "
+                f"{folder} holds a bench with other settings: {difference[:300]}. "
                 "Give another folder, or the same settings to resume, or delete that folder."
             )
     elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):

@@ -191,7 +191,7 @@ def read_record(path: Path, trusted: Collection[str] = ()) -> tuple[Optimisation
     try:
         if path.exists() and not (path.is_file() and zipfile.is_zipfile(path)):
             raise ValueError("it is not an .npz archive")
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             label = json.loads(str(archive["label"]))
             recorded = tuple(archive[name] for name in ("points", "costs", "gradients") if name in archive)
         if not isinstance(label, dict) or label.get("format") != RECORD_FORMAT:

@@ -99,7 +99,8 @@ def _values(effect: Effect, parameters: Any) -> dict[str, float]:
         value = entry["value"]
         if value is None and parameter.scale == "reciprocal":  # JSON has no infinity
             value = math.inf
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
+        too_large = isinstance(value, int) and abs(value) > 10**300
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or too_large or math.isnan(value):
             raise ValueError(f"{label}: must be a number; got {str(value)[:40]}.")
         if not parameter.low <= value <= parameter.high:
             nearest = min(max(value, parameter.low), parameter.high)

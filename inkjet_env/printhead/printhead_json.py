@@ -8,11 +8,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+LARGEST_FILE = 50_000_000
+"""Size in bytes above which a file is no printhead."""
+
 
 def printhead_data(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Content of a ``printhead/1`` file; ``ValueError`` names the file if it is not one."""
+    file = Path(path)
+    if file.exists() and not file.is_file():
+        raise ValueError(f"{path}: must be a file; it is a folder, a pipe or a device. Is this a printhead file?")
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        if (size := file.stat().st_size) > LARGEST_FILE:
+            raise ValueError(f"{path}: holds {size:,} bytes, more than any printhead. Is this a printhead file?")
+        text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise ValueError(f"{path}: cannot be read: {reason}. Check the file's name.") from None

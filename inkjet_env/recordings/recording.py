@@ -37,6 +37,10 @@ LARGEST_JITTER = 0.01
 class CampaignError(ValueError):
     """A campaign that cannot be read; the message names the file, the row, the rule and a fix."""
 
+    def __init__(self, message: str) -> None:
+        # names of files and cells may hold line breaks and codes that a terminal obeys
+        super().__init__("".join(letter if letter.isprintable() else "\ufffd" for letter in message))
+
 
 def uniform_grid(time_s: Real) -> tuple[float, float]:
     """Start and step, in seconds, of the uniform grid that fits ``time_s`` (n,) best in the least-squares sense."""

@@ -136,3 +136,11 @@ def test_a_jump_cannot_be_written_as_a_segment(tmp_path):
     with pytest.raises(ValueError, match="jumps from 0 V to 50 V at 0 us"):
         write_segments(tmp_path / "w.ini", *Waveform(50.0, -50.0, 0.0, 1e-6, 1e-6, 1e-6, 1e-6).knots())
     assert not (tmp_path / "w.ini").exists()
+
+
+def test_a_refusal_is_one_line_whatever_a_file_is_called(tmp_path):
+    file = tmp_path / "a\nb\x1b[2J.csv"
+    file.write_text("x")
+    with pytest.raises(CampaignError) as refusal:
+        read_drive(file)
+    assert str(refusal.value).isprintable()
