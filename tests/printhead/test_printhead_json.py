@@ -30,8 +30,8 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):
 
 
 def test_a_whole_number_that_no_float_holds_is_refused(tmp_path):
-    effect = next(effect for effect in catalogue() if effect.id == "second_mode")
-    AugmentedPrinthead(Printhead.published(), ((effect, complete(effect)),)).to_json(tmp_path / "head.json")
+    effect = next(effect for effect in catalogue() if effect.id == "feedthrough")
+    AugmentedPrinthead(Printhead.published(), ((effect, complete(effect, lossy=1e-3)),)).to_json(tmp_path / "head.json")
     content = json.loads((tmp_path / "head.json").read_text())
     next(iter(content["effects"][0]["parameters"].values()))["value"] = 10**400
     (tmp_path / "head.json").write_text(json.dumps(content))
