@@ -20,7 +20,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from inkjet_env.recordings.header_entries import (
-    FACTORS,
     GENERIC,
     KEY_AND_VALUE,
     NAME_KEYS,
@@ -30,6 +29,7 @@ from inkjet_env.recordings.header_entries import (
     is_key,
     is_number,
     is_paired,
+    refuse_counts,
     stated_clock,
     unclear_clock,
     unit_of_column,
@@ -39,9 +39,6 @@ from inkjet_env.recordings.units import NO_UNIT, Unit, known_unit, other_unit, s
 
 _START = re.compile(r"^t0\s*=\s*(\S+)$", re.IGNORECASE)
 _INCREMENT = re.compile(r"^tInc\s*=\s*(\S+)$", re.IGNORECASE)
-_SCALE = re.compile(r"vertical[ _]?scale|v(olts?)?[ _]?(/|per)[ _]?div(ision)?", re.IGNORECASE)
-MOST_DIVISIONS = 12
-"""Number of divisions beyond which samples are no volts."""
 _RULE = re.compile(r"[-=_.*~ ]{2,}")
 _TIME_WORD = re.compile(r"time|^t\b|second", re.IGNORECASE)
 _SETTINGS = re.compile(
@@ -133,7 +130,6 @@ def read_header(
         Channels with different sample intervals, units that contradict each other, names that do not stand over the
         samples, or samples that are no measured values.
     """
-    largest = largest or {}
     left = [
         row
         for cells in rows
@@ -147,26 +143,11 @@ def read_header(
         entries.append(left.pop())
     left, title, units_of, passed = _names_and_units(left, len(columns), width)
     about = entries_of([*left, *passed, *reversed(entries), *(row for row in beside if any(row))])
-    if "fast" in map(str.lower, about.get("mode", [])) and "vertical scale" in about:
-        raise HeaderError("holds the converter's counts, not volts. Export it in the detailed format.")
-    factors = [
-        key for key, cells in about.items() if FACTORS.fullmatch(key) and any(cell not in ("", "1") for cell in cells)
-    ]
-    if factors and len(set(columns) - set(counting)) > 0 and set(columns) <= {*whole, *columns[:1]}:
-        raise HeaderError(
-            f"holds whole numbers and, in its header, {factors[0]!r}, a factor to volts. Multiply, or export volts."
-        )
+    refuse_counts(about, columns, counting, whole, largest or {})
     clock, names = _clock(title, units_of)
     clock = clock or stated_clock(about, decimal)
     if (title and clock is None) or len(names) == len(title):
         names = _over_samples(names, columns, width, counting)
-    largest_count = max((abs(value) for i, value in largest.items() if i in whole), default=0.0)
-    scales = [float(cell) for key, cells in about.items() if _SCALE.fullmatch(key) for cell in cells if is_number(cell)]
-    if scales and set(columns) <= {*whole, *columns[:1]} and largest_count > MOST_DIVISIONS * max(scales):
-        raise HeaderError(
-            f"holds whole numbers up to {largest_count:g}, though a division is {max(scales):g} V: the converter's "
-            "counts, not volts. Export volts."
-        )
     labels = [names[i] if i < len(names) and names[i] else f"column {i + 1}" for i in range(width)]
     pairs = (title and is_paired(title)) or (not title and any(is_paired(row) for row in [*left, *entries]))
     times = tuple(columns[::2]) if pairs else ()
@@ -181,31 +162,19 @@ def read_header(
     for i in columns:
         text = units_of[i] if i < len(units_of) else ""
         if text.lower() in GENERIC and known_unit(text) is None:
-            text = unit_of_one(about, (better.get(i, labels[i]), labels[i])) or unit_of_column(
-                about, i, channels, columns
-            )
-        below = [row[i] for row in passed if i < len(row) and unit_like(row[i])]
-        text = text if text or not below else below[0]
-        mine, named = known_unit(text), unit_in_name(labels[i])
-        if mine is not None and isinstance(named, Unit) and mine != named:
-            raise HeaderError(
-                f"gives column {labels[i][:40]} two units, one in its name and {text[:20]} in a row of its own. "
-                "Correct the header."
-            )
-        unit = mine or named
+            own = unit_of_one(about, (better.get(i, labels[i]), labels[i]))
+            text = own or unit_of_column(about, i, channels, columns)
+        unit = _unit_of(labels[i], text or next((row[i] for row in passed if i < len(row) and unit_like(row[i])), ""))
         if isinstance(unit, Unit):
             units[i] = unit
-        elif unit or text.strip("()[] ").lower() not in (*GENERIC, *NO_UNIT):
-            unknown[i] = unit or text
+        elif unit is not None:
+            unknown[i] = unit
     without = [i for i in columns if i not in units and i not in unknown]
     for text, base in _units_left([*left, *passed, *entries]) if without else ():
-        for i in without:
-            if (i in channels) == (base != "s"):
-                unknown.setdefault(i, text)
+        unknown |= {i: text for i in without if i not in unknown and (i in channels) == (base != "s")}
     if units_of and any(i in units for i in channels):
-        for i in without:
-            if i in channels and (i >= len(units_of) or not units_of[i]):
-                unknown.setdefault(i, "")
+        given = [i for i in channels if i < len(units_of) and units_of[i]]
+        unknown |= {i: "" for i in without if i in channels and i not in given and i not in unknown}
     for i, name in better.items():
         labels[i] = name
     return Header(
@@ -217,6 +186,19 @@ def read_header(
         times,
         "" if clock else unclear_clock(about),
     )
+
+
+def _unit_of(name: str, told: str) -> Unit | str | None:
+    """Unit of a column from its name and from what is told of it elsewhere; as printed if it is not known."""
+    elsewhere, named = known_unit(told), unit_in_name(name)
+    if elsewhere is not None and isinstance(named, Unit) and elsewhere != named:
+        raise HeaderError(
+            f"gives column {name[:40]} two units, one in its name and {told[:20]} in a row of its own. Correct the "
+            "header."
+        )
+    if elsewhere or named:
+        return elsewhere or named
+    return None if told.strip("()[] ").lower() in (*GENERIC, *NO_UNIT) else told
 
 
 def _units_left(rows: Sequence[Sequence[str]]) -> list[tuple[str, str]]:

@@ -28,11 +28,14 @@ _CHANNEL_UNIT_KEY = re.compile(
 _TIME_UNIT_KEY = re.compile(r"(h(orizontal)?|x|t(ime)?)[ _]?(axis[ _]?)?units?([ _]?(label|name))?")
 _ONE_UNIT_KEY = re.compile(r"(.+?)[ _.]*(vertical[ _]?)?units?", re.IGNORECASE)
 """An entry with the unit of one channel."""
-FACTORS = re.compile(
+_FACTORS = re.compile(
     r"y?mult(iplier)?|y[ _]?(mult\w*|incr?(ement)?)|(scale|conversion)([ _]?factors?)?|lsb"
     r"|volts?[ _/]*(per[ _]*)?(bit|count|lsb)"
 )
 """Entries with the factor from a converter's counts to volts."""
+_SCALE = re.compile(r"vertical[ _]?scale|v(olts?)?[ _]?(/|per)[ _]?div(ision)?", re.IGNORECASE)
+MOST_DIVISIONS = 12
+"""Number of divisions beyond which samples are no volts."""
 LONGEST_BARE_S = 1.0
 """Sample interval from which a number without a unit is not taken: it may be seconds, or microseconds."""
 GENERIC = {"value", "values", "ampl", "amplitude", "data", "sequence", "level", "vol.", "voltage", "*", "ts", "rn", ""}
@@ -198,6 +201,32 @@ def stated_clock(about: Mapping[str, list[str]], decimal: str = ".") -> tuple[fl
 
 def _pairs(values: Sequence[str]) -> list[tuple[str, str]]:
     return list(zip(values[::2], values[1::2], strict=True))
+
+
+def refuse_counts(
+    about: Mapping[str, list[str]],
+    columns: Sequence[int],
+    counting: Sequence[int],
+    whole: Sequence[int],
+    largest: Mapping[int, float],
+) -> None:
+    """Raise an error if the samples are a converter's counts, of which the header tells in one way or another."""
+    if "fast" in map(str.lower, about.get("mode", [])) and "vertical scale" in about:
+        raise HeaderError("holds the converter's counts, not volts. Export it in the detailed format.")
+    if not set(columns) <= {*whole, *columns[:1]}:
+        return
+    factors = [key for key in about if _FACTORS.fullmatch(key) and any(cell not in ("", "1") for cell in about[key])]
+    if factors and set(columns) - set(counting):
+        raise HeaderError(
+            f"holds whole numbers and, in its header, {factors[0]!r}, a factor to volts. Multiply, or export volts."
+        )
+    scales = [float(cell) for key, cells in about.items() if _SCALE.fullmatch(key) for cell in cells if is_number(cell)]
+    count = max((largest[i] for i in whole if i in largest), default=0.0)
+    if scales and count > MOST_DIVISIONS * max(scales):
+        raise HeaderError(
+            f"holds whole numbers up to {count:g}, though a division is {max(scales):g} V: the converter's counts, not "
+            "volts. Export volts."
+        )
 
 
 def unclear_clock(about: Mapping[str, list[str]]) -> str:
