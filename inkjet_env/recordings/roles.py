@@ -336,8 +336,9 @@ def guessed_roles(
             answers.append(({roles.missing[0]: roles.unsure[0]}, "the only remaining column"))
         else:
             answers.append(({}, ""))
-    for names in {tuple(files[k][0].header.names[i] for i in files[k][1].unsure) for k in guesses}:
-        mine = [k for k in guesses if tuple(files[k][0].header.names[i] for i in files[k][1].unsure) == names]
+    named = {k: tuple(files[k][0].header.names[i] for i in files[k][1].unsure) for k in guesses}
+    for names in dict.fromkeys(named.values()):
+        mine = [k for k in guesses if named[k] == names]
         for k, answer in _one_wiring([(files[n], guesses[n]) for n in mine], names).items():
             answers[mine[k]] = answer
     return answers

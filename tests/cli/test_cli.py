@@ -277,6 +277,12 @@ def test_a_damaged_record_is_named(inkjet, tmp_path):
     assert "part.csv.evaluations.npz: is not a complete record of an optimisation" in err
 
 
+def _heed_signals():
+    """A shell's background job ignores SIGINT, and one that outlives its terminal SIGHUP."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize("signals", [["SIGINT"], ["SIGTERM"], ["SIGHUP"], ["SIGINT", "SIGINT"], ["SIGTERM", "SIGINT"]])
 def test_whatever_interrupts_a_running_process_its_best_is_written(tmp_path, signals):
     arguments = ["optimize", "--optimizer", "cma-es", "--budget", "1000000", "--out", "w.csv"]
@@ -286,7 +292,7 @@ def test_whatever_interrupts_a_running_process_its_best_is_written(tmp_path, sig
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
+        preexec_fn=_heed_signals,
     )
     assert any("cma-es" in line for line in process.stderr)  # it may have compiled the simulator first
     time.sleep(0.3)

@@ -22,6 +22,8 @@ DATA = {
     "experiments/proof/judge.py": "which parameters catalogue and concealed plant have in common",
     "experiments/validation/baselines/sindy.py": "what a sparse regression's terms stand for, as the baseline has it",
     "experiments/validation/diagnosis_study.py": "which pairs the study plants together",
+    "experiments/validation/resonance_study.py": "what a system without a resonance may do instead",
+    "experiments/robustness/mutated_inputs.py": "which effects the head has whose file is damaged",
 }
 """Files that may name effects, and what their lists are: choices of a study, which a new effect need not enter."""
 
