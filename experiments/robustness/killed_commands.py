@@ -2,9 +2,9 @@
 
 ``python -m inkjet_env.experiments.robustness.killed_commands optimize --kills 20``
 
-The command runs once undisturbed. Then it is killed with SIGKILL after a random part of its time and started again, so
-often, and let run to its end. Every file that it wrote must then hold the same, but for times, and no process of it
-may be left. The exit status is 1 if anything differs.
+The command runs once undisturbed. Then it is killed with SIGKILL after a random part of its time and started again,
+until it ends; and all that anew, until it was killed so often. Every file that it wrote must then hold the same, but
+for times, and no process of it may be left. The exit status is 1 if anything differs.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def tried(killed: Killed, kills: int, seed: int, folder: Path, tell: Callable[[s
     ----------
     killed : Killed
     kills : int
-        Number of kills; fewer if the command ends before.
+        Number of kills. A run that ends before all of them is followed by another from the start.
     seed : int
         Of the moments of the kills.
     folder : Path
@@ -163,27 +163,37 @@ def tried(killed: Killed, kills: int, seed: int, folder: Path, tell: Callable[[s
         Processes outlive their command.
     """
     rng = np.random.default_rng(seed)
-    whole, disturbed = folder / "whole", folder / "disturbed"
-    for each in (whole, disturbed):
-        each.mkdir()
-        for arguments in killed.prepare:
-            subprocess.run([*INKJET, *arguments], cwd=each, check=True, capture_output=True)
+    whole = _prepared(killed, folder / "whole")
     start_s = time.monotonic()
     _run(killed.arguments, whole)
     seconds = time.monotonic() - start_s
     tell(f"undisturbed: {seconds:.1f} s")
-    hit = 0
-    while hit < kills and killed_after(_command(killed, disturbed), disturbed, float(rng.uniform(0.0, seconds))):
-        hit += 1
-    tell(f"killed {hit} times")
-    if not contents(disturbed, killed.outputs) or hit == kills:
-        _run(_command(killed, disturbed)[len(INKJET) :], disturbed)
-    expected, found = contents(whole, killed.outputs), contents(disturbed, killed.outputs)
+    expected = contents(whole, killed.outputs)
     if not expected:
         return ["the undisturbed run wrote none of its outputs"]
-    differing = [f"{name} differs" for name in expected if expected[name] != found.get(name)]
-    unexpected = _names(disturbed) - _names(whole)
-    return differing + [f"{name} is left" for name in sorted(unexpected)]
+    hit, runs, wrong = 0, 0, []
+    while hit < kills:
+        runs += 1
+        disturbed = _prepared(killed, folder / f"disturbed-{runs}")
+        ended = False
+        while hit < kills and not ended:
+            ended = not killed_after(_command(killed, disturbed), disturbed, float(rng.uniform(0.0, seconds)))
+            hit += not ended
+        if not ended:
+            _run(_command(killed, disturbed)[len(INKJET) :], disturbed)
+        found = contents(disturbed, killed.outputs)
+        wrong += [f"{name} differs" for name in expected if expected[name] != found.get(name)]
+        wrong += [f"{name} is left" for name in sorted(_names(disturbed) - _names(whole))]
+    tell(f"killed {hit} times in {runs} {'run' if runs == 1 else 'runs'}")
+    return wrong
+
+
+def _prepared(killed: Killed, folder: Path) -> Path:
+    """A new folder with what the command needs."""
+    folder.mkdir()
+    for arguments in killed.prepare:
+        subprocess.run([*INKJET, *arguments], cwd=folder, check=True, capture_output=True)
+    return folder
 
 
 def _command(killed: Killed, folder: Path) -> list[str]:

@@ -3,7 +3,8 @@
 ``python -m inkjet_env.experiments.validation.resonance_study --count 60``
 
 Systems without a resonance: a static law, creep, one pole, a clipped sensor, and one sine that nobody could identify a
-resonance from, whatever answered it. Systems with one: damping ratios of 0.005 to 0.3. Hysteresis is a sum of random
+resonance from, whatever answered it. Systems with one, of damping ratios of 0.005 to 0.3: a resonator, one that creeps
+too, and one whose sensor clips. Hysteresis is a sum of random
 plays; the linear part is exact on a finer grid, in the frequency domain for repeated drives. Nothing here uses the
 project's simulator.
 """
@@ -27,6 +28,8 @@ from inkjet_env.typing import Real
 
 WITHOUT = ("static", "creep", "one_pole", "clipped", "one_sine")
 """Systems without a resonance, or drives that cannot show one."""
+WITH = ("resonator", "creeping_resonator", "clipped_resonator")
+"""Systems with a resonance."""
 FINER = 8
 """Samples of the simulation for each sample of a recording."""
 SAMPLES = 600
@@ -39,7 +42,7 @@ class System:
     Attributes
     ----------
     kind : str
-        One of `WITHOUT`, or ``"resonator"``.
+        One of `WITHOUT` or `WITH`.
     frequency_Hz : float
         Its characteristic frequency.
     damping_ratio : float
@@ -126,21 +129,17 @@ def answered(system: System, drive_V: Real, step_s: float, velocity: bool, state
     periodic = state == "periodic"
     v = hysteretic(system, drive_V, periodic)
     omega = 2 * np.pi * system.frequency_Hz
-    transfers: dict[str, tuple[list[float], list[float]]] = {
-        "resonator": ([omega**2], [1.0, 2 * system.damping_ratio * omega, omega**2]),
-        "one_pole": ([omega], [1.0, omega]),
-    }
-    if system.kind == "creep":
-        numerator, denominator = [1.0], [1.0]
+    numerator, denominator = [1.0], [1.0]
+    if system.kind.startswith("creep"):
         for slowness in (1.0, 4.0, 16.0):  # three Kelvin-Voigt elements beside the elastic part
             tau_s = slowness / omega
             numerator = np.polyadd(np.polymul(numerator, [tau_s, 1.0]), np.multiply(0.08, denominator)).tolist()
             denominator = np.polymul(denominator, [tau_s, 1.0]).tolist()
-        y = _filtered(numerator, denominator, v, step_s, periodic)
-    elif system.kind in transfers:
-        y = _filtered(*transfers[system.kind], v, step_s, periodic)
-    else:
-        y = v
+    elif system.kind == "one_pole":
+        denominator = [1 / omega, 1.0]
+    if system.kind in WITH:
+        denominator = np.polymul(denominator, [omega**-2, 2 * system.damping_ratio / omega, 1.0]).tolist()
+    y = v if denominator == [1.0] else _filtered(numerator, denominator, v, step_s, periodic)
     return np.gradient(y, step_s * omega) if velocity else y
 
 
@@ -157,7 +156,7 @@ def recorded(system: System, rng: np.random.Generator) -> Campaign:
     """A campaign of the system: pulses, multisines and a sine, of one channel, with noise of a random kind."""
     step_s = 1 / (system.frequency_Hz * rng.uniform(12, 30))
     channel = str(rng.choice(["self_sensing", "displacement"]))
-    velocity = channel == "self_sensing" and (system.kind == "resonator" or rng.random() < 0.7)
+    velocity = channel == "self_sensing" and (system.kind in WITH or rng.random() < 0.7)
     snr_dB = rng.uniform(35, 60)
     colour, bits = rng.choice([0.0, 0.6]), rng.choice([0, 12])
     made = drives(system.kind, step_s, system.frequency_Hz, rng)
@@ -166,7 +165,7 @@ def recorded(system: System, rng: np.random.Generator) -> Campaign:
         system = drawn_system(str(rng.choice(["static", "creep", "one_pole", *(["resonator"] * steady)])), rng)
     clean = [answered(system, drive, step_s / FINER, velocity, state)[::FINER] for drive, state in made]
     largest = max(float(np.abs(y).max()) for y in clean)
-    if system.kind == "clipped":
+    if system.kind.startswith("clipped"):
         clean = [np.clip(y, -system.limit * largest, system.limit * largest) for y in clean]
     gain = math.exp(rng.uniform(-3, 1)) / largest
     rms = 10 ** (-snr_dB / 20) * max(float(np.std(y)) for y in clean)
@@ -201,21 +200,21 @@ def outcome(kind: str, seed: int) -> tuple[bool, str]:
     try:
         found = identify(campaign)
     except UnidentifiableError as error:
-        return kind != "resonator", str(error)
+        return kind in WITHOUT, str(error)
     if not found.printhead.has_dynamics:
-        return kind != "resonator", "hysteresis alone"
+        return kind in WITHOUT, "hysteresis alone"
     off = abs(found.printhead.frequency_Hz / system.frequency_Hz - 1)
     told = (
         f"{found.printhead.frequency_Hz:.4g} Hz, damping ratio {found.printhead.damping_ratio:.3g} "
         f"(true {system.frequency_Hz:.4g} Hz, {system.damping_ratio:.3g})"
     )
-    return kind == "resonator" and off < max(0.05, system.damping_ratio / 2), told
+    return kind in WITH and off < max(0.05, system.damping_ratio / 2), told
 
 
 def study(first: int, count: int, told: Callable[[str], None]) -> dict[str, Counter[bool]]:
     """Right and wrong outcomes for each kind of system: ``count`` without a resonance and as many with one."""
     seeds = range(first, first + count)
-    cases = [(WITHOUT[k % len(WITHOUT)], k) for k in seeds] + [("resonator", k) for k in seeds]
+    cases = [(half[k % len(half)], k) for half in (WITHOUT, WITH) for k in seeds]
     counts: dict[str, Counter[bool]] = defaultdict(Counter)
     with shown_progress("systems", len(cases)) as progress:
         for done, (kind, seed) in enumerate(cases, start=1):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from inkjet_env.experiments.validation.resonance_study import WITHOUT, outcome
+from inkjet_env.experiments.validation.resonance_study import WITH, WITHOUT, outcome
 from inkjet_env.identification import UnidentifiableError, identify
 from inkjet_env.identification.outcome import _squared_distance_from_zero
 from inkjet_env.identification.resonance import low_passed
@@ -12,7 +12,7 @@ from inkjet_env.recordings import Campaign, Recording
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize("kind", [*WITHOUT, "resonator"])
+@pytest.mark.parametrize("kind", [*WITHOUT, *WITH])
 def test_what_never_rings_is_refused_and_what_rings_is_found(kind, seed):
     right, told = outcome(kind, seed)
     assert right, told
