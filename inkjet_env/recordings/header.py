@@ -30,6 +30,7 @@ from inkjet_env.recordings.header_entries import (
     is_number,
     is_paired,
     refuse_counts,
+    refuse_factors,
     stated_clock,
     unclear_clock,
     unit_of_column,
@@ -144,6 +145,7 @@ def read_header(
     left, title, units_of, passed = _names_and_units(left, len(columns), width)
     about = entries_of([*left, *passed, *reversed(entries), *(row for row in beside if any(row))])
     refuse_counts(about, columns, counting, whole, largest or {})
+    refuse_factors(about)
     clock, names = _clock(title, units_of)
     clock = clock or stated_clock(about, decimal)
     if (title and clock is None) or len(names) == len(title):

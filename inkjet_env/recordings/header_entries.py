@@ -33,6 +33,7 @@ _FACTORS = re.compile(
     r"|volts?[ _/]*(per[ _]*)?(bit|count|lsb)"
 )
 """Entries with the factor from a converter's counts to volts."""
+_COLUMN_FACTORS = re.compile(r"(scale|scaling|conversion)([ _]?factors?)?|multipliers?|factors?")
 _SCALE = re.compile(r"vertical[ _]?scale|v(olts?)?[ _]?(/|per)[ _]?div(ision)?", re.IGNORECASE)
 MOST_DIVISIONS = 12
 """Number of divisions beyond which samples are no volts."""
@@ -227,6 +228,17 @@ def refuse_counts(
             f"holds whole numbers up to {count:g}, though a division is {max(scales):g} V: the converter's counts, not "
             "volts. Export volts."
         )
+
+
+def refuse_factors(about: Mapping[str, list[str]]) -> None:
+    """Raise an error if an entry gives each column a factor."""
+    for key, cells in about.items():
+        numbers = [cell for cell in cells if is_number(cell)]
+        if _COLUMN_FACTORS.fullmatch(key) and len(numbers) > 1 and any(float(cell) != 1 for cell in numbers):
+            raise HeaderError(
+                f"has a factor for each column in its header, {key} {', '.join(numbers)[:60]}. Multiply the columns by "
+                "it, and leave it out."
+            )
 
 
 def unclear_clock(about: Mapping[str, list[str]]) -> str:

@@ -27,7 +27,9 @@ _UNIT_SUFFIX = re.compile(r"_([munk\u00b5]?s|[kMG]?Hz)$", re.IGNORECASE)
 """Unit of a single number, such as ``dt_us``."""
 _UNIT_IN_TEXT = re.compile(r"[(\[\"' ]([mun\u00b5]s|[mu\u00b5k]V)[)\]\"' ,]")
 """A unit in a text, other than seconds and volts."""
-_FACTORS = re.compile(r"scale|gain|factor|lsb|per_?(count|bit)|resolution|_to_(volt|v)|bits|range", re.IGNORECASE)
+_FACTORS = re.compile(
+    r"scale|gain|factor|lsb|per_?(count|bit)|resolution|_to_(volt|v)|bits|range|\by_?(inc|mult)", re.IGNORECASE
+)
 """Names of single numbers that turn counts into volts."""
 ARRAY_SUFFIXES = (".npz", ".npy", ".mat", ".h5", ".hdf5", ".parquet")
 
@@ -123,7 +125,10 @@ class ArrayTable(Table):
                 known[i] = unit
             elif unit:
                 unknown[i] = unit
-        entries = {_UNIT_SUFFIX.sub(r" (\1)", name).lower(): ["", f"{x:.17g}"] for name, x in self.numbers.items()}
+        entries: dict[str, list[str]] = {}
+        for name, number in self.numbers.items():
+            key = _UNIT_SUFFIX.sub(r" (\1)", re.split(r"[./]", name)[-1]).lower()
+            entries.setdefault(key, [""]).append(f"{number:.17g}")
         try:
             self.header = Header(tuple(self.arrays), known, unknown, stated_clock(entries), self.file.suffix[1:])
         except HeaderError as error:
@@ -209,11 +214,14 @@ def _array_table(file: Path, found: Mapping[str, Any], units: Mapping[str, str])
         raise CampaignError(f"{file}: holds whole numbers and {factors[0]!r}, a factor. Save volts.")
     printed = {}
     for key, text in texts.items():
-        stem = re.sub(r"_?units?$", "", key, flags=re.IGNORECASE)
+        stem = re.sub(r"^units?[_.]|[_.]?units?([_.]?(name|label|symbol))?$", "", key, flags=re.IGNORECASE)
         mine = [name for name in arrays if stem and name.lower() == stem.lower()]
+        unit = known_unit(text)
         if mine:
             printed[mine[0]] = text
-        elif (stem != key and (known_unit(text) or unit_like(text))) or _UNIT_IN_TEXT.search(text):
+        elif unit in (known_unit("s"), known_unit("V")):
+            continue  # what is taken without it, too
+        elif (stem != key and (unit or unit_like(text))) or _UNIT_IN_TEXT.search(text):
             raise CampaignError(
                 f"{file}: the unit in {key[:40]} = {text[:30]!r} belongs to no array. Put units behind names: drive_mV."
             )
@@ -255,11 +263,25 @@ def _hdf5(file: Path) -> Mapping[str, Any]:
     with h5py.File(file, "r") as opened:
 
         def keep(name: str, item: Any) -> None:
-            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and "#" not in name:
-                found[name] = item[()]
+            if "#" in name:
+                return
+            if isinstance(item, h5py.Dataset) and (item.dtype.kind in "fiub" or item.size == 1):
+                found[name] = _decoded(item[()])
+            found.update({f"{name}.{key}": _decoded(value) for key, value in item.attrs.items() if key.isprintable()})
 
+        keep("", opened)
         opened.visititems(keep)
     return found
+
+
+def _decoded(value: Any) -> Any:
+    """A value with texts as text: HDF5 holds bytes."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "SO":
+        return value
+    return np.array(
+        [v.decode(errors="replace") if isinstance(v, bytes) else str(v) for v in array.reshape(-1).tolist()]
+    )
 
 
 def _parquet(file: Path) -> Mapping[str, Any]:
@@ -270,11 +292,13 @@ def _parquet(file: Path) -> Mapping[str, Any]:
 
 
 def _parquet_units(file: Path) -> Mapping[str, str]:
-    """Units in the fields' own metadata, by column."""
+    """Units in the fields' own metadata, by column, and what the file's metadata says."""
     from pyarrow import parquet
 
-    found = {}
-    for field in parquet.read_schema(file):
+    schema = parquet.read_schema(file)
+    own = {key: text for key, text in (schema.metadata or {}).items() if key not in (b"pandas", b"ARROW:schema")}
+    found = {key.decode(errors="replace"): text.decode(errors="replace") for key, text in own.items()}
+    for field in schema:
         for key, text in (field.metadata or {}).items():
             if "unit" in key.decode(errors="replace").lower():
                 found[field.name] = text.decode(errors="replace")

@@ -38,6 +38,12 @@ _POSITION = re.compile(r"position|displace", re.IGNORECASE)
 _VOLTAGE = re.compile(r"volt(age)?", re.IGNORECASE)
 _TIME = re.compile(r"^(time|second|x-axis|x_value)|\btime\b|_time\b|^[tx]\b|^t_", re.IGNORECASE)
 _FREQUENCY = re.compile(r"^f(req(uency)?)?\b|frequency|\bhz\b", re.IGNORECASE)
+_NO_SECONDS = re.compile(
+    r"(clock|timer|cpu)?[ _]?(ticks?|counts?|counter|cycles?|clocks?)"
+    r"|min|h|hrs?|hours?|std|stunden?|heures?|d|days?|tage?|jours?",
+    re.IGNORECASE,
+)
+"""First columns that are ticks, minutes, hours or days."""
 _PEAK_DETECT = re.compile(r"peak[ _-]?detect", re.IGNORECASE)
 CLEARLY_LARGER = 2.0
 """Ratio of ranges from which the column with the larger range is guessed to be the drive; below it, the first is."""
@@ -275,6 +281,12 @@ def _time(table: Table, free: Sequence[int], interval_s: float | None, needed: i
             else "its header states no sample interval"
         )
         raise CampaignError(f"{table.file}: has no column of times, and {said}. Add the column, or give {STATED}.")
+    assert first is not None
+    if _NO_SECONDS.fullmatch(names[first].strip("()[] ")):
+        raise CampaignError(
+            f"{table.file}: its first column, {names[first][:40]}, is no time in a unit that is read. Write "
+            f"seconds, as time_s, or give {STATED}."
+        )
     return first, "guessed: the first column"
 
 

@@ -82,7 +82,8 @@ _AFTER_IN = re.compile(r"(?:^|\s)in\s+([^\s()\[\]]{1,12})$", re.IGNORECASE)
 _WORDS = re.compile(r"[0-9.]*[0-9]|[^\W\d_]+|\S", re.UNICODE)
 _SETTING = re.compile(r"(?:^|[\s_])[-+]?\d[\d.,]*[\s_]*[^\W\d_]+$")
 """A number with its unit at the end of a name, such as ``at 200 mV``: no unit of the column."""
-_CAMEL = re.compile(r"(?<=[a-z]{3})(?=[A-Z])")
+_CAMEL = re.compile(r"(?<=[a-z]{3})(?=[A-Z])|(?<=[a-z]In)(?=[A-Z])")
+_TIME_IN = re.compile(r"^t([mun\u00b5]?s)$")
 _RIGOL_CHANNEL = re.compile(r"^CH\d+([VAWU])$")
 _OF_TIME = re.compile(r"time|zeit|temps|tiempo|tempo|clock|stamp|^t$", re.IGNORECASE)
 _PREFIXES = "fpnuµμmkKMG"
@@ -159,6 +160,8 @@ def unit_in_name(name: str) -> Unit | str | None:
         return _VOLT if node.group(1) in "Vv" else "A"
     if rigol := _RIGOL_CHANNEL.match(name):
         return known_unit(rigol.group(1)) or rigol.group(1)
+    if time_in := _TIME_IN.match(name):  # tms
+        return known_unit(time_in.group(1))
     found = [*_bracketed_units(name), *_trailing_units(_BRACKETED.sub(" ", name).strip())]
     known = list(dict.fromkeys(one for one in found if isinstance(one[1], Unit)))
     if len({unit for _, unit in known}) > 1:

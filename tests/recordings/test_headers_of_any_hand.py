@@ -49,6 +49,8 @@ def check(folder, unit="V", given=None, channel="self_sensing", **options):
         (["Time (ms) rel.,Drive (V) A,Sensor (mV) B"], (MS, 1, 1e3)),
         (["(ms) Time,(V) Drive,(mV) Sensor"], (MS, 1, 1e3)),
         (["timeMs,driveV,sensorMv"], (MS, 1, 1e3)),
+        (["timeInMs,driveInV,sensorInMv"], (MS, 1, 1e3)),
+        (["tms,drive_V,sensor_mV"], (MS, 1, 1e3)),
         (["time_micros,drive_volts,sensor_millivolts"], (US, 1, 1e3)),
         (["millis,drive,sensor"], (MS, 1, 1)),
         (["Time (milli-seconds),Drive (KV),Sensor (mVolts)"], (MS, 1e-3, 1e3)),
@@ -109,6 +111,10 @@ def test_a_unit_is_used_wherever_it_stands(tmp_path, header, factors):
         (["Time (s),CH1 Min (V),CH1 Max (V)"], "are the envelope of one channel"),
         (["Time (s),Drive"], "names 2 columns, Time (s), Drive, above 3 columns of numbers"),
         (["Sample Interval,1000", "Index,Drive (V),Sensor (V)"], "sample interval 1000 is not understood"),
+        (["Scale Factor,100,1", "Time (s),Drive (V),Sensor (V)"], "a factor for each column in its header"),
+        (["Time (s),Drive (V),Sensor (V)", "Scale,100,1"], "a factor for each column in its header"),
+        (["ticks,drive,sensor"], "its first column, ticks, is no time in a unit that is read"),
+        (["h,drive,sensor"], "its first column, h, is no time in a unit that is read"),
     ],
 )
 def test_what_is_not_understood_is_refused(tmp_path, header, told):
@@ -220,6 +226,8 @@ def test_units_of_arrays(tmp_path):
         tmp_path / "r1.npz", time=TIME_S * US, drive=DRIVE_V, sensor=SENSOR * 1e3, time_unit="us", sensor_unit="mV"
     )
     check(tmp_path)
+    np.savez(tmp_path / "r1.npz", t=TIME_S * US, drive=DRIVE_V, sensor=SENSOR * 1e3, unit_t="us", unit_sensor="mV")
+    check(tmp_path)
     np.savez(tmp_path / "r1.npz", dt_us=2.0, drive=DRIVE_V, sensor=SENSOR)
     check(tmp_path)
     np.savez(tmp_path / "r1.npz", dt=2e-6, drive=DRIVE_V, sensor=SENSOR, y_unit="mV")
@@ -229,6 +237,42 @@ def test_units_of_arrays(tmp_path):
     np.savez(tmp_path / "r1.npz", dt=2e-6, drive=counts, sensor=counts, scale=0.1)
     with pytest.raises(CampaignError, match="holds whole numbers and 'scale', a factor"):
         read_campaign(tmp_path, channel="self_sensing")
+
+
+def test_units_of_a_parquet_file(tmp_path):
+    pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    from pyarrow import parquet
+
+    table = pa.table({"time": TIME_S * US, "drive": DRIVE_V, "sensor": SENSOR * 1e3})
+    parquet.write_table(
+        table.replace_schema_metadata({"time_unit": "us", "sensor_unit": "mV"}), tmp_path / "r1.parquet"
+    )
+    check(tmp_path)
+
+
+def test_units_and_interval_among_the_attributes_of_an_hdf5_file(tmp_path):
+    h5py = pytest.importorskip("h5py", reason="the extra hdf5 is not installed")
+    with h5py.File(tmp_path / "r1.h5", "w") as opened:
+        for name, values, unit in (
+            ("time", TIME_S * US, "us"),
+            ("drive", DRIVE_V, "V"),
+            ("sensor", SENSOR * 1e3, "mV"),
+        ):
+            opened.create_dataset(name, data=values).attrs["unit"] = unit
+    check(tmp_path)
+    for factor in (1.0, 0.01):
+        with h5py.File(tmp_path / "r1.h5", "w") as opened:
+            for name, values in (("Channel 1", DRIVE_V), ("Channel 2", SENSOR)):
+                group = opened.create_group(f"Waveforms/{name}")
+                group.attrs.update({"XInc": STEP_S, "YInc": 0.01, "YUnits": "Volt"})
+                group.create_dataset(
+                    f"{name} Data", data=values if factor == 1 else np.int16(np.round(values / factor))
+                )
+        if factor == 1:
+            check(tmp_path)
+        else:
+            with pytest.raises(CampaignError, match=r"holds whole numbers and 'Waveforms/Channel 1\.YInc', a factor"):
+                read_campaign(tmp_path, channel="self_sensing")
 
 
 def test_a_drive_has_the_times_of_its_header_and_not_its_sample_numbers(tmp_path):
