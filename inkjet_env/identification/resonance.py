@@ -103,9 +103,11 @@ def doubt_of_resonance(fast: Sequence[Fitted], held_out: Sequence[Fitted], model
     doubt = _doubt_of(fast, *_compared(fast, answers))
     if doubt and not any(_rings(f, model) for f in fast):
         return doubt
-    without, with_it = _compared([f for f in held_out if f.measurement.channel in answers], answers)
+    swing_V = max(np.ptp(f.measurement.drive_V) for f in fast)  # beyond it, the law is extrapolated and both fail
+    known = [f for f in held_out if f.measurement.channel in answers and np.ptp(f.measurement.drive_V) <= swing_V]
+    without, with_it = _compared(known, answers)
     ratios = [(r @ r + r.size) / (s @ s + s.size) for r, s in zip(with_it, without, strict=True)]
-    if ratios and np.log(ratios).mean() > 0:  # each counts alike: where the law is extrapolated, both fail
+    if ratios and np.log(ratios).mean() > 0:
         return "a model without a resonance predicts held-out recordings better"
     return None
 
