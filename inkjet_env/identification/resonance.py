@@ -103,11 +103,13 @@ def doubt_of_resonance(fast: Sequence[Fitted], held_out: Sequence[Fitted], model
     doubt = _doubt_of(fast, *_compared(fast, answers))
     if doubt and not any(_rings(f, model) for f in fast):
         return doubt
-    swing_V = max(np.ptp(f.measurement.drive_V) for f in fast)  # beyond it, the law is extrapolated and both fail
-    known = [f for f in held_out if f.measurement.channel in answers and np.ptp(f.measurement.drive_V) <= swing_V]
-    without, with_it = _compared(known, answers)
-    ratios = [(r @ r + r.size) / (s @ s + s.size) for r, s in zip(with_it, without, strict=True)]
-    if ratios and np.log(ratios).mean() > 0:
+    known = [f for f in held_out if f.measurement.channel in answers]
+    told = [  # where neither predicts half of the signal, as where the law is extrapolated, the ratio says nothing
+        (rings @ rings + rings.size) / (never @ never + never.size)
+        for f, never, rings in zip(known, *_compared(known, answers), strict=True)
+        if min(never @ never, rings @ rings) < _power(f) / 2
+    ]
+    if told and np.log(told).mean() > 0:
         return "a model without a resonance predicts held-out recordings better"
     return None
 
@@ -166,6 +168,13 @@ def _residual(f: Fitted, answer: Answer) -> Real:
     n = f.measurement.fitted or residual.size
     white: Real = f.noise.whitened(residual[:n, None])[:, 0] * math.sqrt(len(f.measurement.signals))
     return white
+
+
+def _power(f: Fitted) -> float:
+    """Whitened power of a recording's signal about its mean, as that of `_residual`."""
+    signal = f.measurement.mean - f.measurement.mean.mean()
+    white = f.noise.whitened(signal[: f.measurement.fitted or signal.size, None])
+    return float(np.sum(white**2)) * len(f.measurement.signals)
 
 
 def _spectrum(residual: Real) -> Real:
