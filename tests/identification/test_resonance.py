@@ -7,7 +7,7 @@ from scipy import signal
 from inkjet_env.experiments.validation.resonance_study import WITH, WITHOUT, outcome
 from inkjet_env.identification import UnidentifiableError, identify
 from inkjet_env.identification.outcome import _squared_distance_from_zero
-from inkjet_env.identification.resonance import low_passed
+from inkjet_env.identification.relaxation import low_passed
 from inkjet_env.recordings import Campaign, Recording
 
 
