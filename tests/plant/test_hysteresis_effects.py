@@ -215,6 +215,24 @@ def test_beyond_its_knee_the_law_may_be_steeper_on_one_side_alone():
     )
 
 
+@pytest.mark.parametrize(
+    ("asymmetry", "bending", "told"),
+    [
+        (0.0, 0.03, "positive drives of half the full scale move the head 6 % further."),
+        (0.03, 0.0, "positive drives move the head 6 % further."),
+        (0.03, -0.03, "small positive drives move the head 6 % further, and those of half the full scale as far."),
+        (
+            -0.02,
+            0.05,
+            "small positive drives move the head 4 % less far, and those of half the full scale 6 % further.",
+        ),
+    ],
+)
+def test_what_positive_drives_do_beside_negative_ones_is_told_without_a_zero(asymmetry, bending, told):
+    ((effect, values),) = plant("asymmetric_hysteresis", asymmetry=asymmetry, bending=bending).effects
+    assert effect.description(values) == f"Compared with negative drives, {told}"
+
+
 def test_arching_bends_the_drive_before_the_hysteresis():
     excitation = shot_of(channel="strain_gauge")
     bent = shot_of(PULSE + 0.04 * PULSE**2 / 90, channel="strain_gauge")

@@ -84,10 +84,7 @@ class AsymmetricHysteresis(Effect):
             asymmetry = 0.0
         if asymmetry or even:
             small, large = 2 * asymmetry, 2 * (asymmetry + even)
-            said.append(
-                f"Compared with negative drives, small positive drives move the head {_further(small)}, and those of "
-                f"half the full scale {_further(large)}."
-            )
+            said.append(f"Compared with negative drives, {_compared(small, large)}.")
         lean = values["lean"] + 0.5 * values["tilt"]
         if lean:
             wider = "negative" if lean > 0 else "positive"
@@ -135,5 +132,16 @@ def leaning_plays_V(
     return play_sum_V(compiled_hysteresis.leaning_plays, ends_V, (lean, tilt_per_V), law, periodic, plays)
 
 
+def _compared(small: float, large: float) -> str:
+    """How positive drives, small and of half the full scale, differ."""
+    if small == large:
+        return f"positive drives move the head {_further(small)}"
+    if not small:
+        return f"positive drives of half the full scale move the head {_further(large)}"
+    return f"small positive drives move the head {_further(small)}, and those of half the full scale {_further(large)}"
+
+
 def _further(term: float) -> str:
+    if not term:
+        return "as far"
     return f"{percent(abs(term))} {'less far' if term < 0 else 'further'}"
