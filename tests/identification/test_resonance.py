@@ -86,3 +86,31 @@ def test_a_law_of_strongly_correlated_coefficients_is_told_from_zero():
     assert _squared_distance_from_zero(axes[:, 0] * 1e-4, covariance) > 1e4  # the direction that is known best
     assert _squared_distance_from_zero(axes[:, 2] * 2, covariance) == pytest.approx(4, rel=1e-3)
     assert _squared_distance_from_zero(np.zeros(3), covariance) == 0
+
+
+def resonator_that_creeps(frequency_Hz, compliance, step_s):
+    """Numerator and denominator of a resonator of damping ratio 0.03 behind three Kelvin-Voigt elements."""
+    omega = 2 * np.pi * frequency_Hz
+    numerator, denominator = np.array([1.0]), np.array([1.0])
+    for tau_s in np.array([30.0, 300.0, 3000.0]) * step_s:
+        numerator = np.polyadd(np.polymul(numerator, [tau_s, 1.0]), compliance * denominator)
+        denominator = np.polymul(denominator, [tau_s, 1.0])
+    return numerator, np.polymul(denominator, [omega**-2, 0.06 / omega, 1.0])
+
+
+@pytest.mark.parametrize("asymmetry", [0.0, 0.1])
+@pytest.mark.parametrize("compliance", [0.0, 0.15])
+def test_a_ring_in_a_short_part_of_a_long_recording_is_found_beside_creep_and_asymmetry(compliance, asymmetry):
+    """A step, and then a slow sine that is answered less on one side; one recording, without repeats."""
+    step_s, n = 2e-4, 12000
+    time_s = step_s * np.arange(n)
+    drive_V = np.where(time_s < 0.2, 0.0, 20.0) + np.where(time_s < 0.5, 0.0, 60 * np.sin(2 * np.pi * (time_s - 0.5)))
+    numerator, denominator = resonator_that_creeps(500.0, compliance, step_s)
+    _, answer, _ = signal.lsim((numerator, denominator), drive_V, time_s, interp=False)
+    rng = np.random.default_rng(0)
+    answer *= 1 - asymmetry * (answer < 0)
+    recording = Recording(
+        "long", time_s, drive_V, answer + rng.normal(0, 0.02, n), "um", "displacement", initial_state="demagnetised"
+    )
+    found = identify(Campaign("long", (recording,)))
+    assert found.printhead.frequency_Hz == pytest.approx(500, rel=0.02)
