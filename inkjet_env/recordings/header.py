@@ -52,6 +52,7 @@ _LEFT = re.compile(r"(?:\bin |_|(?<!\d)[:=(\[,]\s*)([^\W\d_]{2,12})\s*(?=$|[)\],
 """A word that may be a unit, in brackets, after "in" or alone behind a mark."""
 _UNIT_ROWS = 6
 """Number of rows that may stand between the names and the samples."""
+_COUNTS = re.compile(r"(?<![^\W\d_])(raw|adc|dac|counts?|codes?)(?![^\W\d_])", re.IGNORECASE)
 _STATISTICS = {"smp", "avg", "max", "min", "std", ""}
 """Cells of a row below the units that tells how a logger made its values."""
 _STAMP = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d(:\d\d)?")
@@ -179,6 +180,13 @@ def read_header(
         unknown |= {i: "" for i in without if i in channels and i not in given and i not in unknown}
     for i, name in better.items():
         labels[i] = name
+    if raw := [
+        labels[i] for i in channels if i in whole and i in without and i not in unknown and _COUNTS.search(labels[i])
+    ]:
+        raise HeaderError(
+            f"holds whole numbers in column {raw[0][:40]}, by its name a converter's counts. Export volts; if they are "
+            "volts, call it so, such as sensor_V."
+        )
     return Header(
         tuple(labels),
         units,

@@ -185,6 +185,14 @@ def test_counts_with_a_factor_beside_them_are_refused(tmp_path):
         read_campaign(folder, channel="self_sensing")
 
 
+def test_whole_numbers_that_are_counts_by_their_name_are_refused(tmp_path):
+    columns = [TIME_S * US, np.round(DRIVE_V * 100), np.round(SENSOR * 100)]
+    folder = written(tmp_path, ["Time (us),drive_raw,ADC 2"], columns=columns)
+    with pytest.raises(CampaignError, match="whole numbers in column drive_raw, by its name a converter's counts"):
+        read_campaign(folder, channel="self_sensing", columns={"drive": 2, "sensor": 3})
+    check(written(tmp_path, ["Time (us),Drive,sensor_raw"], (US, 1, 1)))
+
+
 @pytest.mark.parametrize("resolution", ["Resolution,12", "X Resolution,25", "Delta_X,1"])
 def test_the_resolution_of_a_converter_is_no_interval(tmp_path, resolution):
     check(written(tmp_path, [resolution, "Time (us),Drive,Sensor"], (US, 1, 1)))
