@@ -8,7 +8,7 @@ from tests.modules import MODULES
 
 GROUND = (
     *("inkjet_env.storage", "inkjet_env.naming", "inkjet_env.typing", "inkjet_env.estimate"),
-    *("inkjet_env.installation", "inkjet_env.plugins", "inkjet_env.extras"),
+    *("inkjet_env.installation", "inkjet_env.plugins", "inkjet_env.extras", "inkjet_env.processes"),
 )
 PRINTHEAD = (*GROUND, "inkjet_env.printhead")
 PLANT = (*PRINTHEAD, "inkjet_env.plant")
@@ -42,6 +42,7 @@ ALLOWED = {
     "inkjet_env.installation": (),
     "inkjet_env.plugins": ("inkjet_env.naming",),
     "inkjet_env.extras": (),
+    "inkjet_env.processes": (),
     "inkjet_env.progress": PRINTHEAD,
     "inkjet_env.testing": PLANT,
     "inkjet_env.printhead": GROUND,

@@ -10,12 +10,11 @@ from __future__ import annotations
 import json
 import os
 import sys
-import threading
-import time
 from pathlib import Path
 from typing import Any
 
 from inkjet_env.installation import PACKAGES
+from inkjet_env.processes import end_with_parent
 
 FORBIDDEN = ("experiments", "inkjet_env.experiments")
 ALLOWED = tuple(f"inkjet_env.experiments{part}" for part in ("", ".proof", ".proof.sandbox"))
@@ -53,17 +52,6 @@ def outside(seen: set[str], scratch: Path) -> list[str]:
         return any(path == r or path.startswith(r + os.sep) for r in roots)
 
     return sorted(entry for entry in seen if not (inside(entry) and inside(os.path.realpath(entry))))
-
-
-def end_with_parent(parent: int) -> None:
-    """End this process when its parent has ended for any reason."""
-
-    def wait() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
 
 
 def main() -> None:

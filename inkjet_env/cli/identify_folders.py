@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
@@ -11,6 +12,7 @@ from typing import Any
 from inkjet_env.cli.campaign_reading import Reading, warn
 from inkjet_env.extras import extra
 from inkjet_env.identification import Identification, identify
+from inkjet_env.processes import end_with_parent
 from inkjet_env.progress import shown_progress, shown_steps
 from inkjet_env.recordings import Campaign
 from inkjet_env.storage import write_json
@@ -82,7 +84,7 @@ def identify_folders(
         written.
     """
     with extra("identifying several folders"):
-        from joblib import Parallel, delayed
+        from joblib import Parallel, delayed, parallel_config
 
     out = TOGETHER if out == ALONE else out
     names = [folder.resolve().name for folder in folders]
@@ -95,7 +97,10 @@ def identify_folders(
         for folder, name in zip(folders, names, strict=True)
     )
     refused = []
-    with shown_progress("identify", len(folders)) as progress:
+    with (
+        shown_progress("identify", len(folders)) as progress,
+        parallel_config("loky", initializer=end_with_parent, initargs=(os.getpid(),)),
+    ):
         finished = Parallel(n_jobs=workers or -1, return_as="generator_unordered")(jobs)
         for done, (folder, complaint) in enumerate(finished, start=1):
             progress(done, folder.name)

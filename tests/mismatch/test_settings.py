@@ -40,8 +40,7 @@ def test_each_is_used_by_the_diagnosis(group, one):
 
 def test_no_file_of_the_diagnosis_keeps_a_threshold_of_its_own():
     guards = {"DIFFERENCE", "WORST", "LARGEST", "SMALL", "SINGULAR", "STILL", "EMPTY", "PROFILE_90", "BISECTIONS",
-              "NODES", "LEAST_SINE", "LEAST_OWN_POWER", "ROUNDS",
-              "MOST_RECENT", "LOOK_S"}  # fmt: skip
+              "NODES", "LEAST_SINE", "LEAST_OWN_POWER", "ROUNDS", "MOST_RECENT"}  # fmt: skip
     found = set()
     for path in FOLDER.rglob("*.py"):
         for node in ast.parse(path.read_text()).body:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
+from inkjet_env.processes import end_with_parent
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-
-LOOK_S = 0.5
-"""Seconds between two looks of a process at whether its parent is still there."""
 
 _job: tuple[Callable[[Any], Any], Sequence[Any]] | None = None
 
@@ -46,23 +43,12 @@ class ProcessPool:
             return
         _job = (function, tasks)
         workers, fork = min(self.workers, len(tasks)), multiprocessing.get_context("fork")
-        pool = ProcessPoolExecutor(workers, fork, initializer=_end_with, initargs=(os.getpid(),))
+        pool = ProcessPoolExecutor(workers, fork, initializer=end_with_parent, initargs=(os.getpid(),))
         try:
             yield from pool.map(_done, range(len(tasks)))
         finally:
             pool.shutdown(cancel_futures=True)
             _job = None
-
-
-def _end_with(parent: int) -> None:
-    """Let this process end soon after its parent, however that ended."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(LOOK_S)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def _done(place: int) -> Any:
