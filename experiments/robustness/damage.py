@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ ODD_VALUES: tuple[Any, ...] = (
     [], {}, [[]], [None], {"value": 1}, "nan", "1e400", list(range(50)), "../../etc/passwd", "/dev/zero", "r0", "free",
 )  # fmt: skip
 """Values that are put in place of those in JSON."""
+_NUMBER = re.compile(r"[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?")
 ODD_NAMES = ("con", ".hidden", "a b", "a[b]", "ü", "x" * 200, "-rf", "a\nb", "a;b", "CH1", "\udcff")
 
 
@@ -46,10 +48,7 @@ def mutated_bytes(content: bytes, rng: np.random.Generator) -> bytes:
 
 def mutated_rows(content: bytes, rng: np.random.Generator) -> bytes:
     """Text with a cell, a row or a column changed, doubled, moved or removed, or written in another way."""
-    encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8"
-    text = content.decode(encoding, errors="surrogateescape" if encoding == "utf-8" else "replace")
-    delimiter = max(",;\t", key=text.count)
-    rows = [line.split(delimiter) for line in text.splitlines()]
+    encoding, delimiter, rows = _table(content)
     if len(rows) < 2:
         return content
     i, j = (int(k) for k in rng.integers(len(rows), size=2))
@@ -79,6 +78,48 @@ def mutated_rows(content: bytes, rng: np.random.Generator) -> bytes:
                     row[column] = repr(float(row[column]) * factor)
     ending = str(rng.choice(["\n", "\r\n", "\r"]))
     return ending.join(delimiter.join(row) for row in rows).encode(encoding, errors="replace")
+
+
+def mutated_numbers(content: bytes, rng: np.random.Generator) -> bytes:
+    """Text in whose samples one column is wrong but still numbers: a sensor that sticks, clips, jumps or drifts."""
+    encoding, delimiter, rows = _table(content)
+    decimal = "," if delimiter == ";" else "."
+    places = [k for k, row in enumerate(rows) if len(row) > 2 and all(_NUMBER.fullmatch(cell) for cell in row)]
+    if len(places) < 2:
+        return content
+    column = int(rng.integers(1, min(len(rows[k]) for k in places)))
+    values = np.array([float(rows[k][column].replace(decimal, ".")) for k in places])
+    i, j = sorted(int(k) for k in rng.integers(len(values), size=2))
+    scale = float(np.ptp(values)) or 1.0
+    kind = rng.integers(8)
+    if kind == 0:
+        values[i:j] = values[i]
+    elif kind == 1:
+        values = np.clip(values, *np.sort(rng.choice(values, 2)))
+    elif kind == 2:
+        values[i:] += scale * float(rng.choice([-3.0, 0.03, 0.3]))
+    elif kind == 3:
+        values[i] += scale * float(rng.choice([-100.0, 1.0, 10.0]))
+    elif kind == 4:
+        values = -values
+    elif kind == 5:
+        step = scale * float(rng.choice([0.003, 0.1]))
+        values = step * np.round(values / step)
+    elif kind == 6:
+        values = np.roll(values, i)
+    else:
+        values += scale * float(rng.choice([0.01, 0.1, 1.0])) * rng.normal(size=values.size)
+    for k, value in zip(places, values, strict=True):
+        rows[k][column] = f"{value:.9g}".replace(".", decimal)
+    return "\r\n".join(delimiter.join(row) for row in rows).encode(encoding, errors="replace")
+
+
+def _table(content: bytes) -> tuple[str, str, list[list[str]]]:
+    """Encoding, delimiter and cells of a text."""
+    encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8"
+    text = content.decode(encoding, errors="surrogateescape" if encoding == "utf-8" else "replace")
+    delimiter = next((mark for mark in ";\t" if mark in text), ",")
+    return encoding, delimiter, [line.split(delimiter) for line in text.splitlines()]
 
 
 def mutated_json(content: bytes, rng: np.random.Generator) -> bytes:
@@ -128,6 +169,13 @@ def damage(folder: Path, rng: np.random.Generator) -> None:
     else:
         content = mutated_bytes(content, rng)
     file.write_bytes(content)
+
+
+def damage_numbers(folder: Path, rng: np.random.Generator) -> None:
+    """Damage the samples of one file in a folder so that it can still be read."""
+    files = sorted(folder.glob("*.csv"))
+    file = files[int(rng.integers(len(files)))]
+    file.write_bytes(mutated_numbers(file.read_bytes(), rng))
 
 
 def _replaced_file(file: Path, rng: np.random.Generator) -> None:

@@ -3,9 +3,9 @@
 ``python -m inkjet_env.experiments.robustness.mutated_inputs campaign --count 10000``
 
 Each input starts whole and is then damaged in one to four places: bytes, numbers, rows and columns of text, values and
-keys of JSON, names and kinds of files. It must be used, or be refused in one plain sentence: no other exception, no
-warning of NumPy, no hang, no file that is half written. The exit status is 1 if any is not. A case is reproduced by
-``--first SEED --count 1``.
+keys of JSON, names and kinds of files; half of those to be diagnosed by samples that are wrong but can be read. It must
+be used, or be refused in one plain sentence: no other exception, no warning of NumPy, no hang, no file that is half
+written. The exit status is 1 if any is not. A case is reproduced by ``--first SEED --count 1``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ import numpy as np
 from inkjet_env.cli.app import main as inkjet
 from inkjet_env.cli.campaign_reading import Reading
 from inkjet_env.cli.exit_status import BAD_INPUT
-from inkjet_env.experiments.robustness.damage import damage
+from inkjet_env.experiments.robustness.damage import damage, damage_numbers
 from inkjet_env.extras import extra
 from inkjet_env.progress import shown_progress
 from inkjet_env.recordings import Campaign, Recording, write_campaign
@@ -115,11 +115,14 @@ class Kind:
         Uses the input in a folder; raises ``ValueError`` or ``OSError`` if it is refused.
     seconds : float
         Time that its use may take.
+    readable : float
+        Share of the inputs whose damage leaves them readable.
     """
 
     make: Callable[[Path, np.random.Generator], None]
     use: Callable[[Path], None]
     seconds: float = SECONDS_ALLOWED
+    readable: float = 0.0
 
 
 def _make_campaign(folder: Path, rng: np.random.Generator) -> None:
@@ -262,7 +265,7 @@ KINDS = {
     "printhead": Kind(_make_printhead, _simulate),
     "record": Kind(_make_record, _resume),
     "results": Kind(_make_results, _compare),
-    "diagnose": Kind(_make_campaign, _diagnose, 10 * SECONDS_ALLOWED),
+    "diagnose": Kind(_make_campaign, _diagnose, 10 * SECONDS_ALLOWED, readable=0.5),
 }
 
 
@@ -272,8 +275,9 @@ def outcome_of(name: str, seed: int) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="inkjet-mutated-") as place:
         folder = Path(place)
         kind.make(folder, rng)
+        hurt = damage_numbers if rng.random() < kind.readable else damage
         for _ in range(int(rng.integers(1, 5))):
-            damage(folder / "input", rng)
+            hurt(folder / "input", rng)
         found = _used(seed, kind, folder)
         left = [path.name for path in folder.rglob("*") if UNFINISHED in path.name]
         if left:

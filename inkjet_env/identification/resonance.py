@@ -21,10 +21,12 @@ LEAST_GAIN = 500.0
 LEAST_SAMPLES_A_CYCLE = 4.0
 """Samples in a cycle below which a resonance is mistaken for what the drive does between samples."""
 EXPLAINED = 1.2
-"""Ratio of residual to noise up to which a model counts as complete; beyond it, the residual is systematic, and a
-decrease of χ² must be large to mean anything."""
+"""Ratio of residual to noise, or of noise to residual, up to which a model counts as complete; beyond it, the residual
+is systematic or the noise not known, and a decrease of χ² must be large to mean anything."""
 LEAST_RATIO = 1.3
-"""Smallest ratio of the residual without a resonance to that with one where the residual is systematic."""
+"""Smallest ratio of the residual without a resonance to that with one where it does not tell the noise."""
+LARGEST_OVERESTIMATE = 100.0
+"""Largest ratio of what is taken for noise, such as another recording's error, to a recording's own noise."""
 LARGEST_DAMPING_RATIO, SMALLEST_DAMPING_RATIO = 0.95, 1e-4
 """Damping ratios beyond which the answer is no damped oscillation: it does not overshoot, or does not decay."""
 STRETCHES, STRETCH_SAMPLES = 10, 1000
@@ -110,12 +112,12 @@ def _compared(
 
 def _doubtful(without: Sequence[Real], with_it: Sequence[Real]) -> bool:
     """Whether residuals with a resonance are not clearly below those without."""
-    values = sum(r.size for r in with_it)
-    chi_square, other = _chi_square(with_it), _chi_square(without)
-    variance = chi_square / max(values, 1)
-    if other - chi_square < LEAST_GAIN * max(variance, 1.0):
+    values = max(sum(r.size for r in with_it), 1)
+    variance = max(_chi_square(with_it) / values, LARGEST_OVERESTIMATE**-2)
+    explained, other = variance * values, _chi_square(without)
+    if other - explained < LEAST_GAIN * variance:
         return True
-    return variance > EXPLAINED**2 and other < LEAST_RATIO**2 * chi_square
+    return not EXPLAINED**-2 < variance < EXPLAINED**2 and other < LEAST_RATIO**2 * explained
 
 
 def _chi_square(residuals: Sequence[Real]) -> float:
