@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.robustness import mutated_inputs
-from inkjet_env.experiments.robustness.mutated_inputs import KINDS, Kind, is_plain, outcome_of
+from inkjet_env.experiments.robustness.damage import damage_numbers
+from inkjet_env.experiments.robustness.mutated_inputs import (
+    KINDS,
+    Kind,
+    is_plain,
+    outcome_of,
+    small_campaign,
+    write_scope_files,
+)
+from inkjet_env.recordings import read_campaign
 
 
 @pytest.mark.parametrize(("kind", "count"), [("campaign", 120), ("drive", 60), ("printhead", 25), ("record", 40)])
@@ -16,9 +25,27 @@ def test_damaged_inputs_are_used_or_refused(kind, count):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_undamaged_input_is_used(kind, monkeypatch):
-    monkeypatch.setattr(mutated_inputs, "damage", lambda *_: None)
+    for name in ("damage", "damage_numbers"):
+        monkeypatch.setattr(mutated_inputs, name, lambda *_: None)
     outcome = outcome_of(kind, 0)
     assert outcome.kind == "used", outcome.told
+
+
+def test_damaged_samples_can_still_be_read(tmp_path):
+    rng = np.random.default_rng(0)
+    original = small_campaign(rng)
+    different = 0
+    for seed in range(20):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        write_scope_files(folder, original, rng)
+        damage_numbers(folder, rng)
+        read = read_campaign(folder, channel="self_sensing")
+        different += any(
+            np.ptp(a.sensor - b.sensor) > 1e-6 or np.ptp(a.drive_V - b.drive_V) > 1e-6
+            for a, b in zip(read.recordings, original.recordings, strict=True)
+        )
+    assert different > 15
 
 
 def raising(error):
