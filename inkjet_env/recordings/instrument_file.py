@@ -17,7 +17,7 @@ from inkjet_env.recordings.header_entries import HeaderError, stated_clock
 from inkjet_env.recordings.recording import CampaignError
 from inkjet_env.recordings.sampling import last_digit
 from inkjet_env.recordings.sheet import Sheet, read_sheet
-from inkjet_env.recordings.table import Columns, read_columns, row_of_sample
+from inkjet_env.recordings.table import read_columns, row_of_sample
 from inkjet_env.recordings.text_file import open_text
 from inkjet_env.recordings.units import Unit, known_unit, unit_in_name, unit_like
 from inkjet_env.typing import Real
@@ -83,18 +83,21 @@ class TextTable(Table):
         self.file, self.columns, self.header = self.sheet.layout.file.path, self.sheet.columns, self.sheet.header
         self.first_row, self.notes = self.sheet.layout.header_rows + 1, self.sheet.notes
         self.counting = self.sheet.counting
-        self._last_read: Columns | None = None
+        self._ends: tuple[list[list[str]], ...] = ()  # not all that was read: recordings may be large
 
     def read(self, wanted: Sequence[int]) -> list[Real]:
-        self._last_read = read_columns(self.sheet.layout, wanted)
-        return self._last_read.values
+        read = read_columns(self.sheet.layout, wanted)
+        self._ends = (read.first, read.last)
+        return read.values
 
     def print_step(self, column: int) -> float:
-        if self._last_read is None:
-            return 0.0
-        decimal, edges = self.sheet.layout.decimal, (self._last_read.first, self._last_read.last)
+        decimal = self.sheet.layout.decimal
         return max(
-            last_digit([cells[column].replace(decimal, ".") for cells in rows if len(cells) > column]) for rows in edges
+            (
+                last_digit([row[column].replace(decimal, ".") for row in rows if len(row) > column])
+                for rows in self._ends
+            ),
+            default=0.0,
         )
 
     def place(self, sample: int) -> str:

@@ -231,7 +231,10 @@ def _samples_of(tables: Sequence[Table], columns: Mapping[str, str | int], inter
         units = table.header.units
         time = roles.columns.get("time")
         _check_further_times(table, time, {i: values[i] for i in roles.times})
-        read.append({i: units[i].to_base(v) if i in units and i != time else v for i, v in values.items()})
+        # one column after the other, so that no other is held twice
+        for i in [i for i in wanted if i in units and i != time]:
+            values[i] = units[i].to_base(values[i])
+        read.append(values)
     guessed = guessed_roles(
         [
             (table, roles, {i: values[i] for i in roles.unsure})

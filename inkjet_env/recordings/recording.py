@@ -45,9 +45,27 @@ class CampaignError(ValueError):
 def uniform_grid(time_s: Real) -> tuple[float, float]:
     """Start and step, in seconds, of the uniform grid that fits ``time_s`` (n,) best in the least-squares sense."""
     n = len(time_s)
-    centred = np.arange(n) - (n - 1) / 2
-    step_s = float(centred @ (time_s - time_s[0])) / (n * (n * n - 1) / 12)
-    return float(np.mean(time_s - time_s[0]) + time_s[0]) - step_s * (n - 1) / 2, step_s
+    since_s = time_s - time_s[0]
+    step_s = float(grid(n, 0.0, 1.0, (n - 1) / 2) @ since_s) / (n * (n * n - 1) / 12)
+    return float(np.mean(since_s) + time_s[0]) - step_s * (n - 1) / 2, step_s
+
+
+def grid(n: int, start_s: float, step_s: float, origin: float = 0.0) -> Real:
+    """Times ``start_s + step_s (k - origin)`` in seconds, shape (n,)."""
+    times: Real = np.arange(n, dtype=np.float64)  # changed in place: recordings may be large
+    times -= origin
+    times *= step_s
+    times += start_s
+    return times
+
+
+def largest_departure(time_s: Real, start_s: float, step_s: float, origin: float = 0.0) -> tuple[int, float]:
+    """Sample of ``time_s`` (n,) that is farthest from a `grid`, and how far, in seconds."""
+    off_s = grid(len(time_s), start_s, step_s, origin)
+    off_s -= time_s
+    np.abs(off_s, out=off_s)
+    k = int(np.argmax(off_s))
+    return k, float(off_s[k])
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,10 +241,9 @@ def _check_times(time_s: Real) -> None:
             "Sort the samples or remove the repeated one."
         )
     start_s, step_s = uniform_grid(time_s)
-    jitter = np.abs(time_s - (start_s + step_s * np.arange(len(time_s)))) / step_s
-    k = int(np.argmax(jitter))
-    if not jitter[k] <= LARGEST_JITTER:
+    k, off_s = largest_departure(time_s, start_s, step_s)
+    if not off_s / step_s <= LARGEST_JITTER:
         raise ValueError(
             f"time_s must be uniform to {LARGEST_JITTER:.0%} of a step; sample {k + 1} of {len(time_s)} is "
-            f"{jitter[k]:.3g} steps of {step_s:.6g} s off. Resample, or cut the recording at the gap."
+            f"{off_s / step_s:.3g} steps of {step_s:.6g} s off. Resample, or cut the recording at the gap."
         )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inkjet_env.recordings.recording import LARGEST_JITTER, uniform_grid
+from inkjet_env.recordings.recording import LARGEST_JITTER, grid, largest_departure, uniform_grid
 from inkjet_env.typing import Real
 
 COARSEST_PRINT = 1e-3
@@ -45,9 +45,10 @@ def single_precision_step(times: Real, print_step: float) -> float:
         One unit in the last printed digit.
     """
     rounded = times.astype(np.float32)
-    if np.abs(rounded - times).max(initial=0.0) > print_step:
+    off = rounded - times
+    if np.abs(off, out=off).max(initial=0.0) > print_step:
         return 0.0
-    return float(np.spacing(np.abs(rounded).max(initial=0.0)))
+    return float(np.spacing(np.abs(rounded, out=rounded).max(initial=0.0)))
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -69,25 +70,22 @@ def uniform_times(time_s: Real, print_step_s: float) -> tuple[Real, float] | Non
         step explains the deviation.
     """
     start_s, step_s = uniform_grid(time_s)
-    grid_s: Real = start_s + step_s * np.arange(len(time_s), dtype=np.float64)
-    off_s = float(np.max(np.abs(time_s - grid_s)))
-    rounding_s = 8 * float(np.spacing(np.max(np.abs(time_s))))
+    off_s = largest_departure(time_s, start_s, step_s)[1]
+    rounding_s = 8 * float(np.spacing(max(abs(time_s.min()), abs(time_s.max()))))
     if not step_s > 0:
         return None
     rising = bool((np.diff(time_s) > 0).all())
     if rising and off_s <= min(rounding_s, LARGEST_JITTER * step_s):
         return time_s, off_s / step_s
     printed = off_s <= print_step_s and print_step_s <= COARSEST_PRINT * (time_s[-1] - time_s[0])
+    if not (printed or (rising and off_s <= LARGEST_JITTER * step_s)):
+        return None
     if printed:
-        rounded_s = _shortest_near(step_s, 2 * print_step_s / (len(time_s) - 1))
         middle = (len(time_s) - 1) / 2
-        places = np.arange(len(time_s), dtype=np.float64) - middle
-        rounded_grid_s: Real = start_s + step_s * middle + rounded_s * places
-        if float(np.max(np.abs(time_s - rounded_grid_s))) <= print_step_s:
-            grid_s = rounded_grid_s
-    if printed or (rising and off_s <= LARGEST_JITTER * step_s):
-        return grid_s, off_s / step_s
-    return None
+        rounded = start_s + step_s * middle, _shortest_near(step_s, 2 * print_step_s / (len(time_s) - 1)), middle
+        if largest_departure(time_s, *rounded)[1] <= print_step_s:
+            return grid(len(time_s), *rounded), off_s / step_s
+    return grid(len(time_s), start_s, step_s), off_s / step_s
 
 
 def _shortest_near(value: float, tolerance: float) -> float:
