@@ -151,7 +151,12 @@ def identify(
         write_json(json, found.as_json())
     if str(json) != "-":
         _tell(campaign, found)
-        ready = "written, but not to be used, see above" if found.warning else "ready for --printhead"
+        if found.warning:
+            ready = "written, but not to be used, see above"
+        elif found.printhead.has_dynamics:
+            ready = "ready for --printhead"
+        else:
+            ready = "ready for `inkjet evaluate` and `inkjet diagnose`; the others need the resonance"
         print(f"{out}: {ready}" + (f"; report: {report}" if report else ""))
 
 

@@ -188,7 +188,8 @@ def _written(
         written["drive of the next experiment"] = drive_file
     if head_file is not None and head is not None:
         write_atomically(head_file, head)
-        written["the printhead with its effects, ready for --printhead"] = head_file
+        ready = ", ready for --printhead" if found.printhead.has_dynamics else ""
+        written[f"the printhead with its effects{ready}"] = head_file
     if report is not None and page is not None:
         write_atomically(report, page)
         written["report"] = report

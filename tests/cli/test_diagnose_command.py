@@ -318,6 +318,9 @@ def test_slow_recordings_alone_are_diagnosed_and_every_file_is_written(inkjet, t
     assert json.loads((tmp_path / "verdict.json").read_text())["verdict"] == "none"
     assert "too slow to show the resonance" in (tmp_path / "page.html").read_text()
     assert not read_printhead(tmp_path / "head.json").has_dynamics
+    status, out, _ = inkjet("identify", "slow", "--out", "identified.json")
+    assert status == 0
+    assert out.splitlines()[-1].startswith("identified.json: ready for `inkjet evaluate` and `inkjet diagnose`")
     assert inkjet("evaluate", "slow", "--printhead", "head.json")[0] == 0
     status, _, err = inkjet("simulate", "--drive", "slow/r001.csv", "--printhead", "head.json")
     assert status == 2
