@@ -53,6 +53,7 @@ _LEFT = re.compile(r"(?:\bin |_|(?<!\d)[:=(\[,]\s*)([^\W\d_]{2,12})\s*(?=$|[)\],
 _UNIT_ROWS = 6
 """Number of rows that may stand between the names and the samples."""
 _COUNTS = re.compile(r"(?<![^\W\d_])(raw|adc|dac|counts?|codes?)(?![^\W\d_])", re.IGNORECASE)
+"""Words of names for a converter's counts."""
 _STATISTICS = {"smp", "avg", "max", "min", "std", ""}
 """Cells of a row below the units that tells how a logger made its values."""
 _STAMP = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d(:\d\d)?")
