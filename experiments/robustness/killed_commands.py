@@ -3,8 +3,9 @@
 ``python -m inkjet_env.experiments.robustness.killed_commands optimize --kills 20``
 
 The command runs once undisturbed. Then it is killed with SIGKILL after a random part of its time and started again,
-until it ends; and all that anew, until it was killed so often. Every file that it wrote must then hold the same, but
-for times, and no process of it may be left. The exit status is 1 if anything differs.
+until it ends; and all that anew, until it was killed so often. ``--within 0.1`` kills a long one often in one run.
+Every file that it wrote must then hold the same, but for times, and no process of it may be left. The exit status is 1
+if anything differs.
 """
 
 from __future__ import annotations
@@ -140,7 +141,9 @@ def killed_after(command: Sequence[str], folder: Path, seconds: float) -> bool:
     return True
 
 
-def tried(killed: Killed, kills: int, seed: int, folder: Path, tell: Callable[[str], None] = print) -> list[str]:
+def tried(
+    killed: Killed, kills: int, seed: int, folder: Path, within: float = 1.0, tell: Callable[[str], None] = print
+) -> list[str]:
     """Differences between a run that was killed and one that was not; empty if there are none.
 
     Parameters
@@ -152,6 +155,8 @@ def tried(killed: Killed, kills: int, seed: int, folder: Path, tell: Callable[[s
         Of the moments of the kills.
     folder : Path
         Empty folder for both runs.
+    within : float
+        Part of the undisturbed time after which a started command has been killed at the latest.
     tell : callable
         Told how it goes.
 
@@ -177,7 +182,7 @@ def tried(killed: Killed, kills: int, seed: int, folder: Path, tell: Callable[[s
         disturbed = _prepared(killed, folder / f"disturbed-{runs}")
         ended = False
         while hit < kills and not ended:
-            ended = not killed_after(_command(killed, disturbed), disturbed, float(rng.uniform(0.0, seconds)))
+            ended = not killed_after(_command(killed, disturbed), disturbed, float(rng.uniform(0.0, within * seconds)))
             hit += not ended
         if not ended:
             _run(_command(killed, disturbed)[len(INKJET) :], disturbed)
@@ -228,11 +233,12 @@ def main() -> int:
     parser.add_argument("commands", nargs="*", default=[*COMMANDS], choices=[[], *COMMANDS], metavar="COMMAND")
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--within", type=float, default=1.0, help="part of its time after which a start is killed (1)")
     given = parser.parse_args()
     failed = False
     for name in given.commands:
         with tempfile.TemporaryDirectory() as folder:
-            wrong = tried(COMMANDS[name], given.kills, given.seed, Path(folder), partial(_tell, name))
+            wrong = tried(COMMANDS[name], given.kills, given.seed, Path(folder), given.within, partial(_tell, name))
         failed |= bool(wrong)
         _tell(name, "; ".join(wrong) or "the same as undisturbed")
     return int(failed)

@@ -17,14 +17,14 @@ SMALL = Killed(
 
 def test_an_optimisation_that_is_killed_ends_as_one_that_is_not(tmp_path):
     told = []
-    assert tried(SMALL, 2, 1, tmp_path, told.append) == []
+    assert tried(SMALL, 2, 1, tmp_path, 0.8, told.append) == []
     assert told[0].startswith("undisturbed")
     assert told[1].startswith("killed")
 
 
 def test_a_run_that_writes_nothing_to_compare_is_told(tmp_path):
     silent = Killed(("--version",), ("other.csv",))
-    assert tried(silent, 0, 0, tmp_path, lambda _: None) == ["the undisturbed run wrote none of its outputs"]
+    assert tried(silent, 0, 0, tmp_path, tell=lambda _: None) == ["the undisturbed run wrote none of its outputs"]
 
 
 def test_times_are_not_compared(tmp_path):
