@@ -25,8 +25,8 @@ EXPLAINED = 1.2
 is systematic or the noise not known, and a decrease of χ² must be large to mean anything."""
 LEAST_RATIO = 1.3
 """Smallest ratio of the residual without a resonance to that with one where it does not tell the noise."""
-LARGEST_OVERESTIMATE = 100.0
-"""Largest ratio of what is taken for noise, such as another recording's error, to a recording's own noise."""
+LEAST_SHARE = 3e-3
+"""Share of a signal's RMS below which a residual tells nothing: no law and no sensor is known better."""
 LARGEST_DAMPING_RATIO, SMALLEST_DAMPING_RATIO = 0.95, 1e-4
 """Damping ratios beyond which the answer is no damped oscillation: it does not overshoot, or does not decay."""
 STRETCHES, STRETCH_SAMPLES = 10, 1000
@@ -34,7 +34,7 @@ STRETCHES, STRETCH_SAMPLES = 10, 1000
 LINE_WIDTH = 1.5
 """Half width of a spectral line, in bins."""
 SHARE_OF_A_SINE = 0.99
-"""Share of a drive's power about one line from which it is a sine."""
+"""Share of a drive's power in one sine from which it is one."""
 
 
 def doubt_of_resonance(fast: Sequence[Fitted], held_out: Sequence[Fitted], model: Model) -> str | None:
@@ -59,10 +59,14 @@ def doubt_of_resonance(fast: Sequence[Fitted], held_out: Sequence[Fitted], model
     samples = 2 * math.pi / math.sqrt(model.a0) / min(f.measurement.step_s for f in fast)
     if samples < LEAST_SAMPLES_A_CYCLE:
         return f"the best fit has {samples:.2g} samples in a cycle, too few to tell a resonance"
+    if _is_one_steady_sine([f.measurement for f in fast]):
+        return "one steady sine drives all recordings, so nothing is known between its harmonics"
     if all(_is_harmonic(model, f.measurement) for f in fast):
         return "the frequency of the best fit is a harmonic of the sine that drives these recordings"
     answers = best_answers(fast, model)
-    doubt = _doubt_of(fast, *_compared(fast, answers))
+    # The noise may be overestimated: what was taken for it may be the error in a recording that is spoilt.
+    power = sum(_power(f) for f in fast) / sum(map(_count, fast))
+    doubt = _doubt_of(fast, *_compared(fast, answers), min(1.0, LEAST_SHARE**2 * power))
     if doubt and not any(_rings(f, model) for f in fast):
         return doubt
     known = [f for f in held_out if f.measurement.channel in answers]
@@ -84,20 +88,23 @@ def _rings(f: Fitted, model: Model) -> bool:
     without, with_it = _compared([f], best_answers([f], model))
     stretches = min(max(without[0].size // STRETCH_SAMPLES, 1), STRETCHES)
     return any(
-        _doubt_of([f], [before], [after]) is None
+        _doubt_of([f], [before], [after], 1.0) is None
         for before, after in zip(
             np.array_split(without[0], stretches), np.array_split(with_it[0], stretches), strict=True
         )
     )
 
 
-def _doubt_of(recordings: Sequence[Fitted], without: Sequence[Real], with_it: Sequence[Real]) -> str | None:
-    """Why whitened residuals without a resonance and with it do not show one."""
-    if _doubtful(without, with_it):
+def _doubt_of(
+    recordings: Sequence[Fitted], without: Sequence[Real], with_it: Sequence[Real], least: float
+) -> str | None:
+    """Why whitened residuals without a resonance and with it, of at least some variance, do not show one."""
+    if _doubtful(without, with_it, least):
         return "a model without a resonance fits these recordings equally well"
     before, after = ([_spectrum(r) for r in residuals] for residuals in (without, with_it))
     kept = _off_the_best_line(recordings, before, after)
-    if _doubtful(*([np.sqrt(s[k]) for s, k in zip(spectra, kept, strict=True)] for spectra in (before, after))):
+    off = [[np.sqrt(s[k]) for s, k in zip(spectra, kept, strict=True)] for spectra in (before, after)]
+    if _doubtful(off[0], off[1], least):
         return "only one line of the spectrum speaks for a resonance, where the drive or a harmonic of it happens to be"
     return None
 
@@ -110,10 +117,10 @@ def _compared(
     return without, with_it
 
 
-def _doubtful(without: Sequence[Real], with_it: Sequence[Real]) -> bool:
+def _doubtful(without: Sequence[Real], with_it: Sequence[Real], least: float) -> bool:
     """Whether residuals with a resonance are not clearly below those without."""
     values = max(sum(r.size for r in with_it), 1)
-    variance = max(_chi_square(with_it) / values, LARGEST_OVERESTIMATE**-2)
+    variance = max(_chi_square(with_it) / values, least)
     explained, other = variance * values, _chi_square(without)
     if other - explained < LEAST_GAIN * variance:
         return True
@@ -127,15 +134,19 @@ def _chi_square(residuals: Sequence[Real]) -> float:
 def _residual(f: Fitted, answer: Answer) -> Real:
     """Whitened residual over the noise."""
     residual = f.measurement.mean - predicted(f, answer)
-    n = f.measurement.fitted or residual.size
-    white: Real = f.noise.whitened(residual[:n, None])[:, 0] * math.sqrt(len(f.measurement.signals))
+    white: Real = f.noise.whitened(residual[: _count(f), None])[:, 0] * math.sqrt(len(f.measurement.signals))
     return white
+
+
+def _count(f: Fitted) -> int:
+    """Number of samples that count: those fitted, or all of a held-out recording."""
+    return f.measurement.fitted or f.measurement.mean.size
 
 
 def _power(f: Fitted) -> float:
     """Whitened power of a recording's signal about its mean, as that of `_residual`."""
     signal = f.measurement.mean - f.measurement.mean.mean()
-    white = f.noise.whitened(signal[: f.measurement.fitted or signal.size, None])
+    white = f.noise.whitened(signal[: _count(f), None])
     return float(np.sum(white**2)) * len(f.measurement.signals)
 
 
@@ -168,13 +179,23 @@ def _is_harmonic(model: Model, m: RepeatedMeasurement) -> bool:
     return max(abs(frequency_Hz - sine_Hz * round(frequency_Hz / sine_Hz)), bandwidth_Hz) < width_Hz
 
 
+def _is_one_steady_sine(measured: Sequence[RepeatedMeasurement]) -> bool:
+    """Whether all drives are repeated sines of one frequency."""
+    frequencies_Hz = [_frequency_of_a_sine(m) if m.initial_state == "periodic" else 0.0 for m in measured]
+    line_Hz = 1 / max(m.drive_V.size * m.step_s for m in measured)
+    return min(frequencies_Hz) > 0 and max(frequencies_Hz) - min(frequencies_Hz) < line_Hz / 2
+
+
 def _frequency_of_a_sine(m: RepeatedMeasurement) -> float:
     """Frequency of a drive that is one sine, in hertz; 0 for any other."""
     drive_V = m.drive_V - m.drive_V.mean()
     power = np.abs(np.fft.rfft(drive_V * np.hanning(drive_V.size))) ** 2
-    k = int(np.argmax(power))
-    near = power[max(k - 2, 0) : k + 3]
-    if near.sum() < SHARE_OF_A_SINE * power.sum():
+    first = max(int(np.argmax(power)) - 2, 0)
+    near = power[first : first + 5]
+    if not near.any():
         return 0.0
-    place = float(near @ np.arange(max(k - 2, 0), max(k - 2, 0) + near.size) / near.sum())
-    return place / (drive_V.size * m.step_s)
+    place = float(near @ np.arange(first, first + near.size) / near.sum())
+    phase = 2 * np.pi * place * np.arange(drive_V.size) / drive_V.size
+    waves = np.column_stack([np.cos(phase), np.sin(phase), np.ones(drive_V.size)])
+    rest_V = drive_V - waves @ np.linalg.lstsq(waves, drive_V)[0]
+    return place / (drive_V.size * m.step_s) if rest_V @ rest_V < (1 - SHARE_OF_A_SINE) * (drive_V @ drive_V) else 0.0

@@ -1,9 +1,12 @@
 """A resonance is believed where there is one, and refused where an answer that never rings does as well."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import signal
 
+from inkjet_env.experiments.robustness.mutated_inputs import small_campaign
 from inkjet_env.experiments.validation.resonance_study import WITH, WITHOUT, outcome
 from inkjet_env.identification import UnidentifiableError, identify
 from inkjet_env.identification.outcome import _squared_distance_from_zero
@@ -58,6 +61,38 @@ def test_the_second_harmonic_of_a_curved_law_is_no_resonance(frequency_Hz):
         )
     found = identify(Campaign("curved", tuple(recordings)))
     assert not found.printhead.has_dynamics
+
+
+@pytest.mark.parametrize(("frequencies_Hz", "found"), [((400.0,) * 4, False), ((200.0, 400.0, 700.0, 900.0), True)])
+def test_steady_sines_of_several_frequencies_show_a_resonance_and_those_of_one_do_not(frequencies_Hz, found):
+    """Static hysteresis, then a resonator at 500 Hz; sines of different heights."""
+    step_s, n = 1e-4, 1000
+    s = 2j * np.pi * np.fft.rfftfreq(n, step_s)
+    answer = 1 / (1 + 0.06 * s / (1000 * np.pi) + (s / (1000 * np.pi)) ** 2)
+    rng = np.random.default_rng(0)
+    recordings = []
+    for k, frequency_Hz in enumerate(frequencies_Hz):
+        drive_V = 10 * (k + 1) * np.sin(2 * np.pi * frequency_Hz * step_s * np.arange(n))
+        play = np.tile(drive_V, 2)
+        for j in range(1, play.size):
+            play[j] = min(max(play[j - 1], play[j] - 3), play[j] + 3)
+        sensor = np.fft.irfft(np.fft.rfft(drive_V + 0.3 * play[n:]) * answer, n) + rng.normal(0, 0.01, n)
+        recordings.append(
+            Recording(
+                f"r{k}",
+                step_s * np.arange(n),
+                drive_V,
+                sensor,
+                "um",
+                "displacement",
+                initial_state="periodic",
+                order=k + 1,
+            )
+        )
+    head = identify(Campaign("sines", tuple(recordings))).printhead
+    assert head.has_dynamics == found
+    if found:
+        assert head.frequency_Hz == pytest.approx(500, rel=0.02)
 
 
 def test_a_channel_that_does_not_follow_the_drive_is_refused():
@@ -134,3 +169,14 @@ def test_a_ring_in_one_recording_is_found_beside_louder_errors_in_others():
         )
     found = identify(Campaign("lagging", tuple(recordings)))
     assert found.printhead.frequency_Hz == pytest.approx(500, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "spoilt", [lambda sensor: -sensor, lambda sensor: np.where(np.arange(sensor.size) > 40, sensor[40], sensor)]
+)
+def test_a_resonance_is_believed_though_one_of_few_recordings_is_spoilt(spoilt):
+    """A sensor wired the other way round, or one that sticks: what is left of it is taken for the noise of all."""
+    campaign = small_campaign(np.random.default_rng(0))
+    first, *others = campaign.recordings
+    found = identify(replace(campaign, recordings=(replace(first, sensor=spoilt(first.sensor)), *others)))
+    assert found.printhead.frequency_Hz == pytest.approx(50e3, rel=0.02)
