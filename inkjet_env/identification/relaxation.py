@@ -138,7 +138,8 @@ def _best_answer(fitted: Sequence[Fitted], law: Real, resonator: tuple[float, fl
     longest_s = max(f.measurement.step_s * f.measurement.drive_V.size for f in fitted)
     time_constants_s = np.geomspace(shortest_s, longest_s, TIME_CONSTANTS)
     weights = law / max(float(np.abs(law).sum()), 1e-300)
-    tried = [_best_shares(moved, signed, time_constants_s) for signed in (weights, -weights)]
+    linear = np.eye(law.size)[0]  # the law of a fit that went wrong may lead nowhere
+    tried = [_best_shares(moved, start, time_constants_s) for start in (weights, -weights, linear, -linear)]
     found, _ = min(tried, key=lambda pair: pair[1])
     for _ in range(LAW_ROUNDS):
         law = _best_law(moved, found.shares, time_constants_s)

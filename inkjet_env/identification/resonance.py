@@ -67,32 +67,49 @@ def doubt_of_resonance(fast: Sequence[Fitted], held_out: Sequence[Fitted], model
     # The noise may be overestimated: what was taken for it may be the error in a recording that is spoilt.
     power = sum(_power(f) for f in fast) / sum(map(_count, fast))
     doubt = _doubt_of(fast, *_compared(fast, answers), min(1.0, LEAST_SHARE**2 * power))
-    if doubt and not any(_rings(f, model) for f in fast):
+    if doubt and not any(_rings(f, [other for other in fast if other is not f], model) for f in fast):
         return doubt
-    known = [f for f in held_out if f.measurement.channel in answers]
-    told = [  # where neither predicts half of the signal, as where the law is extrapolated, the ratio says nothing
-        (rings @ rings + rings.size) / (never @ never + never.size)
-        for f, never, rings in zip(known, *_compared(known, answers), strict=True)
-        if min(never @ never, rings @ rings) < _power(f) / 2
-    ]
-    if told and np.log(told).mean() > 0:
+    if _worse_predicted([f for f in held_out if f.measurement.channel in answers], answers, model):
         return "a model without a resonance predicts held-out recordings better"
     return None
 
 
-def _rings(f: Fitted, model: Model) -> bool:
+def _rings(f: Fitted, others: Sequence[Fitted], model: Model) -> bool:
     """Whether one recording, or a stretch of it, shows a resonance though not all recordings do.
 
     What else they show, such as creep, may be far louder; and a long recording may ring in a short part only.
     """
-    without, with_it = _compared([f], best_answers([f], model))
+    answers = best_answers([f], model)
+    without, with_it = _compared([f], answers)
     stretches = min(max(without[0].size // STRETCH_SAMPLES, 1), STRETCHES)
-    return any(
+    rings = any(
         _doubt_of([f], [before], [after], 1.0) is None
         for before, after in zip(
             np.array_split(without[0], stretches), np.array_split(with_it[0], stretches), strict=True
         )
     )
+    return rings and not _worse_predicted([g for g in others if g.measurement.channel in answers], answers)
+
+
+def _worse_predicted(
+    unseen: Sequence[Fitted], answers: Mapping[str, tuple[Answer, Answer]], model: Model | None = None
+) -> bool:
+    """Whether recordings that answers were not fitted to are predicted worse with a resonance than without.
+
+    The answer with a resonance is that of the model, if it is given, or the best sum, whichever is better. Where
+    neither predicts half of the signal, as where the law is extrapolated, the ratio says nothing; where there is no
+    model, as for answers of one recording alone, both must.
+    """
+    told = []
+    error = max if model is None else min
+    for f, never, rings in zip(unseen, *_compared(unseen, answers), strict=True):
+        without, with_it = float(never @ never), float(rings @ rings)
+        if model is not None:
+            own = _whitened(f, f.measurement.mean - model.predicted(f.measurement, f.basis, f.noise))
+            with_it = min(with_it, float(own @ own))
+        if error(without, with_it) < _power(f) / 2:
+            told.append(math.log((with_it + never.size) / (without + never.size)))
+    return bool(told) and float(np.mean(told)) > 0
 
 
 def _doubt_of(
@@ -132,8 +149,12 @@ def _chi_square(residuals: Sequence[Real]) -> float:
 
 
 def _residual(f: Fitted, answer: Answer) -> Real:
-    """Whitened residual over the noise."""
-    residual = f.measurement.mean - predicted(f, answer)
+    """Whitened residual of an answer over the noise."""
+    return _whitened(f, f.measurement.mean - predicted(f, answer))
+
+
+def _whitened(f: Fitted, residual: Real) -> Real:
+    """The samples of a residual that count, over the noise of the mean of the repeats."""
     white: Real = f.noise.whitened(residual[: _count(f), None])[:, 0] * math.sqrt(len(f.measurement.signals))
     return white
 
@@ -145,9 +166,8 @@ def _count(f: Fitted) -> int:
 
 def _power(f: Fitted) -> float:
     """Whitened power of a recording's signal about its mean, as that of `_residual`."""
-    signal = f.measurement.mean - f.measurement.mean.mean()
-    white = f.noise.whitened(signal[: _count(f), None])
-    return float(np.sum(white**2)) * len(f.measurement.signals)
+    white = _whitened(f, f.measurement.mean - f.measurement.mean.mean())
+    return float(white @ white)
 
 
 def _spectrum(residual: Real) -> Real:
