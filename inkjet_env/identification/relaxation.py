@@ -42,8 +42,8 @@ class Answer:
         copies.
     weights : ndarray, shape (d,)
         Coefficients of the branch law, lowest power first, with the sign of the gain.
-    ringing : ndarray, shape (d,)
-        Coefficients of what a resonator adds to a stiff head, by power of the law; empty if it never rings.
+    ringing : float
+        Share of what a resonator adds to a stiff head; 0 if it never rings.
     offset : float
         Offset in the channel's unit.
     """
@@ -52,7 +52,7 @@ class Answer:
     resonator: tuple[float, float] | None
     shares: Real
     weights: Real
-    ringing: Real
+    ringing: float
     offset: float
 
 
@@ -60,7 +60,7 @@ class Answer:
 class _Moved:
     """One recording with its hysteretic drive, the speed of it that a stiff head shows, and what a resonator adds.
 
-    Each by power of the law, (n, d); without a resonator, the last is (n, 0).
+    Each by power of the law, (n, d); without a resonator, the last is zero.
     """
 
     fitted: Fitted
@@ -73,7 +73,7 @@ class _Moved:
     def of(cls, f: Fitted, resonator: tuple[float, float] | None) -> _Moved:
         omega = STIFFNESS / f.measurement.step_s
         v, speed = f.basis.hysteretic_V(), f.basis.response("self_sensing", omega**2, omega)
-        ringing = v[:, :0]
+        ringing = np.zeros_like(v)
         if resonator is not None:
             stiff = speed if f.measurement.channel == "self_sensing" else v
             ringing = f.measurement.response(f.basis, *resonator) - stiff
@@ -88,10 +88,12 @@ class _Moved:
         low = [self._low_passed(v, tau) for tau in time_constants_s]
         return np.column_stack([v, speed, self._after(speed), *low, *(v - copy for copy in low)])
 
-    def answer(self, shares: Real, time_constants_s: Real) -> Real:
-        """Sum of `answers` with some shares, for each power of the law, (n, d)."""
+    def answer(self, answer: Answer) -> Real:
+        """The answer without its offset, for each power of the law, (n, d)."""
+        shares = answer.shares
         total = shares[0] * self.v + shares[1] * self.speed + shares[2] * self._after(self.speed)
-        for tau, low, high in zip(time_constants_s, *np.split(shares[3:], 2), strict=True):
+        total += answer.ringing * self.ringing
+        for tau, low, high in zip(answer.time_constants_s, *np.split(shares[3:], 2), strict=True):
             if low or high:
                 total += high * self.v + (low - high) * self._low_passed(self.v, tau)
         return total
@@ -142,7 +144,7 @@ def _best_answer(fitted: Sequence[Fitted], law: Real, resonator: tuple[float, fl
     tried = [_best_shares(moved, start, time_constants_s) for start in (weights, -weights, linear, -linear)]
     found, _ = min(tried, key=lambda pair: pair[1])
     for _ in range(LAW_ROUNDS):
-        law = _best_law(moved, found.shares, time_constants_s)
+        law = _best_law(moved, found)
         found, _ = _best_shares(moved, law, time_constants_s)
     return found
 
@@ -152,7 +154,7 @@ def _best_shares(moved: Sequence[_Moved], law: Real, time_constants_s: Real) -> 
     rows = []
     for one in moved:
         n, signal = one.fitted.measurement.fitted, one.fitted.measurement.mean
-        free = np.column_stack([one.ringing, np.ones(len(signal))])
+        free = np.column_stack([one.ringing @ law, np.ones(len(signal))])
         columns = np.column_stack([one.answers(law, time_constants_s), free, -free, signal])
         rows.append(_reduced(one, columns[:n]))
     stacked = np.vstack(rows)
@@ -161,17 +163,17 @@ def _best_shares(moved: Sequence[_Moved], law: Real, time_constants_s: Real) -> 
     solution, residual = nnls(stacked[:, :-1] / size[:-1], stacked[:, -1] / size[-1], maxiter=20 * stacked.shape[1])
     solution = solution * size[-1] / size[:-1]
     k = 3 + 2 * time_constants_s.size
-    *ringing, offset = np.subtract(*np.split(solution[k:], 2))
-    answer = Answer(time_constants_s, moved[0].resonator, solution[:k], law, np.array(ringing), float(offset))
+    ringing, offset = np.subtract(*np.split(solution[k:], 2))
+    answer = Answer(time_constants_s, moved[0].resonator, solution[:k], law, float(ringing), float(offset))
     return answer, float((residual * size[-1]) ** 2)
 
 
-def _best_law(moved: Sequence[_Moved], shares: Real, time_constants_s: Real) -> Real:
-    """Weights of the branch law for given shares."""
+def _best_law(moved: Sequence[_Moved], answer: Answer) -> Real:
+    """Weights of the branch law for the shares of an answer."""
     rows = []
     for one in moved:
         n, signal = one.fitted.measurement.fitted, one.fitted.measurement.mean
-        columns = [one.answer(shares, time_constants_s), one.ringing, np.ones(len(signal)), signal]
+        columns = [one.answer(answer), np.ones(len(signal)), signal]
         rows.append(_reduced(one, np.column_stack(columns)[:n]))
     stacked = np.vstack(rows)
     size = np.linalg.norm(stacked, axis=0)
@@ -198,8 +200,7 @@ def predicted(f: Fitted, answer: Answer) -> Real:
     An unknown initial state is estimated from the recording itself.
     """
     one = _Moved.of(f, answer.resonator)
-    signal = one.answer(answer.shares, answer.time_constants_s) @ answer.weights
-    signal += one.ringing @ answer.ringing + answer.offset
+    signal = one.answer(answer) @ answer.weights + answer.offset
     if has_free_state(f.measurement):
         decays = one.decays()
         n = f.measurement.fitted or signal.size
