@@ -56,11 +56,12 @@ def test_processes_end_with_their_parent(ended_by):
     script = (
         "import os, time\n"
         "from inkjet_env.mismatch.fitting.process_pool import ProcessPool\n"
-        "def work(task):\n    print(os.getpid(), flush=True)\n    time.sleep(600)\n"
+        "def work(task):\n    os.write(1, b'begun\\n')\n    time.sleep(600)\n"
         "list(ProcessPool(2).map(work, range(2)))\n"
     )
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
-        assert all(int(parent.stdout.readline()) for _ in range(2))
+        begun = [parent.stdout.readline() for _ in range(2)]
         parent.send_signal(ended_by)
         parent.communicate(timeout=60)  # returns once no worker holds the output any more
+    assert begun == ["begun\n", "begun\n"]
