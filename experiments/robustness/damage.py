@@ -22,8 +22,8 @@ ODD_VALUES: tuple[Any, ...] = (
     [], {}, [[]], [None], {"value": 1}, "nan", "1e400", list(range(50)), "../../etc/passwd", "/dev/zero", "r0", "free",
 )  # fmt: skip
 """Values that are put in place of those in JSON."""
-_NUMBER = re.compile(r"[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?")
 ODD_NAMES = ("con", ".hidden", "a b", "a[b]", "ü", "x" * 200, "-rf", "a\nb", "a;b", "CH1", "\udcff")
+_NUMBER = re.compile(r"[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?")
 
 
 def mutated_bytes(content: bytes, rng: np.random.Generator) -> bytes:

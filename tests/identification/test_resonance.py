@@ -21,6 +21,15 @@ def test_what_never_rings_is_refused_and_what_rings_is_found(kind, seed):
     assert right, told
 
 
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [("static", 12065), ("clipped", 12023), ("clipped", 12033), ("one_sine", 7079), ("clipped_resonator", 12107)],
+)
+def test_systems_that_once_were_told_wrongly(kind, seed):
+    right, told = outcome(kind, seed)
+    assert right, told
+
+
 def test_a_low_pass_is_that_of_a_transfer_function():
     rng = np.random.default_rng(0)
     v, step_s, tau_s = np.cumsum(rng.normal(size=(400, 2)), axis=0), 1e-6, 7e-6
