@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import math
 import signal
 import threading
@@ -26,10 +27,23 @@ class _Once:
 
 
 def treat_alike() -> None:
-    """Let each of `SIGNALS` raise `KeyboardInterrupt`; one that is ignored, as under nohup, remains so."""
+    """Let each of `SIGNALS` raise `KeyboardInterrupt`; one that is ignored, as under nohup, remains so.
+
+    While Python ends, all are ignored: everything is written by then, and the exit status is the command's.
+    """
     if threading.current_thread() is not threading.main_thread():
         return
     handler = _Once()
-    for number in (getattr(signal, name, None) for name in SIGNALS):
-        if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):
+    for number in _numbers():
+        if signal.getsignal(number) not in (signal.SIG_IGN, None):
             signal.signal(number, handler)
+    atexit.register(_ignore)
+
+
+def _ignore() -> None:
+    for number in _numbers():
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _numbers() -> list[int]:
+    return [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
