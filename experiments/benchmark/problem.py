@@ -16,7 +16,7 @@ from inkjet_env.experiments.benchmark.data import data_file
 from inkjet_env.naming import check_name
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import printhead_of
-from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
+from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead, Waveform
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
@@ -137,7 +137,7 @@ class Problem:
             raise ValueError(
                 "a printhead with effects cannot be combined with jetting_Hz, spread or measurement_noise_V."
             )
-        longest_s = sum(self.bounds.upper[2:])
+        longest_s = self.bounds.longest_s
         if longest_s * self.jetting_Hz > 1 + 1e-9:
             raise ValueError(
                 f"at {self.jetting_Hz:g} Hz the longest waveform, {longest_s:g} s, does not fit into a period. "
@@ -148,8 +148,9 @@ class Problem:
 
     @property
     def has_gradient(self) -> bool:
-        """Whether gradients are available: not for heads with effects, nor with measurement noise."""
-        return not (isinstance(self.printhead, AugmentedPrinthead) or self.measurement_noise_V)
+        """Whether gradients are available: not for heads with effects, measurement noise or a driver's limits."""
+        effects = isinstance(self.printhead, AugmentedPrinthead)
+        return not (effects or self.measurement_noise_V or self.bounds.limits)
 
     @functools.cached_property
     def _heads(self) -> Real:
@@ -194,6 +195,10 @@ class Problem:
 
         if self.measurement_noise_V:
             raise ValueError("noisy peak readings have no gradients. Use an optimiser that needs none, such as pso.")
+        if self.bounds.limits is not None:
+            raise ValueError(
+                "waveforms within a driver's limits have no gradients. Use an optimiser that needs none, such as pso."
+            )
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
         costs, gradients = batch.costs_and_gradients(**self._fired(waveforms))
         costs, gradients = costs.reshape(-1, len(waveforms)), gradients.reshape(-1, *waveforms.shape)
@@ -264,12 +269,13 @@ class Problem:
     def from_settings(cls, name: str, settings: dict[str, Any]) -> Problem:
         """The problem that `settings` describes."""
         cost = {STORED_NAMES.get(key, key): value for key, value in settings["cost"].items()}
+        limits = DriverLimits.from_values(settings["limits"]) if "limits" in settings else None
         head = settings["printhead"] | {"coefficients": tuple(settings["printhead"]["coefficients"])}
         return cls(
             name,
             printhead_of(settings["augmented"]) if "augmented" in settings else Printhead(**head),
             PeakCost(**cost),
-            Bounds(**settings["bounds"]),
+            Bounds(settings["bounds"]["lower"], settings["bounds"]["upper"], limits),
             settings["initial_state"],
             float(settings["window_s"]),
             settings.get("jetting_Hz", 0.0),
@@ -293,6 +299,8 @@ class Problem:
             more["reading_V"] = self.measurement_noise_V  # the key in stored files
         if self.spread:
             more["spread"] = asdict(self.spread)
+        if self.bounds.limits is not None:
+            more["limits"] = self.bounds.limits.as_json()
         settings = {
             "printhead": {
                 "a0": head.a0,

@@ -8,7 +8,7 @@ import sys
 import time
 import zipfile
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,10 +83,17 @@ class Optimisation:
         }
         return {name: where for name, where in found.items() if where is not None}
 
-    def carry_out(self, recorded: Run | tuple | None = None, keep: Callable[[Run], object] | None = None) -> Run:
+    def without_limits(self) -> Optimisation:
+        """The same search for a driver without limits."""
+        return replace(self, problem=replace(self.problem, bounds=replace(self.problem.bounds, limits=None)))
+
+    def carry_out(
+        self, recorded: Run | tuple | None = None, keep: Callable[[Run], object] | None = None, label: str = ""
+    ) -> Run:
         """Run it, resuming after ``recorded``; Ctrl-C returns the run so far, with ``complete`` False.
 
-        ``keep`` is called after every batch with the run so far, such as a `RunningRecord`.
+        ``keep`` is called after every batch with the run so far, such as a `RunningRecord`. ``label`` names the run in
+        its progress; by default the optimiser does.
 
         Raises
         ------
@@ -99,7 +106,7 @@ class Optimisation:
         optimizer = optimizers.make(self.optimizer, budget=self.budget, seed=self.seed, **self.options)
         done = 0 if recorded is None else len(recorded.costs if hasattr(recorded, "costs") else recorded[1])
         try:
-            with shown_progress(self.optimizer, self.budget) as progress:
+            with shown_progress(label or self.optimizer, self.budget) as progress:
 
                 def made(run: Run) -> None:
                     progress(run.evaluations, f"best cost {run.best_cost:.4f} V")
@@ -116,8 +123,13 @@ class Optimisation:
         except Interrupted as interruption:
             return interruption.run
 
-    def optimum_json(self, run: Run) -> dict[str, Any]:
-        """The JSON output of `inkjet optimize`; a `ValueError` for a run without evaluations."""
+    def optimum_json(self, run: Run, without_limits: float | None = None) -> dict[str, Any]:
+        """The JSON output of `inkjet optimize`; a `ValueError` for a run without evaluations.
+
+        ``without_limits`` is the cost in volts that the same search reaches without the driver's limits, if known.
+        """
+        limits = self.problem.bounds.limits
+        limited = {} if limits is None else {"limits": limits.as_json(), "cost_without_limits": without_limits}
         if run.best_point is None:
             raise ValueError("a run without evaluations has no best waveform.")
         return {
@@ -130,6 +142,7 @@ class Optimisation:
             "optimizer": self.optimizer,
             "problem": self.problem.name,
             "complete": run.complete,
+            **limited,
         }
 
 

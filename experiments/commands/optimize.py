@@ -16,7 +16,6 @@ from inkjet_env.cli.arguments import (
     chosen_cost,
     chosen_limits,
     chosen_seed,
-    warn_of_limits,
 )
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import (
@@ -86,6 +85,10 @@ def optimize(
 
     inkjet optimize --printhead augmented.json --effect my_effects:QuadraticStiffness
 
+    inkjet optimize --limits lowest_V=0,highest_V=48,rise_V_per_us=20,step_us=0.1 --out waveform.ini
+
+    With --limits, only waveforms that the driver can do are tried, and what that costs is told.
+
     Ctrl-C keeps the best waveform so far and a record from which --resume continues.
     """
     from dataclasses import replace
@@ -96,7 +99,6 @@ def optimize(
     check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
     check_rate(sample_rate)
     _check_style(out, generator, amplifier)
-    chosen_limits(limits)  # refused before any work if they cannot be
     register_own(effect)
     settings = {
         "--optimizer": optimizer,
@@ -112,6 +114,7 @@ def optimize(
         "--effective": effective,
         "--window": window,
         "--initial-state": initial_state,
+        "--limits": limits,
     }
     recorded: Any = None
     if resume is not None:
@@ -129,6 +132,10 @@ def optimize(
         if printhead is not None:
             check_changeable(chosen)
             chosen = replace(chosen, name="custom", printhead=chosen_head(printhead, remainder))
+        if limits is not None:
+            check_changeable(chosen)
+            box = replace(chosen.bounds, limits=chosen_limits(limits))
+            chosen = replace(chosen, name="custom", bounds=box, known=None)
         plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
     head, largest_V = (
         plan.problem.printhead,
@@ -138,10 +145,16 @@ def optimize(
         print(said, file=sys.stderr)
     replayed = 0 if recorded is None else len(recorded[1])
     run = plan.carry_out(recorded, RunningRecord(_record_file(out), plan, replayed))
-    _finish_optimize(plan, run, out, (sample_rate, generator, amplifier), limits, plot, json, effect)
+    unlimited = None
+    if run.complete and plan.problem.bounds.limits is not None:
+        unlimited = plan.without_limits().carry_out(label=f"{plan.optimizer} without the driver's limits")
+    _finish_optimize(plan, run, unlimited, out, (sample_rate, generator, amplifier), plot, json, effect)
     for record in (_record_file(out), resume):
         if record is not None:
             record.unlink(missing_ok=True)  # only now that the outputs are written
+    if unlimited is not None and not unlimited.complete:
+        print("Interrupted; what the driver's limits cost is not known.", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED)
 
 
 def _check_style(out: Path, generator: str | None, amplifier: float) -> None:
@@ -163,14 +176,17 @@ def _check_style(out: Path, generator: str | None, amplifier: float) -> None:
 def _finish_optimize(
     plan: Any,
     run: Run,
+    unlimited: Run | None,
     out: Path,
     style: tuple[float, str | None, float],
-    limits: str | None,
     plot: Path | None,
     json: Path | None,
     own: list[str] | None,
 ) -> None:
-    """Write and print the result of an optimisation, complete or interrupted."""
+    """Write and print the result of an optimisation, complete or interrupted.
+
+    ``unlimited`` is the same search without the driver's limits, if there are any.
+    """
     from inkjet_env.experiments.benchmark.single_run import write_record
     from inkjet_env.printhead import Waveform
     from inkjet_env.storage import write_json
@@ -178,13 +194,15 @@ def _finish_optimize(
     if run.best_point is None:
         print("Interrupted before the first evaluation; nothing was written.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED)
-    found = plan.optimum_json(run)
+    without = None
+    if unlimited is not None and unlimited.complete:
+        without = min(unlimited.best_cost, run.best_cost)  # what is legal is possible without limits too
+    found = plan.optimum_json(run, without)
     waveform = Waveform.from_array(found["waveform"])
     record = _record_file(out)
     if not run.complete:
         write_record(record, plan, run)
     written = _write_waveform(out, waveform, *style)
-    warn_of_limits(chosen_limits(limits), out, *waveform.knots())
     if plot is not None:
         from inkjet_env.reporting.plotting import write_picture
         from inkjet_env.reporting.waveform_figures import draw_response
@@ -197,14 +215,17 @@ def _finish_optimize(
         print(f"{plan.optimizer} on {plan.problem.name}, seed {plan.seed}, {run.evaluations} evaluations:")
         print(f"cost {run.best_cost:.6f} V")
         print(f"waveform U1 U2 t1 t2 t3 t4 t5: {values}")
+        if without is not None:
+            print(
+                f"It is within the driver's limits. Without them the same search reaches {without:.6f} V: they cost "
+                f"{run.best_cost - without:.6f} V."
+            )
         print(f"{out}: {written}")
     if not run.complete:
         again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]
         sample_rate, generator, amplifier = style
         if sample_rate != SAMPLE_RATE_HZ:
             again += ["--sample-rate", f"{sample_rate:.12g}"]
-        if limits is not None:
-            again += ["--limits", limits]
         if generator is not None:
             again += ["--generator", generator, "--amplifier", f"{amplifier:.12g}"]
         for plugin in plan.plugins():

@@ -46,7 +46,7 @@ Limits = Annotated[
     str | None,
     typer.Option(
         help="what the driver can do, as lowest_V=0,highest_V=48,rise_V_per_us=20,fall_V_per_us=20,step_us=0.1,"
-        "shortest_us=1,longest_us=50 (any of them); a waveform that asks for more is told of"
+        "shortest_us=1,longest_us=50,bits=12 (any of them)"
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", help='write the result as JSON; "-" is standard output')]

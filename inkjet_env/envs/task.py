@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from inkjet_env.envs.parallel import simulated_costs, simulated_peaks
 from inkjet_env.plant.augmented import AugmentedPrinthead, AugmentedResponse
 from inkjet_env.plant.printhead_file import read_printhead
-from inkjet_env.printhead import Bounds, PeakCost, Printhead, Response, Waveform, check_name
+from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead, Response, Waveform, check_name
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
@@ -45,6 +45,7 @@ def make_task(
     initial_state: str = "periodic",
     window_s: float = DEFAULT_WINDOW_S,
     hysteresis: str = "full_memory",
+    limits: DriverLimits | Mapping[str, float] | None = None,
 ) -> WaveformTask:
     """Task for the environment's keyword options.
 
@@ -68,6 +69,9 @@ def make_task(
         Whether to replace an action outside the box by the nearest one inside, instead of refusing it.
     initial_state, window_s, hysteresis
         As in `Printhead.respond` (without ``play_operators``).
+    limits : DriverLimits or dict, optional
+        What the driver can do; a dict holds the arguments of `DriverLimits`, for example ``{"rise_V_per_us": 20}``.
+        Every action is then a legal waveform: see `Bounds`.
 
     Returns
     -------
@@ -101,10 +105,15 @@ def make_task(
         raise ValueError(f"noise must be a standard deviation of 0 to 1e6 V; got {noise!r}.")
     if not isinstance(clip_actions, (bool, np.bool_)):
         raise ValueError(f"clip_actions must be True or False; got {clip_actions!r}.")
+    box = _value_of("bounds", Bounds, ("lower", "upper"), bounds)
+    if limits is not None:
+        if not isinstance(limits, (DriverLimits, Mapping)):
+            raise ValueError(f"limits must be DriverLimits, a dict or None; got {limits!r}.")
+        box = replace(box, limits=limits if isinstance(limits, DriverLimits) else DriverLimits.from_values(limits))
     return WaveformTask(
         head,
         _value_of("cost", PeakCost, ("A", "B", "effective", "target_height_V"), cost),
-        _value_of("bounds", Bounds, ("lower", "upper"), bounds),
+        box,
         context,
         float(noise),
         bool(clip_actions),
@@ -284,7 +293,7 @@ class WaveformTask:
         Returns
         -------
         ndarray, shape (n, 7)
-            Waveforms in volts and seconds.
+            Waveforms in volts and seconds, legal for a driver with limits.
 
         Raises
         ------
@@ -304,7 +313,7 @@ class WaveformTask:
         waveforms = np.empty((points.size // 7, 7))
         if not waveforms_of_actions(points.reshape(-1, 7), *self._box, waveforms):
             waveforms_of_actions(self._clipped(points).reshape(-1, 7), *self._box, waveforms)
-        return waveforms
+        return self.bounds.legal(waveforms)
 
     def _clipped(self, points: Real) -> Real:
         from inkjet_env.envs.compiled_episodes import EDGE

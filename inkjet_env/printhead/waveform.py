@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inkjet_env.printhead.driver_limits import PARAMETER_NAMES, DriverLimits
 from inkjet_env.typing import Real
 
-PARAMETER_NAMES = ("U1", "U2", "t1", "t2", "t3", "t4", "t5")
 PARAMETER_UNITS = ("V", "V", "s", "s", "s", "s", "s")
 
 
@@ -152,20 +152,35 @@ class Bounds:
     Parameters
     ----------
     lower, upper : tuple of 7 floats
-        Limits in volts and seconds, order ``U1 U2 t1 t2 t3 t4 t5``. Defaults: U1 0…100 V, U2 −100…0 V, durations
+        Ends in volts and seconds, order ``U1 U2 t1 t2 t3 t4 t5``. Defaults: U1 0…100 V, U2 −100…0 V, durations
         1…20 µs (the paper prints the voltages, not the durations).
+    limits : DriverLimits, optional
+        What the driver can do. Each waveform of the box is then replaced by a legal one: its voltages are clipped,
+        rounded towards 0 V to the converter's steps, and lowered in proportion where their edges would not fit; edges
+        are lengthened to what the slew rates need, durations rounded to time steps and, if the waveform is too long,
+        shortened in proportion to what can be spared. A legal waveform stays as it is.
+
+    Raises
+    ------
+    ValueError
+        An end is no waveform's, the ends are the wrong way round, or no waveform of the box is within the limits.
 
     Examples
     --------
     >>> Bounds().from_unit([1, -1, -1, 0, 0, 0, 1])[:2]
     array([ 100., -100.])
+    >>> limits = DriverLimits(lowest_V=0, highest_V=48, rise_V_per_us=20, step_us=0.1)
+    >>> Bounds(limits=limits).from_unit([1, -1, -1, 0, 0, 0, 1])[:3]
+    array([4.8e+01, 0.0e+00, 2.4e-06])
     """
 
     lower: tuple[float, ...] = (0.0, -100.0, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6)
     upper: tuple[float, ...] = (100.0, 0.0, 20e-6, 20e-6, 20e-6, 20e-6, 20e-6)
+    limits: DriverLimits | None = None
     names: ClassVar[tuple[str, ...]] = PARAMETER_NAMES
     _low: Real = field(init=False, repr=False, compare=False)
     _high: Real = field(init=False, repr=False, compare=False)
+    _legal_box: tuple[Real, Real] | None = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for label in ("lower", "upper"):
@@ -184,6 +199,7 @@ class Bounds:
             raise ValueError(f"bounds.lower must not exceed bounds.upper; they are the wrong way round for {name}.")
         object.__setattr__(self, "_low", low)
         object.__setattr__(self, "_high", high)
+        object.__setattr__(self, "_legal_box", None if self.limits is None else self.limits.within(low, high))
 
     @property
     def half_width(self) -> Real:
@@ -195,14 +211,28 @@ class Bounds:
         points = np.asarray(points, dtype=np.float64)
         if points.shape[-1:] != (7,):
             raise ValueError(f"points must have shape (7,) or (n, 7); got shape {points.shape}.")
-        return np.clip(((1 - points) * self._low + (1 + points) * self._high) / 2, self._low, self._high)
+        return self.legal(np.clip(((1 - points) * self._low + (1 + points) * self._high) / 2, self._low, self._high))
+
+    def legal(self, waveforms: Real) -> Real:
+        """The waveforms of the box, shape (7,) or (n, 7), as the driver can do them; the same ones without limits."""
+        if self.limits is None or self._legal_box is None:
+            return waveforms
+        return self.limits.made_legal(waveforms, *self._legal_box)
+
+    @property
+    def longest_s(self) -> float:
+        """Duration of the longest waveform, in seconds."""
+        longest_s = math.fsum(self.upper[2:])
+        return longest_s if self.limits is None else min(longest_s, 1e-6 * self.limits.longest_us)
 
     def slope(self, points: ArrayLike) -> Real:
         """Derivative of `from_unit` in each coordinate, V or s per unit, shape (7,) or (n, 7), as the points.
 
         It is half the width of the box, and zero outside [-1, 1], where `from_unit` is constant; at ±1 exactly it is
-        that of the inside.
+        that of the inside. With a driver's limits there is none.
         """
+        if self.limits is not None:
+            raise ValueError("waveforms within a driver's limits change in steps: there is no derivative.")
         return np.where(np.abs(np.asarray(points, dtype=np.float64)) > 1.0, 0.0, self.half_width)
 
     def to_unit(self, waveforms: ArrayLike) -> Real:

@@ -11,10 +11,11 @@ from inkjet_env.experiments.benchmark.data import data_file
 from inkjet_env.experiments.benchmark.problem import BEST_KNOWN_FILE, Problem, Spread
 from inkjet_env.experiments.benchmark.single_run import Optimisation
 from inkjet_env.experiments.benchmark.suite import VERSION, suite
-from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
+from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead, Waveform, batch
 
 POINTS = np.random.default_rng(0).uniform(-1, 1, (40, 7))
 SHORT = Bounds(upper=(100, 0, *[1e-5] * 5))
+LIMITED = Problem("limited", bounds=Bounds(limits=DriverLimits(-50, 60, 20, 15, 0.1, longest_us=40, bits=10)))
 TRAIN = Problem("train", bounds=SHORT, jetting_Hz=20e3)
 LOT = Problem("lot", spread=Spread(0.05, 8, "worst"))
 
@@ -136,6 +137,7 @@ def test_readings_scatter_about_the_cost_as_the_errors_of_the_peaks_do():
         LOT,
         Problem("noisy", measurement_noise_V=0.1),
         Problem("drop", cost=PeakCost(-50, 5, target_height_V=4.0)),
+        LIMITED,
     ],
     ids=lambda problem: problem.name,
 )
@@ -154,6 +156,22 @@ def test_what_cannot_be_is_refused():
         Spread(judged="wurst")
     assert not Problem("noisy", measurement_noise_V=0.1).has_gradient
     assert TRAIN.has_gradient
+    with pytest.raises(ValueError, match="within a driver's limits have no gradients"):
+        LIMITED.evaluate_with_gradient(POINTS)
+    assert not LIMITED.has_gradient
+
+
+def test_a_driver_with_limits_is_judged_by_what_it_can_do():
+    legal = LIMITED.bounds.from_unit(POINTS)
+    assert all(not LIMITED.bounds.limits.excesses(*Waveform.from_array(row).knots()) for row in legal)
+    np.testing.assert_array_equal(LIMITED.evaluate(POINTS), batch.costs(legal, LIMITED.printhead))
+    np.testing.assert_array_equal(LIMITED.respond(POINTS[0]).knot_times_s, Waveform.from_array(legal[0]).knots()[0])
+
+
+def test_a_long_box_fits_into_a_period_if_the_driver_s_longest_waveform_does():
+    Problem("train", bounds=Bounds(limits=DriverLimits(longest_us=50)), jetting_Hz=20e3)
+    with pytest.raises(ValueError, match="does not fit into a period"):
+        Problem("train", bounds=Bounds(limits=DriverLimits(longest_us=51)), jetting_Hz=20e3)
 
 
 def test_a_run_is_told_readings_and_goes_on_with_the_same_ones():

@@ -13,6 +13,8 @@ import pytest
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.experiments.benchmark.ranking_tables import print_ranking
 from inkjet_env.optimizers import registry
+from inkjet_env.printhead import DriverLimits
+from inkjet_env.recordings.drive import read_drive
 
 OPTIMUM = ["100", "-100", "1e-6", "10.481e-6", "13.769e-6", "9.613e-6", "20e-6"]
 COMMAND = [sys.executable, "-m", "inkjet_env.experiments.cli"]
@@ -226,6 +228,7 @@ def test_same_seed_same_bytes_other_seed_other_bytes(inkjet, tmp_path):
         (["--sample-rate", "1"], "--sample-rate must be 1e7 to 1e11 Hz"),
         (["--resume", "none.npz"], "none.npz: there is no such file"),
         (["--resume", "none.npz", "--seed", "1"], "leave out --seed"),
+        (["--resume", "none.npz", "--limits", "bits=3"], "leave out --limits"),
         (["--out", "-"], 'only --json accepts "-"'),
         (["--out", "a.csv", "--json", "a.csv"], "must be different files"),
     ],
@@ -237,8 +240,34 @@ def test_bad_optimize_is_one_sentence_and_status_2(inkjet, tmp_path, arguments, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, tmp_path, monkeypatch):
-    arguments = ["optimize", "--optimizer", "cma-es", "--budget", "300", "--seed", "5"]
+LIMITS = "lowest_V=-50,highest_V=60,rise_V_per_us=20,fall_V_per_us=15,step_us=0.1,longest_us=40,bits=10"
+
+
+def test_within_a_drivers_limits_the_best_waveform_is_legal_and_what_that_costs_is_told(inkjet, tmp_path):
+    arguments = ["optimize", "--optimizer", "cma-es", "--budget", "600", "--json", "o.json", "--limits", LIMITS]
+    status, out, err = inkjet(*arguments, "--out", "w.ini")
+    assert status == 0
+    assert "warning" not in err
+    found = json.loads((tmp_path / "o.json").read_text())
+    assert found["limits"]["bits"] == 10
+    assert found["cost_without_limits"] < found["cost"] - 1.0
+    assert f"they cost {found['cost'] - found['cost_without_limits']:.6f} V" in out
+    drive = read_drive(tmp_path / "w.ini")
+    assert DriverLimits.from_text(LIMITS).excesses(drive.time_s, drive.drive_V) == []
+    assert json.loads(inkjet("simulate", "--drive", "w.ini", "--limits", LIMITS, "--json", "-")[1])["cost"] == (
+        pytest.approx(found["cost"], abs=1e-6)
+    )
+
+
+def test_limits_that_leave_no_waveform_are_one_sentence(inkjet):
+    status, out, err = inkjet("optimize", "--limits", "longest_us=4")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "the shortest waveform of the search box lasts 5 us" in err
+
+
+@pytest.mark.parametrize("limits", [[], ["--limits", LIMITS]], ids=["any driver", "a driver with limits"])
+def test_an_interrupted_optimisation_keeps_its_best_and_goes_on_exactly(inkjet, tmp_path, monkeypatch, limits):
+    arguments = ["optimize", "--optimizer", "cma-es", "--budget", "300", "--seed", "5", *limits]
     files = ["--sample-rate", "2.5e7", "--plot"]
     assert inkjet(*arguments, *files, "whole.png", "--out", "whole.csv", "--json", "whole.json")[0] == 0
 

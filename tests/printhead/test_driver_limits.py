@@ -23,6 +23,10 @@ def test_without_limits_everything_is_allowed():
         ({"fall_V_per_us": 21}, "falls at 21.6667 V/us from 10 us on; the driver can at most 21 V/us."),
         ({"shortest_us": 2.2}, "has a segment of 2 us at 0 us; the driver's shortest is 2.2 us."),
         ({"step_us": 1}, "has a corner at 24.5 us; the driver's corners lie on steps of 1 us."),
+        (
+            {"lowest_V": -60, "highest_V": 68, "bits": 4},
+            "goes to -25 V; the driver's voltages are multiples of 8 V.",
+        ),
         ({"longest_us": 24}, "lasts 24.5 us; the driver's longest waveform lasts 24 us."),
     ],
 )
@@ -34,7 +38,7 @@ def test_each_limit_is_told_where_it_is_exceeded_and_not_at_its_value(limits, to
     "limits",
     [
         {"highest_V": 40}, {"lowest_V": -25}, {"rise_V_per_us": 20}, {"fall_V_per_us": 65 / 3}, {"shortest_us": 2},
-        {"step_us": 0.5}, {"step_us": 0.01}, {"longest_us": 24.5},
+        {"step_us": 0.5}, {"step_us": 0.01}, {"longest_us": 24.5}, {"lowest_V": -40, "highest_V": 40, "bits": 4},
     ],
 )  # fmt: skip
 def test_a_waveform_at_its_limits_is_allowed(limits):
@@ -52,6 +56,9 @@ def test_a_later_start_does_not_lengthen_a_waveform():
         ("highest_V=x", "highest_V must be a number; got 'x'"),
         ("highest_V=nan", "highest_V must be a number; got nan"),
         ("step_us=-1", "step_us must be at least 0; got -1"),
+        ("rise_V_per_us=0", "rise_V_per_us must be above 0; got 0"),
+        ("bits=8", "give lowest_V and highest_V too"),
+        ("lowest_V=0,highest_V=5,bits=2.5", "bits must be a whole number of at most 32; got 2.5"),
         ("lowest_V=5,highest_V=5", "lowest_V must be below highest_V"),
     ],
 )
