@@ -18,7 +18,8 @@ FITTING = (*IDENTIFICATION, "inkjet_env.mismatch.settings", "inkjet_env.mismatch
 SELECTION = (*FITTING, "inkjet_env.mismatch.selection")
 DESIGN = (*FITTING, "inkjet_env.mismatch.localization", "inkjet_env.mismatch.design")
 MISMATCH = (*SELECTION, *DESIGN, "inkjet_env.mismatch")
-REPORTING = (*MISMATCH, "inkjet_env.reporting")
+JETTING = (*PLANT, "inkjet_env.jetting")
+REPORTING = (*MISMATCH, *JETTING, "inkjet_env.reporting")
 CLI = (*REPORTING, "inkjet_env.progress", "inkjet_env.rig", "inkjet_env.cli", "inkjet_env")
 OPTIMIZERS = (*GROUND, "inkjet_env.optimizers")
 EXECUTION = (*CLI, *OPTIMIZERS, "inkjet_env.envs", "inkjet_env.experiments.execution")
@@ -47,6 +48,7 @@ ALLOWED = {
     "inkjet_env.testing": PLANT,
     "inkjet_env.printhead": GROUND,
     "inkjet_env.plant": PRINTHEAD,
+    "inkjet_env.jetting": PLANT,
     "inkjet_env.recordings": PRINTHEAD,
     "inkjet_env.rig": RECORDINGS,
     "inkjet_env.identification": IDENTIFICATION,

@@ -11,13 +11,13 @@ import numpy as np
 from inkjet_env.experiments.benchmark.analysis import REFERENCE, SOLVED, Comparison
 from inkjet_env.experiments.benchmark.conclusions import ranking_sentences, standings_sentences
 from inkjet_env.experiments.benchmark.entrants import entrant
-from inkjet_env.experiments.benchmark.jetting import jetting
 from inkjet_env.experiments.benchmark.metrics import performance_profile
 from inkjet_env.experiments.benchmark.regret import best_known_cost, regret_quartiles_V, scale_V
 from inkjet_env.experiments.benchmark.run_files import RunKey, RunResult, read_seconds
 from inkjet_env.experiments.benchmark.suite import VERSION, family_of, problem
 from inkjet_env.experiments.execution.provenance import versions
 from inkjet_env.extras import extra
+from inkjet_env.jetting.figures_of_merit import jetting
 
 LEVELS = np.logspace(-5, 1, 121)
 GRID = 90

@@ -131,12 +131,8 @@ class Problem:
     known: BestKnown | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        if isinstance(self.printhead, AugmentedPrinthead) and (
-            self.jetting_Hz or self.spread or self.measurement_noise_V
-        ):
-            raise ValueError(
-                "a printhead with effects cannot be combined with jetting_Hz, spread or measurement_noise_V."
-            )
+        if isinstance(self.printhead, AugmentedPrinthead) and (self.spread or self.measurement_noise_V):
+            raise ValueError("a printhead with effects cannot be combined with spread or measurement_noise_V.")
         longest_s = self.bounds.longest_s
         if longest_s * self.jetting_Hz > 1 + 1e-9:
             raise ValueError(
@@ -164,13 +160,16 @@ class Problem:
         heads = self.spread.around(self.printhead) if self.spread else (self.printhead,)
         return batch.head_table(heads)
 
+    @property
+    def _period_s(self) -> float:
+        return 1 / self.jetting_Hz if self.jetting_Hz else math.inf
+
     def _fired(self, waveforms: Real) -> dict[str, Any]:
         """Keyword arguments of the simulator for every waveform on every head, head by head."""
         count, heads = len(waveforms), self._heads
         if len(heads) > 1:  # in one call, whose overhead dominates a search that asks for one waveform at a time
             waveforms, heads = np.tile(waveforms, (len(heads), 1)), np.repeat(heads, count, axis=0)
-        period_s = 1 / self.jetting_Hz if self.jetting_Hz else math.inf
-        fired = {"initial_state": self.initial_state, "window_s": self.window_s, "period_s": period_s}
+        fired = {"initial_state": self.initial_state, "window_s": self.window_s, "period_s": self._period_s}
         return fired | {"waveforms": waveforms, "heads": heads, "cost": self.cost}
 
     def evaluate(self, points: ArrayLike) -> Real:
@@ -179,7 +178,7 @@ class Problem:
 
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
         if isinstance(self.printhead, AugmentedPrinthead):
-            return self.printhead.costs(waveforms, self.cost, self.initial_state, self.window_s)
+            return self.printhead.costs(waveforms, self.cost, self.initial_state, self.window_s, self._period_s)
         costs = batch.costs(**self._fired(waveforms)).reshape(-1, len(waveforms))
         judged: Real = _mean(costs) if self._by_mean else costs.max(axis=0)
         return judged

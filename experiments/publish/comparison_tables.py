@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.experiments.benchmark.jetting import jetting
 from inkjet_env.experiments.benchmark.ranking_tables import standings_table
 from inkjet_env.experiments.benchmark.regret import scale_V
 from inkjet_env.experiments.benchmark.report import RANKING_FORMAT
 from inkjet_env.experiments.benchmark.studies import challenge_best_known
 from inkjet_env.experiments.benchmark.suite import family_of, suite
 from inkjet_env.experiments.learning import amortised, few_shot
+from inkjet_env.jetting.figures_of_merit import jetting
 from inkjet_env.reporting.tables import markdown_table
 
 Content = Mapping[str, Any]

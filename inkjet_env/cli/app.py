@@ -15,6 +15,7 @@ from inkjet_env.cli.campaigns import evaluate, identify, record
 from inkjet_env.cli.diagnose import diagnose
 from inkjet_env.cli.exit_status import BAD_INPUT, INTERRUPTED
 from inkjet_env.cli.interruption import treat_alike
+from inkjet_env.cli.scan import scan
 from inkjet_env.cli.simulate import simulate
 from inkjet_env.extras import MissingExtraError, extra
 
@@ -49,6 +50,7 @@ def _inkjet(
 
 for command, summary in (
     (simulate, "Simulate the response to a waveform or a sampled drive."),
+    (scan, "Scan a waveform's pulse width, voltage, jetting frequency and robustness."),
     (record, "Record a campaign with the virtual rig."),
     (identify, "Identify a head from a campaign, with 90 % intervals."),
     (evaluate, "Compare a given printhead with a campaign."),

@@ -22,7 +22,7 @@ from inkjet_env.plant.stages import Plant
 from inkjet_env.printhead import PeakCost, Printhead, SampledResponse, Waveform, as_waveform_array, check_name
 from inkjet_env.printhead.hysteresis import periods_before_recording
 from inkjet_env.printhead.sampled import check_samples
-from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_window
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_period, check_window
 from inkjet_env.storage import write_json
 from inkjet_env.typing import Real
 
@@ -103,8 +103,9 @@ class AugmentedPrinthead:
         initial_state: str = "periodic",
         window_s: float = DEFAULT_WINDOW_S,
         hysteresis: str = "full_memory",
+        period_s: float = math.inf,
     ) -> AugmentedResponse:
-        """Response to one waveform; the resonator is at rest at its start.
+        """Response to one waveform; the resonator is at rest at its start unless a period is given.
 
         Parameters
         ----------
@@ -117,6 +118,9 @@ class AugmentedPrinthead:
             Peaks later than this after the waveform's start do not count, in seconds; finite.
         hysteresis : {"full_memory"}
             Memory of the branch law; with effects, only this one.
+        period_s : float
+            Firing period in seconds: the waveform has been repeated for ever and starts in the residual vibration of
+            all those before it; peaks count within one period. Infinite, the default: the head is at rest.
 
         Returns
         -------
@@ -131,6 +135,9 @@ class AugmentedPrinthead:
         check_name("hysteresis of a printhead with effects", hysteresis, ("full_memory",))
         window_s = _finite_window(window_s)
         knots_s, knots_V = waveform.knots()
+        period_s = check_period(period_s, waveform.duration_s, initial_state)
+        if not math.isinf(period_s):
+            return self._respond_in_train(waveform, min(window_s, period_s), period_s)
         step_s = self._step_s(window_s)
         steps = _steps(max(window_s, waveform.duration_s), step_s)
         times_s = np.arange(steps * SUBSTEPS) * (step_s / SUBSTEPS)
@@ -142,6 +149,22 @@ class AugmentedPrinthead:
         return AugmentedResponse(
             self, knots_s, knots_V, window_s, step_s, hysteretic_V, sensor_V, peak_times_s[counts], peaks_V[counts]
         )
+
+    def _respond_in_train(self, waveform: Waveform, window_s: float, period_s: float) -> AugmentedResponse:
+        """`respond` once a train of waveforms has settled: that of a recording of one period of the repeated drive."""
+        steps = _steps(period_s, self._step_s(period_s))
+        step_s = period_s / steps
+        at_nodes_V = waveform.drive_V(np.arange(steps * SUBSTEPS) * (step_s / SUBSTEPS))
+        hysteretic_V, sensor_V = self._answer(at_nodes_V, step_s, "periodic", settled=True)
+        beyond = np.arange(-3, steps + 2) % steps
+        times_s, peaks_V = extrema(sensor_V[beyond], step_s)
+        times_s = times_s - 3 * step_s
+        times_s[np.abs(times_s) < step_s] = 0.0  # at the corner where the waveform starts
+        counts = (times_s >= 0) & (times_s <= min(period_s - step_s, window_s))
+        return AugmentedResponse(
+            self, *waveform.knots(), window_s, step_s, np.append(hysteretic_V, hysteretic_V[0]),
+            np.append(sensor_V, sensor_V[0]), times_s[counts], peaks_V[counts],
+        )  # fmt: skip
 
     def respond_sampled(
         self,
@@ -175,17 +198,24 @@ class AugmentedPrinthead:
         cost: PeakCost | None = None,
         initial_state: str = "periodic",
         window_s: float = DEFAULT_WINDOW_S,
+        period_s: float = math.inf,
     ) -> Real:
         """Peak costs in volts, shape (n,), of waveforms (n, 7); some hundred times slower than with the base model."""
         rows = as_waveform_array(waveforms)
-        found = (self.respond(Waveform.from_array(row), initial_state, window_s).cost(cost) for row in rows)
+        found = (
+            self.respond(Waveform.from_array(row), initial_state, window_s, period_s=period_s).cost(cost)
+            for row in rows
+        )
         return np.fromiter(found, dtype=np.float64, count=len(rows))
 
     def _step_s(self, window_s: float) -> float:
         return min(1 / (STEPS_A_PERIOD * self.frequency_Hz), window_s / STEPS_A_WINDOW)
 
-    def _answer(self, at_nodes_V: Real, step_s: float, initial_state: str) -> tuple[Real, Real]:
-        """Hysteretic drive since the start, and the self-sensed signal, both shape (steps,)."""
+    def _answer(self, at_nodes_V: Real, step_s: float, initial_state: str, settled: bool = False) -> tuple[Real, Real]:
+        """Hysteretic drive since the start, and the self-sensed signal, both shape (steps,).
+
+        ``settled``: the resonator is in the steady state of the repeated drive, not at rest.
+        """
         plant, head = self.plant, self.printhead
         own = None if self.remainder is None else self.remainder.of("self_sensing")
         first = Excitation(
@@ -195,6 +225,7 @@ class AugmentedPrinthead:
         before = first
         if periods_before_recording(initial_state) > 0:
             before = replace(first, initial_state="periodic", cache={"drive": at_nodes_V})
+        first = before if settled else first
         try:
             drive_V = plant.at_ceramic_V(before)
             # A copy, since for the commanded drive itself the powers of the law would be cached: slower, for fits only.
@@ -208,12 +239,15 @@ class AugmentedPrinthead:
             for effect, values in plant.of("sensing"):
                 signal = effect.sensing(values, signal, drive_V[: first.nodes], head, first)
         except FloatingPointError as error:
-            raise ValueError(
-                "the printhead with its effects cannot be simulated under a drive of up to "
-                f"{np.abs(at_nodes_V).max():.3g} V: {str(error).rstrip('.')}. The effects were fitted to other drives; "
-                "stay within those."
-            ) from None
+            raise self._too_far(at_nodes_V, error) from None
         return first.sampled(hysteretic_V), signal
+
+    @staticmethod
+    def _too_far(drive_V: Real, error: FloatingPointError) -> ValueError:
+        return ValueError(
+            f"the printhead with its effects cannot be simulated under a drive of up to {np.abs(drive_V).max():.3g} V: "
+            f"{str(error).rstrip('.')}. The effects were fitted to other drives; stay within those."
+        )
 
     def _corrected(
         self,

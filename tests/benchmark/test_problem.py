@@ -11,6 +11,7 @@ from inkjet_env.experiments.benchmark.data import data_file
 from inkjet_env.experiments.benchmark.problem import BEST_KNOWN_FILE, Problem, Spread
 from inkjet_env.experiments.benchmark.single_run import Optimisation
 from inkjet_env.experiments.benchmark.suite import VERSION, suite
+from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead, Waveform, batch
 
 POINTS = np.random.default_rng(0).uniform(-1, 1, (40, 7))
@@ -24,6 +25,11 @@ def test_a_train_costs_what_its_steady_drop_does():
     waveforms = [Waveform.from_array(row) for row in SHORT.from_unit(POINTS)]
     steady = [TRAIN.printhead.respond(waveform, period_s=50e-6).cost() for waveform in waveforms]
     np.testing.assert_allclose(TRAIN.evaluate(POINTS), steady, atol=1e-8)
+
+
+def test_a_train_on_a_head_with_effects_costs_what_its_steady_drop_does():
+    train = replace(TRAIN, printhead=AugmentedPrinthead(TRAIN.printhead, ()))
+    np.testing.assert_allclose(np.sort(np.abs(train.evaluate(POINTS) - TRAIN.evaluate(POINTS)))[:-4], 0.0, atol=0.05)
 
 
 def test_a_lot_of_heads_is_judged_by_the_worst_or_by_the_mean():

@@ -47,6 +47,37 @@ def test_without_effects_costs_are_those_of_the_compiled_head():
         assert np.sort(wrong)[-2] < 0.01  # of one waveform the second peak is 4 ns long, and B its weight
 
 
+@pytest.mark.parametrize("frequency_Hz", [1e3, 5e3, 9.7e3, 17e3])
+def test_without_effects_a_train_is_that_of_the_closed_form(frequency_Hz):
+    period_s = 1 / frequency_Hz
+    exact, found = HEAD.respond(WAVEFORM, period_s=period_s), BASE.respond(WAVEFORM, period_s=period_s)
+    largest = np.abs(exact.peaks_V).max()
+    assert np.sort(found.peaks_V)[[0, 1, -2, -1]] == pytest.approx(
+        np.sort(exact.peaks_V)[[0, 1, -2, -1]], abs=3e-4 * largest
+    )
+    time_s = np.linspace(0, min(period_s, 350e-6) * 0.999, 1000)
+    assert found.sensor_V(time_s) == pytest.approx(exact.sensor_V(time_s), abs=1e-3 * largest)
+    assert found.cost() == pytest.approx(exact.cost(), abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["second_mode", "cubic_stiffness", "creep", "feedthrough", "amplifier_bandwidth"])
+def test_a_settled_train_is_what_many_drops_one_after_the_other_come_to(name):
+    head, period_s, drops = AugmentedPrinthead(HEAD, ((EFFECTS[name], EFFECTS[name].example_values(HEAD)),)), 80e-6, 40
+    settled = head.respond(WAVEFORM, period_s=period_s)
+    time_s = np.arange(drops * 2000) * (period_s / 2000)
+    one_by_one = head.respond_sampled(time_s, WAVEFORM.drive_V(time_s % period_s), window_s=None)
+    last_V = one_by_one.sensor_V[-2000:]
+    apart = np.abs(settled.sensor_V(np.arange(2000) * (period_s / 2000)) - last_V)
+    assert apart.max() < 3e-3 * np.abs(last_V).max()
+
+
+def test_a_train_on_a_head_with_effects_is_refused_as_on_one_without():
+    with pytest.raises(ValueError, match="does not fit into a period"):
+        BASE.respond(WAVEFORM, period_s=20e-6)
+    with pytest.raises(ValueError, match='period_s needs initial_state="periodic"'):
+        BASE.respond(WAVEFORM, "demagnetised", period_s=80e-6)
+
+
 def test_a_jump_is_followed_from_the_first_moment_on():
     jumping = Waveform(100.0, -100.0, 0.0, 10e-6, 0.0, 9e-6, 0.0)
     exact = HEAD.respond(jumping)

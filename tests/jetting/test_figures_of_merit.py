@@ -4,8 +4,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from inkjet_env.experiments.benchmark.jetting import jetting
 from inkjet_env.experiments.benchmark.suite import problem
+from inkjet_env.jetting.figures_of_merit import jetting
 from inkjet_env.printhead import PeakCost, Printhead, Waveform
 
 HEAD = Printhead.published()
