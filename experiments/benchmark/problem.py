@@ -6,15 +6,18 @@ import functools
 import json
 import math
 import warnings
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from inkjet_env.experiments.benchmark.data import data_file
+from inkjet_env.experiments.benchmark.grey_level import grey_level
 from inkjet_env.naming import check_name
 from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.head_ensemble import RISKS, HeadEnsemble, ensemble_of
 from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead, Waveform
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S
@@ -115,6 +118,13 @@ class Problem:
     measurement_noise_V : float
         Standard deviation in volts of the error of each peak height that an optimiser receives; see `read`. `evaluate`
         is free of it.
+    pulses : int
+        Number of waveforms fired at `jetting_Hz` from rest, whose drops merge to one dot; the cost is that of a
+        `grey_level`. 0: for ever, or a single one if drops are far apart.
+    ensemble : HeadEnsemble, optional
+        Heads that recordings leave possible in place of ``printhead``, which stays the one that `respond` shows.
+    risk : {"mean", "cvar", "worst"}
+        How their costs are judged; see `inkjet_env.plant.head_ensemble.RISKS`.
     known : BestKnown, optional
         The best known waveform of a problem that is not of the suite, from which a comparison counts regrets.
     """
@@ -128,6 +138,9 @@ class Problem:
     jetting_Hz: float = 0.0
     spread: Spread | None = None
     measurement_noise_V: float = 0.0
+    pulses: int = 0
+    ensemble: HeadEnsemble | None = None
+    risk: str = "mean"
     known: BestKnown | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -141,11 +154,20 @@ class Problem:
             )
         if sum(map(bool, (self.jetting_Hz, self.spread, self.measurement_noise_V))) > 1:
             raise ValueError("jetting_Hz, spread and measurement_noise_V cannot be combined; give one of them.")
+        if self.pulses and not (self.pulses >= 2 and self.jetting_Hz):
+            raise ValueError(
+                f"pulses must be at least 2, at a rate jetting_Hz; got {self.pulses} at {self.jetting_Hz:g} Hz."
+            )
+        check_name("risk", self.risk, RISKS)
+        if self.ensemble is not None and (self.jetting_Hz or self.spread or self.measurement_noise_V):
+            raise ValueError("an ensemble cannot be combined with jetting_Hz, spread or measurement_noise_V.")
+        if self.pulses and isinstance(self.printhead, AugmentedPrinthead):
+            raise ValueError("a printhead with effects cannot be combined with pulses.")
 
     @property
     def has_gradient(self) -> bool:
-        """Whether gradients are available: not for heads with effects, measurement noise or a driver's limits."""
-        effects = isinstance(self.printhead, AugmentedPrinthead)
+        """Whether gradients are available: only for heads without effects, exact costs and drivers without limits."""
+        effects = isinstance(self.printhead, AugmentedPrinthead) or self.ensemble is not None
         return not (effects or self.measurement_noise_V or self.bounds.limits)
 
     @functools.cached_property
@@ -172,13 +194,29 @@ class Problem:
         fired = {"initial_state": self.initial_state, "window_s": self.window_s, "period_s": self._period_s}
         return fired | {"waveforms": waveforms, "heads": heads, "cost": self.cost}
 
+    def _drop_by_drop(self, waveforms: Real, simulated: Callable[..., Real]) -> Real:
+        """`grey_level` of waveforms, whose costs ``simulated`` gives in the first of several columns."""
+        found: list[list[Real]] = []
+        for weight in (1.0, 0.0):
+            fired = self._fired(waveforms) | {"cost": replace(self.cost, A=weight)}
+            found.append([])
+            for earlier in range(self.pulses):
+                until_next_s = self.window_s if earlier == self.pulses - 1 else min(self.window_s, self._period_s)
+                found[-1].append(simulated(**fired | {"earlier_drops": earlier, "window_s": until_next_s}))
+        return grey_level(np.array(found[0]), np.array(found[1]), self.cost.A)
+
     def evaluate(self, points: ArrayLike) -> Real:
         """Costs in volts, shape (n,), of points in ``[-1, 1]``, shape (n, 7); a point outside is clipped to the box."""
         from inkjet_env.printhead import batch
 
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
+        if self.ensemble is not None:
+            every = self.ensemble.costs(waveforms, self.cost, self.initial_state, self.window_s)
+            return self.ensemble.risk(every, self.risk)
         if isinstance(self.printhead, AugmentedPrinthead):
             return self.printhead.costs(waveforms, self.cost, self.initial_state, self.window_s, self._period_s)
+        if self.pulses:
+            return self._drop_by_drop(waveforms, lambda **fired: batch.costs(**fired)[:, None])[:, 0]
         costs = batch.costs(**self._fired(waveforms)).reshape(-1, len(waveforms))
         judged: Real = _mean(costs) if self._by_mean else costs.max(axis=0)
         return judged
@@ -198,10 +236,15 @@ class Problem:
             raise ValueError(
                 "waveforms within a driver's limits have no gradients. Use an optimiser that needs none, such as pso."
             )
+        if self.ensemble is not None:
+            raise ValueError("an ensemble of heads has no gradients. Use an optimiser that needs none, such as pso.")
         waveforms = self.bounds.from_unit(np.atleast_2d(points))
+        slope = self.bounds.slope(np.atleast_2d(points))
+        if self.pulses:
+            columns = self._drop_by_drop(waveforms, lambda **fired: np.column_stack(batch.costs_and_gradients(**fired)))
+            return columns[:, 0], columns[:, 1:] * slope
         costs, gradients = batch.costs_and_gradients(**self._fired(waveforms))
         costs, gradients = costs.reshape(-1, len(waveforms)), gradients.reshape(-1, *waveforms.shape)
-        slope = self.bounds.slope(np.atleast_2d(points))
         if self._by_mean:
             return _mean(costs), _mean(gradients) * slope
         worst, each = costs.argmax(axis=0), np.arange(len(waveforms))
@@ -280,6 +323,9 @@ class Problem:
             settings.get("jetting_Hz", 0.0),
             Spread(**settings["spread"]) if "spread" in settings else None,
             settings.get("reading_V", 0.0),
+            settings.get("pulses", 0),
+            ensemble_of(settings),
+            settings.get("risk", "mean"),
         )
 
     def settings(self) -> dict[str, Any]:
@@ -294,6 +340,10 @@ class Problem:
         more: dict[str, Any] = {}
         if self.jetting_Hz:
             more["jetting_Hz"] = self.jetting_Hz
+        if self.ensemble is not None:
+            more |= {"ensemble": self.ensemble.as_json(), "risk": self.risk}
+        if self.pulses:
+            more["pulses"] = self.pulses
         if self.measurement_noise_V:
             more["reading_V"] = self.measurement_noise_V  # the key in stored files
         if self.spread:

@@ -87,6 +87,23 @@ class Optimisation:
         """The same search for a driver without limits."""
         return replace(self, problem=replace(self.problem, bounds=replace(self.problem.bounds, limits=None)))
 
+    def cost_spread(self, point: Real) -> dict[str, Any] | None:
+        """How the cost in volts of a point, shape (7,), scatters over an ensemble of heads; None without one."""
+        problem = self.problem
+        if problem.ensemble is None:
+            return None
+        waveform = problem.bounds.from_unit(point)
+        costs = problem.ensemble.costs(waveform, problem.cost, problem.initial_state, problem.window_s)[:, 0]
+        return {
+            "risk": problem.risk,
+            "heads": len(costs),
+            "cost_of_fit": float(replace(problem, ensemble=None).evaluate(point)[0]),
+            "mean": float(problem.ensemble.risk(costs[:, None], "mean")[0]),
+            "low": problem.ensemble.quantile(costs, 0.05),
+            "high": problem.ensemble.quantile(costs, 0.95),
+            "worst": float(costs.max()),
+        }
+
     def carry_out(
         self, recorded: Run | tuple | None = None, keep: Callable[[Run], object] | None = None, label: str = ""
     ) -> Run:
@@ -129,9 +146,13 @@ class Optimisation:
         ``without_limits`` is the cost in volts that the same search reaches without the driver's limits, if known.
         """
         limits = self.problem.bounds.limits
-        limited = {} if limits is None else {"limits": limits.as_json(), "cost_without_limits": without_limits}
+        more: dict[str, Any] = {}
+        if limits is not None:
+            more |= {"limits": limits.as_json(), "cost_without_limits": without_limits}
         if run.best_point is None:
             raise ValueError("a run without evaluations has no best waveform.")
+        if (spread := self.cost_spread(run.best_point)) is not None:
+            more["robust"] = spread
         return {
             "format": OPTIMUM_FORMAT,
             "waveform": [float(v) for v in self.problem.bounds.from_unit(run.best_point)],
@@ -142,7 +163,7 @@ class Optimisation:
             "optimizer": self.optimizer,
             "problem": self.problem.name,
             "complete": run.complete,
-            **limited,
+            **more,
         }
 
 

@@ -36,6 +36,7 @@ from inkjet_env.cli.own_effects import register_own
 if TYPE_CHECKING:
     from inkjet_env.experiments.benchmark.problem import Problem
     from inkjet_env.optimizers.loop import Run
+    from inkjet_env.plant.head_ensemble import HeadEnsemble
     from inkjet_env.printhead import Waveform
 
 SAMPLE_RATE_HZ = 100e6
@@ -54,6 +55,13 @@ def optimize(
     printhead: PrintheadFile = None,
     remainder: WithRemainder = True,
     effect: OwnEffects = None,
+    robust: Annotated[
+        str | None,
+        typer.Option(
+            help="search for the lowest mean, cvar (mean of the worst fifth) or worst cost over the heads that the "
+            "recordings leave possible, which diagnose wrote into the file of --printhead"
+        ),
+    ] = None,
     cost_a: CostA = None,
     cost_b: CostB = None,
     effective: Effective = None,
@@ -87,6 +95,8 @@ def optimize(
 
     inkjet optimize --limits lowest_V=0,highest_V=48,rise_V_per_us=20,step_us=0.1 --out waveform.ini
 
+    inkjet optimize --printhead corrected.json --robust cvar --optimizer cma-es --out waveform.csv
+
     With --limits, only waveforms that the driver can do are tried, and what that costs is told.
 
     Ctrl-C keeps the best waveform so far and a record from which --resume continues.
@@ -108,6 +118,7 @@ def optimize(
         "--budget": budget,
         "--seed": seed,
         "--printhead": printhead,
+        "--robust": robust,
         "--no-remainder": None if remainder else True,
         "--cost-a": cost_a,
         "--cost-b": cost_b,
@@ -129,6 +140,9 @@ def optimize(
         name = "pso" if optimizer is None else optimizer
         options, evaluations = swarm_options(name, particles, generations, budget)
         chosen = chosen_problem(problem, (cost_a, cost_b, effective), window, initial_state)
+        if robust is not None:
+            check_changeable(chosen)
+            chosen = replace(chosen, ensemble=_ensemble(printhead, remainder), risk=robust)
         if printhead is not None:
             check_changeable(chosen)
             chosen = replace(chosen, name="custom", printhead=chosen_head(printhead, remainder))
@@ -155,6 +169,25 @@ def optimize(
     if unlimited is not None and not unlimited.complete:
         print("Interrupted; what the driver's limits cost is not known.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED)
+
+
+def _ensemble(printhead: Path | None, remainder: bool) -> HeadEnsemble:
+    """The heads that the recordings behind a printhead file leave possible."""
+    from inkjet_env.plant.head_ensemble import ensemble_of
+    from inkjet_env.printhead.printhead_json import printhead_data
+
+    if printhead is None:
+        raise ValueError("--robust needs the --printhead that diagnose wrote with --printhead-out.")
+    try:
+        found = ensemble_of(printhead_data(printhead))
+    except ValueError as error:
+        raise ValueError(f"{printhead}: {str(error).removeprefix(f'{printhead}: ')}") from None
+    if found is None:
+        raise ValueError(
+            f"{printhead}: it does not say which heads the recordings leave possible. Write it with inkjet diagnose "
+            "CAMPAIGN --printhead-out FILE, also if nothing is missing."
+        )
+    return found if remainder else found.without_remainder()
 
 
 def _check_style(out: Path, generator: str | None, amplifier: float) -> None:
@@ -215,6 +248,12 @@ def _finish_optimize(
         print(f"{plan.optimizer} on {plan.problem.name}, seed {plan.seed}, {run.evaluations} evaluations:")
         print(f"cost {run.best_cost:.6f} V")
         print(f"waveform U1 U2 t1 t2 t3 t4 t5: {values}")
+        if (spread := found.get("robust")) is not None:
+            print(
+                f"over {spread['heads']} heads that the recordings leave possible: mean {spread['mean']:.4f} V, "
+                f"90 % from {spread['low']:.4f} to {spread['high']:.4f} V, worst {spread['worst']:.4f} V; "
+                f"the fit itself {spread['cost_of_fit']:.4f} V"
+            )
         if without is not None:
             print(
                 f"It is within the driver's limits. Without them the same search reaches {without:.6f} V: they cost "

@@ -363,7 +363,7 @@ class WaveformTask:
         """
         from inkjet_env.envs.compiled_episodes import costs_of_readings
 
-        (warm_up_periods, one_point, window_s, _, *cost), capacity = self._prepared
+        (warm_up_periods, one_point, window_s, _, _, *cost), capacity = self._prepared
         settings = warm_up_periods, one_point, window_s
         times, peaks, counts, tails = simulated_peaks(waveforms, heads, settings, capacity, threads)
         costs, read = np.empty(len(waveforms)), np.empty(len(waveforms))

@@ -17,6 +17,7 @@ from inkjet_env.mismatch.remainder_words import remainder_sentence
 from inkjet_env.mismatch.selection.remainder_fit import FittedRemainder
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Effect
+from inkjet_env.plant.head_ensemble import HeadEnsemble
 from inkjet_env.plant.wording import SENSOR_UNIT
 from inkjet_env.printhead import Printhead
 
@@ -172,6 +173,10 @@ class Diagnosis:
         Duration of each step, in seconds.
     settings : DiagnosisSettings
         Settings that it was made with.
+    ensemble : HeadEnsemble or None
+        Heads that the recordings leave possible: parameters drawn within their covariance, candidates that cannot be
+        distinguished by their probabilities, the remainder on and off; heads of the base model if the corrected one
+        predicts held-out recordings no better. None if the dynamics are unknown or no such head can be simulated.
     plugins : dict of str to dict of str to str
         Place, code (SHA-256) and package of each ``effect ID`` that was tried and is not of the catalogue.
     """
@@ -204,6 +209,7 @@ class Diagnosis:
     stages: Mapping[str, float]
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
     plugins: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    ensemble: HeadEnsemble | None = None
 
     def heldout_rms(self, which: str) -> float:
         """RMS over the main channel's held-out samples, in volts; NaN if nothing is held out.
@@ -310,10 +316,14 @@ class Diagnosis:
         }
 
     def augmented_json(self) -> dict[str, Any]:
-        """The corrected model as ``printhead/1``: effects with their intervals, and the remainder if there is one.
+        """The corrected model as ``printhead/1``: effects with their intervals, the remainder and the ensemble, if any.
 
         It is the base model, with the remainder if there is one, if no effect was found.
         """
+        ensemble = {} if self.ensemble is None else {"ensemble": self.ensemble.as_json()}
+        return self._corrected_json() | ensemble
+
+    def _corrected_json(self) -> dict[str, Any]:
         from inkjet_env.plant.augmented import AugmentedPrinthead
 
         units = {r.channel: r.unit for r in self.recordings}

@@ -497,6 +497,14 @@ class DesignSettings(_Settings):
 
 
 @dataclass(frozen=True)
+class EnsembleSettings(_Settings):
+    """How many heads represent what the recordings leave possible."""
+
+    heads: int = 16
+    """Number of heads that are drawn. Unit: 1. Source: speed; each costs a simulation at every evaluation."""
+
+
+@dataclass(frozen=True)
 class DiagnosisSettings:
     """Every number on which a diagnosis's answer rests; the defaults are those of all published results.
 
@@ -517,6 +525,8 @@ class DiagnosisSettings:
         How the unexplained remainder is modelled, and when it is used.
     design : DesignSettings
         How the next experiment is designed.
+    ensemble : EnsembleSettings
+        How many heads represent what the recordings leave possible.
 
     Raises
     ------
@@ -536,3 +546,4 @@ class DiagnosisSettings:
     verdict: VerdictSettings = field(default_factory=VerdictSettings)
     remainder: RemainderSettings = field(default_factory=RemainderSettings)
     design: DesignSettings = field(default_factory=DesignSettings)
+    ensemble: EnsembleSettings = field(default_factory=EnsembleSettings)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from inkjet_env.estimate import Estimate
 from inkjet_env.mismatch.design.next_experiment import next_experiment
 from inkjet_env.mismatch.diagnosis import Diagnosis, NamedEffect
@@ -27,6 +29,7 @@ from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.probabilities import NONE_OF_THESE, Explanation, calibration
 from inkjet_env.mismatch.selection.base_intervals import dynamics
 from inkjet_env.mismatch.selection.discrepancy_regression import DiscrepancyRegression
+from inkjet_env.mismatch.selection.drawn_heads import drawn_heads
 from inkjet_env.mismatch.selection.held_out_refit import explains_held_out_after_refit, held_out_misfits
 from inkjet_env.mismatch.selection.hypotheses import Hypothesis, base_hypothesis
 from inkjet_env.mismatch.selection.minor_effects import with_minor_effects
@@ -190,6 +193,20 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     head, known = stands.fit.head, found.dynamics_known
     # A channel whose drive never moved has no gain; where a resonator is known, its gain is that of the given head.
     channels = {o.channel for o in joint.observed if known or not o.still} - {"drive_monitor"}
+    ensemble = None
+    if known:
+        context.progress("drawing heads that the recordings leave possible")
+        better = not closure <= 0  # a correction that predicts held-out recordings no better is not used
+        ensemble = drawn_heads(
+            _rivals(found, stands, probabilities)
+            if better and verdict != "unknown"
+            else [(base_hypothesis(joint), 1.0)],
+            max(o.excitation.order for o in joint.observed),
+            remainder.remainder if remainder is not None and better else None,
+            settings.ensemble,
+            np.random.default_rng(context.rng.integers(2**63)),
+        )
+        stopwatch.took("ensemble")
     gains, offsets = ({c: v for c, v in of.items() if c in channels} for of in (head.gains, head.offsets))
     nothing = {name: Estimate(math.nan, low, high) for name, (low, high) in UNKNOWN_INTERVALS.items()}
     return Diagnosis(
@@ -198,8 +215,22 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
         explanation.overlap, p_value, compared(found.selection), found.untestable, following,
         remainder, found.known_part(head.printhead), gains, offsets, found.known_part(joint.base.head.printhead),
         dynamics(stands) if known else nothing, probabilities, tuple(notes), stopwatch.seconds, stopwatch.stages,
-        settings, own,
+        settings, own, ensemble,
     )  # fmt: skip
+
+
+def _rivals(found: Findings, stands: Hypothesis, probabilities: Mapping[str, float]) -> list[tuple[Hypothesis, float]]:
+    """The model that stands, and those of effects that cannot be distinguished from its own, by their probabilities."""
+    rivals = [(stands, 1.0)]
+    ids = set(found.chosen.ids)
+    for first, *others in found.groups:
+        for other in others:
+            wanted = (ids - {first}) | {other}
+            same = next((h for h in found.selection.compared if set(h.ids) == wanted), None)
+            odds = probabilities.get(other, 0.0) / max(probabilities.get(first, 0.0), 1e-12)
+            if same is not None and odds > 0:
+                rivals.append((same, min(odds, 1.0)))
+    return rivals
 
 
 def _probabilities(

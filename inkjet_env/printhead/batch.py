@@ -20,7 +20,7 @@ from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.hysteresis import periods_before_recording
 from inkjet_env.printhead.printhead import Printhead
 from inkjet_env.printhead.waveform import Waveform, as_waveform_array
-from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_period, check_window
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_window, window_in_train
 from inkjet_env.typing import Real
 
 
@@ -143,6 +143,7 @@ def prepare(
     window_s: float,
     hysteresis: str,
     period_s: float = math.inf,
+    earlier_drops: float = math.inf,
 ) -> tuple[tuple, int, Real]:
     """Checked arguments of `compiled.batch_costs`, for callers that check once and evaluate often.
 
@@ -159,10 +160,17 @@ def prepare(
     rows = _rows(heads, len(values))
     cost = cost or PeakCost()
     longest_s = float(values[:, 2:].sum(axis=1).max(initial=0.0))
-    period = check_period(period_s, longest_s, initial_state)
-    window = min(check_window(window_s), period)
+    period, window = window_in_train(window_s, period_s, earlier_drops, longest_s, initial_state)
     capacity = _capacity(rows, longest_s, window)
-    arguments = (values, rows, *_memory(initial_state, hysteresis), window, period, *_cost_settings(cost))
+    arguments = (
+        values,
+        rows,
+        *_memory(initial_state, hysteresis),
+        window,
+        period,
+        float(earlier_drops),
+        *_cost_settings(cost),
+    )
     return arguments, capacity, np.empty(len(values))
 
 
@@ -174,6 +182,7 @@ def costs(
     window_s: float = DEFAULT_WINDOW_S,
     hysteresis: str = "full_memory",
     period_s: float = math.inf,
+    earlier_drops: float = math.inf,
 ) -> Real:
     """Peak cost of many waveforms.
 
@@ -185,7 +194,7 @@ def costs(
         One head for all waveforms, or rows of `head_table` / `varied_head_table`, one per waveform.
     cost : PeakCost, optional
         Weights and effective peak; the default is ``PeakCost()``.
-    initial_state, window_s, hysteresis, period_s
+    initial_state, window_s, hysteresis, period_s, earlier_drops
         As in `Printhead.respond` (without ``play_operators``).
 
     Returns
@@ -198,7 +207,9 @@ def costs(
     ValueError
         Wrong shape, a value that is not finite, or a waveform outside the rules of `Waveform`.
     """
-    arguments, capacity, result = prepare(waveforms, heads, cost, initial_state, window_s, hysteresis, period_s)
+    arguments, capacity, result = prepare(
+        waveforms, heads, cost, initial_state, window_s, hysteresis, period_s, earlier_drops
+    )
     rows, table, *settings = arguments
     while not compiled.batch_costs(rows, table, settings, capacity, result):
         capacity *= 2
@@ -213,6 +224,7 @@ def costs_and_gradients(
     window_s: float = DEFAULT_WINDOW_S,
     hysteresis: str = "full_memory",
     period_s: float = math.inf,
+    earlier_drops: float = math.inf,
 ) -> tuple[Real, Real]:
     """Peak cost of many waveforms and its gradient; parameters as in `costs`.
 
@@ -226,7 +238,9 @@ def costs_and_gradients(
     """
     from inkjet_env.printhead.compiled_gradient import batch_costs_and_gradients
 
-    arguments, capacity, result = prepare(waveforms, heads, cost, initial_state, window_s, hysteresis, period_s)
+    arguments, capacity, result = prepare(
+        waveforms, heads, cost, initial_state, window_s, hysteresis, period_s, earlier_drops
+    )
     gradients = np.empty((len(result), 7))
     while not batch_costs_and_gradients(*arguments, capacity, result, gradients):
         capacity *= 2

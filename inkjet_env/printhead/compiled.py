@@ -200,14 +200,14 @@ def waveform_knots(waveform, knots_s, knots_V):
 
 
 @_internal
-def steady_start(
-    head, knots_s, pieces, piece_count, period_s, state, rate, series, stack, times, peaks, no_knots
+def start_in_train(
+    head, knots_s, pieces, piece_count, period_s, earlier_drops, state, rate, series, stack, times, peaks, no_knots
 ):  # fmt: skip
-    """Fill ``state`` (2,), in V and V/s, with its value at the start of a waveform that has been repeated for ever.
+    """Fill ``state`` (2,), in V and V/s, with its value at the start of a waveform after so many others.
 
-    It solves ``s = e^{FT} s + e^{F(T - D)} r``, with ``r`` the state at the waveform's end D after a start at rest. The
-    other arguments are those of `response_extrema`; ``times`` and ``peaks`` are overwritten. False if they are too
-    short.
+    After infinitely many it solves ``s = e^{FT} s + e^{F(T - D)} r``, with ``r`` the state at the waveform's end D
+    after a start at rest; after n of them, from rest, it is ``s - e^{nFT} s``. The other arguments are those of
+    `response_extrema`; ``times`` and ``peaks`` are overwritten. False if they are too short.
     """
     duration_s = knots_s[-1]
     state[:] = 0.0
@@ -228,15 +228,20 @@ def steady_start(
     determinant = along * other - across * back
     state[0] = (other * y - across * slope) / determinant
     state[1] = (along * slope - back * y) / determinant
+    if earlier_drops < math.inf:
+        y, slope = state[0], state[1]
+        c, s = rotation(pole_re, pole_im, earlier_drops * period_s)
+        state[0] -= y * c + (slope - pole_re * y) * s
+        state[1] -= slope * c + (pole_re * slope - a0 * y) * s
     return True
 
 
 @_jit
 def _costs(
-    waveforms, heads, warm_up_periods, one_point, window_s, period_s, A, B, effective, threshold, target_height_V,
-    capacity, costs,
+    waveforms, heads, warm_up_periods, one_point, window_s, period_s, earlier_drops, A, B, effective, threshold,
+    target_height_V, capacity, costs,
 ):  # fmt: skip
-    """`batch_costs`, compiled once for ``period_s`` None, without `steady_start`, and once for a number."""
+    """`batch_costs`, compiled once for ``period_s`` None, without `start_in_train`, and once for a number."""
     knots_s, knots_V = np.empty(6), np.empty(6)
     memory, pieces = np.empty(32), np.empty((40, 6))
     rate, series, stack = np.empty(MAX_DEGREE), np.empty(SERIES_TERMS + 2), np.empty((64, 4))
@@ -249,9 +254,10 @@ def _costs(
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
         # numba leaves out a branch on None if nothing else is in its condition
         if period_s is not None:  # noqa: SIM102
-            if not steady_start(
-                head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots
-            ):
+            if not start_in_train(
+                head, knots_s, pieces, found, period_s, earlier_drops, state, rate, series, stack, times, peaks,
+                no_knots,
+            ):  # fmt: skip
                 return False
         count, tail = response_extrema(
             head, knots_s, pieces, found, window_s, state, rate, series, stack, times, peaks, no_knots
@@ -266,9 +272,9 @@ def batch_costs(waveforms, heads, settings, capacity, costs):
     """Peak cost of each waveform (n, 7) on its head ((1 or n), HEAD_COLUMNS); False if ``capacity`` was too small.
 
     ``settings`` are those of `_costs`, from ``warm_up_periods`` to ``target_height_V``. With an infinite ``period_s``
-    the resonator rests at the waveform's start; otherwise it still rings from all the waveforms before. The kernel is
-    compiled for each of the two when it is first needed.
+    the resonator rests at the waveform's start; otherwise it still rings from the ``earlier_drops`` waveforms before.
+    The kernel is compiled for each of the two when it is first needed.
     """
-    warm_up_periods, one_point, window_s, period_s, *cost = settings
+    warm_up_periods, one_point, window_s, period_s, *others = settings
     period_s = None if period_s == math.inf else period_s
-    return _costs(waveforms, heads, warm_up_periods, one_point, window_s, period_s, *cost, capacity, costs)
+    return _costs(waveforms, heads, warm_up_periods, one_point, window_s, period_s, *others, capacity, costs)

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from inkjet_env.printhead.compiled import branch_pieces, peak_cost, response_extrema, steady_start, waveform_knots
+from inkjet_env.printhead.compiled import branch_pieces, peak_cost, response_extrema, start_in_train, waveform_knots
 from inkjet_env.printhead.compiled_edges import (
     FAST,
     HEAD_A0,
@@ -122,8 +122,8 @@ def _slope_of_cost(peaks, k, e, A, B, target_height_V):
 
 @_jit
 def batch_costs_and_gradients(
-    waveforms, heads, warm_up_periods, one_point, window_s, period_s, A, B, effective, threshold, target_height_V,
-    capacity, costs, gradients,
+    waveforms, heads, warm_up_periods, one_point, window_s, period_s, earlier_drops, A, B, effective, threshold,
+    target_height_V, capacity, costs, gradients,
 ):  # fmt: skip
     """Peak cost and its gradient (n, 7) with respect to the waveform parameters; False if capacity was too small."""
     knots_s, knots_V = np.empty(6), np.empty(6)
@@ -143,8 +143,8 @@ def batch_costs_and_gradients(
         waveform_knots(waveforms[i], knots_s, knots_V)
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
         state[:] = 0.0
-        if period_s < math.inf and not steady_start(
-            head, knots_s, pieces, found, period_s, state, rate, series, stack, times, peaks, no_knots
+        if period_s < math.inf and not start_in_train(
+            head, knots_s, pieces, found, period_s, earlier_drops, state, rate, series, stack, times, peaks, no_knots
         ):
             return False
         count, tail = response_extrema(
@@ -215,6 +215,8 @@ def batch_costs_and_gradients(
                 more = segment < 5 and index < found and int(pieces[index, 0]) == segment
         if period_s < math.inf:
             left = np.exp(pole * (period_s - knots_s[5])) / (1.0 - np.exp(pole * period_s))
+            if earlier_drops < math.inf:
+                left *= 1.0 - np.exp(pole * (earlier_drops * period_s))
             for k in range(count):
                 weight = _slope_of_cost(peaks, k, e, A, B, target_height_V)
                 step = left * np.exp(pole * times[k])

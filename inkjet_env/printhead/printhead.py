@@ -17,7 +17,7 @@ from inkjet_env.printhead.printhead_json import effect_ids, parameters_of, print
 from inkjet_env.printhead.resonator import ImpossibleHeadError, check_resonator
 from inkjet_env.printhead.response import Response
 from inkjet_env.printhead.waveform import Waveform
-from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_period, check_window
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S, window_in_train
 from inkjet_env.storage import write_json
 
 UNKNOWN_DYNAMICS = (
@@ -194,6 +194,7 @@ class Printhead:
         window_s: float = DEFAULT_WINDOW_S,
         hysteresis: str = "full_memory",
         period_s: float = math.inf,
+        earlier_drops: float = math.inf,
     ) -> Response:
         """Response to one waveform; the resonator is at rest at its start unless a period is given.
 
@@ -210,6 +211,9 @@ class Printhead:
         period_s : float
             Firing period in seconds: the waveform has been repeated for ever and starts in the residual vibration of
             all those before it; peaks count within one period. Infinite, the default: the head is at rest.
+        earlier_drops : float
+            Number of waveforms fired before this one at that period, from rest; peaks then count within the window.
+            Infinite, the default: for ever.
 
         Returns
         -------
@@ -224,9 +228,8 @@ class Printhead:
         array([ 6.19, -6.94,  0.65, -0.52,  1.9 ])
         """
         time_s, drive_V = waveform.knots()
-        period_s = check_period(period_s, waveform.duration_s, initial_state)
-        window_s = min(check_window(window_s), period_s)
-        return Response(self, time_s, drive_V, initial_state, window_s, hysteresis, period_s)
+        period_s, window_s = window_in_train(window_s, period_s, earlier_drops, waveform.duration_s, initial_state)
+        return Response(self, time_s, drive_V, initial_state, window_s, hysteresis, period_s, earlier_drops)
 
 
 def _unknown(self: Printhead) -> NoReturn:

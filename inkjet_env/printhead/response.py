@@ -54,7 +54,7 @@ class Response:
         The head.
     knot_times_s, knot_drive_V : ndarray, shape (n,)
         Times in seconds and drive in volts at the knots of the drive.
-    initial_state, window_s, hysteresis, period_s
+    initial_state, window_s, hysteresis, period_s, earlier_drops
         As in `Printhead.respond`.
     peak_times_s, peaks_V : ndarray, shape (k,)
         Times in seconds and signed values in volts of every local extremum of the self-sensed signal within the window,
@@ -70,6 +70,7 @@ class Response:
     window_s: float
     hysteresis: str = "full_memory"
     period_s: float = math.inf
+    earlier_drops: float = math.inf
 
     def __post_init__(self) -> None:
         check_name("hysteresis", self.hysteresis, HYSTERESIS_MODELS)
@@ -104,7 +105,10 @@ class Response:
             return from_rest
         rest_s = max(self.period_s - float(from_rest.start_s[-1]), 0.0)
         left = from_rest.amplitude[-1] * np.exp(from_rest.pole * rest_s)
-        return replace(from_rest, start_state=complex(left / (1 - np.exp(from_rest.pole * self.period_s))))
+        start = left / (1 - np.exp(from_rest.pole * self.period_s))
+        if math.isfinite(self.earlier_drops):
+            start = start * (1 - np.exp(from_rest.pole * self.period_s * self.earlier_drops))
+        return replace(from_rest, start_state=complex(start))
 
     def drive_V(self, time_s: ArrayLike) -> Real:
         """Drive in volts at times in seconds, same shape."""

@@ -38,3 +38,33 @@ def check_period(period_s: float, duration_s: float, initial_state: str) -> floa
     if periods_before_recording(initial_state) == 0:
         raise ValueError('period_s needs initial_state="periodic": only a repeated waveform has a steady state.')
     return float(period_s)
+
+
+def window_in_train(
+    window_s: float, period_s: float, earlier_drops: float, duration_s: float, initial_state: str
+) -> tuple[float, float]:
+    """Period and window in seconds of a waveform in a train; ``ValueError`` if one of the numbers cannot be.
+
+    Parameters
+    ----------
+    window_s : float
+        Time after the waveform's start within which peaks count, in seconds.
+    period_s : float
+        Firing period in seconds; infinite for a single waveform.
+    earlier_drops : float
+        Number of waveforms before this one; infinite in a train without an end.
+    duration_s : float
+        Duration of the waveform, in seconds.
+    initial_state : {"periodic", "demagnetised"}
+        State of the hysteresis.
+
+    Returns
+    -------
+    period_s, window_s : float
+        In a train without an end the window is at most the period.
+    """
+    whole = isinstance(earlier_drops, (int, float, np.number)) and not isinstance(earlier_drops, bool)
+    if not (whole and (earlier_drops == math.inf or (earlier_drops >= 0 and earlier_drops == int(earlier_drops)))):
+        raise ValueError(f"earlier_drops must be a whole number of at least 0, or infinite; got {earlier_drops!r}.")
+    period_s, window_s = check_period(period_s, duration_s, initial_state), check_window(window_s)
+    return period_s, min(window_s, period_s) if earlier_drops == math.inf else window_s

@@ -8,16 +8,19 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.benchmark.data import data_file
+from inkjet_env.experiments.benchmark.grey_level import grey_level
 from inkjet_env.experiments.benchmark.problem import BEST_KNOWN_FILE, Problem, Spread
 from inkjet_env.experiments.benchmark.single_run import Optimisation
-from inkjet_env.experiments.benchmark.suite import VERSION, suite
+from inkjet_env.experiments.benchmark.suite import VERSION, family_of, suite
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead, Waveform, batch
+from inkjet_env.printhead.response import Response
 
 POINTS = np.random.default_rng(0).uniform(-1, 1, (40, 7))
 SHORT = Bounds(upper=(100, 0, *[1e-5] * 5))
 LIMITED = Problem("limited", bounds=Bounds(limits=DriverLimits(-50, 60, 20, 15, 0.1, longest_us=40, bits=10)))
 TRAIN = Problem("train", bounds=SHORT, jetting_Hz=20e3)
+GREY = Problem("grey", bounds=SHORT, jetting_Hz=20e3, pulses=4)
 LOT = Problem("lot", spread=Spread(0.05, 8, "worst"))
 
 
@@ -25,6 +28,39 @@ def test_a_train_costs_what_its_steady_drop_does():
     waveforms = [Waveform.from_array(row) for row in SHORT.from_unit(POINTS)]
     steady = [TRAIN.printhead.respond(waveform, period_s=50e-6).cost() for waveform in waveforms]
     np.testing.assert_allclose(TRAIN.evaluate(POINTS), steady, atol=1e-8)
+
+
+def test_a_grey_level_costs_what_its_drops_do_in_one_drive_with_all_its_waveforms():
+    for point in POINTS[:10]:
+        times_s, drive_V = Waveform.from_array(SHORT.from_unit(point)).knots()
+        begins_s = 50e-6 * np.arange(4)
+        knots_s, knots_V = (begins_s[:, None] + times_s).ravel(), np.tile(drive_V, 4)
+        whole = Response(GREY.printhead, knots_s, knots_V, "periodic", 150e-6 + GREY.window_s)
+        ends_s = [*begins_s[1:], np.inf]
+        drops = [
+            whole.peaks_V[(whole.peak_times_s >= begin_s) & (whole.peak_times_s < end_s)]
+            for begin_s, end_s in zip(begins_s, ends_s, strict=True)
+        ]
+        heights_V = np.array([np.abs(peaks_V).max() for peaks_V in drops])
+        after_last_V = replace(GREY.cost, A=0.0)(drops[-1])
+        shortfall_V = max(0.0, (heights_V[:-1] - heights_V[1:]).max())
+        wanted_V = -5 * heights_V.sum() + after_last_V + 5 * shortfall_V
+        assert GREY.evaluate(point)[0] == pytest.approx(wanted_V, abs=1e-6)
+
+
+def test_a_grey_level_of_one_drop_is_a_peak_cost():
+    weighted, unweighted = np.array([[[-3.0]]]), np.array([[[2.0]]])
+    assert grey_level(weighted, unweighted, 1.0).item() == -3.0
+
+
+def test_the_first_drop_of_a_train_is_a_single_one_and_a_late_one_is_settled():
+    waveform = Waveform.from_array(SHORT.from_unit(POINTS[0]))
+    head = GREY.printhead
+    first = head.respond(waveform, period_s=50e-6, earlier_drops=0)
+    np.testing.assert_allclose(first.peaks_V, head.respond(waveform).peaks_V, rtol=1e-12)
+    settled = head.respond(waveform, period_s=50e-6).peaks_V
+    late = head.respond(waveform, window_s=50e-6, period_s=50e-6, earlier_drops=60).peaks_V
+    np.testing.assert_allclose(late, settled, rtol=1e-9)
 
 
 def test_a_train_on_a_head_with_effects_costs_what_its_steady_drop_does():
@@ -52,7 +88,7 @@ def test_a_lot_holds_the_nominal_head_and_stays_within_its_spread():
 
 
 @pytest.mark.parametrize(
-    "problem", [TRAIN, LOT, replace(LOT, spread=Spread(0.05, 8, "mean"))], ids=["train", "worst", "mean"]
+    "problem", [TRAIN, GREY, LOT, replace(LOT, spread=Spread(0.05, 8, "mean"))], ids=["train", "grey", "worst", "mean"]
 )
 def test_gradients_of_several_drops_or_heads_equal_differences(problem):
     costs, gradients = problem.evaluate_with_gradient(POINTS)
@@ -144,6 +180,7 @@ def test_readings_scatter_about_the_cost_as_the_errors_of_the_peaks_do():
         Problem("noisy", measurement_noise_V=0.1),
         Problem("drop", cost=PeakCost(-50, 5, target_height_V=4.0)),
         LIMITED,
+        GREY,
     ],
     ids=lambda problem: problem.name,
 )
@@ -156,6 +193,10 @@ def test_what_cannot_be_is_refused():
         Problem("train", jetting_Hz=20e3)
     with pytest.raises(ValueError, match="cannot be combined"):
         replace(LOT, measurement_noise_V=0.1)
+    with pytest.raises(ValueError, match="pulses must be at least 2, at a rate jetting_Hz; got 3 at 0 Hz"):
+        Problem("grey", pulses=3)
+    with pytest.raises(ValueError, match="earlier_drops must be a whole number"):
+        GREY.printhead.respond(Waveform(1, 0, 1e-6, 0, 0, 0, 0), period_s=1e-4, earlier_drops=0.5)
     with pytest.raises(ValueError, match="noisy peak readings have no gradients"):
         Problem("noisy", measurement_noise_V=0.1).evaluate_with_gradient(POINTS)
     with pytest.raises(ValueError, match=r"Did you mean 'worst'\?"):
@@ -197,10 +238,19 @@ def test_a_rig_that_reads_has_no_gradients():
 
 
 def test_an_instance_does_not_change_without_another_version_of_the_suite():
-    """A new version has new settings: raise VERSION, and tell its digest here."""
-    settings = json.dumps({name: one.settings() for name, one in suite().items()}, sort_keys=True)
-    known = {2: "a81bd9e85bbda3ac2e412edf3bdf8cc605c47959fdd1af7ddcd27191f5d02be1"}
-    assert sha256(settings.encode()).hexdigest() == known[VERSION]
+    """A new version has new settings: raise VERSION, and tell its digests here. A new family has its own."""
+    known = {
+        2: {
+            "first": "a81bd9e85bbda3ac2e412edf3bdf8cc605c47959fdd1af7ddcd27191f5d02be1",
+            "greyscale": "46efbcda18fd35cd7e2d5aaad3bab189997115b3e98cb4fce491d8d6c24fa1f8",
+        }
+    }
+    found = {}
+    for part in known[VERSION]:
+        names = [name for name in suite() if (family_of(name) == "greyscale") == (part == "greyscale")]
+        settings = json.dumps({name: suite()[name].settings() for name in names}, sort_keys=True)
+        found[part] = sha256(settings.encode()).hexdigest()
+    assert found == known[VERSION]
 
 
 def test_what_is_recorded_of_the_suite_is_of_this_version():

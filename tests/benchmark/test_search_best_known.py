@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from inkjet_env.experiments.benchmark.grey_level import grey_level
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.benchmark.studies.search_best_known import plain, polished, settled, valley_polished
 from inkjet_env.experiments.benchmark.suite import BENCHED, families, family_of, problem, suite
@@ -16,6 +17,14 @@ def drops(solved, waveform):
         return [solved.printhead.respond(waveform, solved.initial_state, solved.window_s).cost(solved.cost)]
     heads = solved.spread.around(solved.printhead) if solved.spread else (solved.printhead,)
     period_s = 1 / solved.jetting_Hz if solved.jetting_Hz else np.inf
+    if solved.pulses:
+        windows_s = [*[period_s] * (solved.pulses - 1), solved.window_s]
+        each = [
+            solved.printhead.respond(waveform, window_s=window_s, period_s=period_s, earlier_drops=earlier).peaks_V
+            for earlier, window_s in enumerate(windows_s)
+        ]
+        costs = [[replace(solved.cost, A=weight)(peaks_V) for peaks_V in each] for weight in (1.0, 0.0)]
+        return [grey_level(*np.array(costs)[..., None, None], solved.cost.A).item()]
     return [
         head.respond(waveform, solved.initial_state, solved.window_s, period_s=period_s).cost(solved.cost)
         for head in heads

@@ -1,6 +1,7 @@
 """The commands on a printhead with effects."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.benchmark.single_run import Optimisation, read_record, write_record
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.head_ensemble import HeadEnsemble, ensemble_of
 from inkjet_env.plant.remainder import ChannelRemainder, Remainder, Term
 from inkjet_env.plant.remainder_features import TIMES
 from inkjet_env.printhead import Printhead, Waveform
@@ -192,3 +194,58 @@ def test_what_such_a_head_cannot_do_is_one_sentence(tmp_path, head_file, capsys,
     assert run(*arguments, "--printhead", head_file) == 2
     told = capsys.readouterr().err.strip().splitlines()
     assert message in told[-1]
+
+
+@pytest.fixture
+def uncertain_file(tmp_path):
+    """A head without effects that may as well be 2 % faster or slower."""
+    heads = tuple(HEAD.varied(HEAD.frequency_Hz * factor) for factor in (0.98, 1.0, 1.02))
+    content = HEAD.as_json() | {"ensemble": HeadEnsemble(heads, (1.0, 2.0, 1.0)).as_json()}
+    (tmp_path / "uncertain.json").write_text(json.dumps(content))
+    return tmp_path / "uncertain.json"
+
+
+def test_a_robust_waveform_is_better_where_it_is_judged_and_its_spread_is_told(inkjet, tmp_path, uncertain_file):
+    arguments = ["optimize", "--printhead", "uncertain.json", "--optimizer", "cma-es", "--budget", "1500"]
+    plain, robust = {}, {}
+    assert inkjet(*arguments, "--json", "plain.json")[0] == 0
+    for risk in ("mean", "worst"):
+        status, out, _ = inkjet(*arguments, "--robust", risk, "--json", f"{risk}.json")
+        assert status == 0
+        assert "over 3 heads that the recordings leave possible" in out
+        robust[risk] = json.loads((tmp_path / f"{risk}.json").read_text())
+    plain = json.loads((tmp_path / "plain.json").read_text())
+    ensemble = ensemble_of(json.loads(uncertain_file.read_text()))
+    of_plain = ensemble.costs(plain["waveform"])
+    for risk, found in robust.items():
+        told = found["robust"]
+        assert told["risk"] == risk
+        costs = ensemble.costs(found["waveform"])[:, 0]
+        assert told["worst"] == pytest.approx(costs.max())
+        assert told["cost_of_fit"] == pytest.approx(costs[1])
+        assert found["cost"] == pytest.approx(told[risk])
+        assert found["cost"] < ensemble.risk(of_plain, risk)[0] - 0.1
+
+
+def test_an_interrupted_robust_search_goes_on_with_the_same_heads(tmp_path, uncertain_file):
+    problem = Problem("custom", HEAD, ensemble=ensemble_of(json.loads(uncertain_file.read_text())), risk="cvar")
+    plan = Optimisation(problem, "cma-es", 200, 3)
+    whole = plan.carry_out()
+    record = tmp_path / "record.npz"
+    write_record(record, plan, replace(whole, points=whole.points[:90], costs=whole.costs[:90]))
+    again, recorded = read_record(record)
+    assert (again.carry_out(recorded).costs == whole.costs).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--robust", "mean"], "--robust needs the --printhead"),
+        (["--robust", "cvar", "--printhead", "head.json"], "head.json: it does not say which heads"),
+        (["--robust", "cvr", "--printhead", "uncertain.json"], "Did you mean 'cvar'?"),
+    ],
+)
+def test_robustness_that_cannot_be_had_is_one_sentence(inkjet, head_file, uncertain_file, arguments, said):
+    status, out, err = inkjet("optimize", *arguments)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert said in err

@@ -42,31 +42,70 @@ def dynamics(hypothesis: Hypothesis) -> dict[str, Estimate]:
     dict of str to Estimate
         ``a0`` in 1/s², ``a1`` and ``b1`` in 1/s.
     """
-    fit, joint = hypothesis.fit, hypothesis.joint
-    head = fit.head
-    law, d = head.printhead, head.degree
-    directions = np.zeros((3, head.size + fit.active.theta.size))
-    directions[0, d] = directions[1, d + 1] = 1.0
-    if "self_sensing" in head.gains:
-        # Law and gains share a scale, set by the law's swing: b1 is as uncertain as both together.
-        directions[2, :d] = 1 / float(law.branch_law.Q(1.0))
-        if "self_sensing" in head.free_gains:
-            directions[2, d + 2 + head.free_gains.index("self_sensing")] = 1.0
-    q, r = joint.basis
-    across = q.T @ fit.jacobian
-    further, beyond = np.linalg.qr(fit.jacobian - q @ across)
-    columns = np.block([[r, across], [np.zeros((beyond.shape[0], head.size)), beyond]])
-    loud = max(1.0, 2 * fit.nll / max(hypothesis.residuals.size - hypothesis.columns.shape[1], 1))  # s² of Eq. (2)
-    unidentifiable = joint.settings.selection.unidentifiable
-    weights, unknown = _weights(columns, directions, unidentifiable)
-    classical = np.sqrt(loud) * np.linalg.norm(weights, axis=1)  # Eq. (2)
-    errors = robust_errors(classical, weights, np.hstack([q, further]), hypothesis.predicted, joint.settings.selection)
-    errors[unknown | (not fit.converged)] = np.inf
+    law = hypothesis.fit.head.printhead
+    unidentifiable = hypothesis.joint.settings.selection.unidentifiable
+    _, errors = standard_errors(hypothesis, directions_of_dynamics(hypothesis))
+    if not hypothesis.fit.converged:
+        errors = np.full(3, np.inf)
     return {
         "a0": _estimate(law.a0, errors[0], 0.0, unidentifiable),
         "a1": _estimate(law.a1, errors[1], 0.0, unidentifiable),
         "b1": _estimate(law.b1, errors[2], -math.inf, unidentifiable),
     }
+
+
+def directions_of_dynamics(hypothesis: Hypothesis) -> Real:
+    """``ln a0``, ``ln a1`` and ``ln b1`` as combinations of all fitted parameters, shape (3, p)."""
+    fit = hypothesis.fit
+    head, d = fit.head, fit.head.degree
+    directions = np.zeros((3, head.size + fit.active.theta.size))
+    directions[0, d] = directions[1, d + 1] = 1.0
+    if "self_sensing" in head.gains:
+        # Law and gains share a scale, set by the law's swing: b1 is as uncertain as both together.
+        directions[2, :d] = 1 / float(head.printhead.branch_law.Q(1.0))
+        if "self_sensing" in head.free_gains:
+            directions[2, d + 2 + head.free_gains.index("self_sensing")] = 1.0
+    return directions
+
+
+def standard_errors(hypothesis: Hypothesis, directions: Real) -> tuple[Real, Real]:
+    """Standard errors by Eq. (2), and those that hold where the model is slightly wrong, shape (k,) each.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        The fit.
+    directions : ndarray, shape (k, p)
+        Combinations of the base parameters' step and the effects' coordinates.
+
+    Returns
+    -------
+    classical, robust : ndarray, shape (k,)
+        Infinite, the latter, where the recordings do not determine a combination.
+    """
+    joint = hypothesis.joint
+    columns, basis = sensitivities_of_all(hypothesis)
+    weights, unknown = _weights(columns, directions, joint.settings.selection.unidentifiable)
+    classical = loudness(hypothesis) * np.linalg.norm(weights, axis=1)  # Eq. (2)
+    errors = robust_errors(classical, weights, basis, hypothesis.predicted, joint.settings.selection)
+    errors[unknown] = np.inf
+    return classical, errors
+
+
+def sensitivities_of_all(hypothesis: Hypothesis) -> tuple[Real, Real]:
+    """Whitened sensitivities to all fitted parameters, shape (q, p), in the coordinates of a basis, shape (rows, q)."""
+    q, r = hypothesis.joint.basis
+    jacobian = hypothesis.fit.jacobian
+    across = q.T @ jacobian
+    further, beyond = np.linalg.qr(jacobian - q @ across)
+    zeros = np.zeros((beyond.shape[0], hypothesis.fit.head.size))
+    return np.block([[r, across], [zeros, beyond]]), np.hstack([q, further])
+
+
+def loudness(hypothesis: Hypothesis) -> float:
+    """Ratio of residuals to noise, at least 1: ``s`` of Eq. (2)."""
+    freedom = max(hypothesis.residuals.size - hypothesis.columns.shape[1], 1)
+    return math.sqrt(max(1.0, 2 * hypothesis.fit.nll / freedom))
 
 
 def _estimate(value: float, error: float, least: float, unidentifiable: float) -> Estimate:
