@@ -267,9 +267,7 @@ class Diagnosis:
                 "p_value": self.p_value,
                 "heldout": [r.name for r in self.recordings if r.held_out],
             },
-            "next_experiment": None
-            if self.next_experiment is None
-            else {"sentence": self.next_experiment.sentence, "drive_csv": drive_csv},
+            "next_experiment": None if self.next_experiment is None else self.next_experiment.as_json(drive_csv),
             "remainder": self._remainder_json(),
             "attributions": [
                 {

@@ -192,7 +192,10 @@ def test_the_verdict_names_the_drive_from_its_own_folder(
     status, out, err = inkjet("diagnose", "campaign", *arguments)
     assert status == 0, err
     verdict = json.loads(out if "-" in arguments else (tmp_path / "out" / "found.json").read_text())
-    assert verdict["next_experiment"] == {"sentence": "Record the voltage at the head.", "drive_csv": drive_csv}
+    assert verdict["next_experiment"] == {
+        "sentence": "Record the voltage at the head.", "drive_csv": drive_csv, "channel": "self_sensing",
+        "initial_state": "periodic", "step_s": 1e-7, "repeats": 1, "drive_monitor": False,
+    }  # fmt: skip
     assert [p for p in tmp_path.rglob("*.csv") if p.parent != folder] == ([] if file is None else [tmp_path / file])
     if file is not None:
         read = read_drive(tmp_path / file)

@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,10 @@ class NextExperiment:
         Drive at each sample.
     separation : float
         Expected difference of log-likelihoods between the two candidates that are separated worst.
+    repeats : int
+        Number of recordings to take of it.
+    drive_monitor : bool
+        Whether the voltage at the head must be recorded beside the sensor.
     """
 
     sentence: str
@@ -53,6 +58,21 @@ class NextExperiment:
     step_s: float = 0.0
     drive_V: tuple[float, ...] = ()
     separation: float = 0.0
+    repeats: int = 1
+    drive_monitor: bool = False
+
+    def as_json(self, drive_csv: str | None) -> dict[str, Any]:
+        """The experiment within a ``diagnosis/1``; ``drive_csv`` names the file of its drive."""
+        known = bool(self.drive_V)
+        return {
+            "sentence": self.sentence,
+            "drive_csv": drive_csv,
+            "channel": self.channel if known else None,
+            "initial_state": self.initial_state if known else None,
+            "step_s": self.step_s if known else None,
+            "repeats": self.repeats if known else None,
+            "drive_monitor": self.drive_monitor if known else None,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,12 +316,13 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
     state = "once the repeated drive has settled" if excitation.periodic else "from the demagnetised state"
     how = f"{state}, sampled every {with_prefix(excitation.step_s, 's', 3)}"
     said = f"{start} {judged.proposal.words}, {how}: the predictions for {names} differ {place}by up to {size}"
-    least = judge.settings.separation
+    least, repeats = judge.settings.separation, 1
     if separation < least:
-        said += f"; record it {math.ceil(least / max(separation, 1e-300))} times"
+        repeats = math.ceil(least / max(separation, 1e-300))
+        said += f"; record it {repeats} times"
     drive = tuple(float(v) for v in excitation.drive_V)
     return NextExperiment(
-        said + ".", excitation.channel, excitation.initial_state, excitation.step_s, drive, separation
+        said + ".", excitation.channel, excitation.initial_state, excitation.step_s, drive, separation, repeats, at_head
     )
 
 

@@ -162,6 +162,9 @@ def test_amplifier_and_sensor_of_a_linear_head_are_told_apart_at_the_head_alone(
     assert found.sentence.startswith("Record the voltage at the head as well (column drive_monitor_V)")
     assert "the predictions for weak amplifier and weak sensor differ there by up to 10 V" in found.sentence
     assert max(map(abs, found.drive_V)) == pytest.approx(100)
+    asked = found.as_json("next.csv")
+    assert asked["drive_monitor"] is True
+    assert (asked["channel"], asked["step_s"], asked["repeats"]) == (found.channel, found.step_s, 1)
 
 
 def test_the_sentence_tells_drive_channel_difference_and_noise(one_amplitude):
