@@ -4,8 +4,8 @@
 
 The command runs once undisturbed. Then it is killed with SIGKILL after a random part of its time and started again,
 until it ends; and all that anew, until it was killed so often. ``--within 0.1`` kills a long one often in one run.
-Every file that it wrote must then hold the same, but for times, and no process of it may be left. The exit status is 1
-if anything differs.
+Every file that it wrote must then hold the same, but for times and random names, and no process of it may be left. The
+exit status is 1 if anything differs. ``--keep FOLDER`` keeps the files of both runs.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import argparse
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,8 +29,11 @@ from typing import Any
 import numpy as np
 
 INKJET = (sys.executable, "-m", "inkjet_env.experiments.cli")
-CHANGING = ("seconds", "elapsed", "cpu_seconds", "wall_seconds", "created", "judge")
-"""Keys of JSON whose values are times, or tell of the machine."""
+CHANGING = (
+    *("seconds", "elapsed", "cpu_seconds", "wall_seconds", "created", "judge"),
+    *("campaign", "truth_sha256", "answers_sha256"),
+)
+"""Keys of JSON whose values are times, tell of the machine, or are digests of random names."""
 SECONDS_TO_END = 30.0
 """Time within which all processes of a killed command must have ended."""
 
@@ -48,12 +52,15 @@ class Killed:
         Commands run once in advance.
     record : str
         File from which the command goes on with ``--resume``; empty if the same command goes on by itself.
+    cases : str
+        File that tells the number of each case whose name is random; the numbers are compared.
     """
 
     arguments: tuple[str, ...]
     outputs: tuple[str, ...]
     prepare: tuple[tuple[str, ...], ...] = ()
     record: str = ""
+    cases: str = ""
 
 
 COMMANDS: Mapping[str, Killed] = {
@@ -77,7 +84,11 @@ COMMANDS: Mapping[str, Killed] = {
         ("answer.json", "corrected.json", "next.csv"),
         prepare=(("record", "campaign", "--seed", "1", "--snr-db", "50"),),
     ),
-    "prove": Killed(("prove", "--quick", "--out", "proof", "--seed", "5"), ("proof/score.json",)),
+    "prove": Killed(
+        ("prove", "--quick", "--out", "proof", "--seed", "5"),
+        ("proof/score.json", "proof/answers/*.json", "proof/judged/*.json"),
+        cases="proof/sealed/truth.json",
+    ),
     "identify": Killed(
         ("identify", "a", "b", "c", "d", "e", "f", "--out", "heads"),
         ("heads/*.json",),
@@ -93,16 +104,27 @@ def without_times(value: Any) -> Any:
     return [without_times(held) for held in value] if isinstance(value, list) else value
 
 
-def contents(folder: Path, outputs: Sequence[str]) -> dict[str, Any]:
-    """What the outputs of a command hold, by name."""
+def contents(folder: Path, outputs: Sequence[str], cases: str = "") -> dict[str, Any]:
+    """What the outputs of a command hold, by name; with the numbers of ``cases`` in place of their names."""
     found: dict[str, Any] = {}
+    named = numbered(folder, cases)
     for pattern in outputs:
-        for file in sorted(folder.glob(pattern)):
-            text = file.read_text(encoding="utf-8")
-            found[file.relative_to(folder).as_posix()] = (
+        for file in folder.glob(pattern):
+            text = named(file.read_text(encoding="utf-8"))
+            found[named(file.relative_to(folder).as_posix())] = (
                 without_times(json.loads(text)) if file.suffix == ".json" else text
             )
-    return found
+    return dict(sorted(found.items()))
+
+
+def numbered(folder: Path, cases: str) -> Callable[[str], str]:
+    """A function that puts numbers in place of the random names of cases in a text."""
+    if not cases or not (folder / cases).exists():
+        return str
+    entries = json.loads((folder / cases).read_text(encoding="utf-8"))["cases"]
+    numbers = {name: f"case-{case['draw']['number']}" for name, case in entries.items()}
+    pattern = re.compile("|".join(map(re.escape, numbers)))
+    return lambda text: pattern.sub(lambda match: numbers[match[0]], text)
 
 
 def left_over(group: int) -> list[str]:
@@ -173,7 +195,7 @@ def tried(
     _run(killed.arguments, whole)
     seconds = time.monotonic() - start_s
     tell(f"undisturbed: {seconds:.1f} s")
-    expected = contents(whole, killed.outputs)
+    expected = contents(whole, killed.outputs, killed.cases)
     if not expected:
         return ["the undisturbed run wrote none of its outputs"]
     hit, runs, wrong = 0, 0, []
@@ -186,9 +208,9 @@ def tried(
             hit += not ended
         if not ended:
             _run(_command(killed, disturbed)[len(INKJET) :], disturbed)
-        found = contents(disturbed, killed.outputs)
+        found = contents(disturbed, killed.outputs, killed.cases)
         wrong += [f"{name} differs" for name in expected if expected[name] != found.get(name)]
-        wrong += [f"{name} is left" for name in sorted(_names(disturbed) - _names(whole))]
+        wrong += [f"{name} is left" for name in sorted(_names(disturbed, killed) - _names(whole, killed))]
     tell(f"killed {hit} times in {runs} {'run' if runs == 1 else 'runs'}")
     return wrong
 
@@ -219,12 +241,24 @@ def _run(arguments: Sequence[str], folder: Path) -> None:
         raise subprocess.CalledProcessError(done.returncode, done.args, done.stdout, done.stderr)
 
 
-def _names(folder: Path) -> set[str]:
-    return {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
+def _names(folder: Path, killed: Killed) -> set[str]:
+    named = numbered(folder, killed.cases)
+    return {named(file.relative_to(folder).as_posix()) for file in folder.rglob("*") if file.is_file()}
 
 
 def _tell(name: str, text: str) -> None:
     print(f"{name}: {text}", flush=True)
+
+
+@contextlib.contextmanager
+def kept_folder(keep: Path | None, name: str) -> Iterator[Path]:
+    """A new folder: one that stays, or a temporary one."""
+    if keep is None:
+        with tempfile.TemporaryDirectory() as folder:
+            yield Path(folder)
+    else:
+        (keep / name).mkdir(parents=True)
+        yield keep / name
 
 
 def main() -> int:
@@ -234,11 +268,12 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--within", type=float, default=1.0, help="part of its time after which a start is killed (1)")
+    parser.add_argument("--keep", type=Path, help="new folder in which the files of both runs stay")
     given = parser.parse_args()
     failed = False
     for name in given.commands:
-        with tempfile.TemporaryDirectory() as folder:
-            wrong = tried(COMMANDS[name], given.kills, given.seed, Path(folder), given.within, partial(_tell, name))
+        with kept_folder(given.keep, name) as folder:
+            wrong = tried(COMMANDS[name], given.kills, given.seed, folder, given.within, partial(_tell, name))
         failed |= bool(wrong)
         _tell(name, "; ".join(wrong) or "the same as undisturbed")
     return int(failed)

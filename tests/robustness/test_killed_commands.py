@@ -32,6 +32,20 @@ def test_times_are_not_compared(tmp_path):
     assert contents(tmp_path, ["*.json"]) == {"a.json": {"value": [1, {}]}}
 
 
+def test_cases_with_random_names_are_compared_by_their_numbers(tmp_path):
+    for folder, names in (("one", ("head-a", "head-b")), ("other", ("head-x", "head-y"))):
+        (tmp_path / folder / "answers").mkdir(parents=True)
+        for number, name in enumerate(names):
+            answer = {"name": name, "campaign": name * 2, "found": number}
+            (tmp_path / folder / "answers" / f"{name}.json").write_text(json.dumps(answer), "utf-8")
+        cases = {name: {"draw": {"number": number}} for number, name in enumerate(names)}
+        (tmp_path / folder / "truth.json").write_text(json.dumps({"cases": cases}), "utf-8")
+    one, other = (contents(tmp_path / folder, ["answers/*.json"], "truth.json") for folder in ("one", "other"))
+    assert one == other
+    assert list(one) == ["answers/case-0.json", "answers/case-1.json"]
+    assert one["answers/case-1.json"] == {"name": "case-1", "found": 1}
+
+
 def test_a_process_that_outlives_its_command_is_found(tmp_path, monkeypatch):
     monkeypatch.setattr(killed_commands, "SECONDS_TO_END", 0.3)
     sleeper = "import time; time.sleep(60)"
