@@ -50,7 +50,7 @@ ALLOWED = {
     "inkjet_env.plant": PRINTHEAD,
     "inkjet_env.jetting": PLANT,
     "inkjet_env.recordings": PRINTHEAD,
-    "inkjet_env.rig": RECORDINGS,
+    "inkjet_env.rig": (*PLANT, *RECORDINGS),
     "inkjet_env.identification": IDENTIFICATION,
     "inkjet_env.envs": PLANT,
     "inkjet_env.mismatch.settings": (),

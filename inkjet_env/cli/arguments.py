@@ -14,17 +14,10 @@ from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from inkjet_env.printhead import DriverLimits, PeakCost, Printhead
+    from inkjet_env.printhead import DriverLimits, PeakCost
     from inkjet_env.typing import Real
 
 CostGiven = tuple[float | None, float | None, str | None]
-
-
-def chosen_printhead(path: Path | None) -> Printhead:
-    """The head of a printhead.json; the published head if no file is given."""
-    from inkjet_env.printhead import Printhead
-
-    return Printhead.published() if path is None else Printhead.from_json(path)
 
 
 def chosen_cost(given: CostGiven, base: PeakCost | None = None) -> PeakCost:

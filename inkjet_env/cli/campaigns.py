@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from inkjet_env.cli.arguments import check_outputs, chosen_printhead, chosen_seed
+from inkjet_env.cli.arguments import check_outputs, chosen_seed
 from inkjet_env.cli.campaign_reading import (
     Folder,
     Implausible,
@@ -48,6 +48,8 @@ def record(
         bool,
         typer.Option("--plan", help="only write the drives as CSV files for a generator, and plan.csv; record nothing"),
     ] = False,
+    remainder: WithRemainder = True,
+    effect: OwnEffects = None,
     json: JsonFile = None,
 ) -> None:
     """Record a complete campaign of a head with the virtual rig: strain gauge and self-sensing.
@@ -56,13 +58,16 @@ def record(
 
     inkjet record drives --plan
     """
+    from inkjet_env.cli.own_effects import register_own
+    from inkjet_env.plant.printhead_file import chosen_head
     from inkjet_env.recordings import write_campaign
     from inkjet_env.rig import default_battery, displacement_battery, plan_csvs, record_campaign
     from inkjet_env.storage import write_json
 
     check_outputs((printhead,), json=json)
     _check_target(folder, plan)
-    head = chosen_printhead(printhead)
+    register_own(effect)
+    head = chosen_head(printhead, remainder)
     battery = default_battery(head.frequency_Hz)
     if displacement:
         battery += displacement_battery(head.frequency_Hz)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inkjet_env.plant import Excitation, Plant
+from inkjet_env.plant.augmented import STEPS_A_PERIOD, AugmentedPrinthead
 from inkjet_env.printhead import Printhead, respond_sampled
 from inkjet_env.printhead.resonator import PiecewiseResponse
 from inkjet_env.printhead.response import branch_rates
@@ -12,19 +16,47 @@ from inkjet_env.rig.battery import DriveLine
 from inkjet_env.typing import Real
 
 
-def answer_V(printhead: Printhead, line: DriveLine) -> Real:
-    """Input of the line's instrument in volts, shape (n,); exact at the samples.
+def answer_V(printhead: Printhead | AugmentedPrinthead, line: DriveLine, order: int = 1) -> Real:
+    """Input of the line's instrument in volts, shape (n,); exact at the samples, but for a head with effects.
 
     Strain gauge: `absolute_hysteretic_V`. Displacement: `deflection_V`. Self-sensing: the head's sensor signal, in the
     steady state of a repeated drive, in which the resonator rings over from one repetition to the next; otherwise from
     rest.
+
+    Parameters
+    ----------
+    printhead : Printhead or AugmentedPrinthead
+        The head. Random effects of a head contribute nothing.
+    line : DriveLine
+        The drive and the channel.
+    order : int
+        Position of the recording within its session, for effects that change with it.
     """
+    if isinstance(printhead, AugmentedPrinthead):
+        return _answer_with_effects_V(printhead, line, order)
     if line.channel == "strain_gauge":
         return absolute_hysteretic_V(printhead, line.drive_V, line.initial_state)
     if line.channel == "displacement":
         return deflection_V(printhead, line.drive_V, line.step_s, line.initial_state)
     ringing = "steady" if line.initial_state == "periodic" else "rest"
     return respond_sampled(printhead, line.time_s, line.drive_V, line.initial_state, ringing=ringing).sensor_V
+
+
+def excitation_of(head: AugmentedPrinthead, line: DriveLine, order: int) -> Excitation:
+    """A line as the plant sees it: a fast one on at least 200 nodes per period of the head's resonance."""
+    least = line.step_s * STEPS_A_PERIOD * head.frequency_Hz if line.channel != "strain_gauge" else 2.0
+    substeps = 2 * max(math.ceil(least / 2), 1)
+    return Excitation(line.channel, line.initial_state, line.step_s, line.drive_V, order, substeps=substeps)
+
+
+def _answer_with_effects_V(head: AugmentedPrinthead, line: DriveLine, order: int) -> Real:
+    remainder = head.remainder if line.channel == "self_sensing" else None  # other channels' have other units
+    gains = {"strain_gauge": 1.0, "displacement": 1.0}
+    plant = Plant(head.printhead, gains, effects=head.effects, remainder=remainder)
+    try:
+        return plant.signal(excitation_of(head, line, order))
+    except FloatingPointError as error:
+        raise ValueError(f"line {line.label}: the head with its effects cannot follow this drive: {error}") from None
 
 
 def absolute_hysteretic_V(printhead: Printhead, drive_V: ArrayLike, initial_state: str) -> Real:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.rig.answer import answer_V
@@ -38,7 +40,7 @@ DEFAULT_INSTRUMENTS: dict[str, Instrument] = {
 
 
 def record_campaign(
-    printhead: Printhead,
+    printhead: Printhead | AugmentedPrinthead,
     seed: int | np.random.Generator,
     *,
     battery: Sequence[DriveLine] | None = None,
@@ -54,8 +56,8 @@ def record_campaign(
 
     Parameters
     ----------
-    printhead : Printhead
-        Head to record.
+    printhead : Printhead or AugmentedPrinthead
+        Head to record. Random effects of a head contribute nothing.
     seed : int or Generator
         Source of order and noise; the same seed gives the same campaign.
     battery : sequence of DriveLine, optional
@@ -104,35 +106,29 @@ def record_campaign(
         "self_sensing": self_induction,
         "displacement": vibrometer,
     }
+    changing = isinstance(printhead, AugmentedPrinthead) and any(e.depends_on_order for e, _ in printhead.effects)
     recordings: list[Recording] = []
     description = SIMULATED
     for channel in DEFAULT_INSTRUMENTS:
         mine = [line for line in lines if line.channel == channel]
         if not mine:
             continue
-        answers = [answer_V(printhead, line) for line in mine]
-        instrument = _set_up(channel, given[channel], mine, answers, snr_dB)
-        if isinstance(instrument, StrainGauge):
-            description += (
-                f" Strain gauge: {instrument.gain:.6g} V a hysteretic volt, offset {instrument.offset_V:.6g} V."
-            )
-        signals = [_signal(instrument, line, answer) for line, answer in zip(mine, answers, strict=True)]
-        rms = None if snr_dB is None else float(max(map(np.std, signals))) * 10 ** (-snr_dB / 20)
+        bench, signals = Bench.set_up(printhead, channel, mine, given[channel], snr_dB)
+        if isinstance(bench.instrument, StrainGauge):
+            gauge = bench.instrument
+            description += f" Strain gauge: {gauge.gain:.6g} V a hysteretic volt, offset {gauge.offset_V:.6g} V."
         shots = rng.permutation(np.repeat(np.arange(len(mine)), [line.repeats for line in mine]))
         first: dict[int, str] = {}
         for shot in shots.tolist():
             line, order = mine[shot], len(recordings) + 1
-            noise = instrument.noise
-            if rms is not None:
-                noise = noise.scaled_to(rms, line.drive_V.size, 1 / line.step_s)
-            drawn = noise.draw(rng, line.drive_V.size, 1 / line.step_s)
+            signal = bench.signal(line, order) if changing else signals[shot]
             recordings.append(
                 Recording(
                     name=f"r{order:03d}",
                     time_s=line.time_s,
                     drive_V=line.drive_V,
-                    sensor=instrument.converter.quantised(signals[shot] + drawn),
-                    unit="um" if channel == "displacement" else "V",
+                    sensor=bench.recorded(signal, line, rng),
+                    unit=bench.unit,
                     channel=channel,
                     excitation=line.excitation,
                     initial_state=line.initial_state,
@@ -145,8 +141,81 @@ def record_campaign(
     return Campaign(name, tuple(recordings), description=description)
 
 
+@dataclass(frozen=True)
+class Bench:
+    """A head with one instrument, set up.
+
+    Attributes
+    ----------
+    printhead : Printhead or AugmentedPrinthead
+        The head.
+    channel : str
+        Channel of the instrument.
+    instrument : StrainGauge, SelfInduction or Vibrometer
+        The instrument, its range or gain chosen.
+    noise_rms : float or None
+        RMS of the noise in the recorded unit, whose spectrum is the instrument's; None is the instrument's own.
+    """
+
+    printhead: Printhead | AugmentedPrinthead
+    channel: str
+    instrument: Instrument
+    noise_rms: float | None
+
+    @classmethod
+    def set_up(
+        cls,
+        printhead: Printhead | AugmentedPrinthead,
+        channel: str,
+        lines: Sequence[DriveLine],
+        given: Instrument | None = None,
+        snr_dB: float | None = None,
+        room: float = 1.0,
+    ) -> tuple[Bench, list[Real]]:
+        """A bench for these lines, and the signal of each, shape (n,), without noise.
+
+        Parameters
+        ----------
+        printhead, channel, lines
+            Head, channel and the lines to record.
+        given : instrument, optional
+            One in place of the default one.
+        snr_dB : float, optional
+            As in `record_campaign`.
+        room : float
+            Range over what these lines need, for others that are higher.
+        """
+        answers = [answer_V(printhead, line) for line in lines]
+        instrument = _set_up(channel, given, lines, answers, snr_dB, room)
+        signals = [_signal(instrument, line, answer) for line, answer in zip(lines, answers, strict=True)]
+        rms = None if snr_dB is None else float(max(map(np.std, signals))) * 10 ** (-snr_dB / 20)
+        return cls(printhead, channel, instrument, rms), signals
+
+    @property
+    def unit(self) -> str:
+        """Unit of what is recorded."""
+        return "um" if self.channel == "displacement" else "V"
+
+    def signal(self, line: DriveLine, order: int) -> Real:
+        """Signal of a line at the converter, shape (n,), without noise."""
+        return _signal(self.instrument, line, answer_V(self.printhead, line, order))
+
+    def recorded(self, signal: Real, line: DriveLine, rng: np.random.Generator) -> Real:
+        """A signal as it is recorded, with noise and the steps of the converter."""
+        noise = self.instrument.noise
+        if self.noise_rms is not None:
+            noise = noise.scaled_to(self.noise_rms, line.drive_V.size, 1 / line.step_s)
+        drawn = noise.draw(rng, line.drive_V.size, 1 / line.step_s)
+        return self.instrument.converter.quantised(signal + drawn)
+
+
 def _set_up(
-    channel: str, given: Instrument | None, lines: Sequence[DriveLine], answers: Sequence[Real], snr_dB: float | None
+    channel: str,
+    given: Instrument | None,
+    lines: Sequence[DriveLine],
+    answers: Sequence[Real],
+    snr_dB: float | None,
+    room: float,
 ) -> Instrument:
     """The given instrument or the default one, with an open range or gain fitted to the largest answer."""
     if isinstance(given, StrainGauge):
@@ -156,7 +225,7 @@ def _set_up(
         answers = [_signal(instrument, line, answer) for line, answer in zip(lines, answers, strict=True)]
     noise_V = 0.0 if snr_dB is None else max(map(np.std, answers)) * 10 ** (-snr_dB / 20)
     largest_V = max(float(np.abs(answer).max()) for answer in answers) + NOISE_ROOM * float(noise_V)
-    return instrument.fitted_to(largest_V or 1.0)
+    return instrument.fitted_to(room * largest_V or 1.0)
 
 
 def _signal(instrument: Instrument, line: DriveLine, answer: Real) -> Real:
