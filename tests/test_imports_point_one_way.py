@@ -30,6 +30,7 @@ VALIDATION = (
     "inkjet_env.experiments.validation.baselines",
 )
 BENCHMARK = (*EXECUTION, "inkjet_env.experiments.benchmark", "inkjet_env.experiments.benchmark.data")
+TUNING = (*BENCHMARK, "inkjet_env.experiments.tuning")
 LEARNING = (*BENCHMARK, "inkjet_env.experiments.learning")
 PROOF = (*BENCHMARK, *VALIDATION, "inkjet_env.experiments.concealed_plant", "inkjet_env.experiments.proof")
 STUDIES = (*BENCHMARK, "inkjet_env.experiments.concealed_plant", "inkjet_env.experiments.benchmark.studies")
@@ -73,9 +74,10 @@ ALLOWED = {
     "inkjet_env.experiments.benchmark": BENCHMARK,
     "inkjet_env.experiments.benchmark.studies": STUDIES,
     "inkjet_env.experiments.learning": LEARNING,
+    "inkjet_env.experiments.tuning": TUNING,
     "inkjet_env.experiments.proof": PROOF,
     "inkjet_env.experiments.publish": (*PROOF, *LEARNING, *STUDIES, "inkjet_env.experiments.publish"),
-    "inkjet_env.experiments.commands": (*PROOF, "inkjet_env.experiments.commands"),
+    "inkjet_env.experiments.commands": (*PROOF, *TUNING, "inkjet_env.experiments.commands"),
     "inkjet_env.experiments.entry": ("inkjet_env.experiments.cli", *GROUND),
     "inkjet_env.experiments.cli": ("inkjet_env.experiments.commands", "inkjet_env.cli"),
 }

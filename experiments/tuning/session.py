@@ -1,0 +1,357 @@
+"""A tuning session: from a campaign, or from nothing, to a waveform that was checked on the head.
+
+Everything that a step finds is written before the next one begins; a session that is stopped, or waits for recordings,
+goes on where it was. Its folder holds ``session.json`` (settings), ``diagnosis-K.json``, ``corrected-K.json`` and
+``report-K.html`` of each round, the recordings that were taken (`exchange`), ``proposals.json`` and ``tune.json``.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.experiments.tuning.check import Measured, check_request, measured
+from inkjet_env.experiments.tuning.exchange import Exchange
+from inkjet_env.experiments.tuning.proposals import Proposal, proposals
+from inkjet_env.identification import identify
+from inkjet_env.mismatch import clear_checkpoint, diagnose
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.head_ensemble import ensemble_of
+from inkjet_env.plant.printhead_file import printhead_of
+from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead
+from inkjet_env.printhead.printhead_json import printhead_data
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S
+from inkjet_env.recordings import Campaign, Recording
+from inkjet_env.reporting.diagnosis_report import diagnosis_html
+from inkjet_env.rig import Request, default_battery
+from inkjet_env.storage import json_text, write_atomically
+
+FORMAT, SESSION_FORMAT = "tune/1", "tune-session/1"
+SETTINGS, PROPOSALS, RESULT, LOG = "session.json", "proposals.json", "tune.json", "log.md"
+NAMES = {
+    "robust": "heads that the recordings leave possible",
+    "fit": "corrected head",
+    "base": "base model",
+}
+"""What each proposal is the best waveform of, in words."""
+BATTERY = "battery"
+"""Beginning of the names of a first campaign's recordings."""
+
+
+@dataclass(frozen=True)
+class TuneSettings:
+    """What a session is asked for.
+
+    Parameters
+    ----------
+    most_requests : int
+        Largest number of recordings that are asked for to tell rival effects apart.
+    risk : {"mean", "cvar", "worst"}
+        How a waveform is judged on the heads that the recordings leave possible.
+    budget, searches : int
+        Evaluations of each search for a waveform, and number of searches of each objective.
+    seed : int
+        Seed of all random numbers.
+    frequency_Hz : float
+        Expected resonance, in hertz, for the drives of a first campaign.
+    limits : DriverLimits
+        What the driver can do.
+    cost : PeakCost
+        The cost of a response.
+    window_s : float
+        Time after the start within which peaks count, in seconds.
+    """
+
+    most_requests: int = 3
+    risk: str = "cvar"
+    budget: int = 1500
+    searches: int = 3
+    seed: int = 0
+    frequency_Hz: float = 50e3
+    limits: DriverLimits = field(default_factory=DriverLimits)
+    cost: PeakCost = field(default_factory=PeakCost)
+    window_s: float = DEFAULT_WINDOW_S
+
+    def __post_init__(self) -> None:
+        Bounds(limits=self.limits)  # refused before any work if no waveform is within them
+
+    def as_json(self) -> dict[str, Any]:
+        """The settings as plain JSON values."""
+        cost = {"A": self.cost.A, "B": self.cost.B, "effective": self.cost.effective}
+        return asdict(self) | {"limits": self.limits.as_json(), "cost": cost}
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """The end of a session.
+
+    Attributes
+    ----------
+    proposals : tuple of Proposal
+        Waveforms that were checked on the head.
+    checks : tuple of Measured
+        What each cost there.
+    best : int
+        Index of the one to fire.
+    recordings : int
+        Number of recordings that were taken in the session, checks among them.
+    rounds : tuple of dict
+        Verdict, headline and request of each diagnosis.
+    seconds : float
+        Time that the steps of this process took.
+    """
+
+    proposals: tuple[Proposal, ...]
+    checks: tuple[Measured, ...]
+    best: int
+    recordings: int
+    rounds: tuple[Mapping[str, Any], ...]
+    seconds: float
+
+    def as_json(self) -> dict[str, Any]:
+        """The result as ``tune/1``."""
+        best, check = self.proposals[self.best], self.checks[self.best]
+        tried = [
+            asdict(proposal) | {"measured_V": one.cost_V, "error_V": one.error_V}
+            for proposal, one in zip(self.proposals, self.checks, strict=True)
+        ]
+        return {
+            "format": FORMAT,
+            "waveform": list(best.waveform),
+            "of": best.name,
+            "predicted_V": best.predicted_V,
+            "measured_V": check.cost_V,
+            "error_V": check.error_V,
+            "tried": tried,
+            "rounds": [dict(one) for one in self.rounds],
+            "recordings": self.recordings,
+            "seconds": self.seconds,
+        }
+
+
+class Session:
+    """One tuning session in its folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the session; created if missing.
+    settings : TuneSettings
+        What is asked for.
+    exchange : Exchange
+        How recordings are taken.
+    campaign : Campaign, optional
+        Recordings that exist already; without them the default battery is recorded first.
+    progress : callable
+        Told what is being done.
+    workers : int
+        Number of processes of a diagnosis.
+
+    Raises
+    ------
+    ValueError
+        The folder holds a session with other settings.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        settings: TuneSettings,
+        exchange: Exchange,
+        campaign: Campaign | None = None,
+        progress: Callable[[str], None] = lambda _: None,
+        workers: int = 2,
+    ) -> None:
+        self.folder, self.settings, self.exchange = folder, settings, exchange
+        self.given, self.progress, self.workers = campaign, progress, workers
+        folder.mkdir(parents=True, exist_ok=True)
+        asked = {"format": SESSION_FORMAT, "settings": settings.as_json()}
+        stored = self._stored(SETTINGS)
+        if stored is not None and stored != json.loads(json_text(asked)):
+            raise ValueError(
+                f"{folder} holds a session with other settings. Repeat them, or give another folder with --out."
+            )
+        self._write(SETTINGS, asked)
+
+    def run(self) -> Tuned:
+        """All steps in order, but for those that were done before.
+
+        Raises
+        ------
+        WaitingError
+            Recordings are still to be taken.
+        """
+        begin_s = time.monotonic()
+        campaign = self._first()
+        rounds = []
+        for number in range(self.settings.most_requests + 1):
+            found = self._diagnosed(campaign, number)
+            rounds.append(found["round"])
+            if found["request"] is None or number == self.settings.most_requests:
+                break
+            campaign = self._with(campaign, self._obtain(_requests(found["request"], number)))
+        base = self._base(number, campaign)
+        head = self._head(number, base)
+        waveforms = self._proposed(number, head, base)
+        requests = [
+            check_request(f"check-{k}-{one.name}", one.as_waveform, head.frequency_Hz, self.settings.window_s)
+            for k, one in enumerate(waveforms, start=1)
+        ]
+        taken = self._obtain(requests)
+        checks = tuple(
+            measured(recording, one.as_waveform, head, self.settings.cost, self.settings.window_s)
+            for recording, one in zip(taken, waveforms, strict=True)
+        )
+        best = int(np.argmin([check.cost_V for check in checks]))
+        for one, check in zip(waveforms, checks, strict=True):
+            self._log(
+                f"The best waveform of the {NAMES[one.name]} costs {check.cost_V:.3f} ± {check.error_V:.3f} V on the "
+                f"head; predicted were {one.predicted_V:.3f} V."
+            )
+        self._log(f"To fire: the best waveform of the {NAMES[waveforms[best].name]}.")
+        tuned = Tuned(
+            waveforms, checks, best, len(self.exchange.recorded), tuple(rounds), round(time.monotonic() - begin_s, 1)
+        )
+        self._write(RESULT, tuned.as_json())
+        return tuned
+
+    def _first(self) -> Campaign:
+        """The campaign that the session begins with."""
+        if self.given is not None:
+            return self.given
+        requests = []
+        for line in default_battery(self.settings.frequency_Hz):
+            first = f"{BATTERY}-{line.channel}-{line.label}"
+            for k in range(line.repeats):
+                name, of = (first, None) if k == 0 else (f"{first}-{k + 1}", first)
+                requests.append(
+                    Request(
+                        name, line.channel, line.initial_state, line.step_s, line.drive_V, False, line.excitation, of,
+                        line.purpose,
+                    )
+                )  # fmt: skip
+        return Campaign("tune", self._obtain(requests))
+
+    def _obtain(self, requests: list[Request]) -> tuple[Recording, ...]:
+        before = 0 if self.given is None else max(r.order for r in self.given.recordings)
+        return self.exchange.obtain(requests, before + 1, self.progress)
+
+    @staticmethod
+    def _with(campaign: Campaign, more: tuple[Recording, ...]) -> Campaign:
+        return replace(campaign, recordings=(*campaign.recordings, *more), sources={})
+
+    def _diagnosed(self, campaign: Campaign, number: int) -> dict[str, Any]:
+        """Verdict and next request of a round, from its files if it was done before."""
+        file = f"round-{number}.json"
+        if (stored := self._stored(file)) is not None:
+            return stored
+        fits = self.folder / f"fits-{number}"
+
+        def tell(text: str) -> None:
+            self.progress(f"diagnosis {number + 1}: {text}")
+
+        found = diagnose(
+            campaign, None, rng=np.random.default_rng(self.settings.seed), workers=self.workers, progress=tell,
+            checkpoint=fits,
+        )  # fmt: skip
+        following = found.next_experiment
+        request = None
+        if following is not None and following.drive_V:
+            request = following.as_json(None) | {"drive_V": list(following.drive_V)}
+        self._write(f"diagnosis-{number}.json", found.as_json())
+        self._write(f"corrected-{number}.json", found.augmented_json())
+        write_atomically(self.folder / f"report-{number}.html", diagnosis_html(found))
+        ids = [effect.effect.id for effect in found.effects]
+        told = {
+            "verdict": found.verdict,
+            "headline": found.headline,
+            "effects": ids,
+            "candidates": [list(group) for group in found.candidates],
+            "recordings": len(campaign.recordings),
+            "asked": None if request is None else request["sentence"],
+        }
+        self._log(f"Diagnosis {number + 1}, of {len(campaign.recordings)} recordings: {found.headline}")
+        if request is not None and number < self.settings.most_requests:
+            self._log(f"Asked for: {request['sentence']}")
+        self._write(file, {"round": told, "request": request})  # last: the round is done
+        clear_checkpoint(fits)
+        return self._stored(file) or {}
+
+    def _base(self, number: int, campaign: Campaign) -> Printhead:
+        """The base model, identified without any effect."""
+        file = f"base-{number}.json"
+        if self._stored(file) is None:
+            self._write(file, identify(campaign, progress=self.progress).as_json())
+        return Printhead.from_json(self.folder / file)
+
+    def _head(self, number: int, base_model: Printhead) -> Printhead | AugmentedPrinthead:
+        """The corrected head; the base model where it predicts held-out recordings no better."""
+        data = printhead_data(self.folder / f"corrected-{number}.json")
+        fit = data["fit"]
+        base, corrected = fit.get("base_heldout_rms_V"), fit.get("augmented_heldout_rms_V")
+        head = printhead_of(data)
+        if isinstance(head, AugmentedPrinthead) and head.effects and base and corrected and corrected >= base:
+            return base_model
+        return head
+
+    def _proposed(self, number: int, head: Printhead | AugmentedPrinthead, base: Printhead) -> tuple[Proposal, ...]:
+        """Waveforms to try, from their file if they were found before."""
+        if (stored := self._stored(PROPOSALS)) is not None:
+            return tuple(Proposal(**{**one, "waveform": tuple(one["waveform"])}) for one in stored["proposals"])
+        settings = self.settings
+        data = printhead_data(self.folder / f"corrected-{number}.json")
+        limits = settings.limits if settings.limits != DriverLimits() else None
+        problem = Problem(
+            "tune", head, settings.cost, Bounds(limits=limits), window_s=settings.window_s,
+            ensemble=ensemble_of(data), risk=settings.risk,
+        )  # fmt: skip
+        found = proposals(problem, base, settings.budget, settings.searches, settings.seed, self.progress)
+        for one in found:
+            self._log(
+                f"Proposed: the best waveform of the {NAMES[one.name]}, predicted to cost {one.predicted_V:.3f} V "
+                f"(90 % of the heads that the recordings leave possible: {one.low_V:.3f} to {one.high_V:.3f} V)."
+            )
+        self._write(PROPOSALS, {"proposals": [asdict(one) for one in found]})
+        return found
+
+    def _stored(self, name: str) -> dict[str, Any] | None:
+        file = self.folder / name
+        if not file.exists():
+            return None
+        try:
+            stored = json.loads(file.read_text(encoding="utf-8"))
+            if not isinstance(stored, dict):
+                raise ValueError("it is not a JSON object")
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"{file}: is damaged ({error}). Remove it to have that step done again.") from None
+        return stored
+
+    def _log(self, sentence: str) -> None:
+        """Add a sentence to the session's log, once."""
+        file = self.folder / LOG
+        lines = file.read_text(encoding="utf-8") if file.exists() else "# Tuning session\n\n"
+        if f" {sentence}\n" not in lines:
+            write_atomically(file, f"{lines}* {time.strftime('%Y-%m-%d %H:%M')} {sentence}\n")
+
+    def _write(self, name: str, value: Any) -> None:
+        write_atomically(self.folder / name, json_text(value))
+
+
+def _requests(asked: Mapping[str, Any], number: int) -> list[Request]:
+    """The requests of a round: its drive as often as it is to be recorded."""
+    first = f"request-{number + 1}"
+    return [
+        Request(
+            first if k == 0 else f"{first}-{k + 1}", asked["channel"], asked["initial_state"], asked["step_s"],
+            np.array(asked["drive_V"]), bool(asked["drive_monitor"]), "arbitrary", None if k == 0 else first,
+            asked["sentence"],
+        )
+        for k in range(int(asked["repeats"]))
+    ]  # fmt: skip

@@ -1,0 +1,49 @@
+"""The cost of a waveform as it was recorded on the head, against what it truly costs there."""
+
+import numpy as np
+import pytest
+
+from inkjet_env.experiments.tuning.check import check_request, measured
+from inkjet_env.plant import catalogue
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
+from inkjet_env.rig import VirtualRig
+
+HEAD = Printhead.published()
+MODE = next(effect for effect in catalogue() if effect.id == "second_mode")
+WITH_MODE = AugmentedPrinthead(HEAD, ((MODE, MODE.example_values(HEAD)),))
+WAVEFORMS = [Waveform.from_array(row) for row in Bounds().from_unit(np.random.default_rng(4).uniform(-1, 1, (6, 7)))]
+WINDOW_S = 350e-6
+
+
+@pytest.mark.parametrize("head", [HEAD, WITH_MODE], ids=["no effects", "second mode"])
+def test_with_the_right_head_the_measured_cost_is_the_true_one_within_its_error(head):
+    rig = VirtualRig(head, 2, 50.0)
+    off = []
+    for k, waveform in enumerate(WAVEFORMS):
+        recording = rig.record(check_request("check", waveform, head.frequency_Hz, WINDOW_S), k + 1)
+        found = measured(recording, waveform, head, PeakCost(), WINDOW_S)
+        assert found.residual_V == pytest.approx(found.noise_V, rel=0.1)
+        assert found.error_V < 0.3
+        off.append((found.cost_V - head.respond(waveform).cost()) / found.error_V)
+    assert np.median(np.abs(off)) < 1.5
+    assert np.sum(np.abs(off) > 4) <= 1  # one of them may lie where the cost jumps
+
+
+def test_a_head_that_predicts_a_little_wrong_is_corrected_by_the_recording():
+    rig, wrong = VirtualRig(HEAD, 2, 60.0), HEAD.varied(gain=0.97)
+    closer = 0
+    for waveform in WAVEFORMS:
+        recording = rig.record(check_request("check", waveform, HEAD.frequency_Hz, WINDOW_S), 1)
+        found, true_V = measured(recording, waveform, wrong, PeakCost(), WINDOW_S), HEAD.respond(waveform).cost()
+        closer += abs(found.cost_V - true_V) < 0.3 * abs(wrong.respond(waveform).cost() - true_V)
+        assert found.residual_V > 1.2 * found.noise_V
+    assert closer >= 5
+
+
+def test_a_check_lets_the_head_come_to_rest():
+    request = check_request("check", WAVEFORMS[0], HEAD.frequency_Hz, WINDOW_S)
+    length_s = request.drive_V.size * request.step_s
+    assert length_s >= WINDOW_S + 20 / HEAD.frequency_Hz
+    assert request.step_s == pytest.approx(1 / (100 * HEAD.frequency_Hz), rel=0.05)
+    assert request.drive_V.max() == pytest.approx(WAVEFORMS[0].U1, rel=0.05)
