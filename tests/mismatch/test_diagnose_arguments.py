@@ -50,4 +50,8 @@ def test_what_is_being_done_is_told(recorded, head, effects):
     diagnose(recorded("feedthrough"), head, [effects["feedthrough"]], workers=1, progress=told.append)
     assert "fitting the base model" in told
     assert "score test of feedthrough (1 of 2)" in told
-    assert told[-2:] == ["fitting the remainder", "designing the next experiment"]
+    assert told[-3:] == [
+        "fitting the remainder",
+        "designing the next experiment",
+        "drawing heads that the recordings leave possible",
+    ]
