@@ -26,14 +26,15 @@ def draw_scans(scans: Sequence[Scan]) -> Figure:
     scans : sequence of Scan
         Scans of one waveform, at least one and at most `MOST_HEADS`.
     """
-    columns = 2 if len(scans) == 1 else max(3, len(scans))
-    rows = 2
+    columns = 2 if len(scans) == 1 else 3
+    rows = 2 if len(scans) == 1 else 1 + -(-len(scans) // columns)
     width, height = PANEL_INCHES
     figure, axes = new_figure(columns * width, rows * height + 0.4, nrows=rows, ncols=columns, squeeze=False)
     if len(scans) == 1:
         curves, maps, spare = axes.ravel()[:3], axes.ravel()[3:], []
     else:
-        curves, maps, spare = axes[0, :3], axes[1, : len(scans)], [*axes[0, 3:], *axes[1, len(scans) :]]
+        below = axes[1:].ravel()
+        curves, maps, spare = axes[0], below[: len(scans)], below[len(scans) :]
     width_us = 1e6 * scans[0].waveform.t2
     _draw_curves(curves[0], [s.width for s in scans], 1e6, "pulse width t2 (µs)", width_us)
     _draw_curves(curves[1], [s.voltage for s in scans], 1.0, "factor of the voltages", 1.0)
