@@ -72,6 +72,21 @@ def write_json(destination: str | os.PathLike[str], value: Any) -> None:
         write_atomically(destination, json_text(value))
 
 
+def stored_object(file: Path) -> dict[str, Any]:
+    """The JSON object in a file of this program's own; ``ValueError`` says what it is instead, without its name."""
+    if not file.is_file():
+        raise ValueError("it is no file")  # opening a pipe would wait for ever
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except UnicodeDecodeError:
+        raise ValueError("it is not text in UTF-8") from None
+    except (ValueError, RecursionError):
+        raise ValueError("it is not JSON") from None
+    if not isinstance(content, dict):
+        raise ValueError("it is not a JSON object")
+    return content
+
+
 def archive_bytes(arrays: Mapping[str, NDArray]) -> bytes:
     """``.npz`` archive of named arrays: equal arrays give equal bytes (`numpy.savez` writes a time stamp)."""
     buffer = io.BytesIO()

@@ -24,7 +24,7 @@ from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.experiments.execution.provenance import first_difference
 from inkjet_env.extras import extra
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
-from inkjet_env.storage import json_text, write_atomically
+from inkjet_env.storage import json_text, stored_object, write_atomically
 from inkjet_env.typing import Real
 
 RUN_FORMAT = "run/2"
@@ -175,8 +175,8 @@ def write_run(folder: Path, result: RunResult, label: Mapping[str, Any], seconds
 def read_seconds(folder: Path, key: RunKey) -> dict[str, float]:
     """Seconds that a run took, by activity; empty if the file is missing or unreadable."""
     try:
-        return dict(json.loads(timing_path(folder, key).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
+        return stored_object(timing_path(folder, key))
+    except (OSError, ValueError):
         return {}
 
 

@@ -7,7 +7,6 @@ end, the report. Finished runs are never overwritten.
 from __future__ import annotations
 
 import functools
-import json
 import sys
 import time
 import traceback
@@ -26,7 +25,7 @@ from inkjet_env.experiments.execution.cluster import run_each, worker_count, wor
 from inkjet_env.experiments.execution.held_folder import held
 from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
 from inkjet_env.progress import shown_progress
-from inkjet_env.storage import json_text, remove_unfinished, write_atomically
+from inkjet_env.storage import json_text, remove_unfinished, stored_object, write_atomically
 
 REPEATS_A_JOB = 5
 """Number of runs that a worker does before it returns them; a lost worker's runs are repeated."""
@@ -55,12 +54,10 @@ def check_folder(folder: Path, settings: BenchSettings) -> None:
             raise ValueError(f"{run}: is a link, and a run is written to its own folder only. Delete the link.")
     if file.exists():
         try:
-            stored = json.loads(file.read_text(encoding="utf-8"))
-            if not isinstance(stored, dict):
-                raise ValueError("it is not a JSON object")
+            stored = stored_object(file)
             difference = first_difference(_decisive(stored, asked), _decisive(asked, stored))
-        except (ValueError, TypeError, AttributeError, RecursionError) as error:
-            why = "it is not text in UTF-8" if isinstance(error, UnicodeDecodeError) else str(error)[:120]
+        except (ValueError, TypeError, AttributeError, OSError) as error:
+            why = str(error)[:120] if isinstance(error, ValueError) else "its entries are not those of a bench"
             raise ValueError(
                 f"{file} is damaged ({why}). Delete the folder {folder} to start again, or give another folder."
             ) from None

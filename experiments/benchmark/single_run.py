@@ -251,7 +251,8 @@ def read_record(path: Path, trusted: Collection[str] = ()) -> tuple[Optimisation
     except (
         ValueError, KeyError, TypeError, EOFError, OSError, RecursionError, zipfile.BadZipFile, NotImplementedError
     ) as error:  # fmt: skip
-        reason: object = "its archive is damaged" if isinstance(error, OSError) else error
+        broken = isinstance(error, (OSError, zipfile.BadZipFile, NotImplementedError))
+        reason: object = "its archive is damaged" if broken else str(error)[:200]
         if "pickle" in str(error):
             reason = "it holds pickled objects, which are never loaded"
         raise ValueError(

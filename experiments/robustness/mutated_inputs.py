@@ -351,4 +351,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from inkjet_env.experiments.robustness import mutated_inputs  # workers find its functions, not those of __main__
+
+    sys.exit(mutated_inputs.main())

@@ -31,7 +31,7 @@ from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.reporting.diagnosis_report import diagnosis_html
 from inkjet_env.rig import Request, default_battery
-from inkjet_env.storage import json_text, write_atomically
+from inkjet_env.storage import json_text, stored_object, write_atomically
 
 FORMAT, SESSION_FORMAT = "tune/1", "tune-session/1"
 SETTINGS, PROPOSALS, RESULT, LOG = "session.json", "proposals.json", "tune.json", "log.md"
@@ -326,12 +326,9 @@ class Session:
         if not file.exists():
             return None
         try:
-            stored = json.loads(file.read_text(encoding="utf-8"))
-            if not isinstance(stored, dict):
-                raise ValueError("it is not a JSON object")
-        except (ValueError, RecursionError) as error:
-            raise ValueError(f"{file}: is damaged ({error}). Remove it to have that step done again.") from None
-        return stored
+            return stored_object(file)
+        except ValueError as error:
+            raise ValueError(f"{file}: is damaged: {error}. Remove it to have that step done again.") from None
 
     def _log(self, sentence: str) -> None:
         """Add a sentence to the session's log, once."""

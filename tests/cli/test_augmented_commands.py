@@ -186,7 +186,6 @@ def test_a_head_that_has_no_rest_where_a_recording_starts_is_told_in_a_sentence(
         (("simulate", "--waveform", *WAVEFORM, "--window", "inf"), "infinite window needs a printhead without effects"),
         (("simulate", "--waveform", *WAVEFORM, "--hysteresis", "one_point"), "must be one of full_memory"),
         (("optimize", "--optimizer", "lbfgsb-multistart", "--budget", 10), "has no gradients"),
-        (("record", "campaign"), "has effects beyond the base model (sensor_saturation)"),
     ],
 )
 def test_what_such_a_head_cannot_do_is_one_sentence(tmp_path, head_file, capsys, monkeypatch, arguments, message):

@@ -1,5 +1,8 @@
 """The fuzzer: damaged inputs are used or refused in plain words, and what it counts as a failure is one."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -21,6 +24,20 @@ def test_damaged_inputs_are_used_or_refused(kind, count):
     outcomes = [outcome_of(kind, seed) for seed in range(count)]
     assert not [outcome.told for outcome in outcomes if outcome.kind == "failed"]
     assert any(outcome.kind == "refused" for outcome in outcomes)
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("record", 111), ("results", 91), ("results", 114)])
+def test_what_once_failed_is_refused(kind, seed):
+    """An archive's own bytes in a message, a pipe in place of a file, a sentence of the interpreter's."""
+    outcome = outcome_of(kind, seed)
+    assert outcome.kind == "refused", outcome.told
+
+
+def test_the_command_works_with_several_processes():
+    command = [sys.executable, "-m", "inkjet_env.experiments.robustness.mutated_inputs", "drive"]
+    done = subprocess.run([*command, "--count", "4", "--workers", "2"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "failed" not in done.stdout
 
 
 @pytest.mark.parametrize("kind", KINDS)
