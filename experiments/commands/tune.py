@@ -75,11 +75,12 @@ def tune(
     name and run the same command again. With --rig nobody has to. Ctrl-C loses nothing.
     """
     from inkjet_env.cli.own_effects import register_own
+    from inkjet_env.experiments.execution.held_folder import held
     from inkjet_env.experiments.tuning.exchange import Exchange, WaitingError
     from inkjet_env.experiments.tuning.session import Session, TuneSettings
     from inkjet_env.naming import check_name
     from inkjet_env.plant.head_ensemble import RISKS
-    from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_window
+    from inkjet_env.printhead.window import DEFAULT_WINDOW_S
     from inkjet_env.progress import shown_steps
     from inkjet_env.storage import write_json
 
@@ -95,7 +96,7 @@ def tune(
         requests, risk, budget, seed=chosen_seed(seed), frequency_Hz=frequency,
         limits=driver if limits is not None or instruments is None else instruments.limits(),
         cost=chosen_cost((cost_a, cost_b, effective)),
-        window_s=DEFAULT_WINDOW_S if window is None else check_window(window),
+        window_s=DEFAULT_WINDOW_S if window is None else window,
     )  # fmt: skip
     session_folder = out or folder.with_name(f"{folder.resolve().name}-tuning")
     campaign = None
@@ -104,16 +105,17 @@ def tune(
         warn([*campaign.notes, *reading.warnings(campaign)])
     named = None if columns is None else named_values("--columns", columns)
     try:
-        with shown_steps(f"tune {folder}") as progress:
+        with held(session_folder, "tuning session"), shown_steps(f"tune {folder}") as progress:
             exchange = Exchange(session_folder, instruments, named)
             tuned = Session(session_folder, settings, exchange, campaign, progress, workers).run()
     except WaitingError as waiting:
         count = len(waiting.names)
-        print(
+        told = (
             f"{session_folder / 'requests'}: {count} {'drive' if count == 1 else 'drives'} to record, listed in "
             f"requests.csv. Put each recording into {session_folder / 'answers'} under the same name, and run the same "
             "command again."
         )
+        print(told, file=sys.stderr if str(json) == "-" else sys.stdout)
         if json is not None:
             write_json(json, {"format": "tune/1", "waiting_for": list(waiting.names)})
         return

@@ -24,7 +24,7 @@ from inkjet_env.experiments.concealed_plant import RIG
 from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
 from inkjet_env.experiments.proof.campaign_files import ProofError, check_campaign_only, digest
 from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, RIGS, STAGES, VERSION
-from inkjet_env.storage import UNFINISHED, json_text, remove_unfinished, write_atomically
+from inkjet_env.storage import UNFINISHED, json_text, remove_unfinished, stored_object, write_atomically
 
 SETTINGS, MANIFEST, ANSWERS = "proof.json", "manifest.json", "answers.json"
 PARTS = ("sealed/cases", "campaigns", "answers", "judged")
@@ -317,11 +317,7 @@ def read_answer(folder: Path, name: str) -> dict[str, Any]:
 def read_json(file: Path) -> dict[str, Any]:
     """The JSON object in a file of the proof; ``ProofError`` if it is missing or damaged."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        if not isinstance(content, dict):
-            raise ValueError("it is not a JSON object")
-    except (OSError, ValueError, RecursionError) as error:
-        raise ProofError(
-            f"{file} cannot be read ({type(error).__name__}). Restore it, or start again in another folder."
-        ) from None
-    return content
+        return stored_object(file)
+    except (OSError, ValueError) as error:
+        reason = error if isinstance(error, ValueError) else error.strerror
+        raise ProofError(f"{file} cannot be read: {reason}. Restore it, or start again in another folder.") from None

@@ -8,9 +8,11 @@ goes on where it was. Its folder holds ``session.json`` (settings), ``diagnosis-
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,7 @@ from inkjet_env.plant.head_ensemble import ensemble_of
 from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead
 from inkjet_env.printhead.printhead_json import printhead_data
-from inkjet_env.printhead.window import DEFAULT_WINDOW_S
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_window
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.reporting.diagnosis_report import diagnosis_html
 from inkjet_env.rig import Request, default_battery
@@ -81,6 +83,8 @@ class TuneSettings:
 
     def __post_init__(self) -> None:
         Bounds(limits=self.limits)  # refused before any work if no waveform is within them
+        if math.isinf(check_window(self.window_s)):
+            raise ValueError("a waveform is checked within a finite window, such as 350e-6 s.")
 
     def as_json(self) -> dict[str, Any]:
         """The settings as plain JSON values."""
@@ -157,7 +161,7 @@ class Session:
     Raises
     ------
     ValueError
-        The folder holds a session with other settings.
+        The folder holds a session with other settings, or of another campaign.
     """
 
     def __init__(
@@ -172,11 +176,12 @@ class Session:
         self.folder, self.settings, self.exchange = folder, settings, exchange
         self.given, self.progress, self.workers = campaign, progress, workers
         folder.mkdir(parents=True, exist_ok=True)
-        asked = {"format": SESSION_FORMAT, "settings": settings.as_json()}
+        asked = {"format": SESSION_FORMAT, "settings": settings.as_json(), "campaign": _digest(campaign)}
         stored = self._stored(SETTINGS)
         if stored is not None and stored != json.loads(json_text(asked)):
             raise ValueError(
-                f"{folder} holds a session with other settings. Repeat them, or give another folder with --out."
+                f"{folder} holds a session with other settings or of another campaign. Repeat them, or give another "
+                "folder with --out."
             )
         self._write(SETTINGS, asked)
 
@@ -339,6 +344,18 @@ class Session:
 
     def _write(self, name: str, value: Any) -> None:
         write_atomically(self.folder / name, json_text(value))
+
+
+def _digest(campaign: Campaign | None) -> str | None:
+    """SHA-256 of a campaign's recordings; None without one."""
+    if campaign is None:
+        return None
+    total = sha256()
+    for recording in campaign.recordings:
+        total.update(f"{recording.name} {recording.channel} {recording.initial_state} {recording.step_s!r}\n".encode())
+        for samples in (recording.drive_V, recording.sensor, recording.drive_monitor_V, recording.neighbour_V):
+            total.update(b"none" if samples is None else samples.tobytes())
+    return total.hexdigest()
 
 
 def _requests(asked: Mapping[str, Any], number: int) -> list[Request]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json as json_format
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from inkjet_env.printhead import Printhead, Waveform
 
 PUBLISHED_BEST = (100.0, -100.0, 1e-6, 10.481e-6, 13.769e-6, 9.613e-6, 20e-6)
-"""The published head's best known waveform with the default cost: U1 U2 in volts, t1 … t5 in seconds."""
+"""U1 U2 in volts, t1 … t5 in seconds; costs the published head a hundredth of a volt more than its best known one."""
 
 
 def scan(
@@ -109,14 +108,13 @@ def scan(
 def _optimum(file: Path) -> Waveform:
     """The waveform of an ``optimum/1``."""
     from inkjet_env.printhead import Waveform
+    from inkjet_env.storage import stored_object
 
     try:
-        values = json_format.loads(file.read_text(encoding="utf-8"))["waveform"]
-        return Waveform.from_array(values)
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise ValueError(
-            f"{file}: it must be the JSON file of optimize, with seven numbers as its waveform ({error})."
-        ) from None
+        return Waveform.from_array(stored_object(file).get("waveform", []))
+    except ValueError as error:
+        reason = str(error).rstrip(".")
+        raise ValueError(f"{file}: it must be the JSON file of optimize, with its waveform: {reason}.") from None
 
 
 def _chosen(paths: Sequence[Path], remainder: bool, reading: Reading) -> dict[str, Printhead | AugmentedPrinthead]:

@@ -5,9 +5,11 @@ import json
 
 import pytest
 
+from inkjet_env.cli.scan import PUBLISHED_BEST
+from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
-from inkjet_env.printhead import Printhead
+from inkjet_env.printhead import Printhead, Waveform
 from inkjet_env.recordings import write_campaign
 from inkjet_env.rig import record_campaign
 
@@ -37,6 +39,11 @@ def test_a_waveform_is_scanned_on_the_published_head(inkjet, tmp_path):
     assert len(rows) == 9 + 9 + 18
     assert float(rows[-1]["effective_V"]) == pytest.approx(one["jetting_frequency"]["effective_V"][-1])
     assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_waveform_that_is_scanned_by_default_is_as_good_as_the_best_known_one():
+    known = problem("nominal").best_known
+    assert HEAD.respond(Waveform.from_array(PUBLISHED_BEST)).cost() == pytest.approx(known.cost, abs=0.01)
 
 
 def test_a_corrected_head_is_shown_with_and_without_its_effects_and_a_recorded_one_beside(inkjet, tmp_path, corrected):

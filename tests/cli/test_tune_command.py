@@ -44,6 +44,13 @@ def test_without_a_rig_it_says_what_to_record_and_goes_on_later(inkjet, tmp_path
     assert len(list((tmp_path / "bench-tuning" / "requests").glob("*.csv"))) == 39
 
 
+def test_json_on_standard_output_is_nothing_but_json_while_it_waits(inkjet):
+    status, out, err = inkjet("tune", "bench", "--json", "-")
+    assert status == 0
+    assert len(json.loads(out)["waiting_for"]) == 38
+    assert "38 drives to record" in err
+
+
 def test_a_rig_of_ones_own_states_its_limits(inkjet, tmp_path, diagnoses):
     (tmp_path / "my_bench.py").write_text(RIG)
     diagnoses.corrected = Printhead.published()

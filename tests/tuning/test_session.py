@@ -8,7 +8,7 @@ from inkjet_env.experiments.tuning import session as session_module
 from inkjet_env.experiments.tuning.exchange import Exchange, WaitingError
 from inkjet_env.experiments.tuning.session import Session, TuneSettings
 from inkjet_env.printhead import DriverLimits, Waveform
-from inkjet_env.rig import VirtualRig
+from inkjet_env.rig import VirtualRig, record_campaign
 from tests.tuning.two_rounds import BASE, TRUE, put_in_place
 
 SETTINGS = TuneSettings(budget=60, searches=1, limits=DriverLimits(-80, 80, 20, 20, 0.1))
@@ -106,6 +106,19 @@ def test_other_settings_are_not_mixed_with_a_session(tmp_path, diagnoses):
     begun(tmp_path)
     with pytest.raises(ValueError, match="a session with other settings"):
         begun(tmp_path, settings=TuneSettings(budget=61))
+
+
+def test_another_campaign_is_not_mixed_with_a_session(tmp_path, diagnoses):
+    one, other = (record_campaign(BASE, seed, snr_dB=40.0) for seed in (1, 2))
+    Session(tmp_path, SETTINGS, Exchange(tmp_path), one)
+    Session(tmp_path, SETTINGS, Exchange(tmp_path), one)
+    with pytest.raises(ValueError, match="of another campaign"):
+        Session(tmp_path, SETTINGS, Exchange(tmp_path), other)
+
+
+def test_a_window_without_an_end_is_refused():
+    with pytest.raises(ValueError, match="a finite window"):
+        TuneSettings(window_s=float("inf"))
 
 
 def test_a_damaged_step_is_named(tmp_path, diagnoses):

@@ -77,6 +77,7 @@ def _drawn(
     fit, joint = hypothesis.fit, hypothesis.joint
     factor, size = _factor(hypothesis), fit.head.size
     low, high = joint.limits(fit.active.effects)
+    trial = _trial(max((o.excitation.drive_V for o in joint.observed), key=np.ptp))
     found: list[Printhead | AugmentedPrinthead] = []
     for k in range(count):
         step = factor @ rng.standard_normal(factor.shape[1]) if k else np.zeros(len(factor))
@@ -89,7 +90,7 @@ def _drawn(
             drawn: Printhead | AugmentedPrinthead = head.printhead
             if pairs:
                 drawn = AugmentedPrinthead(head.printhead, pairs, head.gains, order)
-            drawn.respond(_trial(joint.observed[0].excitation.drive_V))
+            drawn.respond(trial)
         except (*NUMERICAL, ValueError):
             continue
         found.append(drawn)
