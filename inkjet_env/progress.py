@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Protocol
 
+from inkjet_env.interruption import never_swallowed
+
 PLAIN_LINE_EVERY_S = 10.0
 """Shortest time between two plain progress lines, in seconds."""
 
@@ -27,7 +29,18 @@ class Progress(Protocol):
 
 @contextmanager
 def shown_progress(label: str, total: int, done: int = 0) -> Iterator[Progress]:
-    """Show progress from ``done`` to ``total`` while the block runs."""
+    """Show progress from ``done`` to ``total`` while the block runs; a Ctrl-C that a library swallows ends it too."""
+    with never_swallowed() as check, _shown(label, total, done) as show:
+
+        def progress(done: int, note: str = "") -> None:
+            check()
+            show(done, note)
+
+        yield progress
+
+
+@contextmanager
+def _shown(label: str, total: int, done: int) -> Iterator[Progress]:
     if _drawn():
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -60,6 +73,17 @@ def shown_progress(label: str, total: int, done: int = 0) -> Iterator[Progress]:
 @contextmanager
 def shown_steps(label: str) -> Iterator[Callable[[str], None]]:
     """Show the current step of work of unknown duration; without a terminal, an occasional plain line."""
+    with never_swallowed() as check, _shown_steps(label) as show:
+
+        def step(name: str) -> None:
+            check()
+            show(name)
+
+        yield step
+
+
+@contextmanager
+def _shown_steps(label: str) -> Iterator[Callable[[str], None]]:
     if _drawn():
         from rich.console import Console
         from rich.text import Text

@@ -20,7 +20,14 @@ DESIGN = (*FITTING, "inkjet_env.mismatch.localization", "inkjet_env.mismatch.des
 MISMATCH = (*SELECTION, *DESIGN, "inkjet_env.mismatch")
 JETTING = (*PLANT, "inkjet_env.jetting")
 REPORTING = (*MISMATCH, *JETTING, "inkjet_env.reporting")
-CLI = (*REPORTING, "inkjet_env.progress", "inkjet_env.rig", "inkjet_env.cli", "inkjet_env")
+CLI = (
+    *REPORTING,
+    "inkjet_env.interruption",
+    "inkjet_env.progress",
+    "inkjet_env.rig",
+    "inkjet_env.cli",
+    "inkjet_env",
+)
 OPTIMIZERS = (*GROUND, "inkjet_env.optimizers")
 EXECUTION = (*CLI, *OPTIMIZERS, "inkjet_env.envs", "inkjet_env.experiments.execution")
 VALIDATION = (
@@ -45,7 +52,8 @@ ALLOWED = {
     "inkjet_env.plugins": ("inkjet_env.naming",),
     "inkjet_env.extras": (),
     "inkjet_env.processes": (),
-    "inkjet_env.progress": PRINTHEAD,
+    "inkjet_env.interruption": (),
+    "inkjet_env.progress": (*PRINTHEAD, "inkjet_env.interruption"),
     "inkjet_env.testing": PLANT,
     "inkjet_env.printhead": GROUND,
     "inkjet_env.plant": PRINTHEAD,

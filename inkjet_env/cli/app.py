@@ -14,10 +14,10 @@ import typer
 from inkjet_env.cli.campaigns import evaluate, identify, record
 from inkjet_env.cli.diagnose import diagnose
 from inkjet_env.cli.exit_status import BAD_INPUT, INTERRUPTED
-from inkjet_env.cli.interruption import treat_alike
 from inkjet_env.cli.scan import scan
 from inkjet_env.cli.simulate import simulate
 from inkjet_env.extras import MissingExtraError, extra
+from inkjet_env.interruption import treat_alike
 
 app = typer.Typer(
     add_completion=False,

@@ -57,7 +57,7 @@ PARENT = """
 import functools, sys
 sys.path.append(sys.argv[1])
 import jobs_to_run
-from inkjet_env.cli.interruption import treat_alike
+from inkjet_env.interruption import treat_alike
 from inkjet_env.experiments.execution.cluster import run_each, workers_of
 if __name__ == "__main__":
     treat_alike()

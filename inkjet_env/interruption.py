@@ -7,6 +7,8 @@ import math
 import signal
 import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 AGAIN_AFTER_S = 5.0
@@ -18,12 +20,34 @@ class _Once:
 
     def __init__(self) -> None:
         self.stopped_s = -math.inf
+        self.unanswered = False
 
     def __call__(self, number: int, frame: object) -> None:
         now_s = time.monotonic()
         if now_s - self.stopped_s > AGAIN_AFTER_S:
             self.stopped_s = now_s
+            self.unanswered = True
             raise KeyboardInterrupt
+
+
+_handler = _Once()
+
+
+@contextmanager
+def never_swallowed() -> Iterator[Callable[[], None]]:
+    """A check to call between steps: it raises once more an interruption that a step swallowed, as a bare except does.
+
+    One that leaves the block is answered, and is not raised again.
+    """
+
+    def check() -> None:
+        if _handler.unanswered:
+            raise KeyboardInterrupt
+
+    try:
+        yield check
+    finally:
+        _handler.unanswered = False
 
 
 def treat_alike() -> None:
@@ -33,10 +57,9 @@ def treat_alike() -> None:
     """
     if threading.current_thread() is not threading.main_thread():
         return
-    handler = _Once()
     for number in _numbers():
         if signal.getsignal(number) not in (signal.SIG_IGN, None):
-            signal.signal(number, handler)
+            signal.signal(number, _handler)
     atexit.register(_ignore)
 
 
