@@ -28,6 +28,16 @@ def prove(
         ),
     ] = False,
     quick: Annotated[bool, typer.Option("--quick", help="60 cases of all kinds instead of all")] = False,
+    only: Annotated[
+        str | None,
+        typer.Option(help="ids of effects, separated by commas: only the cases that conceal one of them alone"),
+    ] = None,
+    adaptive: Annotated[
+        bool,
+        typer.Option(
+            "--adaptive", help="then have the recordings that diagnoses ask for taken, and diagnose again, three times"
+        ),
+    ] = False,
     scheduler: Annotated[
         str | None,
         typer.Option(help="address of a Dask cluster, such as tcp://host:8786; local processes unless given"),
@@ -81,13 +91,14 @@ def prove(
     if seed == PUBLISHED_SEED:
         raise ValueError(f"seed {seed} is the published one: give --published instead, once the code is final.")
     chosen = PUBLISHED_SEED if published else DEVELOPMENT_SEED if seed is None else seed
-    settings = Settings(chosen, "quick" if quick else "full")
+    effects = tuple(name.strip() for name in only.split(",")) if only else ()
+    settings = Settings(chosen, "quick" if quick else "full", only=effects)
     asked = (
         (1 if quick else 100) if reoptimise is None else reoptimise,
         (0 if quick else 60) if baselines is None else baselines,
     )
     try:
-        status = _proved(settings, out, scheduler, workers, asked, json, report or out / REPORT)
+        status = _proved(settings, out, scheduler, workers, asked, adaptive, json, report or out / REPORT)
     except KeyboardInterrupt:
         print(f"Interrupted; finished cases are kept in {out}. Run the same command to resume.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
@@ -100,14 +111,16 @@ def _proved(
     scheduler: str | None,
     workers: int | None,
     asked: tuple[int, int],
+    adaptive: bool,
     json: Path | None,
     report: Path,
 ) -> int:
     """Run the proof, write and print its score; return the exit status."""
     from inkjet_env.experiments.execution import cluster
     from inkjet_env.experiments.execution.held_folder import held
+    from inkjet_env.experiments.proof.adaptive import adapt, adapt_case
     from inkjet_env.experiments.proof.judge import judge_case, questions
-    from inkjet_env.experiments.proof.printing import print_score
+    from inkjet_env.experiments.proof.printing import print_rounds, print_score
     from inkjet_env.experiments.proof.protocol import Steps, answer_case, conceal_case, prove
     from inkjet_env.experiments.proof.report import write_page
     from inkjet_env.experiments.proof.score import score
@@ -118,12 +131,17 @@ def _proved(
     check_folder(out, settings)  # before any process is started
     with held(out, "proof"), cluster.workers_of(scheduler, workers) as client:
         outcome = prove(settings, out, client, steps, lambda draws: questions(draws, *asked))
+        rounds = adapt(out, outcome, client, adapt_case) if adaptive else None
     found = score(outcome)
+    if rounds is not None:
+        found["adaptive"] = rounds["figures"]
     write_atomically(out / "score.json", json_text(found))
     write_page(report, found)
     if json is not None:
         write_json(json, found)
     if str(json) != "-":
         print_score(found)
+        if rounds is not None:
+            print_rounds(rounds)
         print(f"Report: {report}")
     return CHECK_FAILED if found["short"] else 0

@@ -38,7 +38,9 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
     -------
     dict
         ``answer``: status ("diagnosed", "refused" or "failed"), sentence, the ``diagnosis/1`` without its seconds, the
-        augmented and the base printhead as ``printhead/1``; ``run``: seconds, CPU seconds, paths opened elsewhere.
+        augmented and the base printhead as ``printhead/1``, the ``requests`` for further recordings, each as in the
+        ``diagnosis/1`` with ``drive_V`` and ``neighbour_V`` (None: at 0 V); ``run``: seconds, CPU seconds,
+        paths opened elsewhere.
 
     Raises
     ------
@@ -59,6 +61,7 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
             "verdict": None,
             "augmented": None,
             "base": None,
+            "requests": [],
         }
         seen: set[str] = set()
         status, said = _inkjet(scratch, seen, "identify", name, "--out", "base.json")
@@ -69,6 +72,7 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
             for part in ("verdict", "augmented", "base"):
                 answer[part] = json.loads((scratch / f"{part}.json").read_text(encoding="utf-8"))
             answer["verdict"].pop("seconds", None)
+            answer["requests"] = _requests(answer["verdict"], scratch)
         else:
             answer |= {"status": "refused" if status == REFUSED else "failed", "sentence": said}
         run = {
@@ -77,6 +81,18 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
             "seen": sorted(seen),
         }
         return {"format": ANSWER_FORMAT, "name": name, "campaign": sealed_digest, "answer": answer, "run": run}
+
+
+def _requests(verdict: Mapping[str, Any], scratch: Path) -> list[dict[str, Any]]:
+    """The recordings that a verdict asks for, with their drives."""
+    import numpy as np
+
+    asked = verdict["next_experiment"]
+    if asked is None or asked["drive_csv"] is None:
+        return []
+    table = np.genfromtxt(scratch / asked["drive_csv"], delimiter=",", names=True)
+    neighbour = table["neighbour_V"].tolist() if "neighbour_V" in (table.dtype.names or ()) else None
+    return [asked | {"drive_V": table["drive_V"].tolist(), "neighbour_V": neighbour}]
 
 
 def _inkjet(scratch: Path, seen: set[str], *arguments: str) -> tuple[int, str]:

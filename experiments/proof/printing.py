@@ -48,3 +48,19 @@ def print_score(found: Mapping[str, Any]) -> None:
     judged = [figure for figure in found["figures"] if figure["met"] is not None]
     print(f"{len(judged) - len(found['short'])} of {len(judged)} criteria of a first-rate diagnosis are met.")
     print(f"SHA-256 of the sealed truth: {found['truth_sha256']}; of the answers: {found['answers_sha256']}.")
+
+
+def print_rounds(found: Mapping[str, Any]) -> None:
+    """Print the figures of a ``proof-adaptive/1``: before the rounds, after designed ones, and after random ones."""
+    from inkjet_env.reporting.tables import print_table
+
+    for group, ways in found["figures"].items():
+        rows = []
+        for before, *after in zip(*ways.values(), strict=True):
+            texts = [
+                figure_text(one["value"], one["kind"]) + (f" ({one['hits']})" if one["hits"] is not None else "")
+                for one in (before, *after)
+            ]
+            rows.append((before["name"], str(before["of"]), *texts))
+        if rows[0][1] != "0":
+            print_table((group, "cases", "before", "requests as designed", "requests at random"), rows)

@@ -127,7 +127,7 @@ def prove(
     """
     open_folder(folder, settings)
     code = read_json(folder / "proof.json")["code"]
-    draws = corpus(settings.seed, settings.profile, *families(settings.rig, settings.published))
+    draws = settings.chosen(corpus(settings.seed, settings.profile, *families(settings.rig, settings.published)))
     salt = salt_of(folder)
     named = dict(sorted(((opaque_name(salt, draw), draw) for draw in draws), key=itemgetter(0)))
     _conceal_all(folder, named, settings.rig, client, steps, code["rig"])

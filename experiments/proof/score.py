@@ -112,7 +112,7 @@ def table(cases: Sequence[Case], version: int) -> list[Figure]:
     outside, base, pairs = of(cases, "outside"), of(cases, "base"), of(cases, "pair")
     meagre = [case for case in cases if case["draw"]["meagre"]]
     said = [verdict_record(case) for case in clear]
-    sizes = [float(_size(one)) for one in said if one.verdict in ("named", "set")]
+    sizes = [float(set_size(one)) for one in said if one.verdict in ("named", "set")]
     closed = [row["closure"] for row in closures(cases)]
     held_out = [
         value
@@ -132,7 +132,7 @@ def table(cases: Sequence[Case], version: int) -> list[Figure]:
         counted("right name or right set", [right(c) for c in clear], least=goals.right),
         counted("right name alone", [verdict_record(c).judged == "right" for c in clear]),
         counted("partly right: another effect named as well", [verdict_record(c).judged == "partly" for c in clear]),
-        estimated("mean size of a set", sizes, _mean, most=goals.size),
+        estimated("mean size of a set", sizes, mean, most=goals.size),
         counted("confidently wrong, inside the catalogue", [wrong(c) for c in clear], most=goals.wrong),
         counted("confidently wrong, outside the catalogue", [wrong(c) for c in outside], most=goals.wrong_outside),
         counted(
@@ -199,7 +199,8 @@ def alarms_by_noise(cases: Sequence[Case]) -> dict[str, list[bool]]:
     return dict(sorted(rows.items()))
 
 
-def _mean(values: Sequence[float]) -> float:
+def mean(values: Sequence[float]) -> float:
+    """Mean of several values."""
     return float(np.mean(values))
 
 
@@ -211,7 +212,7 @@ def _tenth(values: Sequence[float]) -> float:
     return float(np.percentile(values, 10))
 
 
-def _size(one: VerdictRecord) -> int:
+def set_size(one: VerdictRecord) -> int:
     """Number of effects in the largest candidate group of a verdict; 1 for a named effect."""
     return max([1, *(len(group) for group in one.candidates)]) if one.verdict == "set" else 1
 

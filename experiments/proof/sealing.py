@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import secrets
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -23,7 +23,8 @@ from typing import Any
 from inkjet_env.experiments.concealed_plant import RIG
 from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
 from inkjet_env.experiments.proof.campaign_files import ProofError, check_campaign_only, digest
-from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, RIGS, STAGES, VERSION
+from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, RIGS, STAGES, VERSION, Draw
+from inkjet_env.naming import check_name
 from inkjet_env.storage import UNFINISHED, json_text, remove_unfinished, stored_object, write_atomically
 
 SETTINGS, MANIFEST, ANSWERS = "proof.json", "manifest.json", "answers.json"
@@ -53,11 +54,22 @@ class Settings:
         Size of the corpus.
     rig : str
         Module of the concealed plant.
+    only : tuple of str
+        Effects; only cases that conceal one of them alone. Empty: all cases.
     """
 
     seed: int
     profile: str
     rig: str = RIG
+    only: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for effect in self.only:
+            check_name("only", effect, tuple(STAGES))
+
+    def chosen(self, draws: Sequence[Draw]) -> list[Draw]:
+        """The cases of a corpus that this proof holds."""
+        return [draw for draw in draws if not self.only or (len(draw.effects) == 1 and draw.effects[0] in self.only)]
 
     @property
     def published(self) -> bool:
@@ -75,6 +87,7 @@ class Settings:
             "rig": self.rig,
             "code": {part: code_digest(patterns) for part, patterns in SOURCES.items()},
             "versions": versions(),
+            **({"only": list(self.only)} if self.only else {}),
         }
 
 

@@ -174,7 +174,10 @@ def _written(
     drive: str | None = None
     if experiment is not None and experiment.drive_V and drive_file is not None:
         time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
-        drive = columns_text({"time_s": time_s, "drive_V": np.array(experiment.drive_V)})
+        columns = {"time_s": time_s, "drive_V": np.array(experiment.drive_V)}
+        if experiment.neighbour_V:
+            columns["neighbour_V"] = np.array(experiment.neighbour_V)
+        drive = columns_text(columns)
         if not next_named:
             drive_file = _free_name(drive_file, drive)
         beside = Path() if json is None or str(json) == "-" else json.parent

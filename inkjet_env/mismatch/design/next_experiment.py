@@ -44,6 +44,8 @@ class NextExperiment:
         Sampling step.
     drive_V : tuple of float
         Drive at each sample.
+    neighbour_V : tuple of float
+        Drive of the neighbouring channel at each sample; empty if it stays at 0 V.
     separation : float
         Expected difference of log-likelihoods between the two candidates that are separated worst.
     repeats : int
@@ -57,6 +59,7 @@ class NextExperiment:
     initial_state: str = ""
     step_s: float = 0.0
     drive_V: tuple[float, ...] = ()
+    neighbour_V: tuple[float, ...] = ()
     separation: float = 0.0
     repeats: int = 1
     drive_monitor: bool = False
@@ -320,10 +323,13 @@ def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
     if separation < least:
         repeats = math.ceil(least / max(separation, 1e-300))
         said += f"; record it {repeats} times"
-    drive = tuple(float(v) for v in excitation.drive_V)
+    neighbour_V = excitation.neighbour_V
     return NextExperiment(
-        said + ".", excitation.channel, excitation.initial_state, excitation.step_s, drive, separation, repeats, at_head
-    )
+        said + ".", excitation.channel, excitation.initial_state, excitation.step_s,
+        tuple(float(v) for v in excitation.drive_V),
+        () if neighbour_V is None or not neighbour_V.any() else tuple(float(v) for v in neighbour_V),
+        separation, repeats, at_head,
+    )  # fmt: skip
 
 
 def _named(fit: FitResult) -> str:
