@@ -35,7 +35,7 @@ def prove(
     adaptive: Annotated[
         bool,
         typer.Option(
-            "--adaptive", help="then have the recordings that diagnoses ask for taken, and diagnose again, three times"
+            "--adaptive", help="then have up to three recordings that a diagnosis asks for taken, and diagnose again"
         ),
     ] = False,
     scheduler: Annotated[

@@ -1,8 +1,8 @@
 """Adaptive rounds after a proof: the concealed rig records what a diagnosis asks for, and the diagnosis is repeated.
 
-A verdict that leaves a set of candidates asks for a recording. Each round continues the campaign by it and diagnoses
-the whole anew, as blind as the first time, until one candidate is left, or nothing more is asked for, or `MOST_ROUNDS`
-are over. As a baseline, the same number of recordings are drawn at random from the same library of drives.
+A verdict that leaves a set of candidates asks for recordings. Each round continues the campaign by them and diagnoses
+the whole anew, as blind as the first time, until one candidate is left, nothing more is asked for, or `MOST_REQUESTS`
+different recordings were asked for. As a baseline, as many are drawn at random from the same library of drives.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from inkjet_env.experiments.proof.protocol import Outcome
 
 ADAPTED_FORMAT, ADAPTIVE_FORMAT = "proof-adapted/1", "proof-adaptive/1"
-MOST_ROUNDS = 3
+MOST_REQUESTS = 3
 WAYS = ("designed", "random")
 """Where requests come from: from the diagnosis, or from its library of drives at random."""
 LAGS = ("amplifier_bandwidth", "sensor_bandwidth", "trigger_delay")
@@ -83,8 +83,8 @@ def adapt_case(
     requests: list[Mapping[str, Any]] = []
     rounds: list[dict[str, Any]] = []
     rng = np.random.default_rng([draw.case_seed(case["attempt"]), WAYS.index(way)])
-    while len(rounds) < MOST_ROUNDS and asks(answer):
-        asked = answer["requests"]
+    while asks(answer) and (left := MOST_REQUESTS - sum(len(one["requests"]) for one in rounds)) > 0:
+        asked = answer["requests"][:left]
         if way == "random":
             packed = continued_campaign(plant, requests, name, rig)
             asked = random_requests(packed, name, sum(one["repeats"] for one in asked), rng)
@@ -250,7 +250,7 @@ def adaptive_score(cases: Sequence[Mapping[str, Any]], done: Mapping[str, Any]) 
                 ],
             }
         )
-    return {"format": ADAPTIVE_FORMAT, "most_rounds": MOST_ROUNDS, "figures": figures, "cases": rows}
+    return {"format": ADAPTIVE_FORMAT, "most_requests": MOST_REQUESTS, "figures": figures, "cases": rows}
 
 
 def _lag(case: Mapping[str, Any]) -> bool:

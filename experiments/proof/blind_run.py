@@ -87,12 +87,13 @@ def _requests(verdict: Mapping[str, Any], scratch: Path) -> list[dict[str, Any]]
     """The recordings that a verdict asks for, with their drives."""
     import numpy as np
 
-    asked = verdict["next_experiment"]
-    if asked is None or asked["drive_csv"] is None:
-        return []
-    table = np.genfromtxt(scratch / asked["drive_csv"], delimiter=",", names=True)
-    neighbour = table["neighbour_V"].tolist() if "neighbour_V" in (table.dtype.names or ()) else None
-    return [asked | {"drive_V": table["drive_V"].tolist(), "neighbour_V": neighbour}]
+    found = []
+    for asked in (verdict["next_experiment"], *verdict["further_experiments"]):
+        if asked is not None and asked["drive_csv"] is not None:
+            table = np.genfromtxt(scratch / asked["drive_csv"], delimiter=",", names=True)
+            neighbour = table["neighbour_V"].tolist() if "neighbour_V" in (table.dtype.names or ()) else None
+            found.append(asked | {"drive_V": table["drive_V"].tolist(), "neighbour_V": neighbour})
+    return found
 
 
 def _inkjet(scratch: Path, seen: set[str], *arguments: str) -> tuple[int, str]:

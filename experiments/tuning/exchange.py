@@ -141,6 +141,11 @@ class Exchange:
             raise CampaignError(
                 f"{file}: the voltage at the head was asked for too, as a column drive_monitor_V. Add it."
             )
+        if request.neighbour_V is not None and taken.neighbour_V is None:
+            raise CampaignError(
+                f"{file}: the neighbouring channel was to be driven, as its column neighbour_V tells. Drive it, and "
+                "keep that column."
+            )
         return replace(
             taken, name=request.name, excitation=request.excitation, initial_state=request.initial_state, order=order,
             repeat_of=request.repeat_of,
@@ -158,7 +163,10 @@ class Exchange:
         rows = csv.writer(text, lineterminator="\n")
         rows.writerow(COLUMNS)
         for one in requests:
-            write_columns(folder / f"{one.name}.csv", {"time_s": one.time_s, "drive_V": one.drive_V})
+            columns = {"time_s": one.time_s, "drive_V": one.drive_V}
+            if one.neighbour_V is not None:
+                columns["neighbour_V"] = one.neighbour_V
+            write_columns(folder / f"{one.name}.csv", columns)
             monitor = "yes" if one.drive_monitor else "no"
             rows.writerow(
                 [one.name, one.channel, one.initial_state, f"{one.step_s:.12g}", one.drive_V.size, monitor, one.purpose]

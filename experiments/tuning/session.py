@@ -7,10 +7,11 @@ goes on where it was. Its folder holds ``session.json`` (settings), ``diagnosis-
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
@@ -54,7 +55,7 @@ class TuneSettings:
     Parameters
     ----------
     most_requests : int
-        Largest number of recordings that are asked for to tell rival effects apart.
+        Largest number of different recordings that are asked for to tell rival effects apart.
     risk : {"mean", "cvar", "worst"}
         How a waveform is judged on the heads that the recordings leave possible.
     budget, searches : int
@@ -107,7 +108,7 @@ class Tuned:
     recordings : int
         Number of recordings that were taken in the session, checks among them.
     rounds : tuple of dict
-        Verdict, headline and request of each diagnosis.
+        Verdict, headline and requests of each diagnosis.
     seconds : float
         Time that the steps of this process took.
     """
@@ -196,12 +197,14 @@ class Session:
         begin_s = time.monotonic()
         campaign = self._first()
         rounds = []
-        for number in range(self.settings.most_requests + 1):
-            found = self._diagnosed(campaign, number)
+        asked = 0
+        for number in itertools.count():
+            found = self._diagnosed(campaign, number, self.settings.most_requests - asked)
             rounds.append(found["round"])
-            if found["request"] is None or number == self.settings.most_requests:
+            if not found["requests"]:
                 break
-            campaign = self._with(campaign, self._obtain(_requests(found["request"], number)))
+            campaign = self._with(campaign, self._obtain(_requests(found["requests"], asked)))
+            asked += len(found["requests"])
         base = self._base(number, campaign)
         head = self._head(number, base)
         waveforms = self._proposed(number, head, base)
@@ -252,8 +255,8 @@ class Session:
     def _with(campaign: Campaign, more: tuple[Recording, ...]) -> Campaign:
         return replace(campaign, recordings=(*campaign.recordings, *more), sources={})
 
-    def _diagnosed(self, campaign: Campaign, number: int) -> dict[str, Any]:
-        """Verdict and next request of a round, from its files if it was done before."""
+    def _diagnosed(self, campaign: Campaign, number: int, most_requests: int) -> dict[str, Any]:
+        """Verdict and next requests of a round, from its files if it was done before."""
         file = f"round-{number}.json"
         if (stored := self._stored(file)) is not None:
             return stored
@@ -266,10 +269,11 @@ class Session:
             campaign, None, rng=np.random.default_rng(self.settings.seed), workers=self.workers, progress=tell,
             checkpoint=fits,
         )  # fmt: skip
-        following = found.next_experiment
-        request = None
-        if following is not None and following.drive_V:
-            request = following.as_json(None) | {"drive_V": list(following.drive_V)}
+        following = [one for one in found.next_experiments if one.drive_V][:most_requests]
+        requests = [
+            one.as_json(None) | {"drive_V": list(one.drive_V), "neighbour_V": list(one.neighbour_V) or None}
+            for one in following
+        ]
         self._write(f"diagnosis-{number}.json", found.as_json())
         self._write(f"corrected-{number}.json", found.augmented_json())
         write_atomically(self.folder / f"report-{number}.html", diagnosis_html(found))
@@ -280,12 +284,12 @@ class Session:
             "effects": ids,
             "candidates": [list(group) for group in found.candidates],
             "recordings": len(campaign.recordings),
-            "asked": None if request is None else request["sentence"],
+            "asked": [one.sentence for one in following],
         }
         self._log(f"Diagnosis {number + 1}, of {len(campaign.recordings)} recordings: {found.headline}")
-        if request is not None and number < self.settings.most_requests:
-            self._log(f"Asked for: {request['sentence']}")
-        self._write(file, {"round": told, "request": request})  # last: the round is done
+        for one in following:
+            self._log(f"Asked for: {one.sentence}")
+        self._write(file, {"round": told, "requests": requests})  # last: the round is done
         clear_checkpoint(fits)
         return self._stored(file) or {}
 
@@ -358,14 +362,18 @@ def _digest(campaign: Campaign | None) -> str | None:
     return total.hexdigest()
 
 
-def _requests(asked: Mapping[str, Any], number: int) -> list[Request]:
-    """The requests of a round: its drive as often as it is to be recorded."""
-    first = f"request-{number + 1}"
-    return [
-        Request(
-            first if k == 0 else f"{first}-{k + 1}", asked["channel"], asked["initial_state"], asked["step_s"],
-            np.array(asked["drive_V"]), bool(asked["drive_monitor"]), "arbitrary", None if k == 0 else first,
-            asked["sentence"],
-        )
-        for k in range(int(asked["repeats"]))
-    ]  # fmt: skip
+def _requests(asked: Sequence[Mapping[str, Any]], before: int) -> list[Request]:
+    """The requests of a round: each drive as often as it is to be recorded; ``before`` were asked for earlier."""
+    found = []
+    for number, one in enumerate(asked, start=before + 1):
+        first = f"request-{number}"
+        neighbour_V = None if one["neighbour_V"] is None else np.array(one["neighbour_V"])
+        found += [
+            Request(
+                first if k == 0 else f"{first}-{k + 1}", one["channel"], one["initial_state"], one["step_s"],
+                np.array(one["drive_V"]), bool(one["drive_monitor"]), "arbitrary", None if k == 0 else first,
+                one["sentence"], neighbour_V,
+            )
+            for k in range(int(one["repeats"]))
+        ]  # fmt: skip
+    return found

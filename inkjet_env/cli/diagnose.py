@@ -28,7 +28,7 @@ from inkjet_env.cli.printing import print_diagnosis
 from inkjet_env.progress import shown_steps
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Container, Mapping
 
     from inkjet_env.mismatch import Diagnosis
 
@@ -170,25 +170,30 @@ def _written(
     from inkjet_env.storage import json_text, write_atomically, write_json
 
     head_file, report, drive_file = files.values()
-    experiment, drive_name = found.next_experiment, None
-    drive: str | None = None
-    if experiment is not None and experiment.drive_V and drive_file is not None:
+    drives: dict[Path, str] = {}
+    names: list[str | None] = []
+    for number, experiment in enumerate(found.next_experiments, start=1):
+        if not experiment.drive_V or drive_file is None:
+            names.append(None)
+            continue
         time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
         columns = {"time_s": time_s, "drive_V": np.array(experiment.drive_V)}
         if experiment.neighbour_V:
             columns["neighbour_V"] = np.array(experiment.neighbour_V)
-        drive = columns_text(columns)
+        text = columns_text(columns)
+        file = drive_file if number == 1 else drive_file.with_name(f"{drive_file.stem}-{number}{drive_file.suffix}")
         if not next_named:
-            drive_file = _free_name(drive_file, drive)
+            file = _free_name(file, text, drives)
+        drives[file] = text
         beside = Path() if json is None or str(json) == "-" else json.parent
-        drive_name = Path(os.path.relpath(drive_file, beside)).as_posix()
+        names.append(Path(os.path.relpath(file, beside)).as_posix())
     page = None if report is None else diagnosis_html(found)
     head = None if head_file is None else json_text(found.augmented_json())
-    verdict = None if json is None else found.as_json(drive_name)
+    verdict = None if json is None else found.as_json(names)
     written = {}
-    if drive_file is not None and drive is not None:
-        write_atomically(drive_file, drive)
-        written["drive of the next experiment"] = drive_file
+    for number, (file, text) in enumerate(drives.items(), start=1):
+        write_atomically(file, text)
+        written["drive of the next experiment" + (f", {number}" if len(drives) > 1 else "")] = file
     if head_file is not None and head is not None:
         write_atomically(head_file, head)
         ready = ", ready for --printhead" if found.printhead.has_dynamics else ""
@@ -201,11 +206,11 @@ def _written(
     return written
 
 
-def _free_name(file: Path, content: str) -> Path:
-    """The file, or one numbered after it, that does not exist or holds this content: nobody named it."""
+def _free_name(file: Path, content: str, taken: Container[Path]) -> Path:
+    """The file, or one numbered after it, that is not taken, and does not exist or holds this content."""
     numbered = (file.with_name(f"{file.stem}-{number}{file.suffix}") for number in itertools.count(2))
     return next(
         tried
         for tried in itertools.chain([file], numbered)
-        if not tried.exists() or (tried.is_file() and tried.read_bytes() == content.encode())
+        if tried not in taken and (not tried.exists() or (tried.is_file() and tried.read_bytes() == content.encode()))
     )

@@ -38,8 +38,8 @@ def print_diagnosis(found: Diagnosis) -> None:
     print(f"- Location: {found.location.sentence}")
     if found.remainder is not None:
         print(f"- {found.remainder_sentence}")
-    if found.next_experiment is not None:
-        print(f"- Next experiment: {found.next_experiment.sentence}")
+    for experiment in found.next_experiments:
+        print(f"- Next experiment: {experiment.sentence}")
     shown_by = {effect.id: effect.shown_by for effect in known_effects()}
     for effect_id, why in found.untestable.items():
         remedy = f" To test it, record {shown_by[effect_id]}." if effect_id in shown_by else ""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -148,8 +149,8 @@ class Diagnosis:
         Best hypotheses that were compared, best first.
     untestable : dict of str to str
         By id, the effects that these recordings cannot show: why not, and which recordings would.
-    next_experiment : NextExperiment or None
-        Recording that would separate the candidates; None unless the verdict is "set".
+    next_experiments : tuple of NextExperiment
+        Recordings that would separate the candidates, the most informative first; empty unless the verdict is "set".
     remainder : FittedRemainder or None
         Discrepancy model of what the named effects leave, or the base model if the verdict is "unknown"; None unless it
         predicts held-out recordings better. It corrects without explaining.
@@ -196,7 +197,7 @@ class Diagnosis:
     p_value: float
     attributions: tuple[HypothesisScore, ...]
     untestable: Mapping[str, str]
-    next_experiment: NextExperiment | None
+    next_experiments: tuple[NextExperiment, ...]
     remainder: FittedRemainder | None
     printhead: Printhead
     gains: Mapping[str, float]
@@ -235,8 +236,12 @@ class Diagnosis:
         present = {r.channel for r in self.recordings}
         return next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in present)
 
-    def as_json(self, drive_csv: str | None = None) -> dict[str, Any]:
-        """The verdict as ``diagnosis/1``; ``drive_csv`` names the file of the next experiment's drive."""
+    def as_json(self, drives: Sequence[str | None] = ()) -> dict[str, Any]:
+        """The verdict as ``diagnosis/1``; ``drives`` names the files with the drives of the next experiments."""
+        asked = [
+            one.as_json(name)
+            for one, name in itertools.zip_longest(self.next_experiments, drives[: len(self.next_experiments)])
+        ]
         return {
             "format": "diagnosis/1",
             "verdict": self.verdict,
@@ -267,7 +272,8 @@ class Diagnosis:
                 "p_value": self.p_value,
                 "heldout": [r.name for r in self.recordings if r.held_out],
             },
-            "next_experiment": None if self.next_experiment is None else self.next_experiment.as_json(drive_csv),
+            "next_experiment": asked[0] if asked else None,
+            "further_experiments": asked[1:],
             "remainder": self._remainder_json(),
             "attributions": [
                 {

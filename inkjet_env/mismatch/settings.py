@@ -465,8 +465,14 @@ class RemainderSettings(_Settings):
 class DesignSettings(_Settings):
     """How the next experiment is designed."""
 
-    separation: float = 5.0
-    """Difference from which two candidates are separated. Unit: log-likelihood. Source: odds of 150 to 1."""
+    separation: float = 27.0
+    """Expected difference from which two candidates are separated. Unit: log-likelihood. Source: it then exceeds two
+    standard errors, as a verdict asks of it, in 95 of 100 repetitions: (2 · (2 + 1.64))² / 2."""
+    most_requests: int = 3
+    """Largest number of different recordings that are proposed at once. Unit: recordings. Source: reader."""
+    law_unknown: float = 0.1
+    """Share of a candidate's contribution to a signal by which a law that is none of them is expected to differ. Unit:
+    1. Source: chosen; it decides which recording is asked for, and no verdict."""
     most_repeats: int = 50
     """Largest number of repeats that is proposed. Unit: recordings. Source: reader."""
     refining_evaluations: int = 40

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inkjet_env.estimate import Estimate
-from inkjet_env.mismatch.design.next_experiment import next_experiment
+from inkjet_env.mismatch.design.next_experiment import NextExperiment, next_experiments
 from inkjet_env.mismatch.diagnosis import Diagnosis, NamedEffect
 from inkjet_env.mismatch.evidence import (
     closest,
@@ -174,10 +174,11 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     )  # fmt: skip
     probabilities = _probabilities(found, named, explanation, verdict)
     context.progress("designing the next experiment")
-    following = None
+    following: tuple[NextExperiment, ...] = ()
     if verdict == "set":
         fits = _candidate_fits(found)
-        following = next_experiment(fits, joint.noise, joint.observed, found.effects, settings.design)
+        none = probabilities.get(NONE_OF_THESE, 0.0)
+        following = next_experiments(fits, joint.noise, joint.observed, found.effects, settings.design, none)
     stopwatch.took("next experiment")
     if remainder is not None:
         rounding = {o.name: o.told - o.measured for o in stands.joint.observed}

@@ -55,7 +55,6 @@ def figures_of(diagnosis: Diagnosis, conditions: Sequence[tuple[Row, list[Row]]]
     models = models_of(proof, diagnosis)
     head = diagnosis.printhead
     zoom = zoom_of(proof, models, head.frequency_Hz if head.has_dynamics else None)
-    experiment = diagnosis.next_experiment
     return {
         "proof": proof,
         "models": models,
@@ -64,7 +63,10 @@ def figures_of(diagnosis: Diagnosis, conditions: Sequence[tuple[Row, list[Row]]]
         "zoom": view_figure(proof, models, zoom),
         "fits": [fits_figure(rows) for rows in shown_conditions(conditions)],
         "spectra": [spectrum_figure(recordings) for recordings in spectrum_recordings(diagnosis)],
-        "next_picture": next_figure(experiment) if experiment and len(experiment.drive_V) > 1 else None,
+        "next_pictures": [
+            (experiment, next_figure(experiment) if len(experiment.drive_V) > 1 else None)
+            for experiment in diagnosis.next_experiments
+        ],
     }
 
 

@@ -40,6 +40,8 @@ class Request:
         Name of the recording of which this is a repeat.
     purpose : str
         What it is for, in words.
+    neighbour_V : ndarray, shape (n,), optional
+        Drive of the neighbouring channel in volts; None: it stays at 0 V.
     """
 
     name: str
@@ -51,12 +53,16 @@ class Request:
     excitation: str = "arbitrary"
     repeat_of: str | None = None
     purpose: str = ""
+    neighbour_V: Real | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         check_name("channel", self.channel, CHANNELS)
         check_name("initial_state", self.initial_state, INITIAL_STATES)
         _, drive = check_samples(self.step_s * np.arange(np.size(self.drive_V)), self.drive_V)
         object.__setattr__(self, "drive_V", drive)
+        if self.neighbour_V is not None:
+            _, neighbour = check_samples(self.time_s, self.neighbour_V)
+            object.__setattr__(self, "neighbour_V", neighbour)
 
     @property
     def time_s(self) -> Real:
@@ -84,7 +90,7 @@ class Request:
         """
         return Recording(
             self.name, self.time_s, self.drive_V, sensor, unit, self.channel, self.excitation, self.initial_state,
-            order, self.repeat_of, {}, drive_monitor_V,
+            order, self.repeat_of, {}, drive_monitor_V, self.neighbour_V,
         )  # fmt: skip
 
 

@@ -51,7 +51,18 @@ class VirtualRig:
         return self._limits
 
     def record(self, request: Request, order: int) -> Recording:
-        """Take one recording; its noise is that of the channel's largest one of the default battery."""
+        """Take one recording; its noise is that of the channel's largest one of the default battery.
+
+        Raises
+        ------
+        ValueError
+            It asks for a drive of the neighbouring channel, which this rig has not.
+        """
+        if request.neighbour_V is not None:
+            raise ValueError(
+                f"{request.name} asks for a drive of the neighbouring channel, which the virtual rig has not. Have it "
+                "recorded on the head, through the session's folders: leave out --rig."
+            )
         bench = self._bench(request.channel)
         line = DriveLine(
             request.name, request.channel, request.excitation, request.initial_state, request.step_s, request.drive_V,

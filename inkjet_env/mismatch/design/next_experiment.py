@@ -1,36 +1,37 @@
-"""The recording that would separate the candidates that a campaign cannot distinguish.
+"""The recordings that would separate the candidates that a campaign cannot distinguish.
 
-The design is T-optimal: the largest distance between the rival models' predictions (Atkinson & Fedorov, Biometrika 62,
-1975). The rivals may adapt: before two predictions are compared, base and effect parameters move towards the rival as
-far as the campaign's information on them allows.
+They are those from which most is expected to be learned about which candidate holds, see `information`; the distances
+between the rivals' predictions are those of T-optimal designs (Atkinson & Fedorov, Biometrika 62, 1975). The rivals may
+adapt: before two predictions are compared, base and effect parameters move towards the rival as far as the campaign's
+information on them allows.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from inkjet_env.mismatch.design.drive_library import Proposal, benches, library
+from inkjet_env.mismatch.design.drive_library import benches, library
+from inkjet_env.mismatch.design.information import Hypotheses
+from inkjet_env.mismatch.design.predictions import Judged, Predictions
 from inkjet_env.mismatch.fitting.campaign_noise import Noise
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording
 from inkjet_env.mismatch.fitting.fit_result import FitResult
-from inkjet_env.mismatch.fitting.joint_fit import DIFFERENCE
-from inkjet_env.mismatch.localization.views import CHANNELS, largest_V
+from inkjet_env.mismatch.localization.views import CHANNELS
 from inkjet_env.mismatch.settings import DesignSettings
-from inkjet_env.plant import Effect, Excitation
-from inkjet_env.plant.errors import NUMERICAL
+from inkjet_env.plant import Effect
 from inkjet_env.plant.wording import with_prefix
 from inkjet_env.typing import Real
 
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """The recording that would separate the remaining candidates.
+    """A recording that would separate remaining candidates.
 
     Attributes
     ----------
@@ -47,7 +48,9 @@ class NextExperiment:
     neighbour_V : tuple of float
         Drive of the neighbouring channel at each sample; empty if it stays at 0 V.
     separation : float
-        Expected difference of log-likelihoods between the two candidates that are separated worst.
+        Expected difference of log-likelihoods between the two candidates of the sentence.
+    information_bits : float
+        Expected information about which candidate holds, together with the recordings that are asked for before it.
     repeats : int
         Number of recordings to take of it.
     drive_monitor : bool
@@ -61,6 +64,7 @@ class NextExperiment:
     drive_V: tuple[float, ...] = ()
     neighbour_V: tuple[float, ...] = ()
     separation: float = 0.0
+    information_bits: float = 0.0
     repeats: int = 1
     drive_monitor: bool = False
 
@@ -75,40 +79,19 @@ class NextExperiment:
             "step_s": self.step_s if known else None,
             "repeats": self.repeats if known else None,
             "drive_monitor": self.drive_monitor if known else None,
+            "information_bits": self.information_bits if known else None,
         }
 
 
-@dataclass(frozen=True, eq=False)
-class _Judged:
-    """A proposal with the distance between the candidates' predictions, pair by pair.
-
-    ``separations`` are half the squared whitened distances, ``differences`` the largest differences of the signals, in
-    the channel's unit.
-    """
-
-    proposal: Proposal
-    separations: tuple[float, ...]
-    differences: tuple[float, ...]
-
-    @property
-    def utility(self) -> float:
-        """Sum of ln(1 + separation) over the pairs, so that no pair counts for everything."""
-        return math.fsum(math.log1p(s) for s in self.separations)
-
-    @property
-    def least(self) -> int:
-        """Index of the pair that is separated worst."""
-        return int(np.argmin(self.separations))
-
-
-def next_experiment(
+def next_experiments(
     fits: Sequence[FitResult],
     noise: Noise,
     observed: Sequence[ObservedRecording],
     effects: Sequence[Effect],
     settings: DesignSettings,
-) -> NextExperiment | None:
-    """The recording that best separates the candidates that explain a campaign equally well.
+    none: float = 0.0,
+) -> tuple[NextExperiment, ...]:
+    """The recordings that together best separate the candidates that explain a campaign equally well.
 
     Parameters
     ----------
@@ -116,184 +99,83 @@ def next_experiment(
         Two or more candidates. For a single one, the answer says in words what shows its effects best; without any
         effect, it says which effects the campaign cannot show and what would show them.
     noise : Noise
-        Noise of the channels, expected in the next recording too.
+        Noise of the channels, expected in the next recordings too.
     observed : sequence of ObservedRecording
         The campaign's recordings.
     effects : sequence of Effect
         Effects that the diagnosis looked for.
     settings : DesignSettings
         Settings of the design.
+    none : float
+        Probability that none of the candidates holds.
 
     Returns
     -------
-    NextExperiment or None
-        None if there is nothing to propose. Its ``separation`` is the expected difference of log-likelihoods between
-        the two candidates that it separates worst.
+    tuple of NextExperiment
+        As few as suffice, the most informative first, at most `DesignSettings.most_requests`; empty if there is nothing
+        to propose.
     """
     candidates = [effect for fit in fits for effect in fit.active.effects]
     if len(fits) < 2:
         return _in_words(candidates, effects, observed)
-    judge = _Judge(fits, noise, observed, settings)
+    predictions = Predictions(fits, noise, observed, settings)
+    hypotheses = Hypotheses(len(fits), none, predictions.pairs)
     tried = [
         judged
         for bench in benches(observed, fits[0].head.printhead.frequency_Hz, settings)
         for proposal in library(bench)
-        if (judged := judge.judged(proposal)) is not None
+        if (judged := predictions.judged(proposal)) is not None
     ]
-    best = max(tried, key=lambda judged: judged.utility, default=None)
-    if best is None:
+    plan = _plan(tried, predictions, hypotheses)
+    if _least(plan) < settings.separation:
+        plan = max(plan, _plan(predictions.with_probe(tried), predictions, hypotheses), key=_least)
+    if settings.most_repeats * _least(plan) < settings.separation:
         return _in_words(candidates, effects, observed)
-    best = _refined(best, judge)
-    separation = best.separations[best.least]
-    if separation < settings.separation:
-        monitored = judge.monitored(tried)
-        if monitored is not None and monitored.separations[monitored.least] > separation:
-            return _proposed(monitored, judge, at_head=True)
-    if settings.most_repeats * separation < settings.separation:
-        return _in_words(candidates, effects, observed)
-    return _proposed(best, judge, at_head=False)
+    return _told(plan, predictions, hypotheses)
 
 
-class _Judge:
-    """Predictions of the candidates, and how far the campaign's information lets each adapt."""
-
-    def __init__(
-        self,
-        fits: Sequence[FitResult],
-        noise: Noise,
-        observed: Sequence[ObservedRecording],
-        settings: DesignSettings,
-    ) -> None:
-        self.fits, self.noise, self.observed, self.settings = tuple(fits), noise, tuple(observed), settings
-        self.pairs = tuple(itertools.combinations(range(len(fits)), 2))
-        seen = [o for o in observed if o.fitted]
-        base = np.concatenate([noise.whitened(o, fits[0].head.sensitivities(o))[: o.fitted] for o in seen])
-        self.information: list[Real] = []
-        for fit in fits:
-            self.information.append(np.asarray(np.linalg.qr(np.column_stack([base, fit.jacobian]), mode="r")))
-
-    def recording(self, excitation: Excitation) -> ObservedRecording:
-        """An excitation as a recording still to be taken."""
-        unit = next(o.unit for o in self.observed if o.channel == excitation.channel)
-        return ObservedRecording(
-            "next", excitation.channel, unit, -1, excitation, np.zeros(excitation.samples), excitation.samples
-        )
-
-    def judged(self, proposal: Proposal) -> _Judged | None:
-        """How well a proposal separates each pair; None if a candidate cannot predict it."""
-        excitation = proposal.excitation
-        o = self.recording(excitation)
-        if o.noise_key not in self.noise.models:
-            return None
-        try:
-            signals = [fit.head.plant(fit.active.pairs).signal(excitation) for fit in self.fits]
-            columns = [np.column_stack([fit.head.sensitivities(o), _jacobian(fit, excitation)]) for fit in self.fits]
-        except NUMERICAL:
-            return None
-        largest = max(
-            float(np.abs(other.measured).max()) for other in self.observed if other.channel == excitation.channel
-        )
-        if not all(float(np.abs(signal).max()) <= self.settings.plausible_signal * largest for signal in signals):
-            return None
-        white = [self.noise.whitened(o, c) for c in columns]
-        separations, differences = [], []
-        for i, j in self.pairs:
-            difference = signals[i] - signals[j]
-            d = self.noise.whitened(o, difference)
-            found = []
-            for k in (i, j):
-                step, square = _adapted(self.information[k], white[k], d)
-                found.append((square, difference - columns[k] @ step))
-            square, remains = min(found, key=lambda pair: pair[0])
-            separations.append(0.5 * square)
-            differences.append(float(np.abs(remains).max()))
-        if not np.isfinite(separations).all():
-            return None
-        return _Judged(proposal, tuple(separations), tuple(differences))
-
-    def monitored(self, tried: Sequence[_Judged]) -> _Judged | None:
-        """The proposal under which the voltages at the head differ most; None if they are recorded already."""
-        if any(o.channel == "drive_monitor" for o in self.observed):
-            return None
-        noise_V = self.monitor_noise_V
-        best = None
-        for judged in tried:
-            excitation = judged.proposal.excitation
-            if not excitation.fast:
-                continue
-            try:
-                voltages = [
-                    excitation.sampled(fit.head.plant(fit.active.pairs).at_ceramic_V(excitation)) for fit in self.fits
-                ]
-            except NUMERICAL:
-                continue
-            apart = [voltages[i] - voltages[j] for i, j in self.pairs]
-            found = _Judged(
-                judged.proposal,
-                tuple(0.5 * float(d @ d) / noise_V**2 for d in apart),
-                tuple(float(np.abs(d).max()) for d in apart),
-            )
-            if best is None or found.utility > best.utility:
-                best = found
-        return best
-
-    @property
-    def monitor_noise_V(self) -> float:
-        """Noise RMS of a voltage measured at the head, in volts."""
-        return self.settings.monitor_noise * max(largest_V(o) for o in self.observed)
+def _least(plan: Sequence[Judged]) -> float:
+    """Expected difference of log-likelihoods between the two candidates that a plan separates worst."""
+    return float(np.min(np.sum([judged.separations for judged in plan], axis=0))) if plan else 0.0
 
 
-def _adapted(information: Real, columns: Real, difference: Real) -> tuple[Real, float]:
-    """Step of a candidate's parameters towards its rival, shape (size,), and the squared distance that remains.
-
-    The campaign's information, a triangular factor, restrains the step; parameters on which it has none move freely.
-    """
-    rows = np.concatenate([information, columns])
-    size = np.linalg.norm(rows, axis=0)
-    size[size == 0] = 1.0
-    target = np.concatenate([np.zeros(len(information)), difference])
-    step = np.linalg.lstsq(rows / size, target, rcond=1e-15)[0]
-    remains = target - rows / size @ step
-    return np.asarray(step / size), float(remains @ remains)
+def _plan(tried: Sequence[Judged], predictions: Predictions, hypotheses: Hypotheses) -> list[Judged]:
+    """Proposals, each chosen for what it adds to those before it, until they separate all candidates; repeats count."""
+    plan: list[Judged] = []
+    settings = predictions.settings
+    while tried and len(plan) < settings.most_requests and _least(plan) < settings.separation:
+        best = min(tried, key=lambda judged: hypotheses.ln_left([*plan, judged]))
+        plan.append(_refined(best, plan, predictions, hypotheses))
+        tried = [*tried, plan[-1]]
+    return plan
 
 
-def _jacobian(fit: FitResult, excitation: Excitation) -> Real:
-    """Derivatives of a signal with respect to the coordinates of a candidate's effects, shape (n, k)."""
-    active = fit.active
-    columns = np.zeros((excitation.samples, active.theta.size))
-    if not active.theta.size:
-        return columns
-    here = fit.head.plant(active.pairs).signal(excitation)
-    for k, (_, parameter) in enumerate(active.parameters):
-        size = DIFFERENCE * active.scale(k)
-        there = active.stepped(k, -size if active.theta[k] + size > parameter.bounds[1] else size)
-        columns[:, k] = (fit.head.plant(there.pairs).signal(excitation) - here) / (there.theta[k] - active.theta[k])
-    return columns
-
-
-def _refined(best: _Judged, judge: _Judge) -> _Judged:
+def _refined(best: Judged, plan: list[Judged], predictions: Predictions, hypotheses: Hypotheses) -> Judged:
     """The best proposal with height, edges, dwell and gap of its pulses optimised; unchanged if it has no pulses."""
     from scipy.optimize import minimize
 
     train, excitation = best.proposal.train, best.proposal.excitation
-    if train is None:
+    if train is None or best in plan:
         return best
-    settings = judge.settings
-    available = benches(judge.observed, judge.fits[0].head.printhead.frequency_Hz, settings)
+    settings = predictions.settings
+    available = benches(predictions.observed, predictions.fits[0].head.printhead.frequency_Hz, settings)
     bench = next(b for b in available if b.channel == excitation.channel)
     periods = excitation.samples * excitation.step_s / bench.period_s
-    found = best
+    found, least = best, hypotheses.ln_left([*plan, best])
 
     def loss(theta: Real) -> float:
-        nonlocal found
+        nonlocal found, least
         height, *times = (float(factor) for factor in np.exp(theta))
         proposal = bench.changed(train, periods, height, times)
-        judged = judge.judged(proposal) if proposal is not None else None
+        judged = predictions.judged(proposal) if proposal is not None else None
+        if judged is not None and best.at_head:
+            judged = next(iter(predictions.with_probe([judged])), None)
         if judged is None:
             return math.inf
-        if judged.utility > found.utility:
-            found = judged
-        return -judged.utility
+        left = hypotheses.ln_left([*plan, judged])
+        if left < least:
+            found, least = judged, left
+        return left
 
     size = 4 if train.gap_s else 3
     simplex = np.vstack([np.zeros(size), settings.refining_step * np.diag([-1.0, *np.ones(size - 1)])])
@@ -302,33 +184,51 @@ def _refined(best: _Judged, judge: _Judge) -> _Judged:
     return found
 
 
-def _proposed(judged: _Judged, judge: _Judge, at_head: bool) -> NextExperiment:
-    """A proposal in words, with the difference between the two candidates that it separates worst."""
+def _told(plan: list[Judged], predictions: Predictions, hypotheses: Hypotheses) -> tuple[NextExperiment, ...]:
+    """A plan in words: each recording once, with its repeats."""
+    times = Counter(map(id, plan))
+    once = list({id(judged): judged for judged in plan}.values())
+    least = predictions.settings.separation
+    factor = max(1, math.ceil(least / max(_least(plan), 1e-300)))
+    total = np.sum([judged.separations for judged in plan], axis=0)
+    found, before = [], list[Judged]()
+    for judged in once:
+        repeats = factor * times[id(judged)]
+        before.extend([judged] * repeats)
+        # What it is for: the pair of which it separates most of what the whole plan does; alone, the worst one.
+        shares = judged.separations / np.maximum(total, 1e-300)
+        pair = int(np.argmax(shares)) if len(once) > 1 else int(np.argmin(total))
+        found.append(_proposed(judged, pair, repeats, hypotheses.information_bits(before), predictions))
+    return tuple(found)
+
+
+def _proposed(
+    judged: Judged, pair: int, repeats: int, information_bits: float, predictions: Predictions
+) -> NextExperiment:
+    """A proposal in words, with the difference between two candidates."""
     excitation = judged.proposal.excitation
-    separation, difference = judged.separations[judged.least], judged.differences[judged.least]
-    i, j = judge.pairs[judged.least]
-    if at_head:
-        unit, noise = "V", judge.monitor_noise_V
-        start, place = "Record the voltage at the head as well (column drive_monitor_V)", "there "
-    else:
-        o = judge.recording(excitation)
-        unit, noise = o.unit, judge.noise.models[o.noise_key].rms
-        start, place = f"Record {CHANNELS[excitation.channel]}", ""
-    names = f"{_named(judge.fits[i])} and {_named(judge.fits[j])}"
+    i, j = predictions.pairs[pair]
+    o = predictions.recording(excitation)
+    unit, noise, difference, place = o.unit, predictions.noise.models[o.noise_key].rms, judged.differences[pair], ""
+    start = f"Record {CHANNELS[excitation.channel]}"
+    if judged.at_head:
+        start = "Record the voltage at the head as well (column drive_monitor_V)"
+        place, there = "in the sensor's signal ", judged.at_head[pair]
+        if there / predictions.probe_noise_V > difference / noise:
+            unit, noise, difference, place = "V", predictions.probe_noise_V, there, "there "
+    names = f"{_named(predictions.fits[i])} and {_named(predictions.fits[j])}"
     size = f"{with_prefix(difference, unit)}, {float(f'{difference / noise:.2g}'):g} times the noise"
     state = "once the repeated drive has settled" if excitation.periodic else "from the demagnetised state"
     how = f"{state}, sampled every {with_prefix(excitation.step_s, 's', 3)}"
     said = f"{start} {judged.proposal.words}, {how}: the predictions for {names} differ {place}by up to {size}"
-    least, repeats = judge.settings.separation, 1
-    if separation < least:
-        repeats = math.ceil(least / max(separation, 1e-300))
+    if repeats > 1:
         said += f"; record it {repeats} times"
     neighbour_V = excitation.neighbour_V
     return NextExperiment(
         said + ".", excitation.channel, excitation.initial_state, excitation.step_s,
         tuple(float(v) for v in excitation.drive_V),
         () if neighbour_V is None or not neighbour_V.any() else tuple(float(v) for v in neighbour_V),
-        separation, repeats, at_head,
+        float(judged.separations[pair]), information_bits, repeats, bool(judged.at_head),
     )  # fmt: skip
 
 
@@ -338,17 +238,17 @@ def _named(fit: FitResult) -> str:
 
 def _in_words(
     candidates: Sequence[Effect], effects: Sequence[Effect], observed: Sequence[ObservedRecording]
-) -> NextExperiment | None:
+) -> tuple[NextExperiment, ...]:
     """In words, recordings that show the candidates or, without any, the effects that the campaign cannot show."""
     if candidates:
         ways = list(dict.fromkeys(effect.shown_by for effect in candidates))
-        return NextExperiment(f"To find out, record {'; and '.join(ways)}.")
+        return (NextExperiment(f"To find out, record {'; and '.join(ways)}."),)
     excitations = [o.excitation for o in observed]
     unseen: dict[str, list[str]] = {}
     for effect in effects:
         if effect.untestable(excitations):
             unseen.setdefault(effect.shown_by, []).append(effect.id.replace("_", " "))
     if not unseen:
-        return None
+        return ()
     missing = "; ".join(f"{way}, for {' and '.join(names)}" for way, names in unseen.items())
-    return NextExperiment(f"These recordings cannot show some effects. To test for them, record {missing}.")
+    return (NextExperiment(f"These recordings cannot show some effects. To test for them, record {missing}."),)

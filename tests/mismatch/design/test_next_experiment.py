@@ -8,7 +8,7 @@ import pytest
 
 from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.design.drive_library import Train, benches, library
-from inkjet_env.mismatch.design.next_experiment import next_experiment
+from inkjet_env.mismatch.design.next_experiment import next_experiments
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, observe
@@ -102,7 +102,7 @@ def test_the_separation_is_what_the_best_refit_of_the_rival_leaves():
     for name in ("second_mode", "wave_echo"):
         start = EFFECTS[name].starts(HEAD, excitations)[0]
         fits.append(candidate(joint, EFFECTS[name], start))
-    found = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
+    (found, *_) = next_experiments(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
     excitation = Excitation(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=6)
     o = ObservedRecording("next", found.channel, "V", -1, excitation, np.zeros(excitation.samples), excitation.samples)
     signals = [fit.head.plant(fit.active.pairs).signal(excitation) for fit in fits]
@@ -141,7 +141,7 @@ def new_slopes(fit, excitation):
 def test_what_a_campaign_leaves_alike_is_told_apart_by_the_recording_that_was_asked_for(one_amplitude):
     joint, fits, planted = one_amplitude
     before = fits[1].nll - fits[0].nll
-    found = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
+    (found, *_) = next_experiments(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
     assert abs(before) < 3
     assert found.separation > 20
     excitation = Excitation(found.channel, found.initial_state, found.step_s, np.array(found.drive_V), order=9)
@@ -158,7 +158,7 @@ def test_what_a_campaign_leaves_alike_is_told_apart_by_the_recording_that_was_as
 def test_amplifier_and_sensor_of_a_linear_head_are_told_apart_at_the_head_alone():
     joint = joint_of(LINEAR, ("trapezoid-60V", "trapezoid-100V", "zero"))
     fits = [candidate(joint, effect, {"strength": -0.1}) for effect in (WeakAmplifier(), WeakSensor())]
-    found = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
+    (found, *_) = next_experiments(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)
     assert found.sentence.startswith("Record the voltage at the head as well (column drive_monitor_V)")
     assert "the predictions for weak amplifier and weak sensor differ there by up to 10 V" in found.sentence
     assert max(map(abs, found.drive_V)) == pytest.approx(100)
@@ -169,7 +169,7 @@ def test_amplifier_and_sensor_of_a_linear_head_are_told_apart_at_the_head_alone(
 
 def test_the_sentence_tells_drive_channel_difference_and_noise(one_amplitude):
     joint, fits, _ = one_amplitude
-    sentence = next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design).sentence
+    sentence = next_experiments(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)[0].sentence
     assert sentence.startswith("Record the self-sensing signal under ")
     assert "the predictions for quadratic damping and ferroelastic softening differ by up to" in sentence
     assert "times the noise" in sentence
@@ -180,7 +180,7 @@ def test_no_drive_goes_beyond_what_the_campaign_dared(one_amplitude):
     assert {float(o.excitation.drive_V.min()) for o in joint.observed} == {0.0}  # 0 … 80 V alone
     (bench,) = benches(joint.observed, HEAD.frequency_Hz, SETTINGS.design)
     drives = [p.excitation.drive_V for p in library(bench)]
-    drives.append(np.array(next_experiment(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design).drive_V))
+    drives.append(np.array(next_experiments(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)[0].drive_V))
     for drive in drives:
         assert 0 <= drive.min() <= drive.max() <= 80
     assert max(drive.max() for drive in drives) == 80
@@ -216,9 +216,9 @@ def test_of_one_candidate_what_shows_it_is_told_and_of_none_what_was_not_seen(on
     joint, fits, _ = one_amplitude
     assert (
         fits[0].active.effects[0].shown_by
-        in next_experiment(fits[:1], joint.noise, joint.observed, catalogue(), SETTINGS.design).sentence
+        in next_experiments(fits[:1], joint.noise, joint.observed, catalogue(), SETTINGS.design)[0].sentence
     )
-    unseen = next_experiment([], joint.noise, joint.observed, catalogue(), SETTINGS.design)
+    (unseen,) = next_experiments([], joint.noise, joint.observed, catalogue(), SETTINGS.design)
     assert EFFECTS["crosstalk"].shown_by in unseen.sentence
     assert unseen.drive_V == ()
     assert math.isclose(unseen.separation, 0)
