@@ -465,9 +465,9 @@ class RemainderSettings(_Settings):
 class DesignSettings(_Settings):
     """How the next experiment is designed."""
 
-    separation: float = 27.0
+    separation: float = 21.5
     """Expected difference from which two candidates are separated. Unit: log-likelihood. Source: it then exceeds two
-    standard errors, as a verdict asks of it, in 95 of 100 repetitions: (2 · (2 + 1.64))² / 2."""
+    standard errors, as a verdict asks of it, in nine of ten repetitions: (2 · (2 + 1.28))² / 2."""
     most_requests: int = 3
     """Largest number of different recordings that are proposed at once. Unit: recordings. Source: reader."""
     law_unknown: float = 0.1
@@ -492,6 +492,10 @@ class DesignSettings(_Settings):
     """Length of a pulse with its ring-down. Unit: periods of the resonance. Source: tables."""
     multisine_window: int = 40
     """Length of one repetition of a multisine. Unit: periods of the resonance. Source: tables."""
+    probe_window: int = 4
+    """Length of a pulse that is sampled fast for a probe at the head. Unit: periods of the resonance. Source: speed."""
+    probe_samples: int = 4000
+    """Number of its samples. Unit: samples. Source: a thousandth of a period, 20 ns, shows lags as short."""
     highest_line: float = 0.2
     """Highest line of a multisine, at most. Unit: cycles per sample. Source: two fifths of Nyquist's frequency."""
     slow_samples: int = 1200

@@ -288,6 +288,17 @@ def fast_library(bench: Bench) -> list[Proposal]:
     return found
 
 
+def probe_library(bench: Bench) -> list[Proposal]:
+    """Pulses sampled so fast that a probe at the head shows what happens within an edge."""
+    settings, period_s = bench.settings, bench.period_s
+    step_s = float(f"{settings.probe_window * period_s / settings.probe_samples:.2g}")
+    fine = replace(bench, step_s=step_s)
+    levels = tuple(v for v in (bench.high_V, bench.low_V) if v)
+    steep = max(0.03 * period_s, step_s)
+    trains = [Train(levels, steep, 0.35 * period_s, 0.35 * period_s), Train(levels[:1], steep, 0.35 * period_s)]
+    return [fine.pulses(train, settings.probe_window) for train in trains]
+
+
 def slow_library(bench: Bench) -> list[Proposal]:
     """Candidate drives of a slow channel: loops at three rates, step and hold, nested loops, silence."""
     most = max(bench.high_V, -bench.low_V)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.mismatch.design.drive_library import benches, library
+from inkjet_env.mismatch.design.drive_library import benches, library, probe_library
 from inkjet_env.mismatch.design.information import Hypotheses
 from inkjet_env.mismatch.design.predictions import Judged, Predictions
 from inkjet_env.mismatch.fitting.campaign_noise import Noise
@@ -120,15 +120,23 @@ def next_experiments(
         return _in_words(candidates, effects, observed)
     predictions = Predictions(fits, noise, observed, settings)
     hypotheses = Hypotheses(len(fits), none, predictions.pairs)
+    sensors = [o for o in observed if o.channel != "drive_monitor"]
+    available = benches(sensors, fits[0].head.printhead.frequency_Hz, settings)
     tried = [
         judged
-        for bench in benches(observed, fits[0].head.printhead.frequency_Hz, settings)
+        for bench in available
         for proposal in library(bench)
         if (judged := predictions.judged(proposal)) is not None
     ]
+    fast = [bench for bench in available if bench.channel != "strain_gauge" and not bench.quasi_static]
+    fine = [predictions.unjudged(proposal) for bench in fast[:1] for proposal in probe_library(bench)]
+    monitored = len(sensors) < len(observed)
+    if monitored:  # then whatever is recorded with a fast sensor has it too
+        tried = predictions.with_probe(tried)
     plan = _plan(tried, predictions, hypotheses)
     if _least(plan) < settings.separation:
-        plan = max(plan, _plan(predictions.with_probe(tried), predictions, hypotheses), key=_least)
+        probed = predictions.with_probe(fine if monitored else [*tried, *fine])
+        plan = max(plan, _plan([*tried, *probed], predictions, hypotheses), key=_least)
     if settings.most_repeats * _least(plan) < settings.separation:
         return _in_words(candidates, effects, observed)
     return _told(plan, predictions, hypotheses)
@@ -155,8 +163,8 @@ def _refined(best: Judged, plan: list[Judged], predictions: Predictions, hypothe
     from scipy.optimize import minimize
 
     train, excitation = best.proposal.train, best.proposal.excitation
-    if train is None or best in plan:
-        return best
+    if train is None or best in plan or not best.differences or not any(best.differences):
+        return best  # what is sampled for a probe alone stays as it is
     settings = predictions.settings
     available = benches(predictions.observed, predictions.fits[0].head.printhead.frequency_Hz, settings)
     bench = next(b for b in available if b.channel == excitation.channel)
@@ -209,7 +217,8 @@ def _proposed(
     excitation = judged.proposal.excitation
     i, j = predictions.pairs[pair]
     o = predictions.recording(excitation)
-    unit, noise, difference, place = o.unit, predictions.noise.models[o.noise_key].rms, judged.differences[pair], ""
+    model = predictions.noise.models.get(o.noise_key)
+    unit, noise, difference, place = o.unit, model.rms if model else math.inf, judged.differences[pair], ""
     start = f"Record {CHANNELS[excitation.channel]}"
     if judged.at_head:
         start = "Record the voltage at the head as well (column drive_monitor_V)"

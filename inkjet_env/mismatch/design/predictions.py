@@ -120,14 +120,18 @@ class Predictions:
         """Signal of the head of the first candidate without its effects."""
         return self.fits[0].head.plant(()).signal(o.excitation)
 
+    def unjudged(self, proposal: Proposal) -> Judged:
+        """A proposal of which only what a probe at the head shows counts: noise at its sampling step is unknown."""
+        nothing = np.zeros(len(self.pairs))
+        return Judged(proposal, nothing, np.zeros(len(self.fits)), tuple(nothing.tolist()))
+
     def with_probe(self, tried: Sequence[Judged]) -> list[Judged]:
-        """Proposals with the voltage at the head recorded too; empty if the campaign records it already."""
-        if any(o.channel == "drive_monitor" for o in self.observed):
-            return []
+        """Proposals with the voltage at the head recorded too, where the sensor is fast; others as they are."""
         found = []
         for judged in tried:
             excitation = judged.proposal.excitation
             if not excitation.fast:
+                found.append(judged)
                 continue
             try:
                 voltages = [
@@ -143,7 +147,10 @@ class Predictions:
 
     @property
     def probe_noise_V(self) -> float:
-        """Noise RMS of a voltage measured at the head, in volts."""
+        """Noise RMS of a voltage measured at the head, in volts: the campaign's, or a usual probe's."""
+        known = [model.rms for (channel, _), model in self.noise.models.items() if channel == "drive_monitor"]
+        if known:
+            return max(known)
         return self.settings.monitor_noise * max(largest_V(o) for o in self.observed)
 
 

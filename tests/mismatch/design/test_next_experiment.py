@@ -180,7 +180,9 @@ def test_no_drive_goes_beyond_what_the_campaign_dared(one_amplitude):
     assert {float(o.excitation.drive_V.min()) for o in joint.observed} == {0.0}  # 0 … 80 V alone
     (bench,) = benches(joint.observed, HEAD.frequency_Hz, SETTINGS.design)
     drives = [p.excitation.drive_V for p in library(bench)]
-    drives.append(np.array(next_experiments(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)[0].drive_V))
+    drives.append(
+        np.array(next_experiments(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)[0].drive_V)
+    )
     for drive in drives:
         assert 0 <= drive.min() <= drive.max() <= 80
     assert max(drive.max() for drive in drives) == 80
