@@ -30,8 +30,14 @@ def prove(
     quick: Annotated[bool, typer.Option("--quick", help="60 cases of all kinds instead of all")] = False,
     only: Annotated[
         str | None,
-        typer.Option(help="ids of effects, separated by commas: only the cases that conceal one of them alone"),
+        typer.Option(
+            help="only cases of these effects, strengths (strong, medium, faint), families (null, effect, outside, "
+            "base, pair) and sizes (whole, meagre, slow), separated by commas"
+        ),
     ] = None,
+    first: Annotated[
+        int, typer.Option(help="only so many cases of each family, effects, strength and size; 0: all", min=0)
+    ] = 0,
     adaptive: Annotated[
         bool,
         typer.Option(
@@ -91,8 +97,8 @@ def prove(
     if seed == PUBLISHED_SEED:
         raise ValueError(f"seed {seed} is the published one: give --published instead, once the code is final.")
     chosen = PUBLISHED_SEED if published else DEVELOPMENT_SEED if seed is None else seed
-    effects = tuple(name.strip() for name in only.split(",")) if only else ()
-    settings = Settings(chosen, "quick" if quick else "full", only=effects)
+    names = tuple(name.strip() for name in only.split(",")) if only else ()
+    settings = Settings(chosen, "quick" if quick else "full", only=names, first=first)
     asked = (
         (1 if quick else 100) if reoptimise is None else reoptimise,
         (0 if quick else 60) if baselines is None else baselines,

@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import tempfile
-from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -21,23 +20,12 @@ from typing import Any
 
 from inkjet_env.experiments.concealed_plant import RIG
 from inkjet_env.experiments.proof.campaign_files import unpack
+from inkjet_env.experiments.proof.chosen_cases import first_of_each_kind
 from inkjet_env.experiments.proof.concealment import conceal, families
 from inkjet_env.experiments.proof.corpus import DEVELOPMENT_SEED, PUBLISHED_SEED, Draw, corpus
 from inkjet_env.experiments.proof.sealing import read_json
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import write_json
-
-
-def first_of_each_kind(draws: Sequence[Draw], first: int) -> list[Draw]:
-    """The first cases of each family, effects, strength and size."""
-    seen: Counter[tuple[Any, ...]] = Counter()
-    chosen = []
-    for draw in draws:
-        kind = (draw.family, draw.effects, draw.strength, draw.meagre, draw.slow_only)
-        seen[kind] += 1
-        if seen[kind] <= first:
-            chosen.append(draw)
-    return chosen
 
 
 def diagnosed(draw: Draw, folder: Path) -> dict[str, Any]:

@@ -124,7 +124,7 @@ def judge_case(
         if asked.get("reoptimise"):
             from inkjet_env.experiments.proof.waveform_gain import reoptimised_costs
 
-            found["reoptimised"] = reoptimised_costs(base.head, augmented.head, plant, draw.number)
+            found["reoptimised"] = reoptimised_costs(answer["base"], answer["augmented"], plant, draw.number)
     if asked.get("baselines"):
         from inkjet_env.experiments.proof.baselines import baselines
 

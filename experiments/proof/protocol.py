@@ -16,6 +16,7 @@ from inkjet_env.experiments.execution.cluster import run_each
 from inkjet_env.experiments.execution.provenance import code_digest
 from inkjet_env.experiments.proof.blind_run import diagnose_blind
 from inkjet_env.experiments.proof.campaign_files import ProofError, digest, pack, unpack
+from inkjet_env.experiments.proof.chosen_cases import chosen_cases
 from inkjet_env.experiments.proof.concealment import conceal, families
 from inkjet_env.experiments.proof.corpus import Draw, corpus, opaque_name
 from inkjet_env.experiments.proof.sealing import (
@@ -127,7 +128,8 @@ def prove(
     """
     open_folder(folder, settings)
     code = read_json(folder / "proof.json")["code"]
-    draws = settings.chosen(corpus(settings.seed, settings.profile, *families(settings.rig, settings.published)))
+    whole = corpus(settings.seed, settings.profile, *families(settings.rig, settings.published))
+    draws = chosen_cases(whole, settings.only, settings.first)
     salt = salt_of(folder)
     named = dict(sorted(((opaque_name(salt, draw), draw) for draw in draws), key=itemgetter(0)))
     _conceal_all(folder, named, settings.rig, client, steps, code["rig"])

@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import secrets
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -23,8 +23,8 @@ from typing import Any
 from inkjet_env.experiments.concealed_plant import RIG
 from inkjet_env.experiments.execution.provenance import code_digest, first_difference, versions
 from inkjet_env.experiments.proof.campaign_files import ProofError, check_campaign_only, digest
-from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, RIGS, STAGES, VERSION, Draw
-from inkjet_env.naming import check_name
+from inkjet_env.experiments.proof.chosen_cases import check_only
+from inkjet_env.experiments.proof.corpus import PUBLISHED_SEED, RIGS, STAGES, VERSION
 from inkjet_env.storage import UNFINISHED, json_text, remove_unfinished, stored_object, write_atomically
 
 SETTINGS, MANIFEST, ANSWERS = "proof.json", "manifest.json", "answers.json"
@@ -38,7 +38,7 @@ NOTHING, NONE_OF_THESE = "nothing", "none of these"
 """Labels of a verdict's probabilities besides the ids: nothing is concealed, or something that no id stands for."""
 JUDGE_SOURCES = (
     *(*SOURCES["rig"], *SOURCES["finder"], "optimizers/**/*.py", "experiments/proof/*.py"),
-    *(f"experiments/{room}/**/*.py" for room in ("execution", "benchmark", "validation")),
+    *(f"experiments/{room}/**/*.py" for room in ("execution", "benchmark", "validation", "tuning")),
 )
 
 
@@ -55,21 +55,19 @@ class Settings:
     rig : str
         Module of the concealed plant.
     only : tuple of str
-        Effects; only cases that conceal one of them alone. Empty: all cases.
+        Names of the cases that it holds, see `chosen_cases`; empty: all.
+    first : int
+        Number of cases of each family, effects, strength and size, the first of the corpus; 0: all.
     """
 
     seed: int
     profile: str
     rig: str = RIG
     only: tuple[str, ...] = ()
+    first: int = 0
 
     def __post_init__(self) -> None:
-        for effect in self.only:
-            check_name("only", effect, tuple(STAGES))
-
-    def chosen(self, draws: Sequence[Draw]) -> list[Draw]:
-        """The cases of a corpus that this proof holds."""
-        return [draw for draw in draws if not self.only or (len(draw.effects) == 1 and draw.effects[0] in self.only)]
+        check_only(self.only)
 
     @property
     def published(self) -> bool:
@@ -87,7 +85,8 @@ class Settings:
             "rig": self.rig,
             "code": {part: code_digest(patterns) for part, patterns in SOURCES.items()},
             "versions": versions(),
-            **({"only": list(self.only)} if self.only else {}),
+            **({"only": sorted(self.only)} if self.only else {}),
+            **({"first": self.first} if self.first else {}),
         }
 
 

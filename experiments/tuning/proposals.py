@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Printhead, Waveform
 from inkjet_env.typing import Real
 
@@ -16,6 +18,13 @@ DISTINCT = 0.02
 """Smallest distance, in half widths of the box, between two waveforms that are both worth a recording."""
 SIMPLEX = 0.1
 """Size of the first simplex of the polishing search, in half widths of the box."""
+
+
+class Objective(Protocol):
+    """The function to minimise over ``[-1, 1]⁷``."""
+
+    def evaluate(self, points: Real) -> Real:
+        """Costs in volts, shape (n,), of points, shape (n, 7)."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +52,16 @@ class Proposal:
     def as_waveform(self) -> Waveform:
         """The waveform itself."""
         return Waveform.from_array(self.waveform)
+
+
+def head_to_use(data: Mapping[str, Any], base: Printhead) -> Printhead | AugmentedPrinthead:
+    """The corrected head of a ``printhead/1``; the base model where it predicts held-out recordings no better."""
+    fit = data["fit"]
+    before, after = fit.get("base_heldout_rms_V"), fit.get("augmented_heldout_rms_V")
+    head = printhead_of(data)
+    if isinstance(head, AugmentedPrinthead) and head.effects and before and after and after >= before:
+        return base
+    return head
 
 
 def proposals(
@@ -79,7 +98,7 @@ def proposals(
     return tuple(_proposal(problem, name, points[name]) for name in chosen)
 
 
-def searched(objective: Problem, known: list[Real], budget: int, searches: int, seed: int) -> Real:
+def searched(objective: Objective, known: Sequence[Real], budget: int, searches: int, seed: int) -> Real:
     """Best point in ``[-1, 1]⁷`` of several searches and of those that are known, each refined by a simplex search."""
     from scipy.optimize import minimize
 

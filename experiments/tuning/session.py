@@ -22,12 +22,11 @@ import numpy as np
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.tuning.check import Measured, check_request, measured
 from inkjet_env.experiments.tuning.exchange import Exchange
-from inkjet_env.experiments.tuning.proposals import Proposal, proposals
+from inkjet_env.experiments.tuning.proposals import Proposal, head_to_use, proposals
 from inkjet_env.identification import identify
 from inkjet_env.mismatch import clear_checkpoint, diagnose
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.head_ensemble import ensemble_of
-from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead
 from inkjet_env.printhead.printhead_json import printhead_data
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_window
@@ -206,7 +205,7 @@ class Session:
             campaign = self._with(campaign, self._obtain(_requests(found["requests"], asked)))
             asked += len(found["requests"])
         base = self._base(number, campaign)
-        head = self._head(number, base)
+        head = head_to_use(printhead_data(self.folder / f"corrected-{number}.json"), base)
         waveforms = self._proposed(number, head, base)
         requests = [
             check_request(f"check-{k}-{one.name}", one.as_waveform, head.frequency_Hz, self.settings.window_s)
@@ -299,16 +298,6 @@ class Session:
         if self._stored(file) is None:
             self._write(file, identify(campaign, progress=self.progress).as_json())
         return Printhead.from_json(self.folder / file)
-
-    def _head(self, number: int, base_model: Printhead) -> Printhead | AugmentedPrinthead:
-        """The corrected head; the base model where it predicts held-out recordings no better."""
-        data = printhead_data(self.folder / f"corrected-{number}.json")
-        fit = data["fit"]
-        base, corrected = fit.get("base_heldout_rms_V"), fit.get("augmented_heldout_rms_V")
-        head = printhead_of(data)
-        if isinstance(head, AugmentedPrinthead) and head.effects and base and corrected and corrected >= base:
-            return base_model
-        return head
 
     def _proposed(self, number: int, head: Printhead | AugmentedPrinthead, base: Printhead) -> tuple[Proposal, ...]:
         """Waveforms to try, from their file if they were found before."""
