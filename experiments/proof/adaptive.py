@@ -20,14 +20,15 @@ import numpy as np
 from inkjet_env.experiments.concealed_plant import RIG
 from inkjet_env.experiments.execution.cluster import run_each
 from inkjet_env.experiments.execution.provenance import code_digest
-from inkjet_env.experiments.proof.answering import continued_campaign
+from inkjet_env.experiments.proof.answering import ConcealedRig, continued_campaign
 from inkjet_env.experiments.proof.blind_run import diagnose_blind
 from inkjet_env.experiments.proof.campaign_files import ProofError, digest, unpack
 from inkjet_env.experiments.proof.concealment import plant_of
 from inkjet_env.experiments.proof.corpus import Draw
-from inkjet_env.experiments.proof.criteria import Figure, counted, estimated
-from inkjet_env.experiments.proof.score import CLEAR, mean, of, right, set_size, verdict_record, wrong
+from inkjet_env.experiments.proof.criteria import Figure, counted, estimated, finite
+from inkjet_env.experiments.proof.score import CLEAR, LEAST_ORACLE, mean, of, right, set_size, verdict_record, wrong
 from inkjet_env.experiments.proof.sealing import JUDGE_SOURCES, canonical, check_answer, read_json
+from inkjet_env.printhead import Bounds
 from inkjet_env.progress import shown_progress
 from inkjet_env.storage import json_text, write_atomically
 
@@ -38,6 +39,8 @@ ADAPTED_FORMAT, ADAPTIVE_FORMAT = "proof-adapted/1", "proof-adaptive/1"
 MOST_REQUESTS = 3
 WAYS = ("designed", "random")
 """Where requests come from: from the diagnosis, or from its library of drives at random."""
+WORSE = 0.02
+"""Loss against the base model's waveform that counts, as a fraction of its cost."""
 LAGS = ("amplifier_bandwidth", "sensor_bandwidth", "trigger_delay")
 """Effects that differ only far above the resonance."""
 
@@ -49,7 +52,13 @@ def asks(answer: Mapping[str, Any]) -> bool:
 
 
 def adapt_case(
-    name: str, case: Mapping[str, Any], answer: Mapping[str, Any], way: str, rig: str, code: str
+    name: str,
+    case: Mapping[str, Any],
+    answer: Mapping[str, Any],
+    waveforms: Mapping[str, Any] | None,
+    way: str,
+    rig: str,
+    code: str,
 ) -> dict[str, Any]:
     """All rounds of one case at a worker.
 
@@ -60,7 +69,9 @@ def adapt_case(
     case : dict
         The case as sealed: draw and attempt.
     answer : dict
-        The first answer, from `blind_run.diagnose_blind`; one that `asks`.
+        The first answer, from `blind_run.diagnose_blind`.
+    waveforms : dict, optional
+        Waveforms of `reoptimised_costs` for that answer, if this case's waveform is re-optimised.
     way : {"designed", "random"}
         Where requests come from.
     rig, code : str
@@ -69,7 +80,8 @@ def adapt_case(
     Returns
     -------
     dict
-        ``rounds``: what was recorded (``requests`` without their drives, and their digest), ``entry`` with the answer.
+        ``rounds``: what was recorded (``requests`` without their drives, and their digest), ``entry`` with the answer;
+        ``loop``: the waveform that the closed loop ends with, from `waveform_gain.checked`, if one is asked for.
 
     Raises
     ------
@@ -93,7 +105,16 @@ def adapt_case(
         entry = diagnose_blind(name, packed, packed_digest(packed, name))
         answer = entry["answer"]
         rounds.append({"requests": [_in_short(one) for one in asked], "entry": entry})
-    return {"rounds": rounds}
+    loop = None
+    if waveforms is not None and answer["verdict"] is not None:
+        from inkjet_env.experiments.proof.waveform_gain import checked, waveforms_of
+
+        points = {one: Bounds().to_unit(np.array(values)) for one, values in waveforms.items()}
+        if rounds:
+            points = waveforms_of(answer["base"], answer["augmented"], draw.number)
+        order = len(plant.setup.rows) + 1 + sum(one["repeats"] for one in requests)
+        loop = checked(answer["base"], answer["augmented"], points, ConcealedRig(plant, rig), order)
+    return {"rounds": rounds, "loop": loop}
 
 
 def packed_digest(packed: bytes, name: str) -> str:
@@ -163,29 +184,28 @@ def adapt(folder: Path, outcome: Outcome, client: Any, step: Callable[..., Any],
     """
     code = code_digest(JUDGE_SOURCES)
     asking = {case["name"]: case for case in outcome.cases if asks(_with_requests(case["answer"], folder))}
+    tried = {case["name"]: case for case in outcome.cases if case["judged"].get("reoptimised")}
+    taken = {"designed": asking | tried, "random": asking}
+    labels = [f"{way}/{name}" for way in WAYS for name in taken[way]]
 
     def file(label: str) -> Path:
         way, name = label.split("/")
         return folder / "adaptive" / way / f"{name}.json"
 
     done: dict[str, Any] = {}
-    for label in (f"{way}/{name}" for way in WAYS for name in asking):
+    for label in labels:
         if file(label).exists() and (stored := read_json(file(label))).get("code") == code:
             done[label] = stored["adapted"]
 
     def job(label: str) -> tuple[Any, ...]:
         way, name = label.split("/")
-        case = asking[name]
-        return name, {"draw": case["draw"], "attempt": case["attempt"]}, case["answer"], way, rig, code
+        case = taken[way][name]
+        found = case["judged"].get("reoptimised") if way == "designed" else None
+        waveforms = None if found is None else found["waveforms"]
+        return name, {"draw": case["draw"], "attempt": case["attempt"]}, case["answer"], waveforms, way, rig, code
 
-    total = len(WAYS) * len(asking)
-    jobs = {
-        f"{way}/{name}": functools.partial(job, f"{way}/{name}")
-        for way in WAYS
-        for name in asking
-        if f"{way}/{name}" not in done
-    }
-    with shown_progress("rounds", total, len(done)) as progress:
+    jobs = {label: functools.partial(job, label) for label in labels if label not in done}
+    with shown_progress("rounds", len(labels), len(done)) as progress:
 
         def keep(label: str, adapted: dict[str, Any]) -> None:
             for one in adapted["rounds"]:
@@ -250,7 +270,47 @@ def adaptive_score(cases: Sequence[Mapping[str, Any]], done: Mapping[str, Any]) 
                 ],
             }
         )
-    return {"format": ADAPTIVE_FORMAT, "most_requests": MOST_REQUESTS, "figures": figures, "cases": rows}
+    heads = []
+    for case in cases:
+        adapted = done.get(f"designed/{case['name']}")
+        if adapted and adapted["loop"]:
+            costs = {name: case["judged"]["reoptimised"][name] for name in ("base", "augmented", "robust", "oracle")}
+            costs["loop"] = adapted["loop"]["cost"]
+            costs["oracle"] = min(costs.values())
+            about = {"effects": case["draw"]["effects"], "rounds": len(adapted["rounds"])}
+            heads.append(about | costs | {"chosen": adapted["loop"]["chosen"], "verdict": _said(case)["judged"]})
+    return {
+        "format": ADAPTIVE_FORMAT,
+        "most_requests": MOST_REQUESTS,
+        "figures": figures,
+        "cases": rows,
+        "waveforms": {"heads": heads, "gains": gains(heads)},
+    }
+
+
+def gains(heads: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
+    """Gain over the base model's waveforms of those of the corrected heads, of the robust ones and of the closed loop.
+
+    Returns
+    -------
+    dict
+        By way: fraction of what the oracles gain, all volts together (``share``) and of the median head (``median``);
+        number of heads that are worse off than with the base model's waveform by more than `WORSE` (``worse``), and
+        the largest such loss as a fraction of the base model's cost (``worst``).
+    """
+    found = {}
+    for way in ("augmented", "robust", "loop"):
+        could = [head["base"] - head["oracle"] for head in heads]
+        did = [head["base"] - head[way] for head in heads]
+        losses = [-gain / abs(head["base"]) for gain, head in zip(did, heads, strict=True)]
+        each = [a / b for a, b, head in zip(did, could, heads, strict=True) if b > LEAST_ORACLE * abs(head["base"])]
+        found[way] = {
+            "share": finite(sum(did) / sum(could)) if sum(could) > 0 else None,
+            "median": finite(float(np.median(each))) if each else None,
+            "worse": sum(loss > WORSE for loss in losses),
+            "worst": max([0.0, *losses]),
+        }
+    return found
 
 
 def _lag(case: Mapping[str, Any]) -> bool:

@@ -64,3 +64,11 @@ def print_rounds(found: Mapping[str, Any]) -> None:
             rows.append((before["name"], str(before["of"]), *texts))
         if rows[0][1] != "0":
             print_table((group, "cases", "before", "requests as designed", "requests at random"), rows)
+    if found["waveforms"]["heads"]:
+        names = {"augmented": "corrected head", "robust": "heads that remain possible", "loop": "closed loop"}
+        rows = [
+            (names[way], figure_text(one["share"], "share"), figure_text(one["median"], "share"), str(one["worse"]))
+            for way, one in found["waveforms"]["gains"].items()
+        ]
+        head = (f"waveforms of {len(found['waveforms']['heads'])} heads", "all volts", "median head", "worse than base")
+        print_table(head, rows)

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.experiments.benchmark.problem import Problem
-from inkjet_env.experiments.tuning.proposals import Objective, head_to_use, searched
+from inkjet_env.experiments.proof.answering import ConcealedRig
+from inkjet_env.experiments.tuning.check import check_request, measured
+from inkjet_env.experiments.tuning.proposals import Objective, distinct, head_to_use, searched
 from inkjet_env.plant.head_ensemble import ensemble_of
 from inkjet_env.plant.printhead_file import printhead_of
-from inkjet_env.printhead import Bounds, Printhead
+from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
+from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
 STARTS, BUDGET = 4, 600
@@ -62,6 +65,45 @@ def reoptimised_costs(base: Mapping[str, Any], corrected: Mapping[str, Any], pla
     foretold = {name: float(objectives[name].evaluate(points[name])[0]) for name in objectives}
     waveforms = {name: Bounds().from_unit(point).tolist() for name, point in points.items()}
     return {**costs, "foretold": foretold, "waveforms": waveforms}
+
+
+def checked(
+    base: Mapping[str, Any], corrected: Mapping[str, Any], points: Mapping[str, Real], rig: ConcealedRig, order: int
+) -> dict[str, Any]:
+    """The waveforms of several models tried on the concealed head, as by `inkjet tune`: the best recorded is fired.
+
+    Parameters
+    ----------
+    base, corrected : dict
+        Base model and corrected head as ``printhead/1``.
+    points : mapping of str to ndarray
+        Waveforms of `waveforms_of`.
+    rig : ConcealedRig
+        What records them.
+    order : int
+        Position of the first of these recordings within the session.
+
+    Returns
+    -------
+    dict
+        ``cost``: true peak cost of the chosen waveform in volts; ``chosen``; ``measured``: by name, cost as recorded
+        and its standard error.
+    """
+    before = printhead_of(base)
+    assert isinstance(before, Printhead)
+    head = head_to_use(corrected, before)
+    names = distinct({name: points[name] for name in ("robust", "augmented", "base")})
+    found = {}
+    for k, name in enumerate(names):
+        waveform = Waveform.from_array(Bounds().from_unit(points[name]))
+        request = check_request(name, waveform, head.frequency_Hz, DEFAULT_WINDOW_S)
+        found[name] = measured(rig.record(request, order + k), waveform, head, PeakCost(), DEFAULT_WINDOW_S)
+    chosen = min(found, key=lambda name: found[name].cost_V)
+    return {
+        "cost": float(PlantObjective(rig.plant).evaluate(points[chosen])[0]),
+        "chosen": chosen,
+        "measured": {name: [one.cost_V, one.error_V] for name, one in found.items()},
+    }
 
 
 def objectives_of(base: Mapping[str, Any], corrected: Mapping[str, Any]) -> dict[str, Objective]:

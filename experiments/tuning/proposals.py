@@ -90,12 +90,17 @@ def proposals(
         progress(f"searching for the best waveform: {name}")
         points[name] = searched(objective, known, budget, searches, seed)
         known.append(points[name])
-    ordered = [name for name in ("robust", "fit", "base") if name in points]
+    ordered: dict[str, Real] = {name: points[name] for name in ("robust", "fit", "base") if name in points}
+    return tuple(_proposal(problem, name, points[name]) for name in distinct(ordered))
+
+
+def distinct(points: Mapping[str, Real]) -> list[str]:
+    """Names of the points in ``[-1, 1]⁷``, in their order, that are not those of one before."""
     chosen: list[str] = []
-    for name in ordered:
-        if all(np.abs(points[name] - points[other]).max() > DISTINCT for other in chosen):
+    for name, point in points.items():
+        if all(np.abs(point - points[other]).max() > DISTINCT for other in chosen):
             chosen.append(name)
-    return tuple(_proposal(problem, name, points[name]) for name in chosen)
+    return chosen
 
 
 def searched(objective: Objective, known: Sequence[Real], budget: int, searches: int, seed: int) -> Real:
