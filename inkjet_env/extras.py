@@ -10,6 +10,7 @@ PACKAGES = {
     "cli": ("typer", "rich", "matplotlib", "jinja2", "pyarrow", "joblib"),
     "bench": ("cma", "nevergrad", "pymoo", "optuna", "pandas", "plotly", "greenlet"),
     "hdf5": ("h5py",),
+    "visa": ("pyvisa", "pyvisa_sim"),
     "rl": ("torch", "stable_baselines3"),
     "cluster": ("distributed", "dask"),
     "human": ("pygame", "matplotlib"),

@@ -60,6 +60,7 @@ ALLOWED = {
     "inkjet_env.jetting": PLANT,
     "inkjet_env.recordings": PRINTHEAD,
     "inkjet_env.rig": (*PLANT, *RECORDINGS),
+    "inkjet_env.rig.visa": (*RECORDINGS, "inkjet_env.rig"),
     "inkjet_env.identification": IDENTIFICATION,
     "inkjet_env.envs": PLANT,
     "inkjet_env.mismatch.settings": (),

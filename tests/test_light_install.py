@@ -122,6 +122,13 @@ print(diagnose(campaign).verdict)
             "a Dask cluster needs dask, which is not installed: pip install 'inkjet-env[cluster]'",
         ),
         (
+            "from inkjet_env.printhead import DriverLimits\n"
+            "from inkjet_env.rig.visa import Generator, Oscilloscope, ScopeInput, VisaRig\n"
+            "scope = Oscilloscope('TCPIP::2::INSTR', {'self_sensing': ScopeInput(1, range_V=1)})\n"
+            "VisaRig(Generator('TCPIP::1::INSTR', gain=20), scope, limits=DriverLimits())",
+            "a rig over VISA needs pyvisa, which is not installed: pip install 'inkjet-env[visa]'",
+        ),
+        (
             "from inkjet_env.extras import check_installed; check_installed('inkjet bench', 'bench')",
             "inkjet bench needs cma, which is not installed: pip install 'inkjet-env[bench]'",
         ),
