@@ -26,7 +26,7 @@ def answer(name, packed, sealed_digest, code):
         "effects": [{"id": ids[chance[1] % len(ids)], "parameters": {}}] if chance[0] % 3 else [],
         "candidates": [],
     }
-    told = {"status": "diagnosed", "sentence": "", "verdict": verdict, "augmented": None, "base": None}
+    told = {"status": "diagnosed", "sentence": "", "verdict": verdict, "augmented": None, "base": None, "requests": []}
     run = {"seconds": 0.1, "cpu_seconds": 0.1, "seen": []}
     return {"format": "proof-answer/1", "name": name, "campaign": sealed_digest, "answer": told, "run": run}
 
@@ -41,3 +41,14 @@ def deadly(name):
 
 
 STEPS = Steps(conceal_case, answer, judge)
+
+
+def adapt(name, case, answer, waveforms, way, rig, code):
+    """One round: asked as designed, one candidate is left; at random, all are."""
+    verdict = answer["verdict"]
+    if way == "designed":
+        verdict = verdict | {"verdict": "named", "candidates": []}
+    told = {**answer, "verdict": verdict, "requests": []}
+    run = {"seconds": 0.1, "cpu_seconds": 0.1, "seen": []}
+    entry = {"format": "proof-answer/1", "name": name, "campaign": "digest", "answer": told, "run": run}
+    return {"rounds": [{"requests": [{"sentence": "", "repeats": 1}], "entry": entry}], "loop": None}
