@@ -236,6 +236,11 @@ class Diagnosis:
         present = {r.channel for r in self.recordings}
         return next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in present)
 
+    @property
+    def next_experiment(self) -> NextExperiment | None:
+        """The most informative of the next experiments; None without any."""
+        return self.next_experiments[0] if self.next_experiments else None
+
     def as_json(self, drives: Sequence[str | None] = ()) -> dict[str, Any]:
         """The verdict as ``diagnosis/1``; ``drives`` names the files with the drives of the next experiments."""
         asked = [

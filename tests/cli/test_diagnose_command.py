@@ -90,8 +90,8 @@ def found(campaign):
         p_value=1.0,
         attributions=(),
         untestable={},
-        next_experiment=NextExperiment(
-            "Record the voltage at the head.", "self_sensing", "periodic", 1e-7, DRIVE_V, 9.0
+        next_experiments=(
+            NextExperiment("Record the voltage at the head.", "self_sensing", "periodic", 1e-7, DRIVE_V, 9.0, 0.7),
         ),
         remainder=None,
         printhead=HEAD,
@@ -194,13 +194,30 @@ def test_the_verdict_names_the_drive_from_its_own_folder(
     verdict = json.loads(out if "-" in arguments else (tmp_path / "out" / "found.json").read_text())
     assert verdict["next_experiment"] == {
         "sentence": "Record the voltage at the head.", "drive_csv": drive_csv, "channel": "self_sensing",
-        "initial_state": "periodic", "step_s": 1e-7, "repeats": 1, "drive_monitor": False,
+        "initial_state": "periodic", "step_s": 1e-7, "repeats": 1, "drive_monitor": False, "information_bits": 0.7,
     }  # fmt: skip
+    assert verdict["further_experiments"] == []
     assert [p for p in tmp_path.rglob("*.csv") if p.parent != folder] == ([] if file is None else [tmp_path / file])
     if file is not None:
         read = read_drive(tmp_path / file)
         assert tuple(read.drive_V) == DRIVE_V
         assert read.time_s == pytest.approx(1e-7 * np.arange(len(DRIVE_V)))
+
+
+def test_further_experiments_have_files_of_their_own(found, inkjet, folder, tmp_path, monkeypatch):
+    (first,) = found.next_experiments
+    second = replace(first, drive_V=(0.0, -5.0, 0.0), neighbour_V=(1.0, 2.0, 3.0))
+    three = replace(found, next_experiments=(first, NextExperiment("Record anything."), second))
+    monkeypatch.setattr(mismatch, "diagnose", lambda *given, **options: three)
+    status, out, err = inkjet("diagnose", "campaign", "--json", "found.json")
+    assert status == 0, err
+    assert out.count("- Next experiment:") == 3
+    verdict = json.loads((tmp_path / "found.json").read_text())
+    asked = [verdict["next_experiment"], *verdict["further_experiments"]]
+    assert [one["drive_csv"] for one in asked] == ["next.csv", None, "next-3.csv"]
+    rows = np.loadtxt(tmp_path / "next-3.csv", delimiter=",", skiprows=1)
+    assert (tmp_path / "next-3.csv").read_text().startswith("time_s,drive_V,neighbour_V\n")
+    assert rows[:, 1:].tolist() == [[0, 1], [-5, 2], [0, 3]]
 
 
 def test_the_printhead_that_is_written_answers_with_its_effects(made_by_hand, found, inkjet, folder, tmp_path):

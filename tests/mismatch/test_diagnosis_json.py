@@ -28,7 +28,7 @@ def test_the_verdict_in_json_has_what_was_agreed(verdict, diagnosed):
         "set": lambda: diagnosed("sensor_bandwidth"),
         "unknown": lambda: diagnosed("wave_echo", looked_for=("feedthrough", "quadratic_damping", "cubic_stiffness")),
     }[verdict]()
-    written = json.loads(json_text(found.as_json("next.csv")))
+    written = json.loads(json_text(found.as_json(["next.csv"])))
     assert (written["format"], written["verdict"]) == ("diagnosis/1", verdict)
     agreed = {"format", "verdict", "effects", "candidates", "location", "fit", "next_experiment", "seconds"}
     assert agreed <= written.keys()

@@ -103,7 +103,7 @@ def named():
             ),
         ),
         untestable={"crosstalk": "no recording has the neighbouring channel's drive (column neighbour_V)"},
-        next_experiment=None,
+        next_experiments=(),
         remainder=None,
         printhead=HEAD,
         gains={"self_sensing": HEAD.b1, "strain_gauge": 0.01},
@@ -150,7 +150,7 @@ def diagnoses(named):
             headline="One of two: the capacitance compensation or the sensing amplifier's bandwidth",
             effects=(),
             candidates=(("feedthrough", "sensor_bandwidth"),),
-            next_experiment=experiment,
+            next_experiments=(experiment,),
         ),
         "unknown": replace(
             named,

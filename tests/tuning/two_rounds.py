@@ -16,7 +16,7 @@ MODE = next(effect for effect in catalogue() if effect.id == "second_mode")
 TRUE = AugmentedPrinthead(BASE, ((MODE, MODE.example_values(BASE)),))
 FIT = {"base_heldout_rms_V": 0.5, "augmented_heldout_rms_V": 0.1}
 PULSE_V = tuple(np.interp(np.arange(400), [0, 20, 35, 70, 85], [0, 0, 60, 60, 0]))
-ASKED = NextExperiment("Record a pulse.", "self_sensing", "periodic", 2e-7, PULSE_V, 9.0, 2)
+ASKED = NextExperiment("Record a pulse.", "self_sensing", "periodic", 2e-7, PULSE_V, 9.0, repeats=2)
 
 
 class Diagnoses:
@@ -35,7 +35,7 @@ class Diagnoses:
             headline="A second mode." if sure else "A second mode or an echo.",
             effects=(),
             candidates=() if sure else (("second_mode", "wave_echo"),),
-            next_experiment=None if sure else ASKED,
+            next_experiments=() if sure else (ASKED,),
             as_json=lambda: {"format": "diagnosis/1"},
             augmented_json=lambda: content,
         )

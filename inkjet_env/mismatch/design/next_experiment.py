@@ -45,8 +45,6 @@ class NextExperiment:
         Sampling step.
     drive_V : tuple of float
         Drive at each sample.
-    neighbour_V : tuple of float
-        Drive of the neighbouring channel at each sample; empty if it stays at 0 V.
     separation : float
         Expected difference of log-likelihoods between the two candidates of the sentence.
     information_bits : float
@@ -55,6 +53,8 @@ class NextExperiment:
         Number of recordings to take of it.
     drive_monitor : bool
         Whether the voltage at the head must be recorded beside the sensor.
+    neighbour_V : tuple of float
+        Drive of the neighbouring channel at each sample; empty if it stays at 0 V.
     """
 
     sentence: str
@@ -62,11 +62,11 @@ class NextExperiment:
     initial_state: str = ""
     step_s: float = 0.0
     drive_V: tuple[float, ...] = ()
-    neighbour_V: tuple[float, ...] = ()
     separation: float = 0.0
     information_bits: float = 0.0
     repeats: int = 1
     drive_monitor: bool = False
+    neighbour_V: tuple[float, ...] = ()
 
     def as_json(self, drive_csv: str | None) -> dict[str, Any]:
         """The experiment within a ``diagnosis/1``; ``drive_csv`` names the file of its drive."""
@@ -236,8 +236,8 @@ def _proposed(
     return NextExperiment(
         said + ".", excitation.channel, excitation.initial_state, excitation.step_s,
         tuple(float(v) for v in excitation.drive_V),
-        () if neighbour_V is None or not neighbour_V.any() else tuple(float(v) for v in neighbour_V),
         float(judged.separations[pair]), information_bits, repeats, bool(judged.at_head),
+        () if neighbour_V is None or not neighbour_V.any() else tuple(float(v) for v in neighbour_V),
     )  # fmt: skip
 
 

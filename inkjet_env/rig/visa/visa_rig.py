@@ -163,6 +163,11 @@ class VisaRig:
                 f"{', '.join(scope.inputs)} only. Connect the sensor and add its input, or begin with a campaign that "
                 "needs none."
             )
+        if request.neighbour_V is not None:
+            raise ValueError(
+                f"{request.name}: the neighbouring channel is to be driven too, and this rig drives one. Have it recorded "
+                "through the session's folders: leave out --rig."
+            )
         inputs = [sensor]
         if request.drive_monitor:
             if scope.monitor is None:
