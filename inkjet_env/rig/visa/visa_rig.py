@@ -165,8 +165,8 @@ class VisaRig:
             )
         if request.neighbour_V is not None:
             raise ValueError(
-                f"{request.name}: the neighbouring channel is to be driven too, and this rig drives one. Have it recorded "
-                "through the session's folders: leave out --rig."
+                f"{request.name}: the neighbouring channel is to be driven too, and this rig drives one. Have it "
+                "recorded through the session's folders: leave out --rig."
             )
         inputs = [sensor]
         if request.drive_monitor:
