@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.optimizers.loop import Objective
 from inkjet_env.printhead import Printhead, Waveform
 from inkjet_env.typing import Real
 
@@ -79,7 +80,7 @@ def proposals(
     return tuple(_proposal(problem, name, points[name]) for name in chosen)
 
 
-def searched(objective: Problem, known: list[Real], budget: int, searches: int, seed: int) -> Real:
+def searched(objective: Objective, known: list[Real], budget: int, searches: int, seed: int) -> Real:
     """Best point in ``[-1, 1]⁷`` of several searches and of those that are known, each refined by a simplex search."""
     from scipy.optimize import minimize
 
