@@ -38,7 +38,7 @@ VALIDATION = (
 )
 BENCHMARK = (*EXECUTION, "inkjet_env.experiments.benchmark", "inkjet_env.experiments.benchmark.data")
 TUNING = (*BENCHMARK, "inkjet_env.experiments.tuning")
-LEARNING = (*BENCHMARK, "inkjet_env.experiments.learning")
+LEARNING = (*TUNING, "inkjet_env.experiments.learning")
 PROOF = (*TUNING, *VALIDATION, "inkjet_env.experiments.concealed_plant", "inkjet_env.experiments.proof")
 STUDIES = (*BENCHMARK, "inkjet_env.experiments.concealed_plant", "inkjet_env.experiments.benchmark.studies")
 # A package, or a file that stands beside packages: itself and what else it may import.

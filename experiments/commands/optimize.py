@@ -173,15 +173,11 @@ def optimize(
 
 def _ensemble(printhead: Path | None, remainder: bool) -> HeadEnsemble:
     """The heads that the recordings behind a printhead file leave possible."""
-    from inkjet_env.plant.head_ensemble import ensemble_of
-    from inkjet_env.printhead.printhead_json import printhead_data
+    from inkjet_env.plant.head_ensemble import read_ensemble
 
     if printhead is None:
         raise ValueError("--robust needs the --printhead that diagnose wrote with --printhead-out.")
-    try:
-        found = ensemble_of(printhead_data(printhead))
-    except ValueError as error:
-        raise ValueError(f"{printhead}: {str(error).removeprefix(f'{printhead}: ')}") from None
+    found = read_ensemble(printhead)
     if found is None:
         raise ValueError(
             f"{printhead}: it does not say which heads the recordings leave possible. Write it with inkjet diagnose "

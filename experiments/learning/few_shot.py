@@ -2,8 +2,10 @@
 
 ``python -m inkjet_env.experiments.learning.few_shot`` compares optimisers that spend the tries from scratch, one
 waveform for all heads, CMA-ES started from it, a fixed list of waveforms, unchanged or stretched to the ringing period
-measured after a pulse, and a trained agent that observes the peaks; all on the same unseen heads. The cost of learning
-is counted in evaluations; everything that learns is trained several times. A folder stores policies and results."""
+measured after a pulse, a trained agent that observes the peaks, and the model-based tuner ``tune``, which weighs
+simulated heads by the peaks it reads and fires the waveform that is best on them; all on the same unseen heads. The
+cost of learning is counted in evaluations; everything that learns is trained several times. A folder stores policies
+and results."""
 
 from __future__ import annotations
 
@@ -26,6 +28,7 @@ from inkjet_env.experiments.learning.few_shot_tuners import (
     trained_agent,
 )
 from inkjet_env.experiments.learning.heads import TEST_SEED, Heads
+from inkjet_env.experiments.learning.model_based_tuner import ModelBasedTuner
 from inkjet_env.experiments.learning.repeated_training import (
     Arrays,
     best_costs_V,
@@ -46,7 +49,7 @@ from inkjet_env.typing import Real
 MODULE = "inkjet_env.experiments.learning.few_shot"
 FORMAT = "few-tries/3"
 TITLE = "A few tries on an unknown head"
-AGENT, FOR_ALL, LISTS = "sb3-ppo", "one for all", "lists"
+AGENT, FOR_ALL, LISTS, MODEL_BASED = "sb3-ppo", "one for all", "lists", "tune"
 REFERENCE = "list, stretched"
 """Baseline of least effort with which all are compared."""
 LEARNT = (AGENT, FOR_ALL, LISTS)
@@ -85,6 +88,8 @@ def tested(
             tuners, spent = for_all(heads, tries, seed)
         elif way == LISTS:
             tuners, spent = lists(tries, seed)
+        elif way == MODEL_BASED:
+            tuners, spent = {MODEL_BASED: ModelBasedTuner(seed)}, 0
         else:
             tuners, spent = scratch(way, heads, tries, seed), 0
         kept = {name: kept_costs_V(tuner, heads, tries, test_seed) for name, tuner in tuners.items()}
@@ -124,11 +129,11 @@ def study(
         f"{way}, training {k}": (folder, way, k, evaluations, one, heads, tries, test_seed)
         for way in LEARNT
         for k, one in enumerate(seeds(seed, trainings), 1)
-    } | {name: (folder, name, 1, evaluations, seed, heads, tries, test_seed) for name in SCRATCH}
+    } | {name: (folder, name, 1, evaluations, seed, heads, tries, test_seed) for name in (*SCRATCH, MODEL_BASED)}
     found = each("few tries", tested, jobs, workers)
     kept_V: dict[str, Real] = {}
     learning: dict[str, int] = {}
-    for way in (*SCRATCH, *LEARNT):
+    for way in (*SCRATCH, MODEL_BASED, *LEARNT):
         some = [found[job] for job, arguments in jobs.items() if arguments[1] == way]
         spent = [float(one.pop(LEARNING)) for one in some]
         for name in some[0]:

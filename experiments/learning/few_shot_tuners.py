@@ -226,11 +226,14 @@ def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
     return policy_of_sb3(model, made, names)
 
 
-def kept_costs_V(tuner: TuningStrategy, heads: int, tries: int, seed: int) -> Real:
-    """True cost in volts of the waveform kept after each try, shape (heads, tries); the seed determines the heads."""
-    envs = TuneWaveformVectorEnv(heads, tries=tries)
+def kept_costs_V(tuner: TuningStrategy, count: int, tries: int, seed: int, **options: Any) -> Real:
+    """True cost in volts of the waveform kept after each try, shape (count, tries); the seed determines the heads.
+
+    ``options`` are further ones of the environment.
+    """
+    envs = TuneWaveformVectorEnv(count, tries=tries, **options)
     observations, _ = envs.reset(seed=seed)
-    kept = np.empty((heads, tries))
+    kept = np.empty((count, tries))
     for k in range(tries):
         actions = np.asarray(tuner.fire(observations), dtype=np.float32)
         observations, _, _, _, infos = envs.step(actions)

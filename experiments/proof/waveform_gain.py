@@ -11,7 +11,8 @@ import numpy as np
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.proof.answering import ConcealedRig
 from inkjet_env.experiments.tuning.check import check_request, measured
-from inkjet_env.experiments.tuning.proposals import Objective, distinct, head_to_use, searched
+from inkjet_env.experiments.tuning.proposals import distinct, head_to_use, searched
+from inkjet_env.optimizers.loop import Objective
 from inkjet_env.plant.head_ensemble import ensemble_of
 from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.optimizers.loop import Objective
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import printhead_of
 from inkjet_env.printhead import Printhead, Waveform
@@ -18,13 +19,6 @@ DISTINCT = 0.02
 """Smallest distance, in half widths of the box, between two waveforms that are both worth a recording."""
 SIMPLEX = 0.1
 """Size of the first simplex of the polishing search, in half widths of the box."""
-
-
-class Objective(Protocol):
-    """The function to minimise over ``[-1, 1]⁷``."""
-
-    def evaluate(self, points: Real) -> Real:
-        """Costs in volts, shape (n,), of points, shape (n, 7)."""
 
 
 @dataclass(frozen=True)

@@ -99,7 +99,7 @@ def make_task(
         raise ValueError(
             'context="random" varies a printhead without effects; this one has '
             f"{', '.join(effect.id for effect, _ in head.effects) or 'a remainder'}, fitted to one head. "
-            'Use context="fixed".'
+            'Use context="fixed"; to tune it in TuneWaveform, give it as heads.'
         )
     if isinstance(noise, bool) or not (isinstance(noise, (int, float, np.number)) and 0 <= noise <= 1e6):
         raise ValueError(f"noise must be a standard deviation of 0 to 1e6 V; got {noise!r}.")
@@ -165,6 +165,15 @@ class Readings:
     counts: NDArray[np.int64]
     read_V: Real
     costs_V: Real
+
+    def first(self, count: int) -> tuple[Real, Real]:
+        """Heights in volts and times in seconds of the first peaks, shape (n, count) each; zeros if there are fewer."""
+        columns = np.arange(count)
+        there = columns < self.counts[:, None]
+        if not self.heights_V.shape[1]:
+            return np.zeros(there.shape), np.zeros(there.shape)
+        columns = np.minimum(columns, self.heights_V.shape[1] - 1)
+        return np.where(there, self.heights_V[:, columns], 0.0), np.where(there, self.times_s[:, columns], 0.0)
 
 
 @dataclass(frozen=True)
@@ -341,10 +350,8 @@ class WaveformTask:
         Without noise both are the same array, and no generator is used. ``threads`` is the largest number of threads,
         by default the number of cores; a printhead with effects is simulated on one.
         """
-        if isinstance(self.printhead, AugmentedPrinthead):
-            return self._measure_with_effects(waveforms, generators)
         settings, capacity = self._prepared
-        if self.noise == 0:
+        if self.noise == 0 and not isinstance(self.printhead, AugmentedPrinthead):
             costs = simulated_costs(waveforms, heads, settings, capacity, threads)
             return costs, costs
         readings = self.read(waveforms, heads, generators, threads)
@@ -357,10 +364,13 @@ class WaveformTask:
         generators: Sequence[np.random.Generator],
         threads: int | None = None,
     ) -> Readings:
-        """Fire waveforms (n, 7) on heads without effects (1 or n rows) and read every peak, each with an error.
+        """Fire waveforms (n, 7) on heads (1 or n rows) and read every peak, each with an error.
 
-        There is one generator per row; without noise none is used. ``threads`` is as in `measure`.
+        There is one generator per row; without noise none is used. ``threads`` is as in `measure`. If the task's head
+        has effects, all are fired on it.
         """
+        if isinstance(self.printhead, AugmentedPrinthead):
+            return self._read_with_effects(waveforms, generators)
         from inkjet_env.envs.compiled_episodes import costs_of_readings
 
         (warm_up_periods, one_point, window_s, _, _, *cost), capacity = self._prepared
@@ -377,17 +387,20 @@ class WaveformTask:
         costs_of_readings(heights, counts, tails, *cost, read)
         return Readings(times, heights, counts, read, costs)
 
-    def _measure_with_effects(self, waveforms: Real, generators: Sequence[np.random.Generator]) -> tuple[Real, Real]:
-        """`measure` of the task's own head, one waveform at a time."""
+    def _read_with_effects(self, waveforms: Real, generators: Sequence[np.random.Generator]) -> Readings:
+        """`read` of the task's own head, one waveform at a time."""
         responses = [
             self.printhead.respond(Waveform.from_array(row), self.initial_state, self.window_s, self.hysteresis)
             for row in waveforms
         ]
         costs = np.array([response.cost(self.cost) for response in responses])
-        if self.noise == 0:
-            return costs, costs
-        read = np.empty(len(costs))
-        for i, (response, generator) in enumerate(zip(responses, generators, strict=True)):
-            errors = self.noise * generator.standard_normal(response.peaks_V.size)
-            read[i] = self.cost(response.peaks_V + errors)
-        return read, costs
+        counts = np.array([response.peaks_V.size for response in responses], dtype=np.int64)
+        times, heights = np.zeros((2, len(responses), int(counts.max(initial=0))))
+        read = costs if self.noise == 0 else np.empty(len(costs))
+        for i, response in enumerate(responses):
+            peaks = response.peaks_V
+            if self.noise:
+                peaks = peaks + self.noise * generators[i].standard_normal(peaks.size)
+                read[i] = self.cost(peaks)
+            times[i, : peaks.size], heights[i, : peaks.size] = response.peak_times_s, peaks
+        return Readings(times, heights, counts, read, costs)

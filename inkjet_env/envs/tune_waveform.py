@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from inkjet_env.envs.bipolar_waveform import check_no_options, check_render_mode, warn_of_no_render_mode
+from inkjet_env.envs.given_heads import HeadsOption
 from inkjet_env.envs.options import check_option_names
 from inkjet_env.envs.vector_of_heads import Fired, Rows, VectorOfHeads
 from inkjet_env.envs.waveform_tuning_task import WaveformTuningTask
@@ -47,8 +48,12 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         Standard deviation of the error of each peak's height, in volts.
     render_mode : {None, "rgb_array", "human"}
         Rendering: none, `render` returns a picture, or each picture is shown in a window.
+    heads : HeadEnsemble, head, path or sequence of heads and paths, optional
+        What the head of an episode is drawn from: heads with weights, the one head, or the file of a head, which is
+        what ``inkjet diagnose --printhead-out`` writes, with the heads that its recordings leave possible; see
+        `inkjet_env.envs.given_heads.ensemble_of_heads`. By default heads are drawn as with ``context="random"``.
     **options
-        Options of the task; see `inkjet_env.envs.task.make_task`. Heads are drawn as with its ``context="random"``.
+        Options of the task; see `inkjet_env.envs.task.make_task`. ``printhead`` cannot be given beside ``heads``.
 
     Raises
     ------
@@ -72,11 +77,12 @@ class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         peaks: int = PEAKS,
         noise: float = NOISE_V,
         render_mode: str | None = None,
+        heads: HeadsOption | None = None,
         **options: Any,
     ) -> None:
         _check_option_names(TuneWaveformEnv.__init__, options)
         self.render_mode = check_render_mode(render_mode, ("rgb_array",))
-        self.tuning = WaveformTuningTask(1, tries, peaks, noise=noise, **options)
+        self.tuning = WaveformTuningTask(1, tries, peaks, heads=heads, noise=noise, **options)
         self.action_space = self.tuning.action_space()
         self.observation_space = self.tuning.observation_space()
         self._awaits_action = False
@@ -127,7 +133,9 @@ class TuneWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[Any],
         When an ended episode is restarted; see `BipolarWaveformVectorEnv`.
     threads : int, optional
         Largest number of threads that simulate; None is the number of cores. No number depends on it, and fewer than
-        512 heads are simulated on one.
+        512 heads are simulated on one; so are heads with effects.
+    heads
+        See `TuneWaveformEnv`; every head draws its own.
 
     Examples
     --------
@@ -146,11 +154,12 @@ class TuneWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[Any],
         render_mode: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         threads: int | None = 1,
+        heads: HeadsOption | None = None,
         **options: Any,
     ) -> None:
         _check_option_names(TuneWaveformVectorEnv.__init__, options)
         super().__init__(num_envs, render_mode, autoreset_mode, threads)
-        self.tuning = WaveformTuningTask(self.num_envs, tries, peaks, threads, noise=noise, **options)
+        self.tuning = WaveformTuningTask(self.num_envs, tries, peaks, threads, heads, noise=noise, **options)
         self._set_spaces(self.tuning.action_space(), self.tuning.observation_space())
 
     def _begin(self, rows: Rows, in_same_step: bool) -> None:
@@ -175,5 +184,4 @@ def _check_option_names(constructor: Callable[..., Any], options: dict[str, Any]
 def _picture(tuning: WaveformTuningTask, row: int) -> NDArray[np.uint8]:
     from inkjet_env.envs.rendering import picture
 
-    waveform = tuning.task.bounds.from_unit(tuning.fired[row]) if tuning.done[row] else None
-    return picture(tuning.task.respond(waveform, tuning.contexts[row]), tuning.task.cost)
+    return picture(tuning.respond(row), tuning.task.cost)

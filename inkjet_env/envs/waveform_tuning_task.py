@@ -14,7 +14,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from inkjet_env.envs.task import WaveformTask, make_task
+from inkjet_env.envs.given_heads import GivenHeads, HeadsOption
+from inkjet_env.envs.task import Readings, WaveformTask, make_task
+from inkjet_env.plant.augmented import AugmentedPrinthead, AugmentedResponse
+from inkjet_env.printhead import Printhead, Response
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.typing import Real
 
@@ -41,20 +44,34 @@ class WaveformTuningTask:
         Number of peaks of the last response in an observation, counted from the first.
     threads : int, optional
         Largest number of threads that simulate; None is the number of cores. No number depends on it.
+    heads : HeadEnsemble, head, path or sequence of heads and paths, optional
+        What each head is drawn from, by weight; see `inkjet_env.envs.given_heads.ensemble_of_heads`. By default heads
+        are drawn as with ``context="random"``.
     **options
-        Options of the task; see `inkjet_env.envs.task.make_task`. ``context`` is "random" and cannot be given.
+        Options of the task; see `inkjet_env.envs.task.make_task`. ``context`` cannot be given, nor can ``printhead``
+        beside ``heads``.
     """
 
-    def __init__(self, count: int, tries: int, peaks: int, threads: int | None = 1, **options: Any) -> None:
+    def __init__(
+        self,
+        count: int,
+        tries: int,
+        peaks: int,
+        threads: int | None = 1,
+        heads: HeadsOption | None = None,
+        **options: Any,
+    ) -> None:
         if "context" in options:
             raise ValueError('context cannot be given: a head to be tuned is always drawn, as by context="random".')
         self.tries = _counted("tries", tries, MOST_TRIES)
         self.peaks = _counted("peaks", peaks, MOST_PEAKS)
-        self.task: WaveformTask = make_task(context="random", **options)
+        self.given = None if heads is None else GivenHeads(heads, **options)
+        self.task: WaveformTask = make_task(context="random", **options) if self.given is None else self.given.tasks[0]
         self.count = count
         self.threads = threads
         self.contexts = np.zeros((count, 4), dtype=np.float32)
         self._heads = self.task.heads(self.contexts)
+        self.numbers = np.zeros(count, dtype=np.int64)
         self.done = np.zeros(count, dtype=np.int64)
         self.fired, self.kept = np.zeros((2, count, 7))
         self.heights_V, self.times_s = np.zeros((2, count, self.peaks))
@@ -83,6 +100,9 @@ class WaveformTuningTask:
             self.done, self.fired, self.kept, self.heights_V, self.times_s, self.kept_read_V, self.kept_cost_V
         ):  # fmt: skip
             table[rows] = 0
+        if self.given is not None:
+            self.numbers[rows] = self.given.drawn(generators)
+            return
         self.contexts = self.contexts.copy()
         self.contexts[rows] = self.task.contexts(generators)
         self._heads = self.task.heads(self.contexts)
@@ -104,16 +124,11 @@ class WaveformTuningTask:
             The actions have another shape than ``shape``, are NaN or outside the box; nothing is fired.
         """
         waveforms = self.task.waveforms(actions, shape, rows if isinstance(rows, np.ndarray) else None)[rows]
-        readings = self.task.read(waveforms, self._heads[rows], generators if self.task.noise else (), self.threads)
+        readings = self._read(waveforms, generators if self.task.noise else (), rows)
         fired = np.clip(np.array(actions, dtype=np.float64).reshape(-1, 7)[rows], -1.0, 1.0)
         self.done[rows] += 1
         self.fired[rows] = fired
-        shown = np.arange(self.peaks) < readings.counts[:, None]
-        width = min(self.peaks, readings.heights_V.shape[1])
-        for table, found in ((self.heights_V, readings.heights_V), (self.times_s, readings.times_s)):
-            entries = np.zeros(shown.shape)
-            entries[:, :width] = np.where(shown[:, :width], found[:, :width], 0.0)
-            table[rows] = entries
+        self.heights_V[rows], self.times_s[rows] = readings.first(self.peaks)
         kept_V = self.kept_cost_V[rows]
         better = readings.read_V < self.kept_read_V[rows]
         rewards = np.where(better, kept_V - readings.costs_V, 0.0)
@@ -127,6 +142,25 @@ class WaveformTuningTask:
             "kept_cost": self.kept_cost_V[rows].copy(),
         }
         return rewards, reported
+
+    def _read(
+        self, waveforms: Real, generators: Sequence[np.random.Generator], rows: NDArray[np.bool_] | slice
+    ) -> Readings:
+        if self.given is not None:
+            return self.given.read(self.numbers[rows], waveforms, generators, self.threads)
+        return self.task.read(waveforms, self._heads[rows], generators, self.threads)
+
+    def head(self, row: int) -> Printhead | AugmentedPrinthead:
+        """The head on the bench of one row: what a strategy that tunes it must not know."""
+        return self._task_of(row).head(self.contexts[row])
+
+    def respond(self, row: int) -> Response | AugmentedResponse | None:
+        """Response of the head of one row to the waveform fired last; None before the first try."""
+        waveform = self.task.bounds.from_unit(self.fired[row]) if self.done[row] else None
+        return self._task_of(row).respond(waveform, self.contexts[row])
+
+    def _task_of(self, row: int) -> WaveformTask:
+        return self.task if self.given is None else self.given.tasks[self.numbers[row]]
 
     @property
     def over(self) -> NDArray[np.bool_]:

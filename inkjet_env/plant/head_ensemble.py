@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,9 @@ from numpy.typing import ArrayLike
 from inkjet_env.naming import check_name
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import printhead_of
+from inkjet_env.plant.registry import UnregisteredEffectError
 from inkjet_env.printhead import PeakCost, Printhead, batch
+from inkjet_env.printhead.printhead_json import printhead_data
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
@@ -49,6 +53,11 @@ class HeadEnsemble:
             raise ValueError("the weights of an ensemble must be positive numbers.")
         object.__setattr__(self, "weights", tuple(float(w) / total for w in self.weights))
 
+    @cached_property
+    def _table(self) -> Real:
+        """The heads without effects in the form of the compiled simulator."""
+        return batch.head_table([head for head in self.heads if isinstance(head, Printhead)])
+
     def costs(
         self,
         waveforms: ArrayLike,
@@ -59,11 +68,11 @@ class HeadEnsemble:
         """Peak costs in volts of waveforms (n, 7) on every head, shape (heads, n)."""
         rows = np.atleast_2d(np.asarray(waveforms, dtype=np.float64))
         found = np.empty((len(self.heads), len(rows)))
-        plain = {k: head for k, head in enumerate(self.heads) if isinstance(head, Printhead)}
+        plain = [k for k, head in enumerate(self.heads) if isinstance(head, Printhead)]
         if plain:  # in one call, whose overhead dominates a search that asks for one waveform at a time
-            table = np.repeat(batch.head_table([*plain.values()]), len(rows), axis=0)
+            table = np.repeat(self._table, len(rows), axis=0)
             costs = batch.costs(np.tile(rows, (len(plain), 1)), table, cost, initial_state, window_s)
-            found[[*plain]] = costs.reshape(len(plain), -1)
+            found[plain] = costs.reshape(len(plain), -1)
         for k, head in enumerate(self.heads):
             if isinstance(head, AugmentedPrinthead):
                 found[k] = head.costs(rows, cost, initial_state, window_s)
@@ -126,3 +135,14 @@ def ensemble_of(data: Mapping[str, Any]) -> HeadEnsemble | None:
         raise ValueError("each weight of the ensemble must be a finite number.")
     heads = tuple(printhead_of(entry["printhead"]) for entry in entries)
     return HeadEnsemble(heads, tuple(float(w) for w in weights))
+
+
+def read_ensemble(path: str | os.PathLike[str]) -> HeadEnsemble | None:
+    """The ensemble of a ``printhead/1`` file, None if it has none; errors are those of `read_printhead`."""
+    data = printhead_data(path)
+    try:
+        return ensemble_of(data)
+    except UnregisteredEffectError as error:
+        raise UnregisteredEffectError(f"{path}: {error}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

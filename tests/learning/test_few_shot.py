@@ -1,5 +1,6 @@
 """A few tries on an unknown head: everybody meets the same heads, and only what is told may be used."""
 
+import functools
 import json
 
 import numpy as np
@@ -111,6 +112,7 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
         few_shot, "SCRATCH", {name: few_shot_tuners.SCRATCH[name] for name in ("random", "cma-es of 4")}
     )
     monkeypatch.setattr(few_shot_tuners, "LISTED", 3000)
+    monkeypatch.setattr(few_shot, "ModelBasedTuner", functools.partial(few_shot.ModelBasedTuner, budget=100))
     arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "8", "--labelling", "4"]
     arguments += ["--trainings", "2", "--workers", "1"]
     few_shot.main(arguments)
@@ -121,7 +123,7 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     assert (tmp_path / "few_tries.json").read_bytes() == text
     found = json.loads(text)
     learning = {row["name"]: row["learning"] for row in found["rows"]}
-    assert learning["random"] == learning["cma-es of 4"] == 0
+    assert learning["random"] == learning["cma-es of 4"] == learning["tune"] == 0
     assert learning["one for all"] == learning["cma-es from one for all"] > 0
     assert learning["list"] == learning["list, stretched"] >= 3000
     assert len({*next(row for row in found["rows"] if row["name"] == "list")["after"]["10"]["each"]}) == 2
@@ -129,7 +131,11 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     for row in found["rows"]:
         medians = [row["after"][count]["value"] for count in ("1", "3", "10")]
         assert 0 <= min(medians) <= max(medians) < found["nothing_V"] + 0.5  # as far as errors of reading mislead
-        assert len(row["after"]["10"]["each"]) == row["trainings"] == (1 if row["name"] in few_shot.SCRATCH else 2)
+        assert (
+            len(row["after"]["10"]["each"])
+            == row["trainings"]
+            == (1 if row["name"] in (*few_shot.SCRATCH, "tune") else 2)
+        )
         assert ("behind" in row) == (row["name"] != "list, stretched")
         assert row["after"]["10"]["low"] <= medians[2] <= row["after"]["10"]["high"]
     assert "unseen heads" in capsys.readouterr().out
