@@ -110,6 +110,8 @@ class Tuned:
         Verdict, headline and request of each diagnosis.
     seconds : float
         Time that the steps of this process took.
+    head : Printhead or AugmentedPrinthead
+        Head that predicted.
     """
 
     proposals: tuple[Proposal, ...]
@@ -118,6 +120,7 @@ class Tuned:
     recordings: int
     rounds: tuple[Mapping[str, Any], ...]
     seconds: float
+    head: Printhead | AugmentedPrinthead
 
     def as_json(self) -> dict[str, Any]:
         """The result as ``tune/1``."""
@@ -201,12 +204,12 @@ class Session:
             rounds.append(found["round"])
             if found["request"] is None or number == self.settings.most_requests:
                 break
-            campaign = self._with(campaign, self._obtain(_requests(found["request"], number)))
+            campaign = self._with(campaign, self._obtain(requests_of_round(found["request"], number)))
         base = self._base(number, campaign)
         head = self._head(number, base)
         waveforms = self._proposed(number, head, base)
         requests = [
-            check_request(f"check-{k}-{one.name}", one.as_waveform, head.frequency_Hz, self.settings.window_s)
+            check_request(name_of_check(k, one), one.as_waveform, head.frequency_Hz, self.settings.window_s)
             for k, one in enumerate(waveforms, start=1)
         ]
         taken = self._obtain(requests)
@@ -222,10 +225,25 @@ class Session:
             )
         self._log(f"To fire: the best waveform of the {NAMES[waveforms[best].name]}.")
         tuned = Tuned(
-            waveforms, checks, best, len(self.exchange.recorded), tuple(rounds), round(time.monotonic() - begin_s, 1)
-        )
+            waveforms, checks, best, len(self.exchange.recorded), tuple(rounds), round(time.monotonic() - begin_s, 1),
+            head,
+        )  # fmt: skip
         self._write(RESULT, tuned.as_json())
         return tuned
+
+    @property
+    def rounds(self) -> tuple[Mapping[str, Any], ...]:
+        """What each finished diagnosis told (``round``) and asked for (``request``, or None)."""
+        found: list[Mapping[str, Any]] = []
+        while (stored := self._stored(f"round-{len(found)}.json")) is not None:
+            found.append(stored)
+        return tuple(found)
+
+    @property
+    def waveforms(self) -> tuple[Proposal, ...]:
+        """Waveforms to try; none before they were searched for."""
+        stored = self._stored(PROPOSALS) or {"proposals": []}
+        return tuple(Proposal(**{**one, "waveform": tuple(one["waveform"])}) for one in stored["proposals"])
 
     def _first(self) -> Campaign:
         """The campaign that the session begins with."""
@@ -308,8 +326,8 @@ class Session:
 
     def _proposed(self, number: int, head: Printhead | AugmentedPrinthead, base: Printhead) -> tuple[Proposal, ...]:
         """Waveforms to try, from their file if they were found before."""
-        if (stored := self._stored(PROPOSALS)) is not None:
-            return tuple(Proposal(**{**one, "waveform": tuple(one["waveform"])}) for one in stored["proposals"])
+        if known := self.waveforms:
+            return known
         settings = self.settings
         data = printhead_data(self.folder / f"corrected-{number}.json")
         limits = settings.limits if settings.limits != DriverLimits() else None
@@ -346,6 +364,11 @@ class Session:
         write_atomically(self.folder / name, json_text(value))
 
 
+def name_of_check(number: int, proposal: Proposal) -> str:
+    """Name of the recording that checks the waveform ``number`` (1, 2, 3)."""
+    return f"check-{number}-{proposal.name}"
+
+
 def _digest(campaign: Campaign | None) -> str | None:
     """SHA-256 of a campaign's recordings; None without one."""
     if campaign is None:
@@ -358,7 +381,7 @@ def _digest(campaign: Campaign | None) -> str | None:
     return total.hexdigest()
 
 
-def _requests(asked: Mapping[str, Any], number: int) -> list[Request]:
+def requests_of_round(asked: Mapping[str, Any], number: int) -> list[Request]:
     """The requests of a round: its drive as often as it is to be recorded."""
     first = f"request-{number + 1}"
     return [
