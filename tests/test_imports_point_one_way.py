@@ -85,7 +85,7 @@ ALLOWED = {
     "inkjet_env.experiments.learning": LEARNING,
     "inkjet_env.experiments.tuning": TUNING,
     "inkjet_env.experiments.proof": PROOF,
-    "inkjet_env.experiments.publish": (*PROOF, *LEARNING, *STUDIES, "inkjet_env.experiments.publish"),
+    "inkjet_env.experiments.publish": (*PROOF, *LEARNING, *STUDIES, *TUNING, "inkjet_env.experiments.publish"),
     "inkjet_env.experiments.commands": (*PROOF, *TUNING, "inkjet_env.experiments.commands"),
     "inkjet_env.experiments.entry": ("inkjet_env.experiments.cli", *GROUND),
     "inkjet_env.experiments.cli": ("inkjet_env.experiments.commands", "inkjet_env.cli"),

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from inkjet_env.experiments.tuning.session import Tuned
     from inkjet_env.rig import Rig
 
+REPORT = "report.html"
+
 
 def tune(
     folder: Annotated[
@@ -54,6 +56,9 @@ def tune(
     workers: Annotated[int, typer.Option(help="number of processes of a diagnosis", min=1)] = 2,
     seed: Annotated[int | None, typer.Option(help="seed of all random numbers (0)")] = None,
     json: JsonFile = None,
+    report: Annotated[
+        Path | None, typer.Option(help="file for the page: .html; report.html in the session's folder unless given")
+    ] = None,
     effect: OwnEffects = None,
     cost_a: CostA = None,
     cost_b: CostB = None,
@@ -72,11 +77,13 @@ def tune(
     inkjet tune bench --rig head.json --seed 1
 
     The drives to record are written to DIR-tuning/requests; put each recording into DIR-tuning/answers under the same
-    name and run the same command again. With --rig nobody has to. Ctrl-C loses nothing.
+    name and run the same command again. With --rig nobody has to. Ctrl-C loses nothing. A page, report.html, shows
+    what to record, and in the end the waveform beside the others, the checks, and how it was found.
     """
     from inkjet_env.cli.own_effects import register_own
     from inkjet_env.experiments.execution.held_folder import held
     from inkjet_env.experiments.tuning.exchange import Exchange, WaitingError
+    from inkjet_env.experiments.tuning.report import write_page
     from inkjet_env.experiments.tuning.session import Session, TuneSettings
     from inkjet_env.naming import check_name
     from inkjet_env.plant.head_ensemble import RISKS
@@ -84,7 +91,9 @@ def tune(
     from inkjet_env.progress import shown_steps
     from inkjet_env.storage import write_json
 
-    check_outputs(json=json, waveform=waveform)
+    check_outputs(json=json, waveform=waveform, report=report)
+    if report is not None and report.suffix.lower() != ".html":
+        raise ValueError(f"--report must end in .html; got {report}.")
     check_name("--risk", risk, RISKS)
     if waveform is not None and waveform.suffix.lower() not in (".csv", ".ini"):
         raise ValueError(f"--waveform must end in .csv or .ini; got {waveform}.")
@@ -99,6 +108,7 @@ def tune(
         window_s=DEFAULT_WINDOW_S if window is None else window,
     )  # fmt: skip
     session_folder = out or folder.with_name(f"{folder.resolve().name}-tuning")
+    page, name = report or session_folder / REPORT, folder.resolve().name
     campaign = None
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         campaign = reading.campaign(folder)
@@ -107,13 +117,15 @@ def tune(
     try:
         with held(session_folder, "tuning session"), shown_steps(f"tune {folder}") as progress:
             exchange = Exchange(session_folder, instruments, named)
-            tuned = Session(session_folder, settings, exchange, campaign, progress, workers).run()
+            session = Session(session_folder, settings, exchange, campaign, progress, workers)
+            tuned = session.run()
     except WaitingError as waiting:
+        write_page(page, session, name, requests=waiting.requests)
         count = len(waiting.names)
         told = (
             f"{session_folder / 'requests'}: {count} {'drive' if count == 1 else 'drives'} to record, listed in "
             f"requests.csv. Put each recording into {session_folder / 'answers'} under the same name, and run the same "
-            "command again."
+            f"command again. {page} shows the drives."
         )
         print(told, file=sys.stderr if str(json) == "-" else sys.stdout)
         if json is not None:
@@ -129,8 +141,10 @@ def tune(
         _write_waveform(waveform, tuned)
     if json is not None:
         write_json(json, tuned.as_json())
+    write_page(page, session, name, tuned)
     if str(json) != "-":
         _print(tuned, session_folder, waveform)
+        print(f"Report: {page}")
 
 
 def _rig(name: str, seed: int, snr_dB: float, limits: Any) -> Rig:

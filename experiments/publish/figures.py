@@ -6,6 +6,7 @@ import argparse
 import json
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +14,16 @@ import numpy as np
 from inkjet_env.experiments.benchmark.regret_figure import draw_regrets
 from inkjet_env.experiments.benchmark.report import RANKING_FORMAT
 from inkjet_env.experiments.benchmark.studies.figure7 import GENERATIONS, reproduce
+from inkjet_env.experiments.tuning.exchange import Exchange
+from inkjet_env.experiments.tuning.figures import waveforms_figure
+from inkjet_env.experiments.tuning.session import Session, TuneSettings
 from inkjet_env.experiments.validation.identification_study import published_loop
+from inkjet_env.plant import catalogue
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.printhead import DriverLimits, Printhead
 from inkjet_env.reporting import plotting
 from inkjet_env.reporting.waveform_figures import draw_before_after
+from inkjet_env.rig import VirtualRig, default_battery, record_campaign
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,6 +37,9 @@ COMPARED = (
     *("pso", "pso-printed", "coordinate", "sb3-ppo", "optuna-gp", "nevergrad-NGOpt", "random"),
 )
 """Optimisers of the comparison that are drawn, if they took part: one or two of each kind."""
+TUNED_LINES = ("trapezoid-60V", "trapezoid-100V", "bipolar-full", "pulse-pair-1.50T", "zero")
+TUNED_SNR_dB = 30.0
+"""Drives and signal-to-noise ratio of the campaign with which the tuning session begins."""
 
 
 def before_after() -> Figure:
@@ -78,10 +89,25 @@ def published_hysteresis() -> Figure:
     return figure
 
 
+def tuned_waveforms() -> Figure:
+    """Waveforms of a session of `inkjet tune` on a virtual head with an echo, as its page shows them."""
+    echo = next(effect for effect in catalogue() if effect.id == "wave_echo")
+    published = Printhead.published()
+    head = AugmentedPrinthead(published, ((echo, echo.example_values(published)),))
+    lines = [line for line in default_battery() if line.channel == "self_sensing" and line.label in TUNED_LINES]
+    settings = TuneSettings(budget=300, limits=DriverLimits(-80, 80, 20, 20, 0.1), seed=1)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        campaign = record_campaign(head, 3, battery=lines, snr_dB=TUNED_SNR_dB)
+        exchange = Exchange(folder, VirtualRig(head, 1, TUNED_SNR_dB))
+        return waveforms_figure(Session(folder, settings, exchange, campaign, workers=1).run(), settings)
+
+
 FIGURES: dict[str, Callable[[], Figure]] = {
     "before-after": before_after,
     "comparison": comparison,
     "identified-hysteresis": published_hysteresis,
+    "tuned-waveforms": tuned_waveforms,
 }
 
 

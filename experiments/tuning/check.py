@@ -19,6 +19,7 @@ from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import PeakCost, Printhead, Waveform
 from inkjet_env.recordings import Recording
 from inkjet_env.rig import Request
+from inkjet_env.typing import Real
 
 SAMPLES_A_PERIOD = 100
 """Samples of a check per period of the head's resonance; the sampling step is rounded to two digits."""
@@ -70,6 +71,18 @@ def check_request(name: str, waveform: Waveform, frequency_Hz: float, window_s: 
     return Request(name, "self_sensing", "periodic", step_s, waveform.drive_V(time_s), False, "bipolar", None, words)
 
 
+def predicted_V(
+    recording: Recording, waveform: Waveform, head: Printhead | AugmentedPrinthead, window_s: float
+) -> Real:
+    """Signal in volts that a head predicts at the samples of a check, shape (n,), but for the channel's offset.
+
+    The parameters are those of `measured`.
+    """
+    time_s = recording.time_s - recording.time_s[0]
+    repeated = head.respond(waveform, window_s=window_s, period_s=time_s.size * recording.step_s)
+    return np.asarray(repeated.sensor_V(time_s), dtype=np.float64)
+
+
 def measured(
     recording: Recording,
     waveform: Waveform,
@@ -93,9 +106,7 @@ def measured(
         Time after the start within which peaks count, in seconds.
     """
     time_s = recording.time_s - recording.time_s[0]
-    repeated = head.respond(waveform, window_s=window_s, period_s=time_s.size * recording.step_s)
-    predicted_V = np.asarray(repeated.sensor_V(time_s))
-    residual_V = recording.sensor - predicted_V
+    residual_V = recording.sensor - predicted_V(recording, waveform, head, window_s)
     residual_V = residual_V - np.median(residual_V)  # the channel's offset
     width = max(5, 2 * round(AVERAGED / (2 * head.frequency_Hz * recording.step_s)) + 1)
     smooth_V = savgol_filter(residual_V, width, 2, mode="wrap")

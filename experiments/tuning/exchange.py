@@ -33,13 +33,18 @@ class WaitingError(Exception):
 
     Attributes
     ----------
-    names : tuple of str
-        Names of the open requests.
+    requests : tuple of Request
+        The open requests.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
-        super().__init__(f"{len(names)} recordings are to be taken")
-        self.names = tuple(names)
+    def __init__(self, requests: Sequence[Request]) -> None:
+        super().__init__(f"{len(requests)} recordings are to be taken")
+        self.requests = tuple(requests)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the open requests."""
+        return tuple(request.name for request in self.requests)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +110,7 @@ class Exchange:
             self._keep(tuple(have.values()))
         self._write(open_requests)
         if open_requests:
-            raise WaitingError([request.name for request in open_requests])
+            raise WaitingError(open_requests)
         return tuple(have[request.name] for request in requests)
 
     def _keep(self, recordings: tuple[Recording, ...]) -> None:

@@ -107,9 +107,11 @@ class Tuned:
     recordings : int
         Number of recordings that were taken in the session, checks among them.
     rounds : tuple of dict
-        Verdict, headline and requests of each diagnosis.
+        Verdict, headline and requests of each diagnosis; those beyond the limit were not made.
     seconds : float
         Time that the steps of this process took.
+    head : Printhead or AugmentedPrinthead
+        Head that predicted.
     """
 
     proposals: tuple[Proposal, ...]
@@ -118,6 +120,7 @@ class Tuned:
     recordings: int
     rounds: tuple[Mapping[str, Any], ...]
     seconds: float
+    head: Printhead | AugmentedPrinthead
 
     def as_json(self) -> dict[str, Any]:
         """The result as ``tune/1``."""
@@ -202,13 +205,13 @@ class Session:
             rounds.append(found["round"])
             if not found["requests"]:
                 break
-            campaign = self._with(campaign, self._obtain(_requests(found["requests"], asked)))
+            campaign = self._with(campaign, self._obtain(requests_of_round(found["requests"], asked)))
             asked += len(found["requests"])
         base = self._base(number, campaign)
         head = head_to_use(printhead_data(self.folder / f"corrected-{number}.json"), base)
         waveforms = self._proposed(number, head, base)
         requests = [
-            check_request(f"check-{k}-{one.name}", one.as_waveform, head.frequency_Hz, self.settings.window_s)
+            check_request(name_of_check(k, one), one.as_waveform, head.frequency_Hz, self.settings.window_s)
             for k, one in enumerate(waveforms, start=1)
         ]
         taken = self._obtain(requests)
@@ -224,10 +227,25 @@ class Session:
             )
         self._log(f"To fire: the best waveform of the {NAMES[waveforms[best].name]}.")
         tuned = Tuned(
-            waveforms, checks, best, len(self.exchange.recorded), tuple(rounds), round(time.monotonic() - begin_s, 1)
-        )
+            waveforms, checks, best, len(self.exchange.recorded), tuple(rounds), round(time.monotonic() - begin_s, 1),
+            head,
+        )  # fmt: skip
         self._write(RESULT, tuned.as_json())
         return tuned
+
+    @property
+    def rounds(self) -> tuple[Mapping[str, Any], ...]:
+        """What each finished diagnosis told (``round``) and asked for (``request``, or None)."""
+        found: list[Mapping[str, Any]] = []
+        while (stored := self._stored(f"round-{len(found)}.json")) is not None:
+            found.append(stored)
+        return tuple(found)
+
+    @property
+    def waveforms(self) -> tuple[Proposal, ...]:
+        """Waveforms to try; none before they were searched for."""
+        stored = self._stored(PROPOSALS) or {"proposals": []}
+        return tuple(Proposal(**{**one, "waveform": tuple(one["waveform"])}) for one in stored["proposals"])
 
     def _first(self) -> Campaign:
         """The campaign that the session begins with."""
@@ -268,10 +286,10 @@ class Session:
             campaign, None, rng=np.random.default_rng(self.settings.seed), workers=self.workers, progress=tell,
             checkpoint=fits,
         )  # fmt: skip
-        following = [one for one in found.next_experiments if one.drive_V][:most_requests]
+        following = [one for one in found.next_experiments if one.drive_V]
         requests = [
             one.as_json(None) | {"drive_V": list(one.drive_V), "neighbour_V": list(one.neighbour_V) or None}
-            for one in following
+            for one in following[:most_requests]
         ]
         self._write(f"diagnosis-{number}.json", found.as_json())
         self._write(f"corrected-{number}.json", found.augmented_json())
@@ -286,8 +304,8 @@ class Session:
             "asked": [one.sentence for one in following],
         }
         self._log(f"Diagnosis {number + 1}, of {len(campaign.recordings)} recordings: {found.headline}")
-        for one in following:
-            self._log(f"Asked for: {one.sentence}")
+        for one in requests:
+            self._log(f"Asked for: {one['sentence']}")
         self._write(file, {"round": told, "requests": requests})  # last: the round is done
         clear_checkpoint(fits)
         return self._stored(file) or {}
@@ -301,8 +319,8 @@ class Session:
 
     def _proposed(self, number: int, head: Printhead | AugmentedPrinthead, base: Printhead) -> tuple[Proposal, ...]:
         """Waveforms to try, from their file if they were found before."""
-        if (stored := self._stored(PROPOSALS)) is not None:
-            return tuple(Proposal(**{**one, "waveform": tuple(one["waveform"])}) for one in stored["proposals"])
+        if known := self.waveforms:
+            return known
         settings = self.settings
         data = printhead_data(self.folder / f"corrected-{number}.json")
         limits = settings.limits if settings.limits != DriverLimits() else None
@@ -339,6 +357,11 @@ class Session:
         write_atomically(self.folder / name, json_text(value))
 
 
+def name_of_check(number: int, proposal: Proposal) -> str:
+    """Name of the recording that checks the waveform ``number`` (1, 2, 3)."""
+    return f"check-{number}-{proposal.name}"
+
+
 def _digest(campaign: Campaign | None) -> str | None:
     """SHA-256 of a campaign's recordings; None without one."""
     if campaign is None:
@@ -351,7 +374,7 @@ def _digest(campaign: Campaign | None) -> str | None:
     return total.hexdigest()
 
 
-def _requests(asked: Sequence[Mapping[str, Any]], before: int) -> list[Request]:
+def requests_of_round(asked: Sequence[Mapping[str, Any]], before: int) -> list[Request]:
     """The requests of a round: each drive as often as it is to be recorded; ``before`` were asked for earlier."""
     found = []
     for number, one in enumerate(asked, start=before + 1):

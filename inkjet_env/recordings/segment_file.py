@@ -120,12 +120,19 @@ def _numbers(place: str, cells: str) -> tuple[float, ...]:
 
 
 def write_segments(path: str | Path, time_s: Real, drive_V: Real) -> None:
-    """Write the corners of a waveform as one pulse of segments.
+    """Write `segments_text` to a file."""
+    try:
+        text = segments_text(time_s, drive_V)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    write_atomically(path, text)
+
+
+def segments_text(time_s: Real, drive_V: Real) -> str:
+    """The corners of a waveform as one pulse of segments.
 
     Parameters
     ----------
-    path : str or Path
-        The file.
     time_s, drive_V : ndarray, shape (n,)
         Times in seconds, increasing, and voltages of the corners.
 
@@ -143,7 +150,7 @@ def write_segments(path: str | Path, time_s: Real, drive_V: Real) -> None:
         rise_us = time_us[k + 1] - time_us[k]
         if start_V != end_V and not rise_us > 0:
             raise ValueError(
-                f"{path}: the drive jumps from {start_V:g} V to {end_V:g} V at {time_us[k]:g} us; a controller needs a "
+                f"the drive jumps from {start_V:g} V to {end_V:g} V at {time_us[k]:g} us; a controller needs a "
                 "rise time above 0."
             )
         slew, hold_us = (0.0, rise_us) if start_V == end_V else ((end_V - start_V) / rise_us, 0.0)
@@ -153,4 +160,4 @@ def write_segments(path: str | Path, time_s: Real, drive_V: Real) -> None:
             k += 1
         lines.append(f"Seg{number} = {start_V:.12g}, {end_V:.12g}, {slew:.17g}, {hold_us:.12g}")
         number += 1
-    write_atomically(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"

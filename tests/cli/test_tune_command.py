@@ -33,11 +33,18 @@ def test_a_printhead_as_rig_gives_a_waveform_a_table_and_json(inkjet, tmp_path, 
     assert DriverLimits.from_text(limits).excesses(drive.time_s, drive.drive_V) == []
     assert np.abs(drive.drive_V).max() == pytest.approx(max(map(abs, found["waveform"][:2])))
     assert (tmp_path / "bench-tuning" / "log.md").exists()
+    assert "Report: bench-tuning/report.html" in out
+    page = (tmp_path / "bench-tuning" / "report.html").read_text()
+    assert f"<h1>Head ‘bench’: fire U1 = {found['waveform'][0]:.4g} V" in page
+    assert page.endswith("</html>")
 
 
 def test_without_a_rig_it_says_what_to_record_and_goes_on_later(inkjet, tmp_path):
-    status, out, _ = inkjet("tune", "bench", "--json", "t.json")
+    status, out, _ = inkjet("tune", "bench", "--json", "t.json", "--report", "page.html")
     assert status == 0
+    assert "page.html shows the drives" in out
+    assert "the session waits for 38 recordings" in (tmp_path / "page.html").read_text()
+    assert not (tmp_path / "bench-tuning" / "report.html").exists()
     assert "38 drives to record, listed in requests.csv" in out
     assert "run the same command again" in out
     assert len(json.loads((tmp_path / "t.json").read_text())["waiting_for"]) == 38
@@ -74,6 +81,8 @@ def diagnoses(monkeypatch):
         (["--rig", "json:JSONDecoder"], "a rig must have the methods record and limits"),
         (["--rig", "nowhere:Bench"], "--rig nowhere:Bench"),
         (["--risk", "cvr"], "Did you mean 'cvar'?"),
+        (["--report", "page.txt"], "--report must end in .html"),
+        (["--report", "none/page.html"], "must be a writable folder"),
         (["--waveform", "w.txt"], "--waveform must end in .csv or .ini"),
         (["--limits", "lowest_V=5"], "a waveform starts and ends at 0 V"),
     ],
