@@ -88,7 +88,7 @@ def page_html(
         tried=tried(session, tuned, recorded),
         requests=requests,
         drives=[(names, one.purpose, request_figure(one)) for names, one in distinct(requests)],
-        rounds=rounds(session, recorded, requests),
+        rounds=rounds(session, recorded),
         recordings=recording_rows(session, recorded),
         log=log_rows(session.folder / LOG),
         files={} if tuned is None else waveform_files(tuned.proposals[tuned.best].as_waveform),
@@ -169,9 +169,8 @@ def distinct(requests: Sequence[Request]) -> list[tuple[str, Request]]:
     return [(", ".join(one.name for one in group), group[0]) for group in groups.values()]
 
 
-def rounds(session: Session, recorded: Sequence[Recording], waiting: Sequence[Request]) -> list[dict[str, Any]]:
+def rounds(session: Session, recorded: Sequence[Recording]) -> list[dict[str, Any]]:
     """Each diagnosis with its fit, and its requests with what came back."""
-    open_names = {request.name for request in waiting}
     found: list[dict[str, Any]] = []
     before = 0
     for number_, stored in enumerate(session.rounds):
@@ -187,7 +186,6 @@ def rounds(session: Session, recorded: Sequence[Recording], waiting: Sequence[Re
                     "request": requests[0],
                     "repeats": len(requests),
                     "answers": answers,
-                    "open": bool(names & open_names),
                     "figure": request_figure(requests[0], answers) if answers else None,
                 }
             )
