@@ -43,7 +43,7 @@ def tune(
     risk: Annotated[
         str, typer.Option(help="how a waveform is judged on the heads that remain possible: mean, cvar or worst")
     ] = "cvar",
-    budget: Annotated[int, typer.Option(help="evaluations of each search for a waveform", min=8)] = 1500,
+    budget: Annotated[int, typer.Option(help="evaluations of each search for a waveform", min=8)] = 2000,
     frequency: Annotated[
         float, typer.Option(help="expected resonance in Hz, for the drives of a first campaign", min=1.0)
     ] = 50e3,

@@ -11,7 +11,7 @@ import numpy as np
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.proof.answering import ConcealedRig
 from inkjet_env.experiments.tuning.check import check_request, measured
-from inkjet_env.experiments.tuning.proposals import distinct, head_to_use, searched
+from inkjet_env.experiments.tuning.proposals import best_points, distinct, ends_of_searches, head_to_use, refined
 from inkjet_env.optimizers.loop import Objective
 from inkjet_env.plant.head_ensemble import ensemble_of
 from inkjet_env.plant.printhead_file import printhead_of
@@ -19,8 +19,8 @@ from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
-STARTS, BUDGET = 4, 600
-"""Number of searches of one objective, and evaluations of each."""
+SEARCHES, BUDGET = 3, 2000
+"""Number of searches of the corrected head, and evaluations of each; of the plant itself, as many and half of them."""
 RISK = "cvar"
 """How the robust waveform is judged on the heads that the recordings leave possible."""
 
@@ -45,9 +45,7 @@ class PlantObjective:
 def reoptimised_costs(base: Mapping[str, Any], corrected: Mapping[str, Any], plant: Any, seed: int) -> dict[str, Any]:
     """Peak costs on the concealed plant, in volts, of the best waveforms of several models and of the plant itself.
 
-    All are searched with the same optimiser, seeds and budget; all but the base model's also from its waveform, which
-    is available before the diagnosis. The robust waveform is refined from those of base and corrected model, on all
-    heads that the recordings leave possible.
+    The oracle's is refined from those of all models and found by searches of its own.
 
     Parameters
     ----------
@@ -60,10 +58,14 @@ def reoptimised_costs(base: Mapping[str, Any], corrected: Mapping[str, Any], pla
     """
     truly = PlantObjective(plant)
     points = waveforms_of(base, corrected, seed)
-    points["oracle"] = searched(truly, [points["base"]], BUDGET, STARTS, seed)
+    points["oracle"] = refined(truly, [*points.values(), *ends_of_searches(truly, BUDGET // 2, SEARCHES, seed)])[0]
     costs = {name: float(truly.evaluate(point)[0]) for name, point in points.items()}
     objectives = objectives_of(base, corrected)
-    foretold = {name: float(objectives[name].evaluate(points[name])[0]) for name in objectives}
+    foretold = {
+        name: float(objectives[of].evaluate(points[name])[0])
+        for name, of in (("base", "base"), ("augmented", "fit"), ("robust", "robust"))
+        if of in objectives
+    }
     waveforms = {name: Bounds().from_unit(point).tolist() for name, point in points.items()}
     return {**costs, "foretold": foretold, "waveforms": waveforms}
 
@@ -112,19 +114,13 @@ def objectives_of(base: Mapping[str, Any], corrected: Mapping[str, Any]) -> dict
     before = printhead_of(base)
     assert isinstance(before, Printhead)
     head = head_to_use(corrected, before)
-    found: dict[str, Objective] = {"base": Problem("base", before), "augmented": Problem("augmented", head)}
+    found: dict[str, Objective] = {"base": Problem("base", before), "fit": Problem("fit", head)}
     if (ensemble := ensemble_of(corrected)) is not None:
         found["robust"] = Problem("robust", head, ensemble=ensemble, risk=RISK)
     return found
 
 
 def waveforms_of(base: Mapping[str, Any], corrected: Mapping[str, Any], seed: int) -> dict[str, Real]:
-    """The best point in ``[-1, 1]⁷`` of each of `objectives_of`."""
-    objectives = objectives_of(base, corrected)
-    points = {"base": searched(objectives["base"], [], BUDGET, STARTS, seed)}
-    points["augmented"] = searched(objectives["augmented"], [points["base"]], BUDGET, STARTS, seed)
-    if "robust" in objectives:
-        points["robust"] = searched(objectives["robust"], [*points.values()], BUDGET, 0, seed)
-    else:
-        points["robust"] = points["augmented"]
-    return points
+    """The best point in ``[-1, 1]⁷`` of each of `objectives_of`; without an ensemble the fit's is the robust one."""
+    points = best_points(objectives_of(base, corrected), BUDGET, SEARCHES, seed)
+    return {"base": points["base"], "augmented": points["fit"], "robust": points.get("robust", points["fit"])}

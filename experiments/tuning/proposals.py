@@ -18,7 +18,11 @@ from inkjet_env.typing import Real
 DISTINCT = 0.02
 """Smallest distance, in half widths of the box, between two waveforms that are both worth a recording."""
 SIMPLEX = 0.1
-"""Size of the first simplex of the polishing search, in half widths of the box."""
+"""Size of the first simplex of a refining search, in half widths of the box."""
+REFINED, REFINING = 4, 400
+"""Number of points that are refined, and evaluations of each refining search."""
+BASE_SEARCHES = 8
+"""Searches of the base model, for each of the corrected head's."""
 
 
 @dataclass(frozen=True)
@@ -76,14 +80,10 @@ def proposals(
         Told what is searched.
     """
     plain = replace(problem, ensemble=None)
-    points: dict[str, Real] = {}
-    known: list[Real] = []
-    objectives = [("base", replace(plain, printhead=base)), ("fit", plain)]
-    objectives += [("robust", problem)] if problem.ensemble is not None else []
-    for name, objective in objectives:
-        progress(f"searching for the best waveform: {name}")
-        points[name] = searched(objective, known, budget, searches, seed)
-        known.append(points[name])
+    objectives: dict[str, Objective] = {"base": replace(plain, printhead=base), "fit": plain}
+    if problem.ensemble is not None:
+        objectives["robust"] = problem
+    points = best_points(objectives, budget, searches, seed, progress)
     ordered: dict[str, Real] = {name: points[name] for name in ("robust", "fit", "base") if name in points}
     return tuple(_proposal(problem, name, points[name]) for name in distinct(ordered))
 
@@ -97,35 +97,82 @@ def distinct(points: Mapping[str, Real]) -> list[str]:
     return chosen
 
 
-def searched(objective: Objective, known: Sequence[Real], budget: int, searches: int, seed: int) -> Real:
-    """Best point in ``[-1, 1]⁷`` of several searches and of those that are known, each refined by a simplex search."""
-    from scipy.optimize import minimize
+def best_points(
+    objectives: Mapping[str, Objective],
+    budget: int,
+    searches: int,
+    seed: int,
+    progress: Callable[[str], None] = lambda text: None,
+) -> dict[str, Real]:
+    """Best points in ``[-1, 1]⁷`` of base model, corrected head and the heads that remain possible.
 
+    Each model has many local optima, close to those of the others. The base model is searched most often, because it is
+    the fastest by far; the corrected head is refined from all of its optima too, and the robust waveform from the best
+    of both.
+
+    Parameters
+    ----------
+    objectives : mapping of str to Objective
+        ``base``, ``fit`` and, optionally, ``robust``.
+    budget, searches, seed : int
+        Evaluations of a search, number of searches of the corrected head, and seed of the first.
+    progress : callable
+        Told what is searched.
+    """
+    progress("searching for the best waveform: base")
+    of_base = ends_of_searches(objectives["base"], budget, BASE_SEARCHES * searches, seed)
+    points = {"base": refined(objectives["base"], of_base)[0]}
+    progress("searching for the best waveform: fit")
+    of_fit = [*of_base, points["base"], *ends_of_searches(objectives["fit"], budget, searches, seed)]
+    best_of_fit = refined(objectives["fit"], of_fit)
+    points["fit"] = best_of_fit[0]
+    if "robust" in objectives:
+        progress("searching for the best waveform: robust")
+        points["robust"] = refined(objectives["robust"], [*best_of_fit, points["base"]], 2, REFINING // 2)[0]
+    return points
+
+
+def searched(objective: Objective, known: Sequence[Real], budget: int, searches: int, seed: int) -> Real:
+    """Best point in ``[-1, 1]⁷`` of several searches and of those that are known, refined."""
+    return refined(objective, [*known, *ends_of_searches(objective, budget, searches, seed)], 2, budget // 4)[0]
+
+
+def ends_of_searches(objective: Objective, budget: int, searches: int, seed: int) -> list[Real]:
+    """Best point of each of several searches with CMA-ES."""
     from inkjet_env import optimizers
     from inkjet_env.optimizers.loop import minimise
 
-    ends = list(known)
+    found = []
     for k in range(searches):
-        found = minimise(objective, optimizers.make("cma-es", budget=budget, seed=seed + k), budget).best_point
-        if found is not None:
-            ends.append(found)
-    order = np.argsort(objective.evaluate(np.array(ends)), kind="stable")
-    polished = []
-    for k in order[:2]:
-        corners = np.repeat(ends[k][None, :], 8, axis=0)
-        corners[np.arange(1, 8), np.arange(7)] -= SIMPLEX * np.where(ends[k] > 0, 1.0, -1.0)
-        options: dict[str, Any] = {"maxfev": budget // 4, "initial_simplex": corners}
-        polished.append(
+        end = minimise(objective, optimizers.make("cma-es", budget=budget, seed=seed + k), budget).best_point
+        if end is not None:
+            found.append(end)
+    return found
+
+
+def refined(
+    objective: Objective, points: Sequence[Real], count: int = REFINED, evaluations: int = REFINING
+) -> list[Real]:
+    """The best so many of these points, each refined by a simplex search; best first."""
+    from scipy.optimize import minimize
+
+    order = np.argsort(objective.evaluate(np.array(points)), kind="stable")
+    found = []
+    for k in order[:count]:
+        corners = np.repeat(points[k][None, :], 8, axis=0)
+        corners[np.arange(1, 8), np.arange(7)] -= SIMPLEX * np.where(points[k] > 0, 1.0, -1.0)
+        options: dict[str, Any] = {"maxfev": evaluations, "initial_simplex": corners}
+        found.append(
             minimize(
                 lambda x: float(objective.evaluate(np.clip(x, -1, 1)[None, :])[0]),
-                ends[k],
+                points[k],
                 method="Nelder-Mead",
                 bounds=[(-1.0, 1.0)] * 7,
                 options=options,
             )
         )
-    best = min(polished, key=lambda result: float(result.fun))
-    return np.clip(np.asarray(best.x, dtype=np.float64), -1.0, 1.0)
+    found.sort(key=lambda result: float(result.fun))
+    return [np.clip(np.asarray(result.x, dtype=np.float64), -1.0, 1.0) for result in found]
 
 
 def _proposal(problem: Problem, name: str, point: Real) -> Proposal:

@@ -73,7 +73,7 @@ class TuneSettings:
 
     most_requests: int = 3
     risk: str = "cvar"
-    budget: int = 1500
+    budget: int = 2000
     searches: int = 3
     seed: int = 0
     frequency_Hz: float = 50e3

@@ -6,7 +6,6 @@ import pytest
 from inkjet_env.experiments.proof.corpus import STAGES, corpus
 from inkjet_env.experiments.proof.fresh_drive_error import LEAST_CLOSURE, UNPREDICTABLE, Model, closure, model_of
 from inkjet_env.experiments.proof.judge import located, parameters, questions
-from inkjet_env.experiments.proof.waveform_gain import searched
 from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead
@@ -220,12 +219,3 @@ def test_heads_to_optimise_are_taken_from_all_effects_in_turn():
     shown = [name for name in STAGES if name not in UNPREDICTABLE]
     assert len({d.effects for d in chosen}) == min(len(shown), 34)
     assert sum(q["baselines"] for q in asked.values()) == 3
-
-
-def test_a_search_goes_on_from_what_is_known():
-    class Bowl:
-        def evaluate(self, points):
-            return ((np.atleast_2d(points) - 0.3) ** 2).sum(axis=1)
-
-    near = searched(Bowl(), 0, (np.full(7, 0.35),))
-    assert np.allclose(near, 0.3, atol=0.05)

@@ -29,7 +29,8 @@ class Judged:
     proposal : Proposal
         The drive.
     separations : ndarray, shape (pairs,)
-        Half the squared whitened distance of each pair of candidates: the expected difference of log-likelihoods.
+        Half the squared whitened distance of each pair of candidates: the expected difference of log-likelihoods, less
+        where that is smaller than what separates either from a law that nobody thought of.
     from_none : ndarray, shape (candidates,)
         The same between each candidate and a law that nobody thought of.
     differences : tuple of float
@@ -110,15 +111,21 @@ class Predictions:
             square, remains = min(found, key=lambda pair: pair[0])
             separations.append(0.5 * square)
             differences.append(float(np.abs(remains).max()))
-        beyond = [self.settings.law_unknown * self.noise.whitened(o, s - self._without_effects(o)) for s in signals]
-        from_none = np.array([0.5 * float(d @ d) for d in beyond])
+        without = self.fits[0].head.plant(()).signal(excitation)
+        from_none = self._from_none([self.noise.whitened(o, signal - without) for signal in signals])
         if not (np.isfinite(separations).all() and np.isfinite(from_none).all()):
             return None
-        return Judged(proposal, np.array(separations), from_none, tuple(differences))
+        return Judged(proposal, self._trusted(np.array(separations), from_none), from_none, tuple(differences))
 
-    def _without_effects(self, o: ObservedRecording) -> Real:
-        """Signal of the head of the first candidate without its effects."""
-        return self.fits[0].head.plant(()).signal(o.excitation)
+    def _from_none(self, contributions: Sequence[Real]) -> Real:
+        """Separation of each candidate from a law that nobody thought of, by its whitened contribution to a signal."""
+        share = self.settings.law_unknown
+        return np.array([0.5 * share**2 * float(d @ d) for d in contributions])
+
+    def _trusted(self, separations: Real, from_none: Real) -> Real:
+        """Separations of pairs, less where two predictions differ by less than the law of either may be wrong by."""
+        doubt = np.array([max(from_none[i], from_none[j]) for i, j in self.pairs])
+        return np.asarray(separations * np.minimum(separations / np.maximum(doubt, 1e-300), 1.0))
 
     def unjudged(self, proposal: Proposal) -> Judged:
         """A proposal of which only what a probe at the head shows counts: noise at its sampling step is unknown."""
@@ -139,10 +146,17 @@ class Predictions:
                 ]
             except NUMERICAL:
                 continue
-            apart = [voltages[i] - voltages[j] for i, j in self.pairs]
-            more = np.array([0.5 * float(d @ d) for d in apart]) / self.probe_noise_V**2
-            largest_V = tuple(float(np.abs(d).max()) for d in apart)
-            found.append(replace(judged, separations=judged.separations + more, at_head=largest_V))
+            apart_V = [voltages[i] - voltages[j] for i, j in self.pairs]
+            from_none = self._from_none([(v - excitation.drive_V) / self.probe_noise_V for v in voltages])
+            more = np.array([0.5 * float(d @ d) for d in apart_V]) / self.probe_noise_V**2
+            found.append(
+                replace(
+                    judged,
+                    separations=judged.separations + self._trusted(more, from_none),
+                    from_none=judged.from_none + from_none,
+                    at_head=tuple(float(np.abs(d).max()) for d in apart_V),
+                )
+            )
         return found
 
     @property
