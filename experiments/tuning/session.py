@@ -32,7 +32,7 @@ from inkjet_env.printhead.printhead_json import printhead_data
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_window
 from inkjet_env.recordings import Campaign, Recording
 from inkjet_env.reporting.diagnosis_report import diagnosis_html
-from inkjet_env.rig import Request, default_battery
+from inkjet_env.rig import Request, battery_within, default_battery
 from inkjet_env.storage import json_text, stored_object, write_atomically
 
 FORMAT, SESSION_FORMAT = "tune/1", "tune-session/1"
@@ -252,7 +252,7 @@ class Session:
         if self.given is not None:
             return self.given
         requests = []
-        for line in default_battery(self.settings.frequency_Hz):
+        for line in battery_within(default_battery(self.settings.frequency_Hz), self.settings.limits):
             first = f"{BATTERY}-{line.channel}-{line.label}"
             for k in range(line.repeats):
                 name, of = (first, None) if k == 0 else (f"{first}-{k + 1}", first)

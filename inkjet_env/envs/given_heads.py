@@ -23,7 +23,7 @@ HeadsOption = HeadEnsemble | AnyHead | HeadFile | Sequence[AnyHead | HeadFile]
 
 
 def ensemble_of_heads(heads: HeadsOption) -> HeadEnsemble:
-    """HeadsOption with weights, from what a user gives.
+    """Heads with weights, from what a user gives.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def ensemble_of_heads(heads: HeadsOption) -> HeadEnsemble:
 
 
 class GivenHeads:
-    """HeadsOption of which one at a time is on the bench, each with a task of its own.
+    """Heads of which one at a time is on the bench, each with a task of its own.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class GivenHeads:
     ) -> Readings:
         """Fire waveforms (n, 7), each on the head of its number, and read every peak; see `WaveformTask.read`.
 
-        HeadsOption without effects are simulated in one call, those with effects one waveform at a time.
+        Heads without effects are simulated in one call, those with effects one waveform at a time.
         """
         group = np.where(self._with_effects[numbers], numbers, -1)
         parts = []

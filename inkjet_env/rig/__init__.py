@@ -2,6 +2,7 @@
 
 from inkjet_env.rig.battery import (
     DriveLine,
+    battery_within,
     default_battery,
     displacement_battery,
     self_sensing_battery,
@@ -27,6 +28,7 @@ __all__ = [
     "StrainGauge",
     "Vibrometer",
     "VirtualRig",
+    "battery_within",
     "default_battery",
     "displacement_battery",
     "plan_csvs",

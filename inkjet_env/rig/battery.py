@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from inkjet_env.printhead import check_name
+from inkjet_env.printhead import DriverLimits, check_name
 from inkjet_env.printhead.hysteresis import INITIAL_STATES
 from inkjet_env.printhead.sampled import check_samples
 from inkjet_env.recordings.recording import CHANNELS
@@ -92,6 +92,53 @@ class DriveLine:
 def default_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[DriveLine, ...]:
     """Lines for the strain gauge, then for self-sensing with a head expected to ring at ``frequency_Hz``."""
     return strain_gauge_battery() + self_sensing_battery(frequency_Hz)
+
+
+def battery_within(lines: Sequence[DriveLine], limits: DriverLimits) -> tuple[DriveLine, ...]:
+    """Lines within a driver's voltages, all scaled by one factor so that their amplitudes stay apart.
+
+    For a unipolar driver, drives of the other sign are turned round; repeated drives of both signs are moved to one
+    side, and those that are applied once are left out.
+
+    Parameters
+    ----------
+    lines : sequence of DriveLine
+        The lines.
+    limits : DriverLimits
+        Of its limits, the voltages count.
+
+    Raises
+    ------
+    ValueError
+        The driver's range does not hold 0 V, at which a head rests.
+    """
+    if not limits.lowest_V <= 0 <= limits.highest_V:
+        raise ValueError(
+            f"the driver's range must hold 0 V, at which a head rests; it goes from {limits.lowest_V:g} to "
+            f"{limits.highest_V:g} V."
+        )
+    possible: list[tuple[DriveLine, Real]] = []
+    for line in lines:
+        drive_V = line.drive_V
+        low_V, high_V = min(float(drive_V.min()), 0.0), max(float(drive_V.max()), 0.0)
+        if (high_V == 0 or limits.highest_V > 0) and (low_V == 0 or limits.lowest_V < 0):
+            possible.append((line, drive_V))
+        elif low_V == 0 or high_V == 0:
+            possible.append((line, -drive_V))
+        elif line.initial_state == "periodic":
+            possible.append((line, drive_V - (high_V if limits.highest_V == 0 else low_V)))
+    ends_V = [(float(drive_V.min()), float(drive_V.max())) for _, drive_V in possible]
+    lowest_V, highest_V = min(low for low, _ in ends_V), max(high for _, high in ends_V)
+    factor = min(
+        1.0,
+        min(limits.highest_V, LARGEST_DRIVE_V) / highest_V if highest_V > 0 else 1.0,
+        max(limits.lowest_V, -LARGEST_DRIVE_V) / lowest_V if lowest_V < 0 else 1.0,
+    )
+    if factor == 1.0:
+        return tuple(replace(line, drive_V=drive_V) for line, drive_V in possible)
+    return tuple(
+        replace(line, label=f"{line.label}-times-{factor:.2g}", drive_V=factor * drive_V) for line, drive_V in possible
+    )
 
 
 def self_sensing_battery(frequency_Hz: float = EXPECTED_FREQUENCY_Hz) -> tuple[DriveLine, ...]:

@@ -1,14 +1,16 @@
 """The battery spans what it says it does."""
 
 import csv
+import math
 import re
 
 import numpy as np
 import pytest
 
-from inkjet_env.printhead import Printhead, respond_sampled
+from inkjet_env.printhead import DriverLimits, Printhead, respond_sampled
 from inkjet_env.rig import (
     DriveLine,
+    battery_within,
     default_battery,
     displacement_battery,
     plan_csvs,
@@ -16,7 +18,7 @@ from inkjet_env.rig import (
     strain_gauge_battery,
 )
 from inkjet_env.rig.answer import answer_V
-from inkjet_env.rig.battery import odd_multisine
+from inkjet_env.rig.battery import LARGEST_DRIVE_V, odd_multisine
 
 HEAD = Printhead.published()
 FAST = self_sensing_battery(HEAD.frequency_Hz)
@@ -214,3 +216,27 @@ def test_a_plan_needs_lines_with_labels_of_their_own(tmp_path):
     with pytest.raises(ValueError, match="at least one line"):
         plan_csvs(tmp_path, [])
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("lowest_V", "highest_V"),
+    [(-math.inf, math.inf), (-math.inf, 60.0), (-30.0, 60.0), (0.0, math.inf), (0.0, 40.0), (-50.0, 0.0)],
+)
+def test_a_battery_within_a_drivers_voltages_keeps_its_amplitudes_apart(lowest_V, highest_V):
+    battery = default_battery()
+    lines = battery_within(battery, DriverLimits(lowest_V, highest_V))
+    for line in lines:
+        assert lowest_V - 1e-9 <= line.drive_V.min() <= line.drive_V.max() <= highest_V + 1e-9
+        assert np.abs(line.drive_V).max() <= LARGEST_DRIVE_V
+    largest_V = {float(f"{np.ptp(line.drive_V):.6g}") for line in lines if line.channel == "self_sensing"}
+    assert len(largest_V) > 4
+    assert len(lines) >= 0.8 * len(battery)
+    if math.isinf(lowest_V) and math.isinf(highest_V):
+        assert [line.drive_V.tolist() for line in lines] == [line.drive_V.tolist() for line in battery]
+    else:
+        assert max(largest_V) > 0.9 * (min(highest_V, 100.0) - max(lowest_V, -100.0)) / 2
+
+
+def test_a_driver_that_cannot_rest_has_no_battery():
+    with pytest.raises(ValueError, match="must hold 0 V, at which a head rests; it goes from 5 to 60 V"):
+        battery_within(default_battery(), DriverLimits(lowest_V=5.0, highest_V=60.0))
