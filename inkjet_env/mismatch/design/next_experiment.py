@@ -133,10 +133,13 @@ def next_experiments(
     monitored = len(sensors) < len(observed)
     if monitored:  # then whatever is recorded with a fast sensor has it too
         tried = predictions.with_probe(tried)
-    plan = _plan(tried, predictions, hypotheses)
+    plan = _plan(tried, settings, hypotheses)
     if _least(plan) < settings.separation:
-        probed = predictions.with_probe(fine if monitored else [*tried, *fine])
-        plan = max(plan, _plan([*tried, *probed], predictions, hypotheses), key=_least)
+        tried = [*tried, *predictions.with_probe(fine if monitored else [*tried, *fine])]
+        plan = max(plan, _plan(tried, settings, hypotheses), key=_least)
+    if len(plan) > 1:  # a better pulse may do alone
+        tried = [*tried, _optimised(plan[0], predictions, hypotheses)]
+        plan = _plan(tried, settings, hypotheses)
     if settings.most_repeats * _least(plan) < settings.separation:
         return _in_words(candidates, effects, observed)
     return _told(plan, predictions, hypotheses)
@@ -147,29 +150,26 @@ def _least(plan: Sequence[Judged]) -> float:
     return float(np.min(np.sum([judged.separations for judged in plan], axis=0))) if plan else 0.0
 
 
-def _plan(tried: Sequence[Judged], predictions: Predictions, hypotheses: Hypotheses) -> list[Judged]:
+def _plan(tried: Sequence[Judged], settings: DesignSettings, hypotheses: Hypotheses) -> list[Judged]:
     """Proposals, each chosen for what it adds to those before it, until they separate all candidates; repeats count."""
     plan: list[Judged] = []
-    settings = predictions.settings
     while tried and len(plan) < settings.most_requests and _least(plan) < settings.separation:
-        best = min(tried, key=lambda judged: hypotheses.ln_left([*plan, judged]))
-        plan.append(_refined(best, plan, predictions, hypotheses))
-        tried = [*tried, plan[-1]]
+        plan.append(min(tried, key=lambda judged: hypotheses.ln_left([*plan, judged])))
     return plan
 
 
-def _refined(best: Judged, plan: list[Judged], predictions: Predictions, hypotheses: Hypotheses) -> Judged:
-    """The best proposal with height, edges, dwell and gap of its pulses optimised; unchanged if it has no pulses."""
+def _optimised(best: Judged, predictions: Predictions, hypotheses: Hypotheses) -> Judged:
+    """A proposal with height, edges, dwell and gap of its pulses optimised; unchanged if it has no pulses."""
     from scipy.optimize import minimize
 
     train, excitation = best.proposal.train, best.proposal.excitation
-    if train is None or best in plan or not best.differences or not any(best.differences):
+    if train is None or not any(best.differences):
         return best  # what is sampled for a probe alone stays as it is
     settings = predictions.settings
     available = benches(predictions.observed, predictions.fits[0].head.printhead.frequency_Hz, settings)
     bench = next(b for b in available if b.channel == excitation.channel)
     periods = excitation.samples * excitation.step_s / bench.period_s
-    found, least = best, hypotheses.ln_left([*plan, best])
+    found, least = best, hypotheses.ln_left([best])
 
     def loss(theta: Real) -> float:
         nonlocal found, least
@@ -180,7 +180,7 @@ def _refined(best: Judged, plan: list[Judged], predictions: Predictions, hypothe
             judged = next(iter(predictions.with_probe([judged])), None)
         if judged is None:
             return math.inf
-        left = hypotheses.ln_left([*plan, judged])
+        left = hypotheses.ln_left([judged])
         if left < least:
             found, least = judged, left
         return left
