@@ -94,6 +94,11 @@ COMMANDS: Mapping[str, Killed] = {
         ("heads/*.json",),
         prepare=tuple(("record", name, "--seed", str(k)) for k, name in enumerate("abcdef")),
     ),
+    "tune": Killed(
+        ("tune", "bench", "--rig", "head.json", "--seed", "1", "--json", "tuned.json", "--waveform", "waveform.csv"),
+        ("tuned.json", "waveform.csv", "bench-tuning/recorded/*.csv", "bench-tuning/proposals.json"),
+        prepare=(("record", "campaign", "--seed", "1"), ("identify", "campaign", "--out", "head.json")),
+    ),
 }  # fmt: skip
 
 
