@@ -130,12 +130,11 @@ def next_experiments(
     ]
     fast = [bench for bench in available if bench.channel != "strain_gauge" and not bench.quasi_static]
     fine = [predictions.unjudged(proposal) for bench in fast[:1] for proposal in probe_library(bench)]
+    probed = predictions.with_probe([*tried, *fine])
     monitored = len(sensors) < len(observed)
-    if monitored:  # then whatever is recorded with a fast sensor has it too
-        tried = predictions.with_probe(tried)
-    plan = _plan(tried, settings, hypotheses)
+    plan = _plan(probed if monitored or predictions.of_the_drive.any() else tried, settings, hypotheses)
+    tried = probed if monitored else [*tried, *probed]
     if _least(plan) < settings.separation:
-        tried = [*tried, *predictions.with_probe(fine if monitored else [*tried, *fine])]
         plan = max(plan, _plan(tried, settings, hypotheses), key=_least)
     if len(plan) > 1:  # a better pulse may do alone
         tried = [*tried, _optimised(plan[0], predictions, hypotheses)]

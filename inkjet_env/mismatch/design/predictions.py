@@ -59,6 +59,13 @@ class Predictions:
         The campaign's recordings.
     settings : DesignSettings
         Settings of the design.
+
+    Attributes
+    ----------
+    pairs : tuple of tuple of int
+        Pairs of candidates.
+    of_the_drive : ndarray of bool, shape (pairs,)
+        Whether two candidates differ in what they do to the drive.
     """
 
     def __init__(
@@ -70,6 +77,8 @@ class Predictions:
     ) -> None:
         self.fits, self.noise, self.observed, self.settings = tuple(fits), noise, tuple(observed), settings
         self.pairs = tuple(itertools.combinations(range(len(fits)), 2))
+        acting = [{e.id for e in fit.active.effects if e.acts_in("drive")} for fit in fits]
+        self.of_the_drive = np.array([acting[i] != acting[j] for i, j in self.pairs])
         seen = [o for o in observed if o.fitted]
         base = np.concatenate([noise.whitened(o, fits[0].head.sensitivities(o))[: o.fitted] for o in seen])
         self.information: list[Real] = []
@@ -133,7 +142,11 @@ class Predictions:
         return Judged(proposal, nothing, np.zeros(len(self.fits)), tuple(nothing.tolist()))
 
     def with_probe(self, tried: Sequence[Judged]) -> list[Judged]:
-        """Proposals with the voltage at the head recorded too, where the sensor is fast; others as they are."""
+        """Proposals with the voltage at the head recorded too, where the sensor is fast; others as they are.
+
+        Of two candidates that differ in what they do to the drive, only that voltage counts: a sensor shows it through
+        all other stages, whose laws may be wrong by more.
+        """
         found = []
         for judged in tried:
             excitation = judged.proposal.excitation
@@ -152,7 +165,7 @@ class Predictions:
             found.append(
                 replace(
                     judged,
-                    separations=judged.separations + self._trusted(more, from_none),
+                    separations=np.where(self.of_the_drive, 0.0, judged.separations) + self._trusted(more, from_none),
                     from_none=judged.from_none + from_none,
                     at_head=tuple(float(np.abs(d).max()) for d in apart_V),
                 )
