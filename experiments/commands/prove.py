@@ -140,7 +140,7 @@ def _proved(
         rounds = adapt(out, outcome, client, adapt_case) if adaptive else None
     found = score(outcome)
     if rounds is not None:
-        found["adaptive"] = rounds["figures"]
+        found["adaptive"] = {"figures": rounds["figures"], "waveforms": rounds["waveforms"]}
     write_atomically(out / "score.json", json_text(found))
     write_page(report, found)
     if json is not None:

@@ -14,6 +14,9 @@ from inkjet_env.experiments.proof.adaptive import MOST_REQUESTS, adapt, adapt_ca
 from inkjet_env.experiments.proof.campaign_files import ProofError
 from inkjet_env.experiments.proof.concealment import conceal
 from inkjet_env.experiments.proof.corpus import Draw
+from inkjet_env.experiments.proof.printing import print_rounds
+from inkjet_env.experiments.proof.report import page_html
+from inkjet_env.experiments.proof.score import score
 from inkjet_env.experiments.proof.sealing import JUDGE_SOURCES
 from inkjet_env.storage import json_text, write_atomically
 
@@ -168,3 +171,28 @@ def test_gains_are_shares_of_what_the_oracle_gains_and_losses_are_counted():
     assert found["augmented"] == {"share": 0.5, "median": 0.5 * (1.0 - 2.0), "worse": 1, "worst": pytest.approx(0.1)}
     assert found["loop"]["share"] == pytest.approx(5 / 6)
     assert (found["loop"]["worse"], found["loop"]["worst"]) == (0, 0.0)
+
+
+def test_the_page_and_the_terminal_tell_of_the_rounds(capsys):
+    case = case_of("head-0", verdict("trigger_delay", "sensor_bandwidth"), [request(1e-6)])
+    costs = {"base": -10.0, "augmented": -14.0, "robust": -14.5, "oracle": -15.0}
+    case["judged"] |= {"reoptimised": costs, "closure": None, "parameters": []}
+    case["run"] = {"cpu_seconds": 1.0}
+    case["answer"]["verdict"]["fit"] = {"closure": None}
+    rounds = [{"requests": [{"sentence": "", "repeats": 5}], "entry": entry("", verdict("trigger_delay"))}]
+    done = {"designed/head-0": {"rounds": rounds, "loop": {"cost": -14.8, "chosen": "robust"}}}
+    found = adaptive_score([case], done)
+    print_rounds(found)
+    told = capsys.readouterr().out
+    assert "waveforms of 1 heads" in told
+    assert "96.0 %" in told  # 4.8 of 5 V
+    manifest = {
+        **dict.fromkeys(("version", "seed", "profile", "published", "code", "versions", "truth_sha256"), ""),
+        "version": 2,
+        "code": {"rig": "", "finder": ""},
+        "versions": {},
+    }
+    outcome = SimpleNamespace(cases=[case], manifest=manifest, answers={"answers_sha256": ""}, judge=None)
+    page = page_html(score(outcome) | {"adaptive": {name: found[name] for name in ("figures", "waveforms")}})
+    assert "<h2>Requests answered</h2>" in page
+    assert page.count("96.0 %") == 2  # all volts, and the median of one head
