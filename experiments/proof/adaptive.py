@@ -94,6 +94,8 @@ def adapt_case(
     plant = plant_of(draw, case["attempt"], rig)
     requests: list[Mapping[str, Any]] = []
     rounds: list[dict[str, Any]] = []
+    verdict = answer["verdict"]
+    held_out = verdict["fit"]["heldout"] if verdict is not None else ()  # what is asked for is to be fitted
     rng = np.random.default_rng([draw.case_seed(case["attempt"]), WAYS.index(way)])
     while asks(answer) and (left := MOST_REQUESTS - sum(len(one["requests"]) for one in rounds)) > 0:
         asked = answer["requests"][:left]
@@ -102,7 +104,7 @@ def adapt_case(
             asked = random_requests(packed, name, sum(one["repeats"] for one in asked), rng)
         requests.extend(asked)
         packed = continued_campaign(plant, requests, name, rig)
-        entry = diagnose_blind(name, packed, packed_digest(packed, name))
+        entry = diagnose_blind(name, packed, packed_digest(packed, name), held_out)
         answer = entry["answer"]
         rounds.append({"requests": [_in_short(one) for one in asked], "entry": entry})
     loop = None

@@ -22,7 +22,7 @@ REFUSED = 2
 KEPT_OF_ENVIRONMENT = ("PATH", "SYSTEMROOT", "LD_LIBRARY_PATH")
 
 
-def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, Any]:
+def diagnose_blind(name: str, packed: bytes, sealed_digest: str, held_out: Sequence[str] = ()) -> dict[str, Any]:
     """The answer to one campaign.
 
     Parameters
@@ -33,6 +33,8 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
         Its files, from `campaign_files.pack`.
     sealed_digest : str
         Its SHA-256 in the manifest.
+    held_out : sequence of str
+        Names of the recordings to hold out; chosen by the diagnosis unless given.
 
     Returns
     -------
@@ -67,7 +69,8 @@ def diagnose_blind(name: str, packed: bytes, sealed_digest: str) -> dict[str, An
         status, said = _inkjet(scratch, seen, "identify", name, "--out", "base.json")
         if status == 0:
             outputs = ("--json", "verdict.json", "--printhead-out", "augmented.json")
-            status, said = _inkjet(scratch, seen, "diagnose", name, *outputs, "--seed", "0", "--workers", "1")
+            held = ("--hold-out", ",".join(held_out)) if held_out else ()
+            status, said = _inkjet(scratch, seen, "diagnose", name, *outputs, "--seed", "0", "--workers", "1", *held)
         if status == 0:
             for part in ("verdict", "augmented", "base"):
                 answer[part] = json.loads((scratch / f"{part}.json").read_text(encoding="utf-8"))

@@ -282,9 +282,10 @@ class Session:
         def tell(text: str) -> None:
             self.progress(f"diagnosis {number + 1}: {text}")
 
+        first = self._stored("round-0.json")
         found = diagnose(
             campaign, None, rng=np.random.default_rng(self.settings.seed), workers=self.workers, progress=tell,
-            checkpoint=fits,
+            checkpoint=fits, held_out=first["held_out"] if first else None,
         )  # fmt: skip
         following = [one for one in found.next_experiments if one.drive_V]
         requests = [
@@ -306,7 +307,8 @@ class Session:
         self._log(f"Diagnosis {number + 1}, of {len(campaign.recordings)} recordings: {found.headline}")
         for one in requests:
             self._log(f"Asked for: {one['sentence']}")
-        self._write(file, {"round": told, "requests": requests})  # last: the round is done
+        whole = [r.name for r in found.recordings if r.fitted == 0]  # what is asked for is to be fitted
+        self._write(file, {"round": told, "requests": requests, "held_out": whole or None})  # last: the round is done
         clear_checkpoint(fits)
         return self._stored(file) or {}
 

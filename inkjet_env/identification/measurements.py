@@ -92,8 +92,9 @@ def measurements(
         Recordings to gather.
     held_out : sequence of str, optional
         Names of the recordings that no fit may use. Their repeats are held out too. Default: every fourth drive of each
-        channel, sorted by strength, but never the strongest; if a campaign has too few for that, the last quarter of
-        its longest fast recording, or of its longest recording if none is fast.
+        channel, sorted by strength, but never the strongest, nor the only one with the voltage at the head; if a
+        campaign has too few for that, the last quarter of its longest fast recording, or of its longest recording if
+        none is fast.
     quasi_static : bool
         Whether displacement is static although a resonance could show in it. A campaign in which none can show, see
         `may_ring`, is quasi-static in any case.
@@ -118,7 +119,7 @@ def measurements(
             raise ValueError(
                 f"held-out recording {name!r} is not in campaign {campaign.name!r}.{nearest_name(name, names)}"
             )
-    chosen = set(held_out) if held_out is not None else _every_fourth(gathered)
+    chosen = set(held_out) if held_out is not None else _every_fourth(gathered) - _only_with_a_probe(gathered, campaign)
     result = [replace(m, fitted=0) if chosen & set(m.names) else m for m in gathered]
     if not any(m.fitted for m in result):
         raise ValueError(f"all recordings of campaign {campaign.name!r} are held out. Leave some to be fitted.")
@@ -136,6 +137,13 @@ def measurements(
             fitted = int((1 - HELD_OUT_SHARE) * longest.drive_V.size)
             result[result.index(longest)] = replace(longest, fitted=fitted)
     return tuple(result)
+
+
+def _only_with_a_probe(gathered: Sequence[RepeatedMeasurement], campaign: Campaign) -> set[str]:
+    """Names of the recordings of the one drive for which the voltage at the head was recorded; empty of several."""
+    monitored = {recording.name for recording in campaign.recordings if recording.drive_monitor_V is not None}
+    drives = [m for m in gathered if monitored & set(m.names)]
+    return set(drives[0].names) if len(drives) == 1 else set()
 
 
 def _shows_resonance(m: RepeatedMeasurement) -> bool:

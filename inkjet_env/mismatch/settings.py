@@ -482,6 +482,12 @@ class DesignSettings(_Settings):
     plausible_signal: float = 10.0
     """Multiple of a channel's largest recorded signal, above which a prediction is an extrapolation of the law. Unit:
     1. Source: tables."""
+    probe_signal: float = 1.2
+    """The same for a pulse that is recorded for a probe at the head: the sensor's range stays as it is. Unit: 1.
+    Source: the room that ranges leave."""
+    repeats_for_noise: int = 2
+    """Least number of recordings with a probe or a sampling step that the campaign has not. Unit: recordings. Source:
+    only repeats show their noise."""
     monitor_noise: float = 0.005
     """Noise RMS of a voltage measured at the head, relative to the largest drive. Unit: 1. Source: the probe of an
     8-bit oscilloscope."""

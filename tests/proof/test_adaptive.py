@@ -31,6 +31,7 @@ def verdict(*candidates):
         "verdict": "named" if len(ids) == 1 else "set",
         "effects": [{"id": ids[0], "parameters": {}}],
         "candidates": [ids] if len(ids) > 1 else [],
+        "fit": {"closure": None, "heldout": ["r002"]},
     }
 
 
@@ -59,7 +60,8 @@ def diagnoses(monkeypatch):
     """Campaigns that were diagnosed; the verdict after each is the next of a list, the last again and again."""
     seen, verdicts = [], []
 
-    def stub(name, packed, digest):
+    def stub(name, packed, digest, held_out):
+        assert list(held_out) == ["r002"]
         with zipfile.ZipFile(BytesIO(packed)) as archive:
             seen.append([f for f in archive.namelist() if f.endswith(".csv")])
         said, requests = verdicts.pop(0) if len(verdicts) > 1 else verdicts[0]
@@ -178,7 +180,6 @@ def test_the_page_and_the_terminal_tell_of_the_rounds(capsys):
     costs = {"base": -10.0, "augmented": -14.0, "robust": -14.5, "oracle": -15.0}
     case["judged"] |= {"reoptimised": costs, "closure": None, "parameters": []}
     case["run"] = {"cpu_seconds": 1.0}
-    case["answer"]["verdict"]["fit"] = {"closure": None}
     rounds = [{"requests": [{"sentence": "", "repeats": 5}], "entry": entry("", verdict("trigger_delay"))}]
     done = {"designed/head-0": {"rounds": rounds, "loop": {"cost": -14.8, "chosen": "robust"}}}
     found = adaptive_score([case], done)

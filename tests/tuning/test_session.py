@@ -31,6 +31,9 @@ def test_from_nothing_to_a_waveform_that_was_checked_on_the_head(tmp_path, diagn
     tuned = begun(tmp_path, VirtualRig(TRUE, 1)).run()
     assert [one["verdict"] for one in tuned.rounds] == ["set", "named"]
     assert diagnoses.rounds == [38, 40]  # the request was to be recorded twice
+    first, second = diagnoses.held_out
+    assert first is None
+    assert len(second) == 1  # what was held out stays held out, so that what was asked for is fitted
     names = [proposal.name for proposal in tuned.proposals]
     assert names[0] == "robust"
     assert names[-1] == "base"

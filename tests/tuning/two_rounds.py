@@ -23,10 +23,11 @@ class Diagnoses:
     """A diagnosis that asks for a recording in its first round and names the effect in its second."""
 
     def __init__(self, corrected=TRUE, fit=FIT):
-        self.rounds, self.corrected, self.fit = [], corrected, fit
+        self.rounds, self.held_out, self.corrected, self.fit = [], [], corrected, fit
 
     def __call__(self, campaign, printhead=None, **options):
         self.rounds.append(len(campaign.recordings))
+        self.held_out.append(options["held_out"])
         sure = any(recording.name == "request-1" for recording in campaign.recordings)
         ensemble = HeadEnsemble((self.corrected, BASE), (3.0, 1.0))
         content = self.corrected.as_json(fit=self.fit) | {"ensemble": ensemble.as_json()}
@@ -36,6 +37,7 @@ class Diagnoses:
             effects=(),
             candidates=() if sure else (("second_mode", "wave_echo"),),
             next_experiments=() if sure else (ASKED,),
+            recordings=[SimpleNamespace(name=r.name, fitted=k > 0) for k, r in enumerate(campaign.recordings)],
             as_json=lambda: {"format": "diagnosis/1"},
             augmented_json=lambda: content,
         )

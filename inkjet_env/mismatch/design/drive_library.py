@@ -295,8 +295,19 @@ def probe_library(bench: Bench) -> list[Proposal]:
     fine = replace(bench, step_s=step_s)
     levels = tuple(v for v in (bench.high_V, bench.low_V) if v)
     steep = max(0.03 * period_s, step_s)
-    trains = [Train(levels, steep, 0.35 * period_s, 0.35 * period_s), Train(levels[:1], steep, 0.35 * period_s)]
-    return [fine.pulses(train, settings.probe_window) for train in trains]
+    found = []
+    for height in (1.0, 0.7, 0.4):
+        high = tuple(height * level for level in levels)
+        for dwell in (0.35, 0.85):
+            found += [
+                fine.pulses(train, settings.probe_window)
+                for train in (
+                    Train(high, steep, dwell * period_s, 0.35 * period_s),
+                    Train(high, steep, dwell * period_s, 0.85 * period_s),
+                    Train(high[:1], steep, dwell * period_s),
+                )
+            ]
+    return found
 
 
 def slow_library(bench: Bench) -> list[Proposal]:

@@ -129,16 +129,28 @@ def next_experiments(
         if (judged := predictions.judged(proposal)) is not None
     ]
     fast = [bench for bench in available if bench.channel != "strain_gauge" and not bench.quasi_static]
-    fine = [predictions.unjudged(proposal) for bench in fast[:1] for proposal in probe_library(bench)]
-    probed = predictions.with_probe([*tried, *fine])
-    monitored = len(sensors) < len(observed)
-    plan = _plan(probed if monitored or predictions.of_the_drive.any() else tried, settings, hypotheses)
-    tried = probed if monitored else [*tried, *probed]
-    if _least(plan) < settings.separation:
-        plan = max(plan, _plan(tried, settings, hypotheses), key=_least)
-    if len(plan) > 1:  # a better pulse may do alone
-        tried = [*tried, _optimised(plan[0], predictions, hypotheses)]
-        plan = _plan(tried, settings, hypotheses)
+    fine = [
+        judged
+        for bench in fast[:1]
+        for proposal in probe_library(bench)
+        if (judged := predictions.unjudged(proposal)) is not None
+    ]
+    edges, probed = predictions.with_probe(fine), predictions.with_probe(tried)
+    if len(sensors) < len(observed):  # whatever is recorded has the voltage at the head too
+        choices = [edges, probed, [*probed, *edges]]
+    elif predictions.of_the_drive.any():
+        choices = [edges, [*probed, *edges], [*tried, *probed, *edges]]
+    else:
+        choices = [tried, [*tried, *probed, *edges]]
+    plan: list[Judged] = []
+    for choice in choices:  # the first that suffices, or the best
+        found = _plan(choice, settings, hypotheses)
+        if len(found) > 1:  # a better pulse may do alone
+            found = _plan([*choice, _optimised(found[0], predictions, hypotheses)], settings, hypotheses)
+        if _least(found) > _least(plan):
+            plan = found
+        if _least(plan) >= settings.separation:
+            break
     if settings.most_repeats * _least(plan) < settings.separation:
         return _in_words(candidates, effects, observed)
     return _told(plan, predictions, hypotheses)
@@ -201,6 +213,8 @@ def _told(plan: list[Judged], predictions: Predictions, hypotheses: Hypotheses) 
     found, before = [], list[Judged]()
     for judged in once:
         repeats = factor * times[id(judged)]
+        if judged.at_head and not predictions.probe_known(judged.proposal.excitation):
+            repeats = max(repeats, predictions.settings.repeats_for_noise)
         before.extend([judged] * repeats)
         # What it is for: the pair of which it separates most of what the whole plan does; alone, the worst one.
         shares = judged.separations / np.maximum(total, 1e-300)

@@ -103,10 +103,7 @@ class Predictions:
             columns = [np.column_stack([fit.head.sensitivities(o), _jacobian(fit, excitation)]) for fit in self.fits]
         except NUMERICAL:
             return None
-        largest = max(
-            float(np.abs(other.measured).max()) for other in self.observed if other.channel == excitation.channel
-        )
-        if not all(float(np.abs(signal).max()) <= self.settings.plausible_signal * largest for signal in signals):
+        if not self._within(self.settings.plausible_signal, signals, excitation.channel):
             return None
         white = [self.noise.whitened(o, c) for c in columns]
         separations, differences = [], []
@@ -136,8 +133,20 @@ class Predictions:
         doubt = np.array([max(from_none[i], from_none[j]) for i, j in self.pairs])
         return np.asarray(separations * np.minimum(separations / np.maximum(doubt, 1e-300), 1.0))
 
-    def unjudged(self, proposal: Proposal) -> Judged:
+    def _within(self, factor: float, signals: Sequence[Real], channel: str) -> bool:
+        """Whether signals are within so many times the largest one that a channel has recorded."""
+        largest = max(float(np.abs(o.measured).max()) for o in self.observed if o.channel == channel)
+        return all(float(np.abs(signal).max()) <= factor * largest for signal in signals)
+
+    def unjudged(self, proposal: Proposal) -> Judged | None:
         """A proposal of which only what a probe at the head shows counts: noise at its sampling step is unknown."""
+        excitation = proposal.excitation
+        try:
+            signals = [fit.head.plant(fit.active.pairs).signal(excitation) for fit in self.fits]
+        except NUMERICAL:
+            return None
+        if not self._within(self.settings.probe_signal, signals, excitation.channel):
+            return None
         nothing = np.zeros(len(self.pairs))
         return Judged(proposal, nothing, np.zeros(len(self.fits)), tuple(nothing.tolist()))
 
@@ -171,6 +180,10 @@ class Predictions:
                 )
             )
         return found
+
+    def probe_known(self, excitation: Excitation) -> bool:
+        """Whether the campaign has recordings with a probe at a sampling step, which show its noise."""
+        return ("drive_monitor", self.recording(excitation).noise_key[1]) in self.noise.models
 
     @property
     def probe_noise_V(self) -> float:

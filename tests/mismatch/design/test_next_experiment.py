@@ -164,7 +164,11 @@ def test_amplifier_and_sensor_of_a_linear_head_are_told_apart_at_the_head_alone(
     assert max(map(abs, found.drive_V)) == pytest.approx(100)
     asked = found.as_json("next.csv")
     assert asked["drive_monitor"] is True
-    assert (asked["channel"], asked["step_s"], asked["repeats"]) == (found.channel, found.step_s, 1)
+    assert (asked["channel"], asked["step_s"], asked["repeats"]) == (
+        found.channel,
+        found.step_s,
+        2,
+    )  # noise at that step is new
 
 
 def test_the_sentence_tells_drive_channel_difference_and_noise(one_amplitude):
