@@ -46,6 +46,22 @@ def test_of_every_channel_whole_drives_are_held_out_but_never_the_strongest():
         assert max(swings) == max(np.ptp(m.drive_V) for m in mine)
 
 
+def test_the_only_drive_with_the_voltage_at_the_head_is_fitted():
+    usually = {name for m in measurements(CAMPAIGN) if m.fitted == 0 for name in m.names}
+    first, second = [r for r in CAMPAIGN.recordings if r.channel == "self_sensing" and r.name in usually][:2]
+
+    def held(*monitored):
+        recordings = [
+            replace(r, drive_monitor_V=r.drive_V) if r in monitored else r for r in CAMPAIGN.recordings
+        ]  # fmt: skip
+        gathered = measurements(replace(CAMPAIGN, recordings=tuple(recordings), sources={}))
+        return {name for m in gathered if m.fitted == 0 for name in m.names}
+
+    assert first.name not in held(first)  # what shows the amplifier alone must not be kept from the fit
+    assert held(first) < usually
+    assert held(first, second) == usually
+
+
 def test_the_strongest_drive_is_kept_where_two_are_alike_and_both_would_be_held_out():
     levels = (10, 20, 100, 40, 50, 60, 100)
     recordings = [recording(f"r{i}", level) for i, level in enumerate(levels)]

@@ -35,6 +35,31 @@ def test_a_campaign_that_the_command_refuses_is_an_answer_with_its_sentence(camp
     assert "inkjet-blind" not in entry["answer"]["sentence"]
 
 
+def test_requests_come_with_their_drives_and_recordings_are_held_out_as_asked(campaign, monkeypatch):
+    asked = []
+
+    def stub(scratch, seen, *arguments):
+        asked.append(arguments)
+        for name in ("base", "augmented"):
+            (scratch / f"{name}.json").write_text("{}")
+        wanted = {"channel": "self_sensing", "drive_csv": "next.csv"}
+        (scratch / "next.csv").write_text("time_s,drive_V,neighbour_V\n0,0,1\n1e-6,5,2\n")
+        further = [{"channel": None, "drive_csv": None}, {"channel": "self_sensing", "drive_csv": "next-3.csv"}]
+        (scratch / "next-3.csv").write_text("time_s,drive_V\n0,0\n1e-6,-5\n")
+        told = {"next_experiment": wanted, "further_experiments": further}
+        (scratch / "verdict.json").write_text(json.dumps(told))
+        return 0, ""
+
+    monkeypatch.setattr(blind_run, "_inkjet", stub)
+    entry = diagnose_blind(campaign.name, pack(campaign), digest(campaign), ["r002", "r005"])
+    first, second = entry["answer"]["requests"]
+    assert (first["drive_V"], first["neighbour_V"]) == ([0, 5], [1, 2])
+    assert (second["drive_V"], second["neighbour_V"]) == ([0, -5], None)
+    assert asked[1][-2:] == ("--hold-out", "r002,r005")
+    diagnose_blind(campaign.name, pack(campaign), digest(campaign))
+    assert "--hold-out" not in asked[3]
+
+
 def test_nothing_of_the_proofs_folder_is_seen_by_a_blind_process(finished, campaign):
     entry = diagnose_blind(campaign.name, pack(campaign), digest(campaign))
     assert not [path for path in entry["run"]["seen"] if path.startswith(str(finished[0].parent))]
