@@ -19,7 +19,9 @@ OUTSIDE = [
 ]
 DATA = {
     "experiments/benchmark/augmented_heads.py": "which effect each head of the suite was drawn with",
+    "experiments/proof/adaptive.py": "which cases are counted as lags",
     "experiments/proof/judge.py": "which parameters catalogue and concealed plant have in common",
+    "experiments/publish/figures.py": "which effect the head of a picture has",
     "experiments/validation/baselines/sindy.py": "what a sparse regression's terms stand for, as the baseline has it",
     "experiments/validation/diagnosis_study.py": "which pairs the study plants together",
     "experiments/validation/resonance_study.py": "what a system without a resonance may do instead",

@@ -56,4 +56,4 @@ def test_a_process_that_outlives_its_command_is_found(tmp_path, monkeypatch):
 
 
 def test_every_command_that_goes_on_is_tried():
-    assert list(COMMANDS) == ["optimize", "bench", "diagnose", "prove", "identify"]
+    assert list(COMMANDS) == ["optimize", "bench", "diagnose", "prove", "identify", "tune"]
