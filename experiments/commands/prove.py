@@ -137,7 +137,7 @@ def _proved(
     check_folder(out, settings)  # before any process is started
     with held(out, "proof"), cluster.workers_of(scheduler, workers) as client:
         outcome = prove(settings, out, client, steps, lambda draws: questions(draws, *asked))
-        rounds = adapt(out, outcome, client, adapt_case) if adaptive else None
+        rounds = adapt(out, outcome, client, adapt_case, settings.rig) if adaptive else None
     found = score(outcome)
     if rounds is not None:
         found["adaptive"] = {"figures": rounds["figures"], "waveforms": rounds["waveforms"]}

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
-import shutil
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -78,7 +77,6 @@ def tuned(draw: Draw, folder: Path) -> dict[str, Any]:
             "oracle": min(float(truly.evaluate(best)[0]), *costs.values()),
         }
         write_json(file, result)
-        shutil.rmtree(session / "fits-0", ignore_errors=True)
     case: dict[str, Any] = read_json(file)
     return case
 
