@@ -13,9 +13,10 @@ share ``o`` by which what each explains alone exceeds what they explain together
 Below 3 %, where even a right law leaves something, ``l`` and ``h`` count as 3 %.
 
 Which effect is it then? Weights of hypotheses, exp(gain / T), with a temperature that grows with the sum of squares
-``e`` that the best one leaves beyond noise, because its equations may be wrong by as much:
+``e`` that the best one leaves beyond noise, because its equations may be wrong by as much, and with its gain ``g``,
+because an equation describes a head to about 1 %:
 
-    T = T₀ + α e.                                                                                                (2)
+    T = T₀ + α e + κ g.                                                                                          (2)
 
 The coefficients are in ``calibration.json``; `experiments.publish.calibrate_probabilities` fits them to diagnoses of
 concealed heads, among them physics outside the catalogue, of other families than those of version 2 of the

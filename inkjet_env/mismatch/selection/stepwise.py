@@ -248,7 +248,8 @@ def leans(chosen: Hypothesis, other: Hypothesis, standard_deviations: float) -> 
 def temperature(chosen: Hypothesis) -> float:
     """Difference of scores that counts as little beside a hypothesis, Eq. (2) of docs/explanation/diagnosis.md."""
     settings = chosen.joint.settings.selection
-    return settings.alike_gain + settings.alike_excess * chosen.sure_excess
+    approximate = settings.alike_explained * chosen.gain
+    return settings.alike_gain + settings.alike_excess * chosen.sure_excess + approximate
 
 
 def weights(selection: Selection, name: str) -> dict[str, float]:

@@ -12,7 +12,15 @@ from inkjet_env.mismatch.fitting.fit_context import FitContext
 from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.selection.hypotheses import attribute, base_hypothesis, conditions, settled
 from inkjet_env.mismatch.selection.score_test import ScoreTest, signatures
-from inkjet_env.mismatch.selection.stepwise import cosine, leans, leaves_too_much, select, supported, worth_adding
+from inkjet_env.mismatch.selection.stepwise import (
+    cosine,
+    leans,
+    leaves_too_much,
+    select,
+    supported,
+    weights,
+    worth_adding,
+)
 from inkjet_env.plant.active_effects import ActiveEffects
 from inkjet_env.plant.effect import complete, coordinates
 
@@ -256,3 +264,18 @@ def test_the_second_best_start_is_refined_too_where_the_first_leaves_much(looked
     monkeypatch.setattr(hypotheses, "_begun", lambda *_: given)
     (best,) = attribute(joint, base_hypothesis(joint), [mode], found, FitContext(ProcessPool(1)))
     assert best.fit.nll <= ends[0].fit.nll + 1
+
+
+def test_a_law_that_agrees_to_a_ten_thousandth_of_the_gain_is_not_ruled_out():
+    """Twenty nats tell effects apart where they are a good part of the gain, not where laws are that approximate."""
+    joint = SimpleNamespace(settings=DiagnosisSettings())
+
+    def explaining(name, score):
+        return SimpleNamespace(
+            ids=(name,), score=score, gain=score, sure_excess=0.0, degenerate=False, joint=joint, residuals=np.zeros(1)
+        )
+
+    for gain, apart in ((1e3, 0.15), (1e6, 0.83)):
+        chosen, other = explaining("trigger_delay", gain), explaining("amplifier_bandwidth", gain - 20)
+        found = weights(SimpleNamespace(chosen=chosen, compared=(chosen, other)), "trigger_delay")
+        assert found == {"trigger_delay": 1.0, "amplifier_bandwidth": pytest.approx(apart, abs=0.02)}
