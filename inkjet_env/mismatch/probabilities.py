@@ -14,7 +14,7 @@ Below 3 %, where even a right law leaves something, ``l`` and ``h`` count as 3 %
 
 Which effect is it then? Weights of hypotheses, exp(gain / T), with a temperature that grows with the sum of squares
 ``e`` that the best one leaves beyond noise, because its equations may be wrong by as much, and with its gain ``g``,
-because an equation describes a head to about 1 %:
+because an equation describes a head to about 2 %:
 
     T = T₀ + α e + κ g.                                                                                          (2)
 
