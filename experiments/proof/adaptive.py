@@ -46,9 +46,8 @@ LAGS = ("amplifier_bandwidth", "sensor_bandwidth", "trigger_delay")
 
 
 def asks(answer: Mapping[str, Any]) -> bool:
-    """Whether an answer leaves a set of candidates, and asks for a recording."""
-    verdict = answer["verdict"]
-    return verdict is not None and verdict["verdict"] == "set" and bool(answer["requests"])
+    """Whether an answer leaves several candidates, and asks for a recording."""
+    return answer["verdict"] is not None and bool(answer["requests"])
 
 
 def adapt_case(

@@ -179,11 +179,15 @@ class _Work:
                 candidate = again
         joint, random_effects, selection = candidate.joint, candidate.random_effects, candidate.selection
         signatures_there = candidate.signatures
-        joint, chosen = self.polished(joint, selection.chosen, random_effects)
+        joint, chosen, selection, signatures_there = self.lasting(
+            joint, selection, signatures_there, with_law, random_effects
+        )
         if chosen.ids and self.quieter(joint, selection.chosen.joint):
             # With the effects found, the noise turns out smaller: is there more to be found?
             signatures_there, selection = self.selected(joint, with_law)
-            joint, chosen = self.polished(joint, selection.chosen, random_effects)
+            joint, chosen, selection, signatures_there = self.lasting(
+                joint, selection, signatures_there, with_law, random_effects
+            )
         # with finer nodes or another noise an effect may no longer be supported
         if (needed := without_idle(joint, chosen, {})) is not chosen:
             joint, chosen = self.polished(joint, needed, random_effects)
@@ -309,6 +313,22 @@ class _Work:
         selection = select(joint, effects, found, self.context)
         self.stopwatch.took("selection")
         return found, selection
+
+    def lasting(
+        self,
+        joint: OutputErrorFit,
+        selection: Selection,
+        there: Signatures,
+        effects: Sequence[Effect],
+        random_effects: Sequence[RandomEffect],
+    ) -> tuple[OutputErrorFit, Hypothesis, Selection, Signatures]:
+        """The chosen hypothesis `polished`; selected again without an effect that becomes something else thereby."""
+        while True:
+            exact, chosen = self.polished(joint, selection.chosen, random_effects)
+            if not chosen.degenerate:
+                return exact, chosen, selection, there
+            effects = [effect for effect in effects if effect.id not in chosen.degenerated]
+            there, selection = self.selected(joint, effects)
 
     def polished(
         self, joint: OutputErrorFit, chosen: Hypothesis, random_effects: Sequence[RandomEffect]

@@ -175,7 +175,7 @@ def judge(found: Findings, campaign: str, context: FitContext, stopwatch: Stopwa
     probabilities = _probabilities(found, named, explanation, verdict)
     context.progress("designing the next experiment")
     following: tuple[NextExperiment, ...] = ()
-    if verdict == "set":
+    if verdict == "set" or vague:
         fits = _candidate_fits(found)
         none = probabilities.get(NONE_OF_THESE, 0.0)
         following = next_experiments(fits, joint.noise, joint.observed, found.effects, settings.design, none)

@@ -2,11 +2,15 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from inkjet_env.mismatch import diagnose
+from inkjet_env.mismatch.diagnose import _Work
+from inkjet_env.mismatch.fitting.fit_context import FitContext
+from inkjet_env.mismatch.fitting.process_pool import ProcessPool
 from inkjet_env.mismatch.probabilities import NONE_OF_THESE
 from tests.mismatch.diagnoses import LOOKED_FOR, ids
 
@@ -132,3 +136,26 @@ def test_what_no_effect_explains_is_unknown_and_still_located(diagnosed):
     assert found.remainder.carrier == ()  # no effect is named, so the base model carries it
     assert found.as_json()["remainder"]["heldout_rms_V"] < 0.8 * found.heldout_rms("base")
     assert found.next_experiment is None
+
+
+def test_an_effect_that_becomes_something_else_when_refitted_gives_way_to_the_next(monkeypatch):
+    """On finer nodes a resonance of the drive may run into its bound: then it is a delay, not nothing at all."""
+    work = _Work(None, (), FitContext(ProcessPool(1)))
+    effects = [SimpleNamespace(id=name) for name in ("drive_resonance", "trigger_delay")]
+    asked = []
+
+    def selected(_, left):
+        asked.append([effect.id for effect in left])
+        return "signatures", SimpleNamespace(chosen=SimpleNamespace(ids=(left[0].id,)))
+
+    def polished(_, chosen, __):
+        turned = frozenset(chosen.ids) & {"drive_resonance"}
+        return "finer", SimpleNamespace(ids=chosen.ids, degenerate=bool(turned), degenerated=turned)
+
+    monkeypatch.setattr(work, "selected", selected)
+    monkeypatch.setattr(work, "polished", polished)
+    joint, chosen, selection, there = work.lasting("coarser", selected("", effects)[1], "old", effects, ())
+    assert asked == [["drive_resonance", "trigger_delay"], ["trigger_delay"]]
+    assert (joint, chosen.ids, selection.chosen.ids, there) == (
+        "finer", ("trigger_delay",), ("trigger_delay",), "signatures"
+    )  # fmt: skip

@@ -151,7 +151,7 @@ def next_experiments(
             plan = found
         if _least(plan) >= settings.separation:
             break
-    if settings.most_repeats * _least(plan) < settings.separation:
+    if _times(plan, settings) * len(plan) > settings.most_recordings:
         return _in_words(candidates, effects, observed)
     return _told(plan, predictions, hypotheses)
 
@@ -159,6 +159,12 @@ def next_experiments(
 def _least(plan: Sequence[Judged]) -> float:
     """Expected difference of log-likelihoods between the two candidates that a plan separates worst."""
     return float(np.min(np.sum([judged.separations for judged in plan], axis=0))) if plan else 0.0
+
+
+def _times(plan: Sequence[Judged], settings: DesignSettings) -> float:
+    """How often a plan has to be carried out until it separates all candidates; infinite if it never does."""
+    least = _least(plan)
+    return max(1, math.ceil(settings.separation / least)) if least > 0 else math.inf
 
 
 def _plan(tried: Sequence[Judged], settings: DesignSettings, hypotheses: Hypotheses) -> list[Judged]:
@@ -207,8 +213,7 @@ def _told(plan: list[Judged], predictions: Predictions, hypotheses: Hypotheses) 
     """A plan in words: each recording once, with its repeats."""
     times = Counter(map(id, plan))
     once = list({id(judged): judged for judged in plan}.values())
-    least = predictions.settings.separation
-    factor = max(1, math.ceil(least / max(_least(plan), 1e-300)))
+    factor = int(_times(plan, predictions.settings))
     total = np.sum([judged.separations for judged in plan], axis=0)
     found, before = [], list[Judged]()
     for judged in once:

@@ -76,13 +76,17 @@ class Hypothesis:
 
     @property
     def degenerate(self) -> bool:
-        """Whether an effect has degenerated into something else.
+        """Whether an effect has degenerated into something else."""
+        return bool(self.degenerated)
 
-        That is so if one of its shapes with any influence has run into its bound, or a strength into a bound beyond
-        which these recordings would show something else, or if the parameters that make it what it is are not needed.
+    @property
+    def degenerated(self) -> frozenset[str]:
+        """Ids of effects that have become something else.
+
+        That is so if a shape with any influence has run into its bound, or a strength into a bound beyond which these
+        recordings would show something else, or if the parameters that make the effect what it is are not needed.
         """
-        if any(e.characteristic and self.net_gain(e, e.characteristic) <= 0 for e in self.fit.active.effects):
-            return True
+        found = {e.id for e in self.fit.active.effects if e.characteristic and self.net_gain(e, e.characteristic) <= 0}
         low, high = self.joint.limits(self.fit.active.effects)
         named = [(e, p) for e in self.fit.active.effects for p in e.parameters]
         widest = np.array([p.bounds for _, p in named]).reshape(-1, 2)
@@ -94,10 +98,11 @@ class Hypothesis:
         for end, narrower in ends:
             near = np.abs(self.fit.active.theta - end) <= at_bound * np.where(end == 0, high - low, np.abs(end))
             strength_at |= near & narrower & (low < high)
-        return any(
-            bool(strength) if p.name in e.strengths else bool(shape) and not p.open_ended
+        return frozenset(found) | {
+            e.id
             for (e, p), strength, shape in zip(named, strength_at, shape_at & ~self.fit.idle, strict=True)
-        )
+            if (strength if p.name in e.strengths else shape and not p.open_ended)
+        }
 
     @property
     def excess(self) -> float:

@@ -228,3 +228,16 @@ def test_of_one_candidate_what_shows_it_is_told_and_of_none_what_was_not_seen(on
     assert EFFECTS["crosstalk"].shown_by in unseen.sentence
     assert unseen.drive_V == ()
     assert math.isclose(unseen.separation, 0)
+
+
+def test_no_more_recordings_are_asked_for_than_one_takes_in_one_go(one_amplitude):
+    """The more is wanted, the more repeats; and where forty would not do, words."""
+    joint, fits, _ = one_amplitude
+    once = next_experiments(fits, joint.noise, joint.observed, catalogue(), SETTINGS.design)[0].separation
+    asked = []
+    for times in (0.5, 5.0, 25.0, 1000.0):
+        settings = replace(SETTINGS.design, separation=times * once)
+        found = next_experiments(fits, joint.noise, joint.observed, catalogue(), settings)
+        asked.append(sum(one.repeats for one in found) if found[0].drive_V else None)
+    assert asked[0] == 1 < asked[1] < asked[2] <= settings.most_recordings
+    assert asked[3] is None
