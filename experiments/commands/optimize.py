@@ -21,6 +21,7 @@ from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import (
     CostA,
     CostB,
+    DropFrequency,
     Effective,
     InitialState,
     JsonFile,
@@ -28,6 +29,7 @@ from inkjet_env.cli.options import (
     OwnEffects,
     PlotFile,
     PrintheadFile,
+    TargetHeight,
     Window,
     WithRemainder,
 )
@@ -65,6 +67,8 @@ def optimize(
     cost_a: CostA = None,
     cost_b: CostB = None,
     effective: Effective = None,
+    target_height: TargetHeight = None,
+    drop_frequency: DropFrequency = None,
     window: Window = None,
     initial_state: InitialState = None,
     out: Annotated[
@@ -90,6 +94,8 @@ def optimize(
     """Search with one optimiser for the waveform with the lowest cost.
 
     inkjet optimize --optimizer pso --particles 40 --generations 50 --seed 1 --out waveform.csv
+
+    inkjet optimize --drop-frequency 20e3 --target-height 4 --cost-a -50 --out waveform.csv
 
     inkjet optimize --printhead augmented.json --effect my_effects:QuadraticStiffness
 
@@ -123,6 +129,8 @@ def optimize(
         "--cost-a": cost_a,
         "--cost-b": cost_b,
         "--effective": effective,
+        "--target-height": target_height,
+        "--drop-frequency": drop_frequency,
         "--window": window,
         "--initial-state": initial_state,
         "--limits": limits,
@@ -139,7 +147,7 @@ def optimize(
     else:
         name = "pso" if optimizer is None else optimizer
         options, evaluations = swarm_options(name, particles, generations, budget)
-        chosen = chosen_problem(problem, (cost_a, cost_b, effective), window, initial_state)
+        chosen = chosen_problem(problem, (cost_a, cost_b, effective, target_height), window, initial_state)
         if robust is not None:
             check_changeable(chosen)
             chosen = replace(chosen, ensemble=_ensemble(printhead, remainder), risk=robust)
@@ -150,6 +158,11 @@ def optimize(
             check_changeable(chosen)
             box = replace(chosen.bounds, limits=chosen_limits(limits))
             chosen = replace(chosen, name="custom", bounds=box, known=None)
+        if drop_frequency is not None:
+            if robust is not None:
+                raise ValueError("give --robust or --drop-frequency, not both.")
+            check_changeable(chosen)
+            chosen = _at_drop_frequency(chosen, drop_frequency)
         plan = Optimisation(chosen, name, evaluations, chosen_seed(seed), options)
     head, largest_V = (
         plan.problem.printhead,
@@ -169,6 +182,29 @@ def optimize(
     if unlimited is not None and not unlimited.complete:
         print("Interrupted; what the driver's limits cost is not known.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED)
+
+
+def _at_drop_frequency(problem: Problem, drop_frequency_Hz: float) -> Problem:
+    """The problem with drops at that rate, and durations narrowed until the longest waveform fits into a period."""
+    from dataclasses import replace
+
+    from inkjet_env.cli.arguments import drop_period_s
+
+    box = problem.bounds
+    if drop_frequency_Hz == 0:
+        return replace(problem, name="custom", jetting_Hz=0.0)
+    period_s = drop_period_s(drop_frequency_Hz, sum(box.lower[2:]))
+    if box.longest_s > period_s:
+        shortest_s, longest_s = sum(box.lower[2:]), sum(box.upper[2:])
+        kept = (period_s - shortest_s) / (longest_s - shortest_s)
+        durations_s = [low + kept * (high - low) for low, high in zip(box.lower[2:], box.upper[2:], strict=True)]
+        box = replace(box, upper=(*box.upper[:2], *durations_s))
+        print(
+            f"Each of the five durations is at most {1e6 * max(durations_s):.4g} µs, so that every waveform fits into "
+            f"{1e6 * period_s:.4g} µs.",
+            file=sys.stderr,
+        )
+    return replace(problem, name="custom", jetting_Hz=drop_frequency_Hz, bounds=box, known=None)
 
 
 def _ensemble(printhead: Path | None, remainder: bool) -> HeadEnsemble:
@@ -216,7 +252,9 @@ def _finish_optimize(
 
     ``unlimited`` is the same search without the driver's limits, if there are any.
     """
+    from inkjet_env.cli.printing import print_figures
     from inkjet_env.experiments.benchmark.single_run import write_record
+    from inkjet_env.jetting.figures_of_merit import figures_json, jetting
     from inkjet_env.printhead import Waveform
     from inkjet_env.storage import write_json
 
@@ -227,6 +265,8 @@ def _finish_optimize(
     if unlimited is not None and unlimited.complete:
         without = min(unlimited.best_cost, run.best_cost)  # what is legal is possible without limits too
     found = plan.optimum_json(run, without)
+    figures = jetting(plan.problem.respond(run.best_point), plan.problem.cost)
+    found |= figures_json(figures)
     waveform = Waveform.from_array(found["waveform"])
     record = _record_file(out)
     if not run.complete:
@@ -255,6 +295,7 @@ def _finish_optimize(
                 f"It is within the driver's limits. Without them the same search reaches {without:.6f} V: they cost "
                 f"{run.best_cost - without:.6f} V."
             )
+        print_figures(figures)
         print(f"{out}: {written}")
     if not run.complete:
         again: list[Any] = ["inkjet", "optimize", "--resume", record, "--out", out]

@@ -11,7 +11,7 @@ import typer
 from inkjet_env.cli.arguments import check_outputs, chosen_cost, chosen_limits, chosen_seed, named_values
 from inkjet_env.cli.campaign_reading import Implausible, Interval, Reading, ScopeChannel, ScopeColumns, ScopeState, warn
 from inkjet_env.cli.exit_status import INTERRUPTED
-from inkjet_env.cli.options import CostA, CostB, Effective, JsonFile, Limits, OwnEffects, Window
+from inkjet_env.cli.options import CostA, CostB, Effective, JsonFile, Limits, OwnEffects, TargetHeight, Window
 
 if TYPE_CHECKING:
     from inkjet_env.experiments.tuning.session import Tuned
@@ -63,6 +63,7 @@ def tune(
     cost_a: CostA = None,
     cost_b: CostB = None,
     effective: Effective = None,
+    target_height: TargetHeight = None,
     window: Window = None,
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
@@ -104,7 +105,7 @@ def tune(
     settings = TuneSettings(
         requests, risk, budget, seed=chosen_seed(seed), frequency_Hz=frequency,
         limits=driver if limits is not None or instruments is None else instruments.limits(),
-        cost=chosen_cost((cost_a, cost_b, effective)),
+        cost=chosen_cost((cost_a, cost_b, effective, target_height)),
         window_s=DEFAULT_WINDOW_S if window is None else window,
     )  # fmt: skip
     session_folder = out or folder.with_name(f"{folder.resolve().name}-tuning")

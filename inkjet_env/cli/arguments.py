@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from inkjet_env.printhead import DriverLimits, PeakCost
     from inkjet_env.typing import Real
 
-CostGiven = tuple[float | None, float | None, str | None]
+CostGiven = tuple[float | None, float | None, str | None, float | None]
 
 
 def chosen_cost(given: CostGiven, base: PeakCost | None = None) -> PeakCost:
-    """``base`` with A, B and effective rule replaced where given; a number as the rule is a threshold in volts."""
+    """``base`` with A, B, effective rule and wanted height where given; a number as the rule is a threshold in volts."""
     from inkjet_env.printhead import PeakCost
 
-    A, B, effective = given
+    A, B, effective, height_V = given
     base = base or PeakCost()
     rule: str | float = base.effective if effective is None else effective
     if effective is not None:
@@ -32,7 +32,8 @@ def chosen_cost(given: CostGiven, base: PeakCost | None = None) -> PeakCost:
             rule = float(effective)
         except ValueError:
             rule = effective
-    return PeakCost(base.A if A is None else A, base.B if B is None else B, rule)
+    wanted_V = base.target_height_V if height_V is None else height_V
+    return PeakCost(base.A if A is None else A, base.B if B is None else B, rule, wanted_V)
 
 
 def chosen_seed(seed: int | None) -> int:
@@ -77,6 +78,18 @@ def _takes_files(folder: Path) -> bool:
             return True
     except OSError:
         return False
+
+
+def drop_period_s(drop_frequency_Hz: float, shortest_s: float) -> float:
+    """Firing period in seconds, if waveforms of ``shortest_s`` seconds fit into it."""
+    if not (math.isfinite(drop_frequency_Hz) and drop_frequency_Hz > 0):
+        raise ValueError(f"--drop-frequency must be above 0 Hz; got {drop_frequency_Hz:g}.")
+    if drop_frequency_Hz * shortest_s > 1 + 1e-9:
+        raise ValueError(
+            f"--drop-frequency {drop_frequency_Hz:g} Hz leaves {1e6 / drop_frequency_Hz:.4g} µs a drop; the waveform "
+            f"takes {1e6 * shortest_s:.4g} µs. Give at most {1 / shortest_s:.4g} Hz."
+        )
+    return 1 / drop_frequency_Hz
 
 
 def chosen_limits(limits: str | None) -> DriverLimits:

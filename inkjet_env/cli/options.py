@@ -31,6 +31,14 @@ CostB = Annotated[float | None, typer.Option("--cost-b", help="weight of the pea
 Effective = Annotated[
     str | None, typer.Option(help='which peak ejects: "largest", "first" or a threshold in volts (largest)')
 ]
+TargetHeight = Annotated[
+    float | None,
+    typer.Option(help="height of the effective peak in volts that the drop needs: it counts no further (none)"),
+]
+DropFrequency = Annotated[
+    float | None,
+    typer.Option(help="drops per second: each starts in the ringing of those before it (0: drops are far apart)"),
+]
 Window = Annotated[
     float | None,
     typer.Option(

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
+from inkjet_env.jetting.figures_of_merit import SETTLED
 from inkjet_env.reporting.tables import print_table
+
+NEGLIGIBLE = 1e-4
+"""Fraction of the largest peak below which a tail of peaks is not listed."""
 
 if TYPE_CHECKING:
     from inkjet_env.identification import Identification
+    from inkjet_env.jetting.figures_of_merit import Jetting
     from inkjet_env.mismatch import Diagnosis
 
 
@@ -49,8 +55,11 @@ def print_diagnosis(found: Diagnosis) -> None:
 
 
 def print_peaks(found: dict[str, Any]) -> None:
-    """Print the peaks and the cost of a ``simulation/1``."""
-    peaks = zip(found["peak_times_s"], found["peaks_V"], strict=True)
+    """Print the peaks and the cost of a ``simulation/1``; of a tail that has died away only how long it is."""
+    heights_V = [abs(v) for v in found["peaks_V"]]
+    large = [i for i, v in enumerate(heights_V) if v >= NEGLIGIBLE * max(heights_V)]
+    shown = large[-1] + 1 if large else 0
+    peaks = zip(found["peak_times_s"][:shown], found["peaks_V"][:shown], strict=True)
     print_table(
         ("peak", "time (µs)", "response (V)", ""),
         [
@@ -58,7 +67,28 @@ def print_peaks(found: dict[str, Any]) -> None:
             for i, (t, v) in enumerate(peaks)
         ],
     )
+    if rest := heights_V[shown:]:
+        print(f"{len(rest)} later peaks, the largest {max(rest):.2g} V")
     print(f"cost {found['cost']:.6f} V")
+
+
+def print_figures(figures: Jetting) -> None:
+    """Print when a single drop has settled, and how fast drops may follow."""
+    if math.isnan(figures.effective_V):
+        return
+    print(
+        f"Residual vibration of a single drop: {figures.residual_V:.4g} V, {100 * figures.residual:.3g} % of the "
+        f"effective peak; {settling_text(figures)}."
+    )
+
+
+def settling_text(figures: Jetting) -> str:
+    """When a single drop has settled, in words."""
+    level = f"{100 * SETTLED:g} %"
+    if math.isinf(figures.settling_s):
+        return f"not below {level} within the window"
+    after = f"below {level} after {1e6 * figures.settling_s:.4g} µs"
+    return f"{after}, so drops can follow at up to {figures.highest_Hz / 1e3:.4g} kHz"
 
 
 def print_identification(name: str, found: Identification) -> None:

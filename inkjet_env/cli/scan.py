@@ -13,7 +13,7 @@ import typer
 
 from inkjet_env.cli.arguments import check_outputs, chosen_cost
 from inkjet_env.cli.campaign_reading import Implausible, Interval, Reading, ScopeChannel, ScopeColumns, ScopeState
-from inkjet_env.cli.options import CostA, CostB, Effective, JsonFile, OwnEffects, WithRemainder
+from inkjet_env.cli.options import CostA, CostB, Effective, JsonFile, OwnEffects, TargetHeight, WithRemainder
 from inkjet_env.progress import shown_steps
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ def scan(
     cost_a: CostA = None,
     cost_b: CostB = None,
     effective: Effective = None,
+    target_height: TargetHeight = None,
     channel: ScopeChannel = None,
     columns: ScopeColumns = None,
     initial_state: ScopeState = None,
@@ -81,7 +82,7 @@ def scan(
     if waveform is not None and optimum is not None:
         raise ValueError("give --waveform or --optimum, not both.")
     register_own(effect)
-    cost = chosen_cost((cost_a, cost_b, effective))
+    cost = chosen_cost((cost_a, cost_b, effective, target_height))
     fired = _optimum(optimum) if optimum is not None else Waveform.from_array(waveform or PUBLISHED_BEST)
     names = tuple(name.strip() for name in vary.split(","))
     reading = Reading.of(channel, columns, initial_state, interval, implausible)

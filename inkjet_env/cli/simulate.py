@@ -8,11 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
-from inkjet_env.cli.arguments import check_outputs, chosen_cost, chosen_limits, warn_of_limits
+from inkjet_env.cli.arguments import check_outputs, chosen_cost, chosen_limits, drop_period_s, warn_of_limits
 from inkjet_env.cli.campaign_reading import Interval, warn
 from inkjet_env.cli.options import (
     CostA,
     CostB,
+    DropFrequency,
     Effective,
     InitialState,
     JsonFile,
@@ -20,6 +21,7 @@ from inkjet_env.cli.options import (
     OwnEffects,
     PlotFile,
     PrintheadFile,
+    TargetHeight,
     Window,
     WithRemainder,
 )
@@ -43,6 +45,8 @@ def simulate(
     cost_a: CostA = None,
     cost_b: CostB = None,
     effective: Effective = None,
+    target_height: TargetHeight = None,
+    drop_frequency: DropFrequency = None,
     window: Window = None,
     initial_state: InitialState = None,
     interval: Interval = None,
@@ -55,9 +59,11 @@ def simulate(
         ),
     ] = "full_memory",
 ) -> None:
-    """Simulate the printhead's response to one waveform or to any sampled drive: peaks and cost.
+    """Simulate the printhead's response to one waveform or to any sampled drive: peaks, cost, settling.
 
     inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --plot response.png
+
+    inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --drop-frequency 15e3
 
     inkjet simulate --drive waveform.csv --out response.csv
 
@@ -65,6 +71,7 @@ def simulate(
     """
     from inkjet_env.cli.drive_csv import write_columns
     from inkjet_env.cli.own_effects import register_own
+    from inkjet_env.jetting.figures_of_merit import figures_json, jetting
     from inkjet_env.plant.augmented import AugmentedPrinthead
     from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
     from inkjet_env.printhead import Waveform, respond_sampled
@@ -77,15 +84,21 @@ def simulate(
         raise ValueError("give --waveform or --drive, not both.")
     driver = chosen_limits(limits)
     register_own(effect)
-    head, cost = chosen_head(printhead, remainder), chosen_cost((cost_a, cost_b, effective))
+    head, cost = chosen_head(printhead, remainder), chosen_cost((cost_a, cost_b, effective, target_height))
     state, window_s = initial_state or "periodic", DEFAULT_WINDOW_S if window is None else window
     response: Any  # of a head with or without effects, to a waveform or to samples
     if waveform is not None:
         if out is not None:
             raise ValueError("--out needs --drive. To sample a waveform's response, give the waveform as a CSV file.")
-        warn_of_limits(driver, "the waveform", *Waveform.from_array(waveform).knots())
-        response = head.respond(Waveform.from_array(waveform), state, window_s, hysteresis)
+        fired = Waveform.from_array(waveform)
+        warn_of_limits(driver, "the waveform", *fired.knots())
+        response = alone = head.respond(fired, state, window_s, hysteresis)
+        if drop_frequency:
+            period_s = drop_period_s(drop_frequency, fired.knots()[0][-1])
+            response = head.respond(fired, state, window_s, hysteresis, period_s)
     elif drive is not None:
+        if drop_frequency:
+            raise ValueError("--drop-frequency needs --waveform. A file may hold several drops itself.")
         read = read_drive(drive, interval, implausible)
         warn(read.notes)
         samples = read.time_s, read.drive_V
@@ -97,6 +110,7 @@ def simulate(
                 response = respond_sampled(head, *samples, state, hysteresis, window_s=window_s)
         except ValueError as error:
             raise ValueError(f"{drive}: {error}") from None
+        alone = response
     else:
         raise ValueError("give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
     largest_V = max(abs(v) for v in waveform[:2]) if waveform is not None else float(abs(response.drive_V).max())
@@ -108,7 +122,7 @@ def simulate(
         "peak_times_s": [float(t) for t in response.peak_times_s],
         "effective_peak": cost.effective_index(response.peaks_V),
         "cost": response.cost(cost),
-    }
+    } | figures_json(jetting(alone, cost))
     if plot is not None:
         from inkjet_env.reporting.plotting import write_picture
         from inkjet_env.reporting.waveform_figures import draw_response
@@ -119,6 +133,7 @@ def simulate(
     if json is not None:
         write_json(json, found)
     if str(json) != "-":
-        from inkjet_env.cli.printing import print_peaks
+        from inkjet_env.cli.printing import print_figures, print_peaks
 
         print_peaks(found)
+        print_figures(jetting(alone, cost))

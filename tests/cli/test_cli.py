@@ -9,6 +9,7 @@ import pytest
 
 from inkjet_env.experiments.benchmark.ranking_tables import print_ranking
 from inkjet_env.optimizers import registry
+from inkjet_env.printhead import Printhead, Waveform
 
 OPTIMUM = ["100", "-100", "1e-6", "10.481e-6", "13.769e-6", "9.613e-6", "20e-6"]
 COMMAND = [sys.executable, "-m", "inkjet_env.experiments.cli"]
@@ -25,7 +26,11 @@ def test_simulate_prints_and_writes_peaks_and_cost(inkjet, tmp_path):
     assert "effective" in out
     assert "cost -22.83" in out
     found = json.loads((tmp_path / "s.json").read_text())
-    assert list(found) == ["format", "peaks_V", "peak_times_s", "effective_peak", "cost"]
+    assert list(found)[:5] == ["format", "peaks_V", "peak_times_s", "effective_peak", "cost"]
+    assert found["settling_s"] == pytest.approx(52.13e-6, abs=1e-8)
+    assert found["highest_drop_frequency_Hz"] == pytest.approx(1 / 54.863e-6, rel=1e-4)  # the waveform is longer
+    assert "27.4 % of the effective peak; below 5 % after 52.13 µs, so drops can follow at up to 18.23 kHz." in out
+    assert "32 later peaks, the largest" in out
     assert found["format"] == "simulation/1"
     assert found["effective_peak"] == 1
     assert found["cost"] == pytest.approx(-22.830, abs=1e-3)
@@ -52,6 +57,31 @@ def test_cost_and_window_options_change_the_cost_as_they_should(inkjet):
     assert cost("--window", "inf")["cost"] == pytest.approx(usual["cost"], abs=1e-2)
 
 
+def test_drops_that_follow_start_in_the_ringing_of_those_before(inkjet):
+    head, waveform = Printhead.published(), Waveform.from_array([float(v) for v in OPTIMUM])
+    found = json.loads(inkjet("simulate", "--waveform", *OPTIMUM, "--json", "-", "--drop-frequency", "15e3")[1])
+    np.testing.assert_allclose(found["peaks_V"], head.respond(waveform, period_s=1 / 15e3).peaks_V, rtol=1e-12)
+    status, _, err = inkjet("simulate", "--waveform", *OPTIMUM, "--drop-frequency", "25e3")
+    assert (status, "the waveform takes 54.86 µs. Give at most 1.823e+04 Hz." in err) == (2, True)
+    assert inkjet("simulate", "--waveform", *OPTIMUM, "--drop-frequency", "-1")[0] == 2
+
+
+def test_a_search_at_a_drop_frequency_for_a_wanted_height_costs_what_the_same_simulation_does(inkjet):
+    wanted = ("--drop-frequency", "20e3", "--target-height", "4", "--cost-a", "-50", "--json", "-")
+    status, out, err = inkjet("optimize", "--budget", "400", "--out", "w.csv", *wanted)
+    assert (status, "at most 10 µs, so that every waveform fits into 50 µs." in err) == (0, True)
+    found = json.loads(out)
+    again = json.loads(inkjet("simulate", "--waveform", *map(repr, found["waveform"]), *wanted)[1])
+    assert again["cost"] == pytest.approx(found["cost"], abs=1e-9)
+    assert again["settling_s"] == found["settling_s"] > 0
+    assert found["cost"] > -200  # four volts count, and no more
+
+
+def test_a_wanted_height_of_a_problem_survives_another_weight(inkjet):
+    _, out, _ = inkjet("optimize", "--problem", "drop-4V", "--cost-a", "-51", "--budget", "200", "--json", "-")
+    assert json.loads(out)["cost"] >= -204
+
+
 def test_a_sampled_drive_gives_the_response_of_the_same_waveform(inkjet, tmp_path):
     drive = a_drive(tmp_path / "d.csv", [f"{t!r},{u!r}" for t, u in knots()])
     status, _, _ = inkjet("simulate", "--drive", drive, "--out", "r.csv", "--json", "r.json")
@@ -62,6 +92,8 @@ def test_a_sampled_drive_gives_the_response_of_the_same_waveform(inkjet, tmp_pat
     sampled = json.loads((tmp_path / "r.json").read_text())
     np.testing.assert_allclose(sampled["peaks_V"], whole["peaks_V"], atol=1e-9)
     assert sampled["cost"] == pytest.approx(whole["cost"], abs=1e-9)
+    assert sampled["settling_s"] == pytest.approx(whole["settling_s"], abs=0.2e-6)
+    assert inkjet("simulate", "--drive", drive, "--drop-frequency", "1e3")[0] == 2
 
 
 def test_an_optimum_read_back_as_a_drive_costs_the_same(inkjet):

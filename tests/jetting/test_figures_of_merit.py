@@ -6,7 +6,7 @@ import pytest
 
 from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.jetting.figures_of_merit import jetting
-from inkjet_env.printhead import PeakCost, Printhead, Waveform
+from inkjet_env.printhead import PeakCost, Printhead, Waveform, respond_sampled
 
 HEAD = Printhead.published()
 
@@ -67,3 +67,21 @@ def test_what_has_settled_stays_below_a_twentieth_and_had_not_before(name):
     level_V = 0.05 * found.effective_V
     assert np.abs(response.sensor_V(later_s)).max() <= level_V * (1 + 1e-6)
     assert abs(response.sensor_V(found.settling_s - 0.1e-6)) > level_V
+
+
+def test_a_sampled_drive_settles_when_its_waveform_does():
+    """Whatever its first time is; between two peaks of a ringing a half cosine is right to a hundredth of a period."""
+    rng, found = np.random.default_rng(4), 0
+    for point in rng.uniform(-1, 1, (40, 7)):
+        solved = problem("nominal")
+        waveform = Waveform.from_array(solved.bounds.from_unit(point))
+        exact = jetting(HEAD.respond(waveform), solved.cost)
+        time_s, drive_V = waveform.knots()
+        sampled = respond_sampled(HEAD, [*(time_s + 0.3), 0.30035], [*drive_V, 0.0], window_s=350e-6)
+        again = jetting(sampled, solved.cost)
+        assert again.effective_V == pytest.approx(exact.effective_V, rel=1e-6)
+        if exact.highest_Hz:
+            found += 1
+            assert again.settling_s == pytest.approx(exact.settling_s, abs=0.4e-6)
+            assert again.highest_Hz == pytest.approx(exact.highest_Hz, rel=0.01)
+    assert found > 20
