@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from inkjet_env.jetting.figures_of_merit import SETTLED
 from inkjet_env.reporting.tables import print_table
 
 NEGLIGIBLE = 1e-4
@@ -84,6 +83,8 @@ def print_figures(figures: Jetting) -> None:
 
 def settling_text(figures: Jetting) -> str:
     """When a single drop has settled, in words."""
+    from inkjet_env.jetting.figures_of_merit import SETTLED
+
     level = f"{100 * SETTLED:g} %"
     if math.isinf(figures.settling_s):
         return f"not below {level} within the window"
