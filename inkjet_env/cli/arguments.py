@@ -21,7 +21,7 @@ CostGiven = tuple[float | None, float | None, str | None, float | None]
 
 
 def chosen_cost(given: CostGiven, base: PeakCost | None = None) -> PeakCost:
-    """``base`` with A, B, effective rule and wanted height where given; a number as the rule is a threshold in volts."""
+    """``base`` with weights, effective rule and wanted height where given; a number as rule is a threshold in volts."""
     from inkjet_env.printhead import PeakCost
 
     A, B, effective, height_V = given
