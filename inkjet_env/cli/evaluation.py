@@ -12,6 +12,7 @@ import numpy as np
 
 from inkjet_env.cli.campaign_reading import Reading, warn
 from inkjet_env.identification import evaluate
+from inkjet_env.identification.agreement import agreement_sentence, agreements
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
 
@@ -41,9 +42,25 @@ def evaluation_json(
     main = next(c for c in ("self_sensing", "displacement", "strain_gauge") if c in channels)
     mine = [e for e in found if e.recording.channel == main]
     residuals = np.concatenate([e.recording.sensor - e.modelled for e in mine])
-    recordings = {e.recording.name: {"rms": e.rms, "output_rms": e.output_rms, "unit": e.recording.unit} for e in found}
-    rms = float(np.sqrt(np.mean(residuals**2)))
-    return {"format": "evaluation/1", "recordings": recordings, "rms": rms}, mine[0].recording.unit
+    agreed = agreements(campaign, found, {} if head_file is None else _residuals(head_file, main))
+    recordings = {
+        one.name: {
+            "rms": one.rms,
+            "output_rms": one.output_rms,
+            "unit": one.unit,
+            "noise_rms": None if math.isnan(one.noise_rms) else one.noise_rms,
+            "differs": one.differs,
+        }
+        for one in agreed
+    }
+    told = {
+        "format": "evaluation/1",
+        "recordings": recordings,
+        "rms": float(np.sqrt(np.mean(residuals**2))),
+        "same_head": not any(one.differs for one in agreed),
+        "sentence": agreement_sentence(agreed),
+    }
+    return told, mine[0].recording.unit
 
 
 def _gains(head_file: Path) -> dict[str, float]:
@@ -59,3 +76,17 @@ def _gains(head_file: Path) -> dict[str, float]:
         if not math.isfinite(gains[channel]):
             raise ValueError(f"{head_file}: fit.channels.{channel}.gain.value must be finite; got {gains[channel]}.")
     return gains
+
+
+def _residuals(head_file: Path, main: str) -> dict[str, float]:
+    """By channel, the residual beyond noise that a head left in recordings held out from its own identification."""
+    fit = json.loads(head_file.read_text(encoding="utf-8")).get("fit")
+    channels = fit.get("channels") if isinstance(fit, dict) else None
+    told = {channel: (entry.get("heldout_rms"), entry.get("noise_rms")) for channel, entry in (channels or {}).items()}
+    if isinstance(fit, dict) and "augmented_heldout_rms_V" in fit:  # as a diagnosis writes it, for the main channel
+        told[main] = fit["augmented_heldout_rms_V"], fit.get("noise_rms_V")
+    return {
+        channel: math.sqrt(max(left**2 - noise**2, 0.0))
+        for channel, (left, noise) in told.items()
+        if isinstance(left, (int, float)) and isinstance(noise, (int, float))
+    }

@@ -132,10 +132,12 @@ def print_identification(name: str, found: Identification) -> None:
 
 
 def print_evaluation(found: dict[str, Any], unit: str) -> None:
-    """Print an ``evaluation/1``; its overall RMS has that unit."""
-    rows = [
-        (name, f"{entry['rms']:.4g} {entry['unit']}", f"{entry['output_rms']:.4g} {entry['unit']}")
-        for name, entry in found["recordings"].items()
-    ]
-    print_table(("recording", "residual (RMS)", "signal (RMS)"), rows)
+    """Print an ``evaluation/1``: the verdict, and each recording; its overall RMS has that unit."""
+    print(found["sentence"])
+    rows = []
+    for name, entry in found["recordings"].items():
+        noise = "–" if entry["noise_rms"] is None else f"{entry['noise_rms']:.4g}"
+        values = (f"{entry['rms']:.4g}", noise, f"{entry['output_rms']:.4g}", entry["unit"])
+        rows.append((name, *values, "differs" if entry["differs"] else ""))
+    print_table(("recording", "residual (RMS)", "noise", "signal (RMS)", "unit", ""), rows)
     print(f"RMS of the main channel's residual: {found['rms']:.6g} {unit}")

@@ -49,7 +49,9 @@ def test_evaluate_tells_the_residual_of_each_recording_and_finds_a_wrong_head(in
     found = json.loads(out)
     assert found["format"] == "evaluation/1"
     assert list(found["recordings"]) == [r.name for r in read_campaign(tmp_path / "campaign").recordings]
-    assert list(found["recordings"]["r001"]) == ["rms", "output_rms", "unit"]
+    assert list(found["recordings"]["r001"]) == ["rms", "output_rms", "unit", "noise_rms", "differs"]
+    assert found["same_head"] is True
+    assert found["sentence"].startswith("Yes, this is still the same head: it predicts all 38 recordings to within 2 %")
     noise = json.loads((tmp_path / "head.json").read_text())["fit"]["noise_rms_V"]
     assert found["rms"] == pytest.approx(noise, rel=0.05)
     Printhead.published().varied(damping_ratio=0.06).to_json(tmp_path / "wrong.json")
@@ -57,7 +59,11 @@ def test_evaluate_tells_the_residual_of_each_recording_and_finds_a_wrong_head(in
     assert status == 0
     assert "r001" in out
     assert "gives no gain for strain_gauge" in err
-    assert json.loads((tmp_path / "wrong-found.json").read_text())["rms"] > 20 * noise
+    wrong = json.loads((tmp_path / "wrong-found.json").read_text())
+    assert wrong["rms"] > 20 * noise
+    assert wrong["same_head"] is False
+    assert out.startswith("No, this is not the same head, or it has changed: ")
+    assert any(one["differs"] for one in wrong["recordings"].values())
 
 
 def test_the_same_seed_records_the_same_campaign(inkjet, tmp_path):
