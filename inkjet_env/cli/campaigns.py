@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,6 +24,8 @@ from inkjet_env.cli.options import JsonFile, OwnEffects, PrintheadFile, WithRema
 
 if TYPE_CHECKING:
     from inkjet_env.identification import Identification
+    from inkjet_env.plant.augmented import AugmentedPrinthead
+    from inkjet_env.printhead import Printhead
     from inkjet_env.recordings import Campaign
 
 Folders = Annotated[
@@ -48,6 +51,14 @@ def record(
         bool,
         typer.Option("--plan", help="only write the drives as CSV files for a generator, and plan.csv; record nothing"),
     ] = False,
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EFFECT",
+            help="an effect that the head has and its base model lacks, such as creep or second_mode, for a diagnosis "
+            "to find; a wrong name lists all; may be repeated",
+        ),
+    ] = None,
     remainder: WithRemainder = True,
     effect: OwnEffects = None,
     json: JsonFile = None,
@@ -55,6 +66,8 @@ def record(
     """Record a complete campaign of a head with the virtual rig: strain gauge and self-sensing.
 
     inkjet record campaign --printhead printhead.json --seed 1
+
+    inkjet record campaign --hide second_mode
 
     inkjet record drives --plan
     """
@@ -67,7 +80,7 @@ def record(
     check_outputs((printhead,), json=json)
     _check_target(folder, plan)
     register_own(effect)
-    head = chosen_head(printhead, remainder)
+    head = _with_hidden(chosen_head(printhead, remainder), hide or [])
     battery = default_battery(head.frequency_Hz)
     if displacement:
         battery += displacement_battery(head.frequency_Hz)
@@ -80,6 +93,8 @@ def record(
         campaign = record_campaign(head, chosen_seed(seed), battery=battery, snr_dB=snr_db)
         write_campaign(folder, campaign)
         said = f"{folder}: {len(campaign.recordings)} recordings"
+        if hide:
+            said += f"; to find what is hidden: inkjet diagnose {shlex.quote(str(folder))}"
     if json is not None:
         kind = "plan" if plan else "campaign"
         write_json(json, {"format": "recorded/1", "kind": kind, "folder": str(folder), "lines": len(battery)})
@@ -199,6 +214,24 @@ def evaluate(
         write_json(json, found)
     if str(json) != "-":
         print_evaluation(found, unit)
+
+
+def _with_hidden(head: Printhead | AugmentedPrinthead, names: list[str]) -> Printhead | AugmentedPrinthead:
+    """The head with further effects of a usual size."""
+    from dataclasses import replace
+
+    from inkjet_env.naming import check_name
+    from inkjet_env.plant.augmented import AugmentedPrinthead
+    from inkjet_env.plant.registry import known_effects
+
+    if not names:
+        return head
+    base = head if isinstance(head, AugmentedPrinthead) else AugmentedPrinthead(head, ())
+    shown = {e.id: e for e in known_effects() if e.predictable}
+    for name in names:
+        check_name("--hide", name, sorted(shown))
+    hidden = tuple((shown[name], shown[name].example_values(base.printhead)) for name in names)
+    return replace(base, effects=base.effects + hidden)
 
 
 def _check_target(folder: Path, plan: bool) -> None:

@@ -66,6 +66,17 @@ def test_evaluate_tells_the_residual_of_each_recording_and_finds_a_wrong_head(in
     assert any(one["differs"] for one in wrong["recordings"].values())
 
 
+def test_an_effect_is_hidden_for_a_first_diagnosis(inkjet, tmp_path):
+    status, out, _ = inkjet("record", "hidden", "--hide", "second_mode", "--seed", "1")
+    assert (status, out) == (0, "hidden: 38 recordings; to find what is hidden: inkjet diagnose hidden\n")
+    _, out, _ = inkjet("identify", "hidden", "--out", "head.json")
+    assert "the model does not explain the held-out recordings of self-sensing" in out
+    status, _, err = inkjet("record", "other", "--hide", "mains_hum")  # nothing in these recordings would show it
+    assert status == 2
+    assert "--hide must be one of air_bubble, " in err
+    assert not (tmp_path / "other").exists()
+
+
 def test_the_same_seed_records_the_same_campaign(inkjet, tmp_path):
     for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
         assert inkjet("record", folder, "--seed", seed)[0] == 0
