@@ -150,7 +150,7 @@ class Diagnosis:
     untestable : dict of str to str
         By id, the effects that these recordings cannot show: why not, and which recordings would.
     next_experiments : tuple of NextExperiment
-        Recordings that would separate the candidates, the most informative first; empty unless the verdict is "set".
+        Recordings that would separate the candidates, the most informative first; empty unless there are several.
     remainder : FittedRemainder or None
         Discrepancy model of what the named effects leave, or the base model if the verdict is "unknown"; None unless it
         predicts held-out recordings better. It corrects without explaining.

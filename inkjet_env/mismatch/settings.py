@@ -203,6 +203,10 @@ class SelectionSettings(_Settings):
     whole_law_gain: float = 0.5
     """Share of the best effect's gain from which the other terms of an effect's law are fitted too. Unit: 1. Source:
     speed."""
+    close_gain: float = 0.97
+    """Share of the best effect's gain from which the other terms of an effect's law are fitted too although the best
+    leaves nothing: a rival is not ruled out by its simple law. Unit: 1. Source: amplifiers of second order, which a
+    delay explains better by 1e-4 to 1e-2 of its gain than a single pole."""
     most_whole_laws: int = 2
     """Largest number of effects, beside another one, whose other terms are fitted too. Unit: 1. Source: speed."""
     most_effects: int = 3

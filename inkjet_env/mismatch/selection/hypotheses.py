@@ -131,10 +131,14 @@ class Hypothesis:
     @property
     def lacks_terms(self) -> bool:
         """Whether the residuals are so large that terms of the last effect's law which are off may be missing."""
-        effect = self.fit.active.last
-        plain, terms = effect.plain_leaves, self.fit.active.terms(effect)
+        plain = self.fit.active.last.plain_leaves
         short = not self.noise_known or self.excess > plain * (2 * self.gain + self.excess)
-        return self.leaves_much and short and bool(terms[1])
+        return self.leaves_much and short and self.has_other_terms
+
+    @property
+    def has_other_terms(self) -> bool:
+        """Whether terms of the last effect's law are off."""
+        return bool(self.fit.active.terms(self.fit.active.last)[1])
 
     @property
     def noise_known(self) -> bool:
@@ -207,7 +211,8 @@ def attribute(
 
     Each is fitted with a few steps from its best starts; those that gain a fair share of the best one's gain are
     continued until they settle. If an effect's law has several terms, only those that are on at the start take part at
-    first. If residuals remain that are too large, the other terms are fitted too.
+    first. If residuals remain that are too large, the other terms are fitted too; so are those of effects that come
+    close to one that leaves little.
 
     Parameters
     ----------
@@ -260,9 +265,15 @@ def attribute(
         for one in sorted([*ended, *refined(seconds)], key=lambda h: -h.score):
             best.setdefault(one.ids, one)
         ended = list(best.values())
-    if ended and (much or ended[0].degenerate):
-        fair_gain = settings.whole_law_gain * max(given.nll - h.fit.nll for h in ended)
-        partial = [h.fit for h in ended if h.lacks_terms and given.nll - h.fit.nll >= fair_gain]
+    if ended:
+        largest = max(given.nll - h.fit.nll for h in ended)
+        if much or ended[0].degenerate:
+            partial = [
+                h.fit for h in ended if h.lacks_terms and given.nll - h.fit.nll >= settings.whole_law_gain * largest
+            ]
+        else:  # what comes so close that it may be its simple law that fails, not its physics
+            close_gain = settings.close_gain * largest
+            partial = [h.fit for h in ended[1:] if h.has_other_terms and given.nll - h.fit.nll >= close_gain]
         partial = partial[: settings.most_whole_laws // len(given.ids) if given.ids else None]
         wholes = [(fit.active, fit, "whole") for fit in partial]
         for k, fit in enumerate(context.fits(joint, lambda fit: shaped(joint, fit, beside).fit, partial, wholes)):

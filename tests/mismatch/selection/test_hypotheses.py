@@ -202,6 +202,20 @@ def test_the_law_that_an_effect_is_attributed_with_has_all_the_parts_it_needs(ef
     assert abs(best.excess) < SURE * noise_of_excess(best)
 
 
+def test_a_rival_that_comes_close_is_not_ruled_out_by_its_simple_law(effects, recorded_as, fitted, monkeypatch):
+    """A delay explains two poles of the amplifier better than one pole does, and what it leaves passes as noise."""
+    monkeypatch.setattr(hypotheses.Hypothesis, "leaves_much", property(lambda _: False))
+    joint = fitted(recorded_as("amplifier_bandwidth", bandwidth_Hz=5e5, second_order=0.5))
+    chosen = [effects["trigger_delay"], effects["amplifier_bandwidth"]]
+    found, context = signatures(joint, chosen, FitContext(ProcessPool(1))), FitContext(ProcessPool(1))
+    by_name = {h.ids[0]: h for h in attribute(joint, base_hypothesis(joint), chosen, found, context)}
+    delay, amplifier = by_name["trigger_delay"], by_name["amplifier_bandwidth"]
+    assert ("second_order",) in on(amplifier)
+    assert amplifier.score > delay.score
+    single = simplest(joint, joint.fit(amplifier.fit.active.without_term(chosen[1], ("second_order",)), joint.start))
+    assert single.score < delay.score < amplifier.score
+
+
 @pytest.mark.parametrize("name", ["feedthrough", "sensor_bandwidth"])
 def test_an_idle_part_is_the_one_without_which_the_score_is_best(name, at):
     joint, begun = at(name, PLAIN[name], TOO_MUCH[name])
