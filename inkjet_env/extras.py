@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 
 PACKAGES = {
-    "cli": ("typer", "rich", "matplotlib", "jinja2", "pyarrow", "joblib"),
+    "cli": ("typer", "rich", "matplotlib", "jinja2", "pyarrow", "joblib", "bokeh"),
     "bench": ("cma", "nevergrad", "pymoo", "optuna", "pandas", "plotly", "greenlet"),
     "hdf5": ("h5py",),
     "visa": ("pyvisa", "pyvisa_sim"),

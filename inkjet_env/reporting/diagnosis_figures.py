@@ -14,6 +14,7 @@ from inkjet_env.reporting.diagnosis_tables import Row
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
 from inkjet_env.reporting.identification_figures import BAND, amplitude_densities
 from inkjet_env.reporting.plotting import draw_line, time_scale
+from inkjet_env.reporting.zoomable import Line, Panel, Picture, stacked_picture
 from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ MOST_CONDITIONS = 60
 """Largest number of conditions in a figure; the table has all."""
 BINS = 160
 """Number of frequency bins of a spectrum, equally wide on a logarithmic axis."""
-LABELS = {"base": "base model", "augmented": "augmented model", "with remainder": "with the unexplained remainder"}
+LABELS = {"base": "base model", "augmented": "corrected model", "with remainder": "with the unexplained remainder"}
 COLOURS = {"base": BASE, "augmented": AUGMENTED, "with remainder": CORRECTED}
 
 
@@ -54,13 +55,15 @@ def figures_of(diagnosis: Diagnosis, conditions: Sequence[tuple[Row, list[Row]]]
     proof = proof_recording(diagnosis)
     models = models_of(proof, diagnosis)
     head = diagnosis.printhead
-    zoom = zoom_of(proof, models, head.frequency_Hz if head.has_dynamics else None)
+    zoom = slice(0, proof.measured.size)
+    if diagnosis.verdict != "none":  # where there is nothing to see, the whole is seen
+        zoom = zoom_of(proof, models, head.frequency_Hz if head.has_dynamics else None)
     return {
         "proof": proof,
         "models": models,
         "most_conditions": MOST_CONDITIONS,
+        "pictures": [view_picture("shows", proof, models, zoom)],
         "whole": view_figure(proof, models, slice(0, proof.measured.size), zoom),
-        "zoom": view_figure(proof, models, zoom),
         "fits": [fits_figure(rows) for rows in shown_conditions(conditions)],
         "spectra": [spectrum_figure(recordings) for recordings in spectrum_recordings(diagnosis)],
         "next_pictures": [
@@ -187,6 +190,40 @@ def view_figure(
     return figure
 
 
+def view_picture(name: str, recording: ModelledRecording, models: Mapping[str, Real], samples: slice) -> Picture:
+    """The same as `view_figure`, to zoom: some samples are seen first, the whole recording after a reset.
+
+    Parameters
+    ----------
+    name : str
+        Id of the picture on its page.
+    recording : ModelledRecording
+        The recording, of n samples.
+    models : mapping of str to ndarray, shape (n,)
+        Modelled signals in the recording's unit by "base", "augmented", "with remainder"; drawn in that order.
+    samples : slice
+        Samples that are seen first.
+    """
+    time_s = sample_times_s(recording.measured.size, recording.step_s)
+    seconds, time_unit = time_scale(float(np.ptp(time_s[samples])))
+    unit = unit_text(recording.unit)
+    signals = [Line("measured", recording.measured, MEASURED, 4.0)]
+    residuals = []
+    for which, modelled in models.items():
+        label = LABELS[which] if len(models) > 1 else "model"
+        signals.append(Line(label, modelled, COLOURS[which]))
+        residuals.append(Line(label, recording.measured - modelled, COLOURS[which]))
+    band = 2 * recording.noise_rms if math.isfinite(recording.noise_rms) else 0.0
+    panels = (
+        Panel("drive (V)", "V", [Line("drive", recording.drive_V, plotting.GREY)], 110),
+        Panel(f"{CHANNEL_WORDS[recording.channel]} ({unit})", unit, signals, 220),
+        Panel(f"measured − modelled ({unit})", unit, residuals, 190, band),
+    )
+    return stacked_picture(
+        name, time_s / seconds, "time", time_unit, panels, view_figure(recording, models, samples), view=samples
+    )
+
+
 def fits_figure(rows: Sequence[Row]) -> Figure:
     """RMS residuals of both models in each condition of a channel, with its noise; held-out conditions are shaded."""
     figure, axes = plotting.new_figure(WIDTH, 1.2 + 0.17 * max(len(rows), 4))
@@ -199,7 +236,7 @@ def fits_figure(rows: Sequence[Row]) -> Figure:
     axes.plot(noise, at, "|", color=NOISE, ms=8, mew=1.6, label="noise")
     axes.plot(base, at, "o", color=BASE, mfc="white", ms=5, label="base model")
     if not np.array_equal(base, after):
-        axes.plot(after, at, "o", color=AUGMENTED, ms=4, label="augmented model")
+        axes.plot(after, at, "o", color=AUGMENTED, ms=4, label="corrected model")
     axes.set_yticks(at, [short_name(row.label) for row in rows], fontsize=7, parse_math=False)
     shown = np.concatenate([noise, base, after])
     shown = shown[np.isfinite(shown) & (shown > 0)]
