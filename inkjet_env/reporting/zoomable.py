@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inkjet_env.extras import extra
 from inkjet_env.typing import Real
@@ -206,7 +207,7 @@ def _digits(y: Real) -> str:
     return "0." + "0" * min(max(decimals, 1), 9)
 
 
-def kept_samples(signals: Sequence[Real], view: slice | None) -> Real:
+def kept_samples(signals: Sequence[Real], view: slice | None) -> NDArray[np.intp]:
     """Indices of the samples to draw: all in view; outside it, the extremes of each run of neighbours of each signal.
 
     Parameters
