@@ -89,7 +89,7 @@ class Picture:
         Id of its place on the page.
     item : dict
         Content for Bokeh in the browser, as plain JSON values; the same picture always has the same.
-    still : Figure
+    still : Figure, optional
         The same, drawn without a browser's code: for paper, and where no code may run.
     legend : sequence of (str, str, str)
         Label, colour and kind ("line", "band") of each entry.
@@ -97,7 +97,7 @@ class Picture:
 
     name: str
     item: Mapping[str, Any]
-    still: Figure
+    still: Figure | None = None
     legend: Sequence[tuple[str, str, str]] = field(default=())
 
 
@@ -154,7 +154,7 @@ def stacked_picture(
             output_backend="svg", sizing_mode="stretch_width", min_border_left=LEFT_MARGIN, min_border_right=12,
             background_fill_alpha=0, border_fill_alpha=0, outline_line_color=None,
         )  # fmt: skip
-        _plain(plot, last)
+        plain_axes(plot, last)
         if panel.band:
             plot.add_layout(BoxAnnotation(bottom=-panel.band, top=panel.band, fill_color="#bbbbbb", fill_alpha=0.5))
         if shaded is not None:
@@ -187,8 +187,8 @@ def stacked_picture(
     return Picture(name, item_of(name, stack), still, [*seen.values(), *bands])
 
 
-def _plain(plot: Any, last: bool) -> None:
-    """Fonts, grid and ticks like those of the still pictures."""
+def plain_axes(plot: Any, last: bool = True) -> None:
+    """Give a Bokeh plot fonts, grid and ticks like those of the still pictures; only the last panel has an abscissa."""
     plot.xgrid.grid_line_color = plot.ygrid.grid_line_color = "#dddddd"
     for axis in (*plot.xaxis, *plot.yaxis):
         axis.axis_label_text_font_style = "normal"
