@@ -42,10 +42,10 @@ def page(compared: Comparison, run: RunResult, waveforms: Figure) -> str:
     waveforms : Figure
         That waveform with its response.
     """
+    environment = page_environment("inkjet_env.experiments.benchmark")
     data, settings = page_data(compared), compared.outcome.settings
     solved = problem(run.key.problem)
     waveform = Waveform.from_array(solved.bounds.from_unit(run.best_point()))
-    environment = page_environment("inkjet_env.experiments.benchmark")
     return environment.get_template("comparison.html").render(
         verdict=winner_sentence(compared).rstrip("."),
         sentences=ranking_sentences(compared),

@@ -144,7 +144,8 @@ def targets_figure(lines: Mapping[str, tuple[Sequence[float], Sequence[float]]])
         label = optimizer if place < MOST_IN_LEGEND else None
         style: Any = {"color": colour, "ls": dash, "lw": 1.1 if place else 2.6, "label": label}
         axes.plot(x, y, **style)
-    axes.set(xscale="log", ylim=(0, 1.02), xlabel="evaluations", ylabel="fraction of targets met")
+    axes.set_ylim(bottom=0)
+    axes.set(xscale="log", xlabel="evaluations", ylabel="fraction of targets met")
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles[::-1], labels[::-1], loc="outside upper center", ncols=5, frameon=False)
     return figure

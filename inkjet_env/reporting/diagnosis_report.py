@@ -50,28 +50,25 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The report as HTML text."""
     from inkjet_env.plant.registry import known_effects
 
+    environment = page_environment()
     tables, settings = tables_of(diagnosis), diagnosis.settings.verdict
-    return (
-        page_environment()
-        .get_template("diagnosis.html")
-        .render(
-            diagnosis=diagnosis,
-            verdict=VERDICT_WORDS[diagnosis.verdict],
-            headline=diagnosis.headline.rstrip("."),
-            probabilities=probabilities_text(diagnosis.probabilities),
-            augmented=augmented(diagnosis.recordings),
-            explained=diagnosis.left_over <= settings.left_over,
-            predicted=not diagnosis.closure < settings.least_closure,
-            heldout=[r.name for r in diagnosis.recordings if r.held_out and r.channel == diagnosis.main_channel],
-            catalogue={effect.id: effect for effect in known_effects()},
-            asked=[(one, drive_file(one, k)) for k, one in enumerate(diagnosis.next_experiments, start=1)],
-            files=[head_file(diagnosis), fit_file(tables["channels"])],
-            uncertain={effect_id for group in diagnosis.candidates for effect_id in group},
-            found_ids={e.effect.id for e in diagnosis.effects},
-            stages=sorted(diagnosis.stages.items(), key=lambda item: -item[1]),
-            **tables,
-            **figures_of(diagnosis, tables["conditions"]),
-        )
+    return environment.get_template("diagnosis.html").render(
+        diagnosis=diagnosis,
+        verdict=VERDICT_WORDS[diagnosis.verdict],
+        headline=diagnosis.headline.rstrip("."),
+        probabilities=probabilities_text(diagnosis.probabilities),
+        augmented=augmented(diagnosis.recordings),
+        explained=diagnosis.left_over <= settings.left_over,
+        predicted=not diagnosis.closure < settings.least_closure,
+        heldout=[r.name for r in diagnosis.recordings if r.held_out and r.channel == diagnosis.main_channel],
+        catalogue={effect.id: effect for effect in known_effects()},
+        asked=[(one, drive_file(one, k)) for k, one in enumerate(diagnosis.next_experiments, start=1)],
+        files=[head_file(diagnosis), fit_file(tables["channels"])],
+        uncertain={effect_id for group in diagnosis.candidates for effect_id in group},
+        found_ids={e.effect.id for e in diagnosis.effects},
+        stages=sorted(diagnosis.stages.items(), key=lambda item: -item[1]),
+        **tables,
+        **figures_of(diagnosis, tables["conditions"]),
     )
 
 

@@ -63,6 +63,7 @@ def write_identification_report(
 
 def identification_html(campaign_name: str, identification: Identification) -> str:
     """The report as HTML text."""
+    environment = page_environment()
     parts = [part for recording in identification.recordings for part in terms_of(recording)]
     loops = loop_recordings(identification)
     rings = identification.printhead.has_dynamics
@@ -71,38 +72,32 @@ def identification_html(campaign_name: str, identification: Identification) -> s
     views = ringing_views(main, identification.printhead.frequency_Hz) if rings else []
     shown = views[0] if views else Part(broadest, slice(0, broadest.measured.size), broadest.held_out)
     rising, falling = (measured_branches(identification, heading) for heading in (1, -1))
-    return (
-        page_environment()
-        .get_template("identification.html")
-        .render(
-            name=campaign_name,
-            pictures=[
-                view_picture("shows", shown.recording, {"base": shown.recording.modelled["base"]}, shown.samples)
-            ],
-            shown=shown.recording,
-            usable=not identification.warning,
-            files=[
-                PageFile("printhead.json", json_text(identification.as_json()), "the identified printhead"),
-                PageFile("residuals.csv", residuals_csv(parts), "residual of every recording beside its noise"),
-            ],
-            headline=headline(identification),
-            worst=worst_recording(parts),
-            identification=identification,
-            head=identification.printhead,
-            gauge="strain_gauge" in identification.gains,
-            parameters=parameter_rows(identification),
-            coefficients=coefficient_rows(identification),
-            loops=[(loop, svg_text(figures.loop_figure(loop))) for loop in loops],
-            law=svg_text(figures.law_figure(identification, rising, falling)),
-            degree=svg_text(figures.degree_figure(identification)),
-            ringing=svg_text(figures.ringing_figure(views)) if rings else None,
-            broadest=broadest,
-            spectrum=svg_text(figures.spectrum_figure(broadest, noise_of(broadest, identification))),
-            parts=parts,
-            units={r.channel: unit_text(r.unit) for r in identification.recordings},
-            residuals=svg_text(figures.residuals_figure(parts)),
-            explained=EXPLAINED,
-        )
+    return environment.get_template("identification.html").render(
+        name=campaign_name,
+        pictures=[view_picture("shows", shown.recording, {"base": shown.recording.modelled["base"]}, shown.samples)],
+        shown=shown.recording,
+        usable=not identification.warning,
+        files=[
+            PageFile("printhead.json", json_text(identification.as_json()), "the identified printhead"),
+            PageFile("residuals.csv", residuals_csv(parts), "residual of every recording beside its noise"),
+        ],
+        headline=headline(identification),
+        worst=worst_recording(parts),
+        identification=identification,
+        head=identification.printhead,
+        gauge="strain_gauge" in identification.gains,
+        parameters=parameter_rows(identification),
+        coefficients=coefficient_rows(identification),
+        loops=[(loop, svg_text(figures.loop_figure(loop))) for loop in loops],
+        law=svg_text(figures.law_figure(identification, rising, falling)),
+        degree=svg_text(figures.degree_figure(identification)),
+        ringing=svg_text(figures.ringing_figure(views)) if rings else None,
+        broadest=broadest,
+        spectrum=svg_text(figures.spectrum_figure(broadest, noise_of(broadest, identification))),
+        parts=parts,
+        units={r.channel: unit_text(r.unit) for r in identification.recordings},
+        residuals=svg_text(figures.residuals_figure(parts)),
+        explained=EXPLAINED,
     )
 
 
