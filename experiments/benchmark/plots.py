@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 from inkjet_env.extras import extra
@@ -109,7 +110,7 @@ def _plot(
         style: Any = {"line_width": NARROW if place else WIDE, "color": colour, "line_dash": dash}
         glyphs.append(plot.line("x", "y", source=source, name=f"{name}:{optimizer}", **style))
     for glyph in glyphs:
-        words = f"<b>{glyph.name.partition(':')[2]}</b><br>{across[1]}<br>{up[1]}"
+        words = f"<b>{escape(glyph.name.partition(':')[2])}</b><br>{across[1]}<br>{up[1]}"
         plot.add_tools(HoverTool(renderers=[glyph], tooltips=f"<div>{words}</div>", visible=False))
     return item_of(name, plot)
 

@@ -121,7 +121,7 @@ def stacked_picture(
     x : ndarray, shape (n,)
         Abscissae of every line, increasing.
     x_name, x_unit : str
-        Name and unit of the abscissa.
+        Name and unit of the abscissa; empty for a number without one.
     panels : sequence of Panel
         From top to bottom.
     still : Figure
@@ -176,7 +176,8 @@ def stacked_picture(
         plot.add_tools(HoverTool(renderers=glyphs[:1], mode="vline", tooltips=told, visible=False))
         plot.add_tools(CrosshairTool(dimensions="height", overlay=pointer, visible=False))
         plot.yaxis.axis_label = panel.label
-        plot.xaxis.axis_label = f"{x_name} ({x_unit})" if last else None
+        named = f"{x_name} ({x_unit})" if x_unit else x_name
+        plot.xaxis.axis_label = named if last else None
         plots.append([plot])
     source.data = {column: np.asarray(values, dtype=np.float64) for column, values in columns.items()}
     stack = gridplot(plots, sizing_mode="stretch_width", toolbar_location="right", toolbar_options={"logo": None})
@@ -202,8 +203,8 @@ def plain_axes(plot: Any, last: bool = True) -> None:
 
 def _digits(y: Real) -> str:
     """Format of a number where the pointer is, with four digits of the largest."""
-    with np.errstate(divide="ignore"):
-        decimals = 3 - int(np.floor(np.log10(max(float(np.nanmax(np.abs(y))), 1e-12))))
+    sizes = np.abs(y[np.isfinite(y)])
+    decimals = 3 - int(np.floor(np.log10(max(float(sizes.max(initial=0.0)), 1e-12))))
     return "0." + "0" * min(max(decimals, 1), 9)
 
 
