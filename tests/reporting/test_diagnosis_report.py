@@ -247,7 +247,8 @@ def test_what_only_held_out_recordings_speak_against_is_told_as_that(named):
     refused = replace(named, verdict="unknown", effects=(), closure=-1.64)
     alone, beside_more = (text_of(diagnosis_html(replace(refused, left_over=left))) for left in (0.02, 0.2))
     for text in (alone, beside_more):
-        assert "does worse than the base model, so it is rejected" in text
+        assert "the closest hypothesis does worse than the base model, so it is rejected" in text
+        assert "corrected" not in text
         assert "or choice" not in text
     told = ("makes the fit of the held-out ones worse, so it is not named", "has structure that", "too large for it")
     assert [words in alone for words in told] == [True, False, False]
