@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 
 PACKAGES = {
-    "cli": ("typer", "rich", "matplotlib", "jinja2", "pyarrow", "joblib"),
-    "bench": ("cma", "nevergrad", "pymoo", "optuna", "pandas", "plotly", "greenlet"),
+    "cli": ("typer", "rich", "matplotlib", "jinja2", "pyarrow", "joblib", "bokeh"),
+    "bench": ("cma", "nevergrad", "pymoo", "optuna", "pandas", "greenlet"),
     "hdf5": ("h5py",),
     "visa": ("pyvisa", "pyvisa_sim"),
     "rl": ("torch", "stable_baselines3"),

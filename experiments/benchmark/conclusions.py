@@ -144,6 +144,24 @@ def ranking_sentences(compared: Comparison) -> tuple[str, ...]:
     return tuple(said)
 
 
+def winner_sentence(compared: Comparison) -> str:
+    """Which optimiser won at the whole budget, and how sure that is, in one sentence."""
+    settings, ranking = compared.outcome.settings, compared.ranking
+    winner, *others = ranking.optimizers
+    tied = [name for name in others if ranking.mean_ranks[name].tied_with_winner]
+    if settings.repeats < FEW_RUNS:
+        sure = "; so few runs cannot tell the optimisers apart"
+    elif tied:
+        sure = f"; {_listed(tied)} {'is' if len(tied) == 1 else 'are'} not significantly worse"
+    else:
+        sure = ", significantly ahead of all others" if others else ""
+    return (
+        f"{winner} wins with {settings.budget:,} evaluations: mean rank "
+        f"{ranking.mean_ranks[winner].estimate.value:.2f} of {1 + len(others)} on "
+        f"{_count(len(settings.problems), 'problem')}, {_count(settings.repeats, 'run')} each{sure}."
+    )
+
+
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" + ("" if number == 1 else "s")
 

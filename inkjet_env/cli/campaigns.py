@@ -196,7 +196,7 @@ def evaluate(
 
     inkjet evaluate campaign --printhead printhead.json
 
-    inkjet evaluate campaign --printhead augmented.json --effect my_effects:QuadraticStiffness
+    inkjet evaluate campaign --printhead corrected.json --effect my_effects:QuadraticStiffness
 
     Only one offset per channel and, where it is free, the resonator's initial state are refitted.
     """

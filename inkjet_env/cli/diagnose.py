@@ -42,7 +42,7 @@ def diagnose(
     ] = None,
     effect: OwnEffects = None,
     printhead_out: Annotated[
-        Path | None, typer.Option(help="file for the augmented printhead, to use with --printhead: .json")
+        Path | None, typer.Option(help="file for the corrected printhead, to use with --printhead: .json")
     ] = None,
     report: Annotated[Path | None, typer.Option(help="report with all findings: .html")] = None,
     json: JsonFile = None,
@@ -76,7 +76,7 @@ def diagnose(
 ) -> None:
     """Find where recordings and model differ, which physics the model lacks, and how much adding it improves the fit.
 
-    inkjet diagnose campaign --printhead-out augmented.json --report diagnosis.html --json diagnosis.json
+    inkjet diagnose campaign --printhead-out corrected.json --report diagnosis.html --json diagnosis.json
 
     inkjet diagnose campaign --effect my_effects:QuadraticStiffness
 
@@ -162,11 +162,7 @@ def _written(
     found: Diagnosis, json: Path | None, files: Mapping[str, Path | None], next_named: bool
 ) -> dict[str, Path]:
     """Write the requested files, once the contents of all are ready; each file by its description."""
-    import numpy as np
-
-    from inkjet_env.cli.drive_csv import columns_text
-    from inkjet_env.reporting.diagnosis_figures import sample_times_s
-    from inkjet_env.reporting.diagnosis_report import diagnosis_html
+    from inkjet_env.reporting.diagnosis_report import diagnosis_html, experiment_csv, head_words
     from inkjet_env.storage import json_text, write_atomically, write_json
 
     head_file, report, drive_file = files.values()
@@ -176,11 +172,7 @@ def _written(
         if not experiment.drive_V or drive_file is None:
             names.append(None)
             continue
-        time_s = sample_times_s(len(experiment.drive_V), experiment.step_s)
-        columns = {"time_s": time_s, "drive_V": np.array(experiment.drive_V)}
-        if experiment.neighbour_V:
-            columns["neighbour_V"] = np.array(experiment.neighbour_V)
-        text = columns_text(columns)
+        text = experiment_csv(experiment)
         file = drive_file if number == 1 else drive_file.with_name(f"{drive_file.stem}-{number}{drive_file.suffix}")
         if not next_named:
             file = _free_name(file, text, drives)
@@ -196,8 +188,8 @@ def _written(
         written["drive of the next experiment" + (f", {number}" if len(drives) > 1 else "")] = file
     if head_file is not None and head is not None:
         write_atomically(head_file, head)
-        ready = ", ready for --printhead" if found.printhead.has_dynamics else ""
-        written[f"the printhead with its effects{ready}"] = head_file
+        ready = ", ready for --printhead" if found.printhead.has_dynamics and found.effects else ""
+        written[f"{head_words(found)}{ready}"] = head_file
     if report is not None and page is not None:
         write_atomically(report, page)
         written["report"] = report

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from inkjet_env.printhead import Waveform
+from inkjet_env.recordings.segment_file import segments_text
+from inkjet_env.reporting.columns import columns_text
 from inkjet_env.storage import write_atomically
 from inkjet_env.typing import Real
 
@@ -19,20 +21,6 @@ MAX_SAMPLES = 10_000_000
 def write_columns(path: str | Path, columns: Mapping[str, Real]) -> None:
     """Write `columns_text` to a file."""
     write_atomically(path, columns_text(columns))
-
-
-def columns_text(columns: Mapping[str, Real]) -> str:
-    """Columns of equal length as CSV with a header line; all numbers but times are read back exactly.
-
-    Times (names ending in ``_s``) have 12 significant digits, so that ``k / rate`` is written without rounding noise.
-    """
-    formats = ["%.12g" if name.endswith("_s") else "%.17g" for name in columns]
-    lines = [",".join(columns)]
-    lines += [
-        ",".join(f % value for f, value in zip(formats, row, strict=True))
-        for row in zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
-    ]
-    return "\n".join(lines) + "\n"
 
 
 def sampled_waveform(waveform: Waveform, sample_rate_Hz: float) -> tuple[Real, Real]:
@@ -58,3 +46,12 @@ def sampled_waveform(waveform: Waveform, sample_rate_Hz: float) -> tuple[Real, R
     drive_V = waveform.drive_V(time_s)
     drive_V[[0, -1]] = 0.0
     return time_s, drive_V
+
+
+def waveform_files(waveform: Waveform) -> dict[str, str]:
+    """Texts of a waveform's files by name: samples for a generator (CSV), segments for a print controller (INI)."""
+    time_s, drive_V = sampled_waveform(waveform, DEFAULT_SAMPLE_RATE_Hz)
+    return {
+        "waveform.csv": columns_text({"time_s": time_s, "drive_V": drive_V}),
+        "waveform.ini": segments_text(*waveform.knots()),
+    }

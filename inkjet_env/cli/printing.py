@@ -21,7 +21,7 @@ def print_diagnosis(found: Diagnosis) -> None:
     from inkjet_env.mismatch.headline import probabilities_text
     from inkjet_env.plant.registry import known_effects
     from inkjet_env.reporting.diagnosis_tables import channel_rows, parameter_rows
-    from inkjet_env.reporting.formatting import share_text, short, unit_text
+    from inkjet_env.reporting.formatting import explained_text, short, unit_text
 
     parameters = [(e.effect.id, *row[:4]) for e in (*found.effects, *found.minor) for row in parameter_rows(e)]
     channels = channel_rows(found)
@@ -33,11 +33,11 @@ def print_diagnosis(found: Diagnosis) -> None:
         (
             f"{row.label}, {row.role}",
             *(f"{short(rms)} {unit_text(row.unit)}" for rms in (row.noise, row.base, row.augmented)),
-            share_text(row.closure),
+            explained_text(row.closure),
         )
         for row in channels
     ]
-    print_table(("residual (RMS)", "noise", "base", "augmented", "closure"), fits)
+    print_table(("residual (RMS)", "noise", "base", "corrected", "closure"), fits)
     for group in found.candidates:
         print(f"- These recordings cannot distinguish between: {', '.join(group)}.")
     print(f"- Location: {found.location.sentence}")

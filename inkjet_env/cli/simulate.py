@@ -67,7 +67,7 @@ def simulate(
 
     inkjet simulate --drive waveform.csv --out response.csv
 
-    inkjet simulate --drive waveform.csv --printhead augmented.json --effect my_effects:QuadraticStiffness
+    inkjet simulate --drive waveform.csv --printhead corrected.json --effect my_effects:QuadraticStiffness
     """
     from inkjet_env.cli.drive_csv import write_columns
     from inkjet_env.cli.own_effects import register_own

@@ -63,8 +63,8 @@ def headline(
     if verdict == "unknown" and unseen and left_over <= settings.left_over:
         names = ", ".join(unseen[:MOST_NAMED]) + (" and others" if len(unseen) > MOST_NAMED else "")
         return (
-            f"{names} {'shows' if len(unseen) == 1 else 'show'} a mismatch that the fitted recordings do not show. "
-            "Hold out other recordings and diagnose again."
+            f"Unknown: {names} {'shows' if len(unseen) == 1 else 'show'} a mismatch that the fitted recordings do not "
+            "show. Hold out other recordings and diagnose again."
         )
     if verdict == "unknown":
         fitted = [n.effect.id for n in named]
@@ -125,23 +125,26 @@ def _unknown(
     alike: int,
     settings: VerdictSettings,
 ) -> str:
-    said = f"{percent(left_over)} of the mismatch is not explained by any effect of the catalogue"
+    said = (
+        "Unknown: something is missing that the catalogue does not have. "
+        f"{percent(left_over)} of the mismatch is not explained by any of its effects"
+    )
     if left_over <= settings.left_over and alike > settings.most_alike:
-        said = f"A small mismatch is present, and each of {alike} effects explains it equally well"
+        said = f"Unknown: a small mismatch is present, and each of {alike} effects explains it equally well"
     elif left_over <= settings.left_over and fitted:
-        fitted_well = _joined(fitted, "with").capitalize()
-        said = f"{fitted_well} explains the fitted recordings but predicts the held-out ones poorly"
+        fitted_well = _joined(fitted, "with")
+        said = f"Unknown: {fitted_well} explains the fitted recordings but predicts the held-out ones poorly"
         if foretold:
             several = len(fitted) > 1
             said = (
-                f"{fitted_well} {'together explain' if several else 'explains'} these recordings, but so may physics "
-                f"that the catalogue lacks{', which several laws often imitate' if several else ''}"
+                f"Unknown: {fitted_well} {'together explain' if several else 'explains'} these recordings, but so may "
+                f"physics that the catalogue lacks{', which several laws often imitate' if several else ''}"
             )
     elif left_over <= settings.left_over:
-        said = "The residuals have structure that noise has not, but no effect of the catalogue explains it"
+        said = "Unknown: the residuals have structure that noise has not, but no effect of the catalogue explains it"
     elif closest is not None and closest[1] <= 1 - left_over + settings.left_over:
         ids, part = closest
-        said += f"; {_joined(ids, 'with')} comes closest and explains {percent(part)}"
+        said += f"; {_joined(ids, 'with')} comes closest and explains {percent(min(part, 1.0))}"
     where = []
     if location.recordings:
         where.append(f"in {location.recordings[0]}")

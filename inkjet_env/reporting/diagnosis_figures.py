@@ -14,6 +14,7 @@ from inkjet_env.reporting.diagnosis_tables import Row
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
 from inkjet_env.reporting.identification_figures import BAND, amplitude_densities
 from inkjet_env.reporting.plotting import draw_line, time_scale
+from inkjet_env.reporting.zoomable import Line, Panel, Picture, stacked_picture
 from inkjet_env.typing import Real
 
 if TYPE_CHECKING:
@@ -37,7 +38,9 @@ MOST_CONDITIONS = 60
 """Largest number of conditions in a figure; the table has all."""
 BINS = 160
 """Number of frequency bins of a spectrum, equally wide on a logarithmic axis."""
-LABELS = {"base": "base model", "augmented": "augmented model", "with remainder": "with the unexplained remainder"}
+LABELS = {"base": "base model", "augmented": "corrected model", "with remainder": "with the unexplained remainder"}
+REJECTED = LABELS | {"augmented": "closest hypothesis"}
+"""Names of the models where the verdict is unknown: what came closest was not accepted, so it corrects nothing."""
 COLOURS = {"base": BASE, "augmented": AUGMENTED, "with remainder": CORRECTED}
 
 
@@ -52,17 +55,21 @@ def figures_of(diagnosis: Diagnosis, conditions: Sequence[tuple[Row, list[Row]]]
         The fit of each condition, as `condition_rows` has it.
     """
     proof = proof_recording(diagnosis)
+    labels = REJECTED if diagnosis.verdict == "unknown" else LABELS
     models = models_of(proof, diagnosis)
     head = diagnosis.printhead
-    zoom = zoom_of(proof, models, head.frequency_Hz if head.has_dynamics else None)
+    zoom = slice(0, proof.measured.size)
+    if diagnosis.verdict != "none":  # where there is nothing to see, the whole is seen
+        zoom = zoom_of(proof, models, head.frequency_Hz if head.has_dynamics else None)
     return {
         "proof": proof,
         "models": models,
         "most_conditions": MOST_CONDITIONS,
-        "whole": view_figure(proof, models, slice(0, proof.measured.size), zoom),
-        "zoom": view_figure(proof, models, zoom),
-        "fits": [fits_figure(rows) for rows in shown_conditions(conditions)],
-        "spectra": [spectrum_figure(recordings) for recordings in spectrum_recordings(diagnosis)],
+        "labels": labels,
+        "pictures": [view_picture("shows", proof, models, zoom, labels)],
+        "whole": view_figure(proof, models, slice(0, proof.measured.size), zoom, labels),
+        "fits": [fits_figure(rows, labels) for rows in shown_conditions(conditions)],
+        "spectra": [spectrum_figure(recordings, labels) for recordings in spectrum_recordings(diagnosis)],
         "next_pictures": [
             (experiment, next_figure(experiment) if len(experiment.drive_V) > 1 else None)
             for experiment in diagnosis.next_experiments
@@ -146,7 +153,11 @@ def shown_conditions(conditions: Sequence[tuple[Row, list[Row]]]) -> list[list[R
 
 
 def view_figure(
-    recording: ModelledRecording, models: Mapping[str, Real], samples: slice, zoom: slice | None = None
+    recording: ModelledRecording,
+    models: Mapping[str, Real],
+    samples: slice,
+    zoom: slice | None = None,
+    labels: Mapping[str, str] = LABELS,
 ) -> Figure:
     """Drive, signal and residuals over some samples of a recording; the segment ``zoom`` is shaded.
 
@@ -160,6 +171,8 @@ def view_figure(
         Samples to draw.
     zoom : slice, optional
         Samples to shade; none unless given.
+    labels : mapping of str to str
+        Name of each model; `LABELS` unless given.
     """
     figure, axes = plotting.new_figure(WIDTH, 5.4, nrows=3, sharex=True, height_ratios=[1, 2, 2])
     time_s = sample_times_s(recording.measured.size, recording.step_s)
@@ -171,7 +184,7 @@ def view_figure(
         band = 2 * recording.noise_rms
         axes[2].axhspan(-band, band, color=BAND, lw=0, zorder=0.5, label="± 2 × noise")
     for which, modelled in models.items():
-        style: Any = {"color": COLOURS[which], "label": LABELS[which] if len(models) > 1 else "model"}
+        style: Any = {"color": COLOURS[which], "label": labels[which] if len(models) > 1 else "model"}
         draw_line(axes[1], time[samples], modelled[samples], lw=0.9, **style)
         draw_line(axes[2], time[samples], (recording.measured - modelled)[samples], lw=0.8, **style)
     if zoom is not None:
@@ -187,7 +200,55 @@ def view_figure(
     return figure
 
 
-def fits_figure(rows: Sequence[Row]) -> Figure:
+def view_picture(
+    name: str,
+    recording: ModelledRecording,
+    models: Mapping[str, Real],
+    samples: slice,
+    labels: Mapping[str, str] = LABELS,
+) -> Picture:
+    """The same as `view_figure`, to zoom: some samples are seen first, the whole recording after a reset.
+
+    Parameters
+    ----------
+    name : str
+        Id of the picture on its page.
+    recording : ModelledRecording
+        The recording, of n samples.
+    models : mapping of str to ndarray, shape (n,)
+        Modelled signals in the recording's unit by "base", "augmented", "with remainder"; drawn in that order.
+    samples : slice
+        Samples that are seen first.
+    labels : mapping of str to str
+        Name of each model; `LABELS` unless given.
+    """
+    time_s = sample_times_s(recording.measured.size, recording.step_s)
+    seconds, time_unit = time_scale(float(np.ptp(time_s[samples])))
+    unit = unit_text(recording.unit)
+    signals = [Line("measured", recording.measured, MEASURED, 4.0)]
+    residuals = []
+    for which, modelled in models.items():
+        label = labels[which] if len(models) > 1 else "model"
+        signals.append(Line(label, modelled, COLOURS[which]))
+        residuals.append(Line(label, recording.measured - modelled, COLOURS[which]))
+    band = 2 * recording.noise_rms if math.isfinite(recording.noise_rms) else 0.0
+    panels = (
+        Panel("drive (V)", "V", [Line("drive", recording.drive_V, plotting.GREY)], 110),
+        Panel(f"{CHANNEL_WORDS[recording.channel]} ({unit})", unit, signals, 220),
+        Panel(f"measured − modelled ({unit})", unit, residuals, 190, band),
+    )
+    return stacked_picture(
+        name,
+        time_s / seconds,
+        "time",
+        time_unit,
+        panels,
+        view_figure(recording, models, samples, labels=labels),
+        view=samples,
+    )
+
+
+def fits_figure(rows: Sequence[Row], labels: Mapping[str, str] = LABELS) -> Figure:
     """RMS residuals of both models in each condition of a channel, with its noise; held-out conditions are shaded."""
     figure, axes = plotting.new_figure(WIDTH, 1.2 + 0.17 * max(len(rows), 4))
     at = np.arange(len(rows))
@@ -197,9 +258,9 @@ def fits_figure(rows: Sequence[Row]) -> Figure:
             axes.axhspan(k - 0.5, k + 0.5, color=SHADE, lw=0, zorder=0)
     axes.hlines(at, np.minimum(base, after), np.maximum(base, after), color=plotting.GREY, lw=0.8)
     axes.plot(noise, at, "|", color=NOISE, ms=8, mew=1.6, label="noise")
-    axes.plot(base, at, "o", color=BASE, mfc="white", ms=5, label="base model")
+    axes.plot(base, at, "o", color=BASE, mfc="white", ms=5, label=labels["base"])
     if not np.array_equal(base, after):
-        axes.plot(after, at, "o", color=AUGMENTED, ms=4, label="augmented model")
+        axes.plot(after, at, "o", color=AUGMENTED, ms=4, label=labels["augmented"])
     axes.set_yticks(at, [short_name(row.label) for row in rows], fontsize=7, parse_math=False)
     shown = np.concatenate([noise, base, after])
     shown = shown[np.isfinite(shown) & (shown > 0)]
@@ -212,15 +273,15 @@ def fits_figure(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def spectrum_figure(recordings: Sequence[ModelledRecording]) -> Figure:
+def spectrum_figure(recordings: Sequence[ModelledRecording], labels: Mapping[str, str] = LABELS) -> Figure:
     """Amplitude spectral densities of both models' residuals, pooled over a channel's recordings, and of the noise."""
     figure, axes = plotting.new_figure(WIDTH, 3.4)
     frequency, base, after, noise = residual_densities(recordings)
     scale, unit = next(((s, u) for s, u in ((1e6, "MHz"), (1e3, "kHz")) if frequency[-1] > 10 * s), (1.0, "Hz"))
     axes.plot(frequency / scale, noise, "--", color=NOISE, lw=1.2, label="noise, if white")
-    axes.plot(frequency / scale, base, color=BASE, lw=1.3, label=LABELS["base"])
+    axes.plot(frequency / scale, base, color=BASE, lw=1.3, label=labels["base"])
     if augmented(recordings):
-        axes.plot(frequency / scale, after, color=AUGMENTED, lw=1.1, label=LABELS["augmented"])
+        axes.plot(frequency / scale, after, color=AUGMENTED, lw=1.1, label=labels["augmented"])
     axes.set(xscale="log", yscale="log")
     _plain_log_ticks(axes.xaxis, *(frequency[[0, -1]] / scale))
     _log_ticks_in_powers(axes.yaxis, *axes.get_ylim())

@@ -1,33 +1,28 @@
 """The HTML report of a diagnosis: the verdict, the recording that shows it, and all the evidence.
 
 `write_diagnosis_report` writes one self-contained HTML file. From top to bottom: the verdict in words, the held-out
-recording with both models, the effects found, the fit before and after, residual spectra, the location of the
-mismatch, the hypotheses, the untestable effects, the next experiment, noise, the head, the computing time.
+recording with both models where they differ most, what to do next, the effects found; then, folded, the fit before and
+after, residual spectra, the location of the mismatch, the hypotheses, the untestable effects, noise, the head, the
+computing time.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from inkjet_env.extras import extra
+import numpy as np
+
 from inkjet_env.mismatch.headline import probabilities_text
-from inkjet_env.reporting.diagnosis_figures import augmented, figures_of
-from inkjet_env.reporting.diagnosis_tables import tables_of
-from inkjet_env.reporting.formatting import (
-    CHANNEL_WORDS,
-    hertz,
-    number,
-    probability,
-    share_text,
-    short,
-    unit_text,
-    with_minus,
-)
-from inkjet_env.reporting.plotting import svg_text
-from inkjet_env.storage import write_atomically
+from inkjet_env.reporting.columns import columns_text
+from inkjet_env.reporting.diagnosis_figures import augmented, figures_of, sample_times_s
+from inkjet_env.reporting.diagnosis_tables import Row, tables_of
+from inkjet_env.reporting.page import PageFile, page_environment
+from inkjet_env.storage import json_text, write_atomically
 
 if TYPE_CHECKING:
+    from inkjet_env.mismatch.design.next_experiment import NextExperiment
     from inkjet_env.mismatch.diagnosis import Diagnosis
 
 VERDICT_WORDS = {"none": "nothing found", "named": "named", "set": "one of several", "unknown": "unknown cause"}
@@ -53,21 +48,9 @@ def write_diagnosis_report(path: str | os.PathLike[str], diagnosis: Diagnosis) -
 
 def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The report as HTML text."""
-    with extra("a report"):
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-
     from inkjet_env.plant.registry import known_effects
 
-    environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
-    environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
-    environment.filters |= {
-        "svg": svg_text,
-        "minus": with_minus,
-        "share": share_text,
-        "hertz": hertz,
-        "number": number,
-        "probability": probability,
-    }
+    environment = page_environment()
     tables, settings = tables_of(diagnosis), diagnosis.settings.verdict
     return environment.get_template("diagnosis.html").render(
         diagnosis=diagnosis,
@@ -79,10 +62,56 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         predicted=not diagnosis.closure < settings.least_closure,
         heldout=[r.name for r in diagnosis.recordings if r.held_out and r.channel == diagnosis.main_channel],
         catalogue={effect.id: effect for effect in known_effects()},
+        asked=[(one, drive_file(one, k)) for k, one in enumerate(diagnosis.next_experiments, start=1)],
+        files=[head_file(diagnosis), fit_file(tables["channels"])],
         uncertain={effect_id for group in diagnosis.candidates for effect_id in group},
-        single_effects={a.ids[0]: a for a in diagnosis.attributions if len(a.ids) == 1},
         found_ids={e.effect.id for e in diagnosis.effects},
         stages=sorted(diagnosis.stages.items(), key=lambda item: -item[1]),
         **tables,
         **figures_of(diagnosis, tables["conditions"]),
     )
+
+
+def head_words(diagnosis: Diagnosis) -> str:
+    """What the head of a diagnosis is, in words: corrected only if effects were found."""
+    if diagnosis.effects:
+        words = "the corrected printhead"
+    else:
+        beside = "" if diagnosis.remainder is None else " with the unexplained remainder"
+        words = f"the base printhead{beside}: no effect was {'found' if diagnosis.verdict == 'none' else 'named'}"
+    return words if diagnosis.printhead.has_dynamics else f"{words}; its resonance is not known"
+
+
+def head_file(diagnosis: Diagnosis) -> PageFile:
+    """The corrected head, or the base head where no effect was found."""
+    name = "corrected.json" if diagnosis.effects else "printhead.json"
+    return PageFile(name, json_text(diagnosis.augmented_json()), head_words(diagnosis))
+
+
+def drive_file(experiment: NextExperiment, number: int) -> PageFile | None:
+    """The drive of an experiment as CSV; None if no drive can be computed."""
+    if len(experiment.drive_V) < 2:
+        return None
+    name = "next.csv" if number == 1 else f"next-{number}.csv"
+    return PageFile(name, experiment_csv(experiment), "drive of the next experiment")
+
+
+def experiment_csv(experiment: NextExperiment) -> str:
+    """The drive of an experiment, and that of the neighbouring channel if it moves, as CSV."""
+    columns = {
+        "time_s": sample_times_s(len(experiment.drive_V), experiment.step_s),
+        "drive_V": np.array(experiment.drive_V),
+    }
+    if experiment.neighbour_V:
+        columns["neighbour_V"] = np.array(experiment.neighbour_V)
+    return columns_text(columns)
+
+
+def fit_file(rows: Sequence[Row]) -> PageFile:
+    """The residuals of each channel, with base and corrected model, as CSV."""
+    lines = ["channel,recordings,number,unit,noise_rms,base_rms,corrected_rms"]
+    lines += [
+        f"{row.channel},{row.role},{len(row.names)},{row.unit},{row.noise:.6g},{row.base:.6g},{row.augmented:.6g}"
+        for row in rows
+    ]
+    return PageFile("fit.csv", "\n".join(lines) + "\n", "residuals of both models beside the noise, by channel")

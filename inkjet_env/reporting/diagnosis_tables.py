@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from inkjet_env.estimate import Estimate
-from inkjet_env.reporting.formatting import CHANNEL_WORDS, engineering, hertz, short, unit_text
+from inkjet_env.plant.registry import known_effects
+from inkjet_env.reporting.formatting import CHANNEL_WORDS, engineering, hertz, parameter_text, short, unit_text
 
 if TYPE_CHECKING:
     from inkjet_env.identification import ModelledRecording
@@ -29,7 +30,7 @@ VIEW_WORDS = {
 
 @dataclass(frozen=True)
 class Row:
-    """RMS residuals of a condition, a recording or a channel, before and after augmentation.
+    """RMS residuals of a condition, a recording or a channel, of the base and of the corrected model.
 
     Attributes
     ----------
@@ -46,7 +47,7 @@ class Row:
     drive_V : (float, float)
         Smallest and largest drive in volts.
     noise, base, augmented : float
-        RMS of the noise and of the residuals of base and augmented model, in the channel's unit.
+        RMS of the noise and of the residuals of base and corrected model, in the channel's unit.
     """
 
     label: str
@@ -66,7 +67,7 @@ class Row:
 
     @property
     def closure(self) -> float:
-        """Fraction of the mean square above the noise that the augmented model removes; NaN if there is hardly any."""
+        """Fraction of the mean square above the noise that the corrected model removes; NaN if there is hardly any."""
         beyond = self.base**2 - self.noise**2
         return (self.base**2 - self.augmented**2) / beyond if beyond > 0.1 * self.noise**2 else math.nan
 
@@ -80,6 +81,7 @@ def tables_of(diagnosis: Diagnosis) -> dict[str, Any]:
         "main": main[0] if main else None,
         "channels": channels,
         "conditions": condition_rows(diagnosis),
+        "candidates": candidate_rows(diagnosis),
         "views": view_tables(diagnosis),
         "noises": noise_rows(diagnosis),
         "heads": head_rows(diagnosis),
@@ -90,9 +92,35 @@ def parameter_rows(named: NamedEffect) -> list[tuple[str, str, str, str, str]]:
     """Name, value, 90 % interval, unit and meaning of an effect's parameters."""
     known = {p.name: p for p in named.effect.parameters}
     return [
-        (name, *engineering(estimate, named.unit_of(name)), known[name].meaning)
+        (parameter_text(name), *engineering(estimate, named.unit_of(name)), known[name].meaning)
         for name, estimate in named.parameters.items()
     ]
+
+
+def candidate_rows(diagnosis: Diagnosis) -> list[list[tuple[str, str, float]]]:
+    """For each group of candidates: id, description, and gain in log-likelihood, of the whole model that has it.
+
+    That is the hypothesis in which the candidate takes the place of the one that was chosen, beside the same other
+    effects; its values are not those of a fit of the candidate alone. Without such a hypothesis among those listed, the
+    effect is described without values, and its gain is NaN.
+    """
+    found = {e.effect.id: e for e in diagnosis.effects}
+    with_law = {name for name, e in found.items() if not e.effect.random}
+    catalogue = {effect.id: effect for effect in known_effects()}
+    scores = {frozenset(score.ids): score for score in diagnosis.attributions}
+    groups = []
+    for first, *others in diagnosis.candidates:
+        rows = []
+        for name in (first, *others):
+            score = scores.get(frozenset((with_law - {first}) | {name}))
+            if score is not None:
+                rows.append((name, score.description, score.gain))
+            elif name in found:
+                rows.append((name, found[name].sentence, found[name].delta_nll))
+            else:
+                rows.append((name, catalogue[name].sentence if name in catalogue else "", math.nan))
+        groups.append(rows)
+    return groups
 
 
 def pooled_row(label: str, recordings: Sequence[ModelledRecording], held_out: bool) -> Row:
@@ -121,7 +149,7 @@ def _having(recordings: Sequence[ModelledRecording], held_out: bool) -> list[Mod
 
 
 def channel_rows(diagnosis: Diagnosis) -> list[Row]:
-    """The fit of each channel with base and augmented model: held-out recordings, then fitted ones."""
+    """The fit of each channel with base and corrected model: held-out recordings, then fitted ones."""
     rows = []
     for channel in CHANNEL_WORDS:
         mine = [r for r in diagnosis.recordings if r.channel == channel]

@@ -12,6 +12,7 @@ LONGEST_NAME = 24
 CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge", "displacement": "displacement"}
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 NEGATIVE = re.compile(r"(?<![\w.\-])-(?=\d)")
+UNIT_ENDING = re.compile(r"_(Hz|s|V|V_s|per_V2?)$")
 PREFIXABLE = re.compile(r"(Hz|V|s|A|m|N|Pa|F|W|Ω)(?=$|[ /·])")
 
 
@@ -163,6 +164,28 @@ def share_text(share: float) -> str:
         return "–"
     decimals = 1 if 0.99 < share < 0.9995 else 0
     return f"{100 * share:z.{decimals}f} %".replace("-", "−")
+
+
+def explained_text(share: float) -> str:
+    """A share that is explained, in per cent, never above 100 %: what fits the noise as well explains no more.
+
+    Examples
+    --------
+    >>> explained_text(1.012), explained_text(0.9312), explained_text(float("nan"))
+    ('100 %', '93 %', '–')
+    """
+    return share_text(share if share != share else min(share, 1.0))
+
+
+def parameter_text(name: str) -> str:
+    """A parameter's name for readers: without the unit of its stored value, which stands beside it with a prefix.
+
+    Examples
+    --------
+    >>> parameter_text("bubble_frequency_Hz"), parameter_text("slew_rate_V_s"), parameter_text("time_1_s")
+    ('bubble frequency', 'slew rate', 'time 1')
+    """
+    return UNIT_ENDING.sub("", name).replace("_", " ")
 
 
 def volts(value: float) -> str:

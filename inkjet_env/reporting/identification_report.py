@@ -1,7 +1,8 @@
 """The HTML report of an identification: the parameters, their uncertainty and the residuals.
 
-`write_identification_report` writes one self-contained HTML file. From top to bottom: the result in words,
-parameters, hysteresis, ringing, spectrum, the residual of every recording, settings.
+`write_identification_report` writes one self-contained HTML file. From top to bottom: the result in words, a recording
+with the model, what to do next, parameters; then, folded, hysteresis, ringing, spectrum, the residual of every
+recording, settings.
 """
 
 from __future__ import annotations
@@ -14,14 +15,15 @@ from itertools import pairwise
 import numpy as np
 
 from inkjet_env.estimate import Estimate
-from inkjet_env.extras import extra
 from inkjet_env.identification import Identification, ModelledRecording, NoiseModel
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.reporting import identification_figures as figures
+from inkjet_env.reporting.diagnosis_figures import view_picture
 from inkjet_env.reporting.formatting import CHANNEL_WORDS, hertz, interval_text, short, unit_text
 from inkjet_env.reporting.identification_figures import Part, terms_of
+from inkjet_env.reporting.page import PageFile, page_environment
 from inkjet_env.reporting.plotting import svg_text
-from inkjet_env.storage import write_atomically
+from inkjet_env.storage import json_text, write_atomically
 from inkjet_env.typing import Real
 
 EXPLAINED = 1.1
@@ -61,20 +63,24 @@ def write_identification_report(
 
 def identification_html(campaign_name: str, identification: Identification) -> str:
     """The report as HTML text."""
-    with extra("a report"):
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(loader=PackageLoader("inkjet_env.reporting"), autoescape=True, undefined=StrictUndefined)
-    environment.filters |= {"short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__}
+    environment = page_environment()
     parts = [part for recording in identification.recordings for part in terms_of(recording)]
     loops = loop_recordings(identification)
     rings = identification.printhead.has_dynamics
     main = main_recordings(identification)
     broadest = broadest_recording(main)
     views = ringing_views(main, identification.printhead.frequency_Hz) if rings else []
+    shown = views[0] if views else Part(broadest, slice(0, broadest.measured.size), broadest.held_out)
     rising, falling = (measured_branches(identification, heading) for heading in (1, -1))
     return environment.get_template("identification.html").render(
         name=campaign_name,
+        pictures=[view_picture("shows", shown.recording, {"base": shown.recording.modelled["base"]}, shown.samples)],
+        shown=shown.recording,
+        usable=not identification.warning,
+        files=[
+            PageFile("printhead.json", json_text(identification.as_json()), "the identified printhead"),
+            PageFile("residuals.csv", residuals_csv(parts), "residual of every recording beside its noise"),
+        ],
         headline=headline(identification),
         worst=worst_recording(parts),
         identification=identification,
@@ -93,6 +99,17 @@ def identification_html(campaign_name: str, identification: Identification) -> s
         residuals=svg_text(figures.residuals_figure(parts)),
         explained=EXPLAINED,
     )
+
+
+def residuals_csv(parts: Sequence[Part]) -> str:
+    """Residual of each part of a recording beside its noise, as CSV."""
+    lines = ["recording,channel,role,samples,unit,residual_rms,noise_rms"]
+    for part in parts:
+        own = part.recording
+        size = part.samples.stop - part.samples.start
+        name = '"' + own.name.replace('"', '""') + '"'
+        lines.append(f"{name},{own.channel},{part.role},{size},{own.unit},{part.rms:.6g},{own.noise_rms:.6g}")
+    return "\n".join(lines) + "\n"
 
 
 def headline(identification: Identification) -> str:

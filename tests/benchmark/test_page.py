@@ -1,8 +1,11 @@
 """The comparison's page in a real browser: it needs nothing but itself, and its filters do what they say."""
 
+import base64
+import io
 import json
 import re
 
+import numpy as np
 import pytest
 
 from inkjet_env.experiments.benchmark.analysis import Comparison
@@ -26,9 +29,10 @@ def report(tmp_path_factory):
 
 def test_the_page_loads_nothing_and_holds_what_it_shows(report):
     text = report.read_text()
-    own = re.sub(r"<script>.*?</script>", "", text, flags=re.S)
+    own = re.sub(r"<script.*?</script>", "", text, flags=re.S)
     for load in ("src=", "@import", "<link", "url(http", 'href="http'):
         assert load not in own
+    assert not re.search(r"<script[^>]* src", text)
     data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.S)[1])
     assert {problem["name"] for problem in data["problems"]} == set(PROBLEMS)
     assert set(data["optimizers"]) == set(OPTIMIZERS)
@@ -43,6 +47,7 @@ def tab(report, tmp_path_factory):
         pytest.skip("there is no Chromium on this machine (apt-get install chromium)")
     with browser.opened(tmp_path_factory.mktemp("profile")) as tab:
         tab.open(report)
+        tab.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
         yield tab
 
 
@@ -55,7 +60,7 @@ def rows(tab, table="standings"):
 
 def traces(tab, plot):
     """Names of what a plot shows."""
-    return tab.value(f"document.getElementById('{plot}').data.map((t) => t.name)")
+    return tab.value(f"visibleLines('{plot}')")
 
 
 def test_it_loads_without_an_error_and_without_the_network(tab):
@@ -113,12 +118,42 @@ def test_a_problem_can_be_looked_at(tab):
 
 
 def test_a_curve_tells_its_numbers_where_the_pointer_is(tab):
-    tab.value("document.getElementById('ecdf').scrollIntoView()")
-    text = tab.value(
-        "(() => { Plotly.Fx.hover('ecdf', [{curveNumber: 0, pointNumber: 40}]);"
-        " return document.querySelector('#ecdf .hoverlayer').textContent; })()"
+    """The pointer at a point of the winner's curve; a tooltip lies in the plot's own tree of nodes."""
+    place = tab.value("""(() => {
+        const view = Bokeh.index.find_one_by_id(model('ecdf:plot').id);
+        const source = model(`ecdf:${data.optimizers[0]}`).data_source.data;
+        view.el.scrollIntoView({block: 'center'});
+        const box = view.el.getBoundingClientRect(), frame = view.frame, last = source.x.length - 1;
+        const [x, y] = [frame.x_scale.compute(source.x[last]), frame.y_scale.compute(source.y[last])];
+        return [box.x + x, box.y + y, source.x[last]];
+    })()""")
+    for x in (place[0] - 3, place[0]):
+        tab.ask("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=place[1])
+    text = tab.value("""new Promise((told) => setTimeout(() => {
+        const inner = (node) => [...node.querySelectorAll('*')].map((n) => n.shadowRoot ? texts(n.shadowRoot) : '');
+        const texts = (node) => inner(node).join(' ')
+            + (node.host?.classList.contains('bk-Tooltip') ? node.textContent : '');
+        told(texts(document));
+    }, 300))""")
+    assert f"{place[2]} evaluations" in text
+    assert "of targets met" in text
+
+
+def test_it_opens_with_the_winner_its_picture_and_its_waveform(tab, report):
+    text = report.read_text()
+    assert re.search(
+        '<h1>.*? wins with 200 evaluations.*?class="zoomable".*?The winning waveform.*?<details>', text, re.S
     )
-    assert "evaluations" in text
+    winner = tab.value("document.querySelector('h1').textContent.split(' ')[0]")
+    assert winner == tab.value("data.optimizers[0]")
+    row = tab.value("[...document.querySelector('.seven tbody tr').cells].map((c) => c.textContent)")
+    seven = [float(cell.replace("−", "-")) for cell in row[:7]]
+    held = dict(re.findall(r'download="([^"]*)" href="data:[^;]*;base64,([^"]*)"', text))
+    assert set(held) == {"waveform.csv", "waveform.ini"}
+    drive = np.genfromtxt(io.StringIO(base64.b64decode(held["waveform.csv"]).decode()), delimiter=",", names=True)
+    assert drive["drive_V"].max() == pytest.approx(seven[0], abs=0.06)
+    assert drive["drive_V"].min() == pytest.approx(seven[1], abs=0.06)
+    assert 1e6 * drive["time_s"][-1] == pytest.approx(sum(seven[2:]), abs=0.05)
 
 
 def test_nothing_is_wider_than_the_page(tab, tmp_path):

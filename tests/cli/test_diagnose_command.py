@@ -138,6 +138,8 @@ def test_a_campaign_leads_to_a_verdict_a_page_and_a_printhead(planted, campaign,
     assert (verdict["verdict"] == "none") == (not planted)
     assert "r002" in verdict["fit"]["heldout"]
     assert verdict["headline"] in out
+    assert ("the corrected printhead, ready for --printhead" in out) == bool(planted)
+    assert ("the base printhead: no effect was found" in out) == (not planted)
     assert "</html>" in (tmp_path / "page.html").read_text()
     head = read_printhead(tmp_path / "head.json")
     assert head.frequency_Hz == pytest.approx(HEAD.frequency_Hz, rel=1e-3)

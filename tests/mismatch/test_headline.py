@@ -53,29 +53,32 @@ def test_a_set_names_all_its_members_and_what_is_certain_beside_it(effects):
 def test_an_unknown_cause_tells_how_much_where_and_what_came_closest():
     said = headline("unknown", [], [], 0.2, 0.9, (("second_mode", "creep"), 0.1), SOMEWHERE, SETTINGS.verdict)
     assert said == (
-        "90 % of the mismatch is not explained by any effect of the catalogue; second mode with creep comes closest "
-        "and explains 10 %. The mismatch is largest in r003, at 37 to 52 kHz and 58 to 66 kHz."
+        "Unknown: something is missing that the catalogue does not have. 90 % of the mismatch is not explained by any "
+        "of its effects; second mode with creep comes closest and explains 10 %. The "
+        "mismatch is largest in r003, at 37 to 52 kHz and 58 to 66 kHz."
     )
-    assert headline("unknown", [], [], 0.2, 0.9, None, Location(), SETTINGS.verdict).count(".") == 1
+    assert headline("unknown", [], [], 0.2, 0.9, None, Location(), SETTINGS.verdict).count(".") == 2
 
 
 def test_a_mismatch_that_is_certain_but_small_is_told_without_a_share():
     said = headline("unknown", [], [], 0.0, 0.0, (("creep",), 0.3), Location(), SETTINGS.verdict)
-    assert said == "The residuals have structure that noise has not, but no effect of the catalogue explains it."
+    assert (
+        said == "Unknown: the residuals have structure that noise has not, but no effect of the catalogue explains it."
+    )
 
 
 def test_the_name_that_is_refused_is_the_one_that_was_chosen(effects):
     chosen = [named(effects["slew_limit"], 400.0, "Edges are cut.")]
     said = headline("unknown", chosen, [], 0.3, 0.0, (("creep", "wave_echo"), 1.0), Location(), SETTINGS.verdict)
-    assert said == "Slew limit explains the fitted recordings but predicts the held-out ones poorly."
+    assert said == "Unknown: slew limit explains the fitted recordings but predicts the held-out ones poorly."
     assert headline("unknown", chosen, [], -0.1, 0.03, None, Location(), SETTINGS.verdict) == said
 
 
 def test_what_explains_all_but_is_not_probable_enough_is_not_said_to_predict_badly(effects):
     rest = "these recordings, but so may physics that the catalogue lacks"
-    both = f"Creep with wave echo together explain {rest}, which several laws often imitate."
+    both = f"Unknown: creep with wave echo together explain {rest}, which several laws often imitate."
     for ids, closure, expected in (
-        (("creep",), math.nan, f"Creep explains {rest}."),
+        (("creep",), math.nan, f"Unknown: creep explains {rest}."),
         (("creep", "wave_echo"), 0.99, both),
     ):
         chosen = [named(effects[name], 400.0, "It.") for name in ids]
@@ -85,9 +88,9 @@ def test_what_explains_all_but_is_not_probable_enough_is_not_said_to_predict_bad
 def test_too_many_that_explain_it_alike_are_not_listed(effects):
     chosen, alike = [named(effects["creep"], 400.0, "It creeps.")], tuple("abcdefg")
     said = headline("unknown", chosen, [alike], math.nan, 0.0, (("creep",), 1.0), Location(), SETTINGS.verdict)
-    assert said == "A small mismatch is present, and each of 7 effects explains it equally well."
+    assert said == "Unknown: a small mismatch is present, and each of 7 effects explains it equally well."
     said = headline("unknown", chosen, [alike[:6]], -0.1, 0.0, (("creep",), 1.0), Location(), SETTINGS.verdict)
-    assert said == "Creep explains the fitted recordings but predicts the held-out ones poorly."
+    assert said == "Unknown: creep explains the fitted recordings but predicts the held-out ones poorly."
 
 
 def test_nothing_found_is_not_noise_where_nothing_tells_the_noise():

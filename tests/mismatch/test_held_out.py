@@ -61,7 +61,7 @@ def test_held_out_recordings_take_the_name_from_what_makes_them_worse_and_do_not
     assert vetoed.closure < 0
     assert vetoed.left_over == 0  # of what was fitted: nothing else is against it
     assert vetoed.headline.startswith(
-        "Feedthrough explains the fitted recordings but predicts the held-out ones poorly. "
+        "Unknown: feedthrough explains the fitted recordings but predicts the held-out ones poorly. "
     )
     assert vetoed.next_experiment is None
     for one, other in zip(named.attributions, vetoed.attributions, strict=True):
@@ -151,7 +151,7 @@ def test_what_only_a_held_out_recording_shows_is_not_called_nothing(recorded_as,
     steep = next(r.name for r in campaign.recordings if np.abs(np.diff(r.drive_V)).max() / r.step_s > 1e8)
     found = diagnose(campaign, head, looked_for, held_out=[steep], workers=1)
     assert (found.verdict, found.effects, found.closure) == ("unknown", (), 0.0)
-    assert found.headline.startswith(f"{steep} shows a mismatch that the fitted recordings do not show")
+    assert found.headline.startswith(f"Unknown: {steep} shows a mismatch that the fitted recordings do not show")
     assert ids(diagnose(campaign, head, looked_for, held_out=["r013"], workers=1)) == ["slew_limit"]
     # where nothing is concealed it may be held out
     assert diagnose(recorded(), head, looked_for, held_out=[steep], workers=1).verdict == "none"

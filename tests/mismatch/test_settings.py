@@ -78,7 +78,7 @@ def test_a_diagnosis_follows_its_settings_and_carries_them(recorded, head, effec
     blind = DiagnosisSettings(selection=SelectionSettings(significance_level=1e-300, random_effect_gain=1e300))
     found = diagnose(campaign, head, looked_for, workers=1, settings=blind)
     assert (found.verdict, ids(found), found.settings) == ("unknown", [], blind)  # it looks for none, but there is one
-    assert found.headline.startswith("The residuals have structure that noise has not")
+    assert found.headline.startswith("Unknown: the residuals have structure that noise has not")
 
 
 def test_every_fit_has_the_settings_of_its_diagnosis(recorded, head, effects, monkeypatch):

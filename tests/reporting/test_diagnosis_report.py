@@ -1,4 +1,6 @@
+import base64
 import html
+import json
 import math
 import re
 from dataclasses import replace
@@ -13,12 +15,26 @@ from inkjet_env.mismatch.diagnosis import Diagnosis, HypothesisScore, NamedEffec
 from inkjet_env.mismatch.localization.location import Location
 from inkjet_env.mismatch.selection.remainder_fit import FittedRemainder
 from inkjet_env.plant import Excitation, Plant, catalogue
-from inkjet_env.plant.remainder import ChannelRemainder, Remainder, Term
+from inkjet_env.plant.remainder import TIMES, ChannelRemainder, Remainder, Term
 from inkjet_env.printhead import Printhead
-from inkjet_env.reporting.diagnosis_figures import augmented, models_of, proof_recording, residual_densities, zoom_of
-from inkjet_env.reporting.diagnosis_report import diagnosis_html, write_diagnosis_report
-from inkjet_env.reporting.diagnosis_tables import channel_rows, condition_rows, parameter_rows, view_tables
+from inkjet_env.reporting.diagnosis_figures import (
+    augmented,
+    models_of,
+    proof_recording,
+    residual_densities,
+    view_picture,
+    zoom_of,
+)
+from inkjet_env.reporting.diagnosis_report import diagnosis_html, head_words, write_diagnosis_report
+from inkjet_env.reporting.diagnosis_tables import (
+    candidate_rows,
+    channel_rows,
+    condition_rows,
+    parameter_rows,
+    view_tables,
+)
 from inkjet_env.reporting.formatting import engineering, short
+from inkjet_env.reporting.zoomable import MOST_SAMPLES, kept_samples
 from inkjet_env.rig import default_battery, record_campaign
 
 HEAD = Printhead.published()
@@ -140,7 +156,7 @@ def diagnoses(named):
         for r in same
     )
     terms = {"drive": Term(0.2, 1.0)}
-    remainder = Remainder({"self_sensing": ChannelRemainder({}, terms, {}, {})})
+    remainder = Remainder({"self_sensing": ChannelRemainder({"drive": 100.0}, terms, {}, dict.fromkeys(TIMES, ()))})
     nothing = {"effects": (), "closure": math.nan, "attributions": ()}
     return {
         "named": named,
@@ -148,7 +164,6 @@ def diagnoses(named):
             named,
             verdict="set",
             headline="One of two: the capacitance compensation or the sensing amplifier's bandwidth",
-            effects=(),
             candidates=(("feedthrough", "sensor_bandwidth"),),
             next_experiments=(experiment,),
         ),
@@ -184,14 +199,16 @@ def any_of_them(request, diagnoses, pages):
 
 def text_of(page):
     """What a reader reads: no pictures, no tags."""
-    plain = re.sub(r"<style>.*?</style>|<svg.*?</svg>|<[^>]*>", " ", page, flags=re.DOTALL)
+    without = re.sub(r"<(style|svg|script).*?</\1>", " ", page, flags=re.DOTALL)
+    plain = re.sub(r"<[^>]*>", " ", without)
     return re.sub(r"\s+", " ", html.unescape(plain))
 
 
 def test_the_page_stands_alone(any_of_them):
     page = any_of_them[1]
-    assert not re.search(r"https?:|url\((?!#)|<script|<link|@import", page)
-    assert all(target.startswith("#") for target in re.findall(r'(?:src|href)="([^"]*)"', page))
+    own = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+    assert not re.search(r"https?:|url\((?!#)|<link|@import|<script[^>]* src", own)
+    assert all(target.startswith(("#", "data:")) for target in re.findall(r'(?:src|href)="([^"]*)"', own))
     assert len(page) < 3e6
     assert page.endswith("</html>")
 
@@ -199,6 +216,7 @@ def test_the_page_stands_alone(any_of_them):
 def test_the_verdict_comes_first_in_plain_words(any_of_them):
     diagnosis, page = any_of_them
     told = text_of(re.search(r"<h1>.*?</h1>", page, re.DOTALL).group())
+    assert re.search('<h1>.*?class="zoomable".*?What to do next.*?In numbers.*?<details>', page, re.DOTALL)
     assert told.strip() == f"Head ‘head-17’: {diagnosis.headline.rstrip('.')}."
 
 
@@ -215,7 +233,7 @@ def test_every_recording_hypothesis_and_note_is_on_the_page(any_of_them):
 
 def test_each_verdict_shows_what_belongs_to_it_alone(pages):
     belongs = {
-        "named": "nV s/V",
+        "named": "Optimise a waveform on the corrected head",
         "set": "Candidates that these recordings cannot distinguish",
         "unknown": "corrects without explaining",
         "none": "This does not state the smallest effect",
@@ -229,7 +247,8 @@ def test_what_only_held_out_recordings_speak_against_is_told_as_that(named):
     refused = replace(named, verdict="unknown", effects=(), closure=-1.64)
     alone, beside_more = (text_of(diagnosis_html(replace(refused, left_over=left))) for left in (0.02, 0.2))
     for text in (alone, beside_more):
-        assert "does worse than the base model, so it is rejected" in text
+        assert "the closest hypothesis does worse than the base model, so it is rejected" in text
+        assert "corrected" not in text
         assert "or choice" not in text
     told = ("makes the fit of the held-out ones worse, so it is not named", "has structure that", "too large for it")
     assert [words in alone for words in told] == [True, False, False]
@@ -261,14 +280,102 @@ def test_a_page_of_an_unknown_verdict_in_which_nothing_was_found_speaks_of_no_ef
     assert "equally well" not in page
 
 
+def test_candidates_are_told_as_the_whole_model_that_has_them(named):
+    """A fit of a candidate alone has other values than the verdict, which comes from a joint fit."""
+    beside = replace(named.effects[0], effect=EFFECTS["creep"], sentence="It creeps.")
+    joint = [
+        HypothesisScore(ids, gain, 0.0, 1.0, 1.0, 1.0, words)
+        for ids, gain, words in (
+            (("second_mode",), 10.0, "A mode at 75.1 kHz."),
+            (("creep", "second_mode"), 40.0, "A mode at 87.9 kHz, and creep."),
+            (("air_bubble", "creep"), 39.0, "A bubble, and creep."),
+        )
+    ]
+    effects = (replace(named.effects[0], effect=EFFECTS["second_mode"], sentence="A mode at 87.9 kHz."), beside)
+    groups = (("second_mode", "air_bubble", "wave_echo"),)
+    found = replace(named, verdict="set", effects=effects, candidates=groups, attributions=tuple(joint))
+    (rows,) = candidate_rows(found)
+    assert rows[:2] == [("second_mode", "A mode at 87.9 kHz, and creep.", 40.0), ("air_bubble", *rows[1][1:])]
+    assert rows[1][1:] == ("A bubble, and creep.", 39.0)
+    assert rows[2][1] == EFFECTS["wave_echo"].sentence
+    assert math.isnan(rows[2][2])
+
+
+def files_of(page):
+    """Texts of the files that a page holds in itself, by name."""
+    held = re.findall(r'download="([^"]*)" href="data:[^;]*;base64,([^"]*)"', page)
+    return {name: base64.b64decode(content).decode() for name, content in held}
+
+
+def test_files_of_a_page_are_the_head_and_what_to_record(diagnoses, pages):
+    for verdict, found in diagnoses.items():
+        files = files_of(pages[verdict])
+        corrected = verdict in ("named", "set")
+        assert set(files) == {"corrected.json" if corrected else "printhead.json", "fit.csv"} | (
+            {"next.csv"} if verdict == "set" else set()
+        )
+        head = json.loads(files["corrected.json" if corrected else "printhead.json"])
+        assert ("effects" in head) == corrected
+        assert len(files["fit.csv"].splitlines()) == 1 + len(channel_rows(found))
+    lines = files_of(pages["set"])["next.csv"].splitlines()
+    assert lines[0] == "time_s,drive_V"
+    assert [float(line.split(",")[1]) for line in lines[1:]] == list(diagnoses["set"].next_experiments[0].drive_V)
+
+
+def test_only_a_head_with_effects_is_offered_as_corrected(diagnoses, pages):
+    assert head_words(diagnoses["named"]) == head_words(diagnoses["set"]) == "the corrected printhead"
+    assert head_words(diagnoses["none"]) == "the base printhead: no effect was found"
+    told = "the base printhead with the unexplained remainder: no effect was named"
+    assert head_words(diagnoses["unknown"]) == told
+    for verdict, page in pages.items():
+        assert ("the corrected printhead" in text_of(page)) == (verdict in ("named", "set"))
+
+
+def test_no_more_than_everything_is_explained(named):
+    text = text_of(diagnosis_html(replace(named, closure=1.012)))
+    assert "101 %" not in text
+    assert "removes 100 % of the base model’s residual power" in text
+
+
+def test_readers_meet_one_word_for_the_corrected_model(pages):
+    assert not any("augmented" in text_of(page) for page in pages.values())
+
+
+def test_the_picture_tells_what_was_measured_and_modelled(named):
+    recording = proof_recording(named)
+    models = models_of(recording, named)
+    zoom = zoom_of(recording, models, HEAD.frequency_Hz)
+    picture = view_picture("shows", recording, models, zoom)
+    assert [label for label, *_ in picture.legend] == ["measured", "base model", "corrected model", "± 2 × noise"]
+    text = json.dumps(picture.item)
+    assert text == json.dumps(view_picture("shows", recording, models, zoom).item)
+    assert not re.search(r'"id": "p\d+"', text)
+    for label in ("measured", "base model", "corrected model"):
+        assert f'["{label}", "@y' in text
+
+
+def test_thinned_lines_keep_every_peak_and_all_that_is_seen_first():
+    signal = np.random.default_rng(0).normal(size=1_000_003)
+    signal[[70, 500_001, 999_999]] = 30.0, -40.0, 50.0
+    view = slice(400_000, 401_500)
+    kept = kept_samples([signal, -signal], view)
+    assert {0, 70, 500_001, 999_999, signal.size - 1} <= set(kept)
+    assert set(range(view.start, view.stop)) <= set(kept)
+    assert kept.size < 3 * MOST_SAMPLES
+    assert np.all(np.diff(kept) > 0)
+    np.testing.assert_array_equal(kept_samples([signal[:50]], None), np.arange(50))
+
+
 def test_candidates_are_told_with_what_sets_them_apart(diagnoses, pages):
     text = text_of(pages["set"])
     for candidate in diagnoses["set"].candidates[0]:
         assert EFFECTS[candidate].signature in text
+    table = text[text.index("Candidates that these") : text.index("Each row describes")]
+    assert all(a.description in table for a in diagnoses["set"].attributions if len(a.ids) == 1)
     assert "expected difference of the candidates’ log-likelihoods 84.0" in text
 
 
-def test_only_a_model_with_effects_is_called_augmented(diagnoses, pages):
+def test_only_a_model_with_effects_is_called_corrected(diagnoses, pages):
     for verdict, found in diagnoses.items():
         assert augmented(found.recordings) == (verdict in ("named", "set"))
         assert ("Fit before and after" in pages[verdict]) == augmented(found.recordings)
@@ -284,8 +391,8 @@ def test_special_characters_are_escaped_and_harm_no_picture(tmp_path, one):
     write_diagnosis_report(path, replace(one, campaign="<script>alert(1)</script>", recordings=strange))
     page = path.read_text(encoding="utf-8")
     assert list(tmp_path.iterdir()) == [path]
-    assert "<script" not in page
-    assert "<i>" not in page
+    assert "<script>alert" not in page
+    assert "<i>&" not in page
     assert "$\\frac$&lt;i&gt;&amp;" in page
 
 
@@ -397,7 +504,7 @@ def test_views_keep_their_strongest_cells_in_order(named):
 
 def test_parameters_are_told_with_prefixes(named):
     rows = {name: (value, interval, unit) for name, value, interval, unit, _ in parameter_rows(named.effects[0])}
-    assert rows["capacitive_s"] == ("21.00", "20.70 … 21.30", "nV s/V")
+    assert rows["capacitive"] == ("21.00", "20.70 … 21.30", "nV s/V")
     assert rows["lossy"] == ("400", "310 … 490", "10⁻⁶")
     assert engineering(Estimate(0.0, -2e-4, 2e-4), "1") == ("0", "−200 … 200", "10⁻⁶")
     assert engineering(Estimate(math.inf, 2e5, math.inf), "Hz") == ("∞", "200 … ∞", "kHz")
