@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +12,7 @@ import numpy as np
 from inkjet_env.experiments.proof.corpus import STAGES
 from inkjet_env.experiments.validation.verdict_scores import OUTCOMES
 from inkjet_env.reporting import plotting
+from inkjet_env.reporting.zoomable import Line, Panel, Picture, stacked_picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,6 +48,33 @@ def curve_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.set_ylabel("fraction of heads (%)")
     figure.legend(loc="outside upper left", ncols=2, frameon=False)
     return figure
+
+
+def curve_picture(rows: Sequence[Mapping[str, Any]]) -> Picture:
+    """The same to zoom: fractions with the ends of their intervals, where the pointer is."""
+    rows = sorted(rows, key=lambda row: float(row["rho"]))
+    at = np.array([row["rho"] if row["strength"] != "nothing" else NOTHING_AT for row in rows])
+    lines = []
+    for name, label, colour in (
+        ("detected", "detected", plotting.COLOURS[0]),
+        ("right", "right name or right set", plotting.COLOURS[1]),
+    ):
+        for key, words, width, marks in (
+            ("value", label, 1.6, False), ("value", label, 2.0, True),
+            ("low", f"{label}, 90 % interval from", 0.0, False), ("high", f"{label}, to", 0.0, False),
+        ):  # fmt: skip
+            values = [math.nan if row[name] is None else 100 * row[name][key] for row in rows]
+            if width and not marks:
+                values = [
+                    math.nan if row["strength"] == "nothing" else value for row, value in zip(rows, values, strict=True)
+                ]
+            if width or key != "value":
+                lines.append(Line(words, np.array(values), colour, width, marks=marks))
+    panel = Panel("fraction of heads (%)", "%", lines, 320)
+    picture = stacked_picture("curve", at, "strength ρ", "", [panel], curve_figure(rows), x_scale="log")
+    return replace(
+        picture, legend=[entry for entry in picture.legend if "interval" not in entry[0] and ", to" not in entry[0]]
+    )
 
 
 def confusion_figure(table: Mapping[str, Mapping[str, int]]) -> Figure:
@@ -131,7 +161,7 @@ def waveform_gain_figure(heads: Sequence[Mapping[str, Any]]) -> Figure:
     base, augmented, oracle = (np.array([head[name] for head in order]) for name in ("base", "augmented", "oracle"))
     axes.hlines(at, np.minimum(base, oracle), np.maximum(base, oracle), color=plotting.GREY, lw=0.8)
     axes.plot(base, at, "o", color=plotting.COLOURS[1], mfc="white", ms=5, label="base model")
-    axes.plot(augmented, at, "o", color=plotting.COLOURS[0], ms=4, label="augmented model")
+    axes.plot(augmented, at, "o", color=plotting.COLOURS[0], ms=4, label="corrected model")
     axes.plot(oracle, at, "|", color="#222222", ms=9, mew=1.6, label="oracle")
     axes.set_yticks(at, [_words(" + ".join(head["effects"])) for head in order], fontsize=7)
     axes.set(ylim=(len(order) - 0.4, -0.6))

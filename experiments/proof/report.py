@@ -9,7 +9,7 @@ from typing import Any
 from inkjet_env.experiments.proof import figures
 from inkjet_env.experiments.proof.corpus import FULL_SIZE
 from inkjet_env.experiments.proof.printing import figure_text, interval_text
-from inkjet_env.extras import extra
+from inkjet_env.reporting.page import page_environment
 from inkjet_env.reporting.plotting import svg_text
 from inkjet_env.storage import write_atomically
 
@@ -29,12 +29,7 @@ def write_page(path: Path, found: Mapping[str, Any]) -> None:
 
 def page_html(found: Mapping[str, Any]) -> str:
     """The report as HTML text."""
-    with extra("a report"):
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("inkjet_env.experiments.proof"), autoescape=True, undefined=StrictUndefined
-    )
+    environment = page_environment("inkjet_env.experiments.proof")
     environment.filters["figure"] = figure_text
     environment.filters["interval"] = interval_text
     heads = found["waveform_gain"]["heads"][:MOST_HEADS_SHOWN]
@@ -43,7 +38,8 @@ def page_html(found: Mapping[str, Any]) -> str:
         headline=headline(found),
         sentences=sentences(found),
         shown=[figure for figure in found["figures"] if figure["of"]],
-        curve=svg_text(figures.curve_figure(found["curve"])) if len(found["curve"]) > 1 else None,
+        curve=len(found["curve"]) > 1,
+        pictures=[figures.curve_picture(found["curve"])] if len(found["curve"]) > 1 else [],
         confusion=svg_text(figures.confusion_figure(found["confusion"])) if any_heads(found) else None,
         closures=svg_text(figures.closures_figure(found["closures"])) if found["closures"] else None,
         waveform_gain=svg_text(figures.waveform_gain_figure(heads)) if heads else None,
