@@ -93,15 +93,26 @@ def optimize(
 ) -> None:
     """Search with one optimiser for the waveform with the lowest cost.
 
-    inkjet optimize --optimizer pso --particles 40 --generations 50 --seed 1 --out waveform.csv
+    \b
+    inkjet optimize --optimizer pso --particles 40 --generations 50 --seed 1 \\
+        --out waveform.csv
 
-    inkjet optimize --drop-frequency 20e3 --target-height 4 --cost-a -50 --out waveform.csv
+    \b
+    inkjet optimize --drop-frequency 20e3 --target-height 4 --cost-a -50 \\
+        --out waveform.csv
 
-    inkjet optimize --printhead augmented.json --effect my_effects:QuadraticStiffness
+    \b
+    inkjet optimize --printhead corrected.json \\
+        --effect my_effects:QuadraticStiffness
 
-    inkjet optimize --limits lowest_V=0,highest_V=48,rise_V_per_us=20,step_us=0.1 --out waveform.ini
+    \b
+    inkjet optimize \\
+        --limits lowest_V=0,highest_V=48,rise_V_per_us=20,step_us=0.1 \\
+        --out waveform.ini
 
-    inkjet optimize --printhead corrected.json --robust cvar --optimizer cma-es --out waveform.csv
+    \b
+    inkjet optimize --printhead corrected.json --robust cvar \\
+        --optimizer cma-es --out waveform.csv
 
     With --limits, only waveforms that the driver can do are tried, and what that costs is told.
 

@@ -73,8 +73,12 @@ def tune(
 ) -> None:
     """Diagnose a head, ask for the recordings that settle most, optimise, check waveforms on the head, and choose.
 
-    inkjet tune campaign --limits lowest_V=-60,highest_V=60,rise_V_per_us=20,step_us=0.1 --waveform waveform.ini
+    \b
+    inkjet tune campaign \\
+        --limits lowest_V=-60,highest_V=60,rise_V_per_us=20,step_us=0.1 \\
+        --waveform waveform.ini
 
+    \b
     inkjet tune bench --rig head.json --seed 1
 
     The drives to record are written to DIR-tuning/requests; put each recording into DIR-tuning/answers under the same

@@ -76,8 +76,11 @@ def diagnose(
 ) -> None:
     """Find where recordings and model differ, which physics the model lacks, and how much adding it improves the fit.
 
-    inkjet diagnose campaign --printhead-out augmented.json --report diagnosis.html --json diagnosis.json
+    \b
+    inkjet diagnose campaign --printhead-out corrected.json \\
+        --report diagnosis.html --json diagnosis.json
 
+    \b
     inkjet diagnose campaign --effect my_effects:QuadraticStiffness
 
     With --effect, your own effects are tried in addition to the catalogue's.

@@ -266,13 +266,6 @@ def test_a_ranking_over_many_problems_fits_a_terminal(capsys):
         assert f"{row['rank']:.2f}" in table
 
 
-@pytest.mark.parametrize("command", ["simulate", "optimize", "bench"])
-def test_every_command_explains_itself_with_an_example(inkjet, command):
-    status, out, _ = inkjet(command, "--help")
-    assert status == 0
-    assert f"\n  inkjet {command} --" in out
-
-
 def test_help_imports_nothing_that_costs():
     code = (
         "import sys, inkjet_env.experiments.cli, inkjet_env.cli.app\n"
