@@ -51,6 +51,7 @@ format: $(READY)     ## format the code and apply automatic fixes (ruff)
 
 figures: $(READY)    ## draw the figures of README and docs
 	$(PY) -m inkjet_env.experiments.publish.figures
+	$(PY) -m inkjet_env.reporting.waveform_figures docs/figures/waveform.png
 
 speed: $(READY)      ## measure the speed of evaluations (against SciPy), environments (against Gymnasium) and plant
 	$(PY) -m inkjet_env.experiments.validation.simulator_speed
