@@ -14,6 +14,7 @@ import typer
 from inkjet_env.cli.campaigns import evaluate, identify, record
 from inkjet_env.cli.diagnose import diagnose
 from inkjet_env.cli.exit_status import BAD_INPUT, INTERRUPTED
+from inkjet_env.cli.flags import with_options
 from inkjet_env.cli.scan import scan
 from inkjet_env.cli.simulate import simulate
 from inkjet_env.extras import MissingExtraError, extra
@@ -95,8 +96,10 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except MissingExtraError as error:
         print(error, file=sys.stderr)
         sys.exit(BAD_INPUT)
-    except (ValueError, OSError) as error:
-        _refuse(_os_sentence(error) if isinstance(error, OSError) else str(error))
+    except OSError as error:
+        _refuse(_os_sentence(error))
+    except ValueError as error:
+        _refuse(with_options(str(error), _options_of(sys.argv[1:] if arguments is None else arguments)))
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         sys.exit(INTERRUPTED)
@@ -105,6 +108,13 @@ def main(arguments: list[str] | None = None) -> NoReturn:
             raise
         _refuse(error.format_message())
     sys.exit(status or 0)
+
+
+def _options_of(arguments: list[str]) -> set[str]:
+    """All options of the command that is named on a command line."""
+    commands = getattr(typer.main.get_command(app), "commands", {})
+    named = next((commands[word] for word in arguments if word in commands), None)
+    return set() if named is None else {option for parameter in named.params for option in parameter.opts}
 
 
 def _refuse(message: str) -> NoReturn:

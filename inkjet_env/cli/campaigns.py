@@ -19,6 +19,7 @@ from inkjet_env.cli.campaign_reading import (
     ScopeColumns,
     ScopeState,
     files_of,
+    print_notes,
 )
 from inkjet_env.cli.options import JsonFile, OwnEffects, PrintheadFile, WithRemainder
 
@@ -263,6 +264,5 @@ def _check_target(folder: Path, plan: bool) -> None:
 def _tell(campaign: Campaign, found: Identification) -> None:
     from inkjet_env.cli.printing import print_identification
 
-    for note in campaign.notes:
-        print(note, file=sys.stderr)
+    print_notes(campaign)
     print_identification(campaign.name, found)

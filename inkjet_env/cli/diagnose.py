@@ -20,6 +20,7 @@ from inkjet_env.cli.campaign_reading import (
     ScopeColumns,
     ScopeState,
     files_of,
+    print_notes,
     warn,
 )
 from inkjet_env.cli.exit_status import INTERRUPTED
@@ -156,8 +157,7 @@ def _diagnosed(
             found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=progress, **options)
         finally:
             warn(warnings)  # they may explain a failure
-    for note in campaign.notes:
-        print(note, file=sys.stderr)
+    print_notes(campaign)
     return found
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.cli.campaign_reading import Reading, warn
+from inkjet_env.cli.campaign_reading import Reading, print_notes, warn
 from inkjet_env.identification import evaluate
 from inkjet_env.identification.agreement import agreement_sentence, agreements
 from inkjet_env.plant.augmented import AugmentedPrinthead
@@ -28,6 +28,7 @@ def evaluation_json(
     campaign = reading.campaign(folder)
     head = chosen_head(head_file, remainder)
     warn(reading.warnings(campaign, head))
+    print_notes(campaign)
     gains = {} if head_file is None or isinstance(head, AugmentedPrinthead) else _gains(head_file)
     try:
         found, refitted = evaluate(campaign, head, gains)

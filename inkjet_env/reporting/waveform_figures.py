@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -99,7 +100,7 @@ def _explained_waveform(axes: Axes, response: Response) -> None:
     axes.plot([-edge, *time_us, end_us + edge], [0, *drive_V, 0], color=AFTER, lw=2)
     axes.axhline(0, color=GREY, lw=0.8)
     below_V = low_V - 0.13 * span_V
-    for number, (start, stop) in enumerate(zip(time_us[:-1], time_us[1:], strict=True), start=1):
+    for number, (start, stop) in enumerate(itertools.pairwise(time_us), start=1):
         _dimension(axes, (start, below_V), (stop, below_V))
         axes.text((start + stop) / 2, below_V - 0.03 * span_V, f"$t_{number}$", ha="center", va="top", fontsize=11)
     for time, volts in zip(time_us, drive_V, strict=True):

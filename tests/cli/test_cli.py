@@ -151,10 +151,10 @@ BAD_WAVEFORM = [
     (["--waveform", "nan", *OPTIMUM[1:]], "U1 must be finite; got nan V"),
     ([], "give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv"),
     (["--waveform", *OPTIMUM, "--drive", "d.csv"], "not both"),
-    (["--waveform", *OPTIMUM, "--effective", "larges"], "effective must be 'largest'.*Did you mean 'largest'"),
-    (["--waveform", *OPTIMUM, "--initial-state", "virgin"], "initial_state must be one of periodic, demagnetised"),
-    (["--waveform", *OPTIMUM, "--hysteresis", "fullmemory"], "hysteresis must be one of.*Did you mean 'full_memory'"),
-    (["--waveform", *OPTIMUM, "--window", "0"], "window_s must be a time above 0 s"),
+    (["--waveform", *OPTIMUM, "--effective", "larges"], "--effective must be 'largest'.*Did you mean 'largest'"),
+    (["--waveform", *OPTIMUM, "--initial-state", "virgin"], "--initial-state must be one of periodic, demagnetised"),
+    (["--waveform", *OPTIMUM, "--hysteresis", "fullmemory"], "--hysteresis must be one of.*Did you mean 'full_memory'"),
+    (["--waveform", *OPTIMUM, "--window", "0"], "--window must be a time above 0 s"),
     (["--waveform", *OPTIMUM, "--printhead", "none.json"], "none.json: cannot be read"),
     (["--waveform", *OPTIMUM, "--plot", "a.gif"], "must end in .png, .svg or .pdf; got '.gif'"),
     (["--waveform", *OPTIMUM, "--json", "nowhere/a.json"], "nowhere must be a writable folder"),
@@ -162,7 +162,7 @@ BAD_WAVEFORM = [
     (["--waveform", *OPTIMUM, "--wave"], "No such option: --wave"),
     (["--drive", "none.csv"], "none.csv: must be a file; there is none"),
     (["--waveform", *OPTIMUM, "--window", "350"], "at most 0.01 s, or infinite; got 350.*350 µs is 350e-6"),
-    (["--waveform", *OPTIMUM, "--cost-a", "1e308"], "A must be a number within"),
+    (["--waveform", *OPTIMUM, "--cost-a", "1e308"], "--cost-a must be a number within"),
 ]
 
 
