@@ -160,18 +160,18 @@ def optimize(
         name = "pso" if optimizer is None else optimizer
         options, evaluations = swarm_options(name, particles, generations, budget)
         chosen = chosen_problem(problem, (cost_a, cost_b, effective, target_height), window, initial_state)
-        for option, given in (("--robust", robust), ("--drop-frequency", drop_frequency)):
-            if given is not None:
+        for option, value in (("--robust", robust), ("--drop-frequency", drop_frequency)):
+            if value is not None:
                 check_combines(option, chosen, problem)
         if robust is not None:
             check_changeable(chosen)
             chosen = replace(chosen, ensemble=_ensemble(printhead, remainder), risk=robust)
         if printhead is not None:
             check_changeable(chosen)
-            head = chosen_head(printhead, remainder)
-            if isinstance(head, AugmentedPrinthead):
+            with_effects = isinstance(new_head := chosen_head(printhead, remainder), AugmentedPrinthead)
+            if with_effects:
                 check_combines(f"a --printhead with effects, such as {printhead},", chosen, problem)
-            chosen = replace(chosen, name="custom", printhead=head)
+            chosen = replace(chosen, name="custom", printhead=new_head)
         if limits is not None:
             check_changeable(chosen)
             box = replace(chosen.bounds, limits=chosen_limits(limits))
