@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -80,8 +80,8 @@ class Reading:
         named = None if columns is None else named_values("--columns", columns)
         return cls(channel, named, initial_state, interval_s, implausible)
 
-    def campaign(self, folder: Path) -> Campaign:
-        """Read the campaign of a folder."""
+    def campaign(self, folder: Path, progress: Callable[[str], None] | None = None) -> Campaign:
+        """Read the campaign of a folder; ``progress`` is told what is being read."""
         from inkjet_env.recordings import read_campaign
 
         return read_campaign(
@@ -90,6 +90,7 @@ class Reading:
             channel=self.channel,
             initial_state=self.initial_state,
             interval_s=self.interval_s,
+            progress=progress,
         )
 
     def warnings(self, campaign: Campaign, head: Printhead | AugmentedPrinthead | None = None) -> list[str]:

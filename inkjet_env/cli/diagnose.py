@@ -150,8 +150,7 @@ def _diagnosed(
 
     head = None if printhead is None else Printhead.from_json(printhead)
     with shown_steps(f"diagnose {folder}") as progress:
-        progress("reading")
-        campaign = reading.campaign(folder)
+        campaign = reading.campaign(folder, progress)
         warnings = reading.warnings(campaign, head)
         try:
             found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=progress, **options)
