@@ -145,6 +145,7 @@ class _Step:
 
     def begin(self, name: str) -> None:
         """Begin a step, or its next part."""
+        name = str(name)
         found = COUNTED.search(name)
         if found is None:
             self._pace = None
