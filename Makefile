@@ -3,6 +3,7 @@
 PYTHON ?= python3
 PIP_FLAGS ?=
 ARGS ?=
+SHELL := bash
 PY := .venv/bin/python
 READY := .venv/.ready
 # One process per core, each test file in one process; linear algebra uses one thread per process, to avoid contention.
@@ -18,13 +19,20 @@ setup: $(READY)      ## make .venv with the pinned packages and compile the simu
 $(READY): requirements.lock pyproject.toml setup.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "Python 3.11 or newer is needed; $(PYTHON) is $$($(PYTHON) --version). Try: make PYTHON=python3.11"; exit 2; }
-	$(PYTHON) -m venv .venv
-	$(PY) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -r requirements.lock
-	$(PY) -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
-	$(PY) -c 'from inkjet_env.envs.task import warm_up; warm_up()'
-	$(PY) -c 'from inkjet_env.identification.basis import warm_up; warm_up()'
-	$(PY) -m inkjet_env.plant.warm_up
+	@echo "1 of 3: .venv and its packages: one to three minutes, most of them to download and to unpack"
+	@$(PYTHON) -m venv .venv
+	@set -o pipefail; $(PY) -m pip install --disable-pip-version-check --progress-bar off $(PIP_FLAGS) -r requirements.lock | \
+		awk -v of="$$(grep -c '^[a-zA-Z]' requirements.lock)" \
+		'/^Collecting/ { n++; if (n % 10 == 0) print "  " n " of " of " packages found" } \
+		/^Installing/ { print "  unpacking them, which takes about as long again" } { fflush() }'
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@echo "2 of 3: compiling the simulator: half a minute"
+	@$(PY) -c 'from inkjet_env.envs.task import warm_up; warm_up()'
+	@$(PY) -c 'from inkjet_env.identification.basis import warm_up; warm_up()'
+	@echo "3 of 3: compiling the plant: half a minute"
+	@$(PY) -m inkjet_env.plant.warm_up
 	@touch $@
+	@echo "Ready. Run: . .venv/bin/activate"
 
 bench: $(READY)      ## compare the optimisers (ARGS="--repeats 30 …"); resumes; writes results/bench/report.html
 	.venv/bin/inkjet bench $(ARGS)
@@ -51,6 +59,7 @@ format: $(READY)     ## format the code and apply automatic fixes (ruff)
 
 figures: $(READY)    ## draw the figures of README and docs
 	$(PY) -m inkjet_env.experiments.publish.figures
+	$(PY) -m inkjet_env.reporting.waveform_figures docs/figures/waveform.png
 
 speed: $(READY)      ## measure the speed of evaluations (against SciPy), environments (against Gymnasium) and plant
 	$(PY) -m inkjet_env.experiments.validation.simulator_speed

@@ -42,9 +42,13 @@ def bench(
 ) -> None:
     """Compare the optimisers on the problem suite; the same command resumes where it was stopped.
 
-    inkjet bench --optimizers pso,pso-printed,cma-es --problems nominal --repeats 5 --results results/quick
+    \b
+    inkjet bench --optimizers pso,pso-printed,cma-es --problems nominal \\
+        --repeats 5 --results results/quick
 
-    inkjet bench --optimizers pso,my_lab:Annealing --problems nominal,my_lab:tall_drop --repeats 5 --results results/lab
+    \b
+    inkjet bench --optimizers pso,my_lab:Annealing \\
+        --problems nominal,my_lab:tall_drop --repeats 5 --results results/lab
     """
     from inkjet_env.experiments.benchmark.runner import run_bench
     from inkjet_env.experiments.benchmark.settings import BenchSettings

@@ -93,15 +93,26 @@ def optimize(
 ) -> None:
     """Search with one optimiser for the waveform with the lowest cost.
 
-    inkjet optimize --optimizer pso --particles 40 --generations 50 --seed 1 --out waveform.csv
+    \b
+    inkjet optimize --optimizer pso --particles 40 --generations 50 --seed 1 \\
+        --out waveform.csv
 
-    inkjet optimize --drop-frequency 20e3 --target-height 4 --cost-a -50 --out waveform.csv
+    \b
+    inkjet optimize --drop-frequency 20e3 --target-height 4 --cost-a -50 \\
+        --out waveform.csv
 
-    inkjet optimize --printhead corrected.json --effect my_effects:QuadraticStiffness
+    \b
+    inkjet optimize --printhead corrected.json \\
+        --effect my_effects:QuadraticStiffness
 
-    inkjet optimize --limits lowest_V=0,highest_V=48,rise_V_per_us=20,step_us=0.1 --out waveform.ini
+    \b
+    inkjet optimize \\
+        --limits lowest_V=0,highest_V=48,rise_V_per_us=20,step_us=0.1 \\
+        --out waveform.ini
 
-    inkjet optimize --printhead corrected.json --robust cvar --optimizer cma-es --out waveform.csv
+    \b
+    inkjet optimize --printhead corrected.json --robust cvar \\
+        --optimizer cma-es --out waveform.csv
 
     With --limits, only waveforms that the driver can do are tried, and what that costs is told.
 
@@ -110,6 +121,7 @@ def optimize(
     from dataclasses import replace
 
     from inkjet_env.experiments.benchmark.single_run import Optimisation, RunningRecord, read_record
+    from inkjet_env.plant.augmented import AugmentedPrinthead
     from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
 
     check_outputs((printhead,), out=out, plot=plot, json=json, record=_record_file(out))
@@ -148,12 +160,18 @@ def optimize(
         name = "pso" if optimizer is None else optimizer
         options, evaluations = swarm_options(name, particles, generations, budget)
         chosen = chosen_problem(problem, (cost_a, cost_b, effective, target_height), window, initial_state)
+        for option, value in (("--robust", robust), ("--drop-frequency", drop_frequency)):
+            if value is not None:
+                check_combines(option, chosen, problem)
         if robust is not None:
             check_changeable(chosen)
             chosen = replace(chosen, ensemble=_ensemble(printhead, remainder), risk=robust)
         if printhead is not None:
             check_changeable(chosen)
-            chosen = replace(chosen, name="custom", printhead=chosen_head(printhead, remainder))
+            with_effects = isinstance(new_head := chosen_head(printhead, remainder), AugmentedPrinthead)
+            if with_effects:
+                check_combines(f"a --printhead with effects, such as {printhead},", chosen, problem)
+            chosen = replace(chosen, name="custom", printhead=new_head)
         if limits is not None:
             check_changeable(chosen)
             box = replace(chosen.bounds, limits=chosen_limits(limits))
@@ -372,6 +390,18 @@ def check_changeable(problem: Problem) -> None:
 
     if provenance(problem.name) is not None:
         raise ValueError(f"{problem.name} is a problem of another package: options cannot change it. Change its code.")
+
+
+def check_combines(what: str, problem: Problem, name: str | None) -> None:
+    """Raise ``ValueError`` if what was given cannot be combined with a problem of that name."""
+    reasons = {
+        "is judged on a lot of heads": problem.spread is not None,
+        "reads peaks with errors": bool(problem.measurement_noise_V),
+        "fires drops at a rate of its own": what == "--robust" and bool(problem.jetting_Hz),
+    }
+    for reason, applies in reasons.items():
+        if applies:
+            raise ValueError(f"{what} cannot be combined with --problem {name}, which {reason}. Leave one of them out.")
 
 
 def swarm_options(

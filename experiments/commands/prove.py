@@ -67,6 +67,7 @@ def prove(
 ) -> None:
     """Conceal effects in heads of an independent plant, diagnose them blind, and score the diagnoses.
 
+    \b
     inkjet prove --quick --out results/quick-proof
 
     A plant that shares no code with the diagnosis draws heads, conceals effects in them and records campaigns under

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from inkjet_env.cli.arguments import check_outputs, chosen_cost, chosen_limits, chosen_seed, named_values
-from inkjet_env.cli.campaign_reading import Implausible, Interval, Reading, ScopeChannel, ScopeColumns, ScopeState, warn
+from inkjet_env.cli.campaign_reading import (
+    Implausible,
+    Interval,
+    Reading,
+    ScopeChannel,
+    ScopeColumns,
+    ScopeState,
+    notes_of,
+    warn,
+)
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import CostA, CostB, Effective, JsonFile, Limits, OwnEffects, TargetHeight, Window
 
@@ -73,8 +82,12 @@ def tune(
 ) -> None:
     """Diagnose a head, ask for the recordings that settle most, optimise, check waveforms on the head, and choose.
 
-    inkjet tune campaign --limits lowest_V=-60,highest_V=60,rise_V_per_us=20,step_us=0.1 --waveform waveform.ini
+    \b
+    inkjet tune campaign \\
+        --limits lowest_V=-60,highest_V=60,rise_V_per_us=20,step_us=0.1 \\
+        --waveform waveform.ini
 
+    \b
     inkjet tune bench --rig head.json --seed 1
 
     The drives to record are written to DIR-tuning/requests; put each recording into DIR-tuning/answers under the same
@@ -90,12 +103,15 @@ def tune(
     from inkjet_env.plant.head_ensemble import RISKS
     from inkjet_env.printhead.window import DEFAULT_WINDOW_S
     from inkjet_env.progress import shown_steps
+    from inkjet_env.rig.record import LOWEST_SNR_dB
     from inkjet_env.storage import write_json
 
     check_outputs(json=json, waveform=waveform, report=report)
     if report is not None and report.suffix.lower() != ".html":
         raise ValueError(f"--report must end in .html; got {report}.")
     check_name("--risk", risk, RISKS)
+    if not snr_db >= LOWEST_SNR_dB:
+        raise ValueError(f"--snr-db must be at least {LOWEST_SNR_dB:g} dB, or inf for no noise; got {snr_db:g}.")
     if waveform is not None and waveform.suffix.lower() not in (".csv", ".ini"):
         raise ValueError(f"--waveform must end in .csv or .ini; got {waveform}.")
     register_own(effect)
@@ -113,7 +129,7 @@ def tune(
     campaign = None
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         campaign = reading.campaign(folder)
-        warn([*campaign.notes, *reading.warnings(campaign)])
+        warn([*notes_of(campaign), *reading.warnings(campaign)])
     named = None if columns is None else named_values("--columns", columns)
     try:
         with held(session_folder, "tuning session"), shown_steps(f"tune {folder}") as progress:

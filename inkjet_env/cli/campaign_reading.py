@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -41,7 +42,11 @@ Implausible = Annotated[
     bool, typer.Option("--implausible", help="drives beyond 1 kV and impossible-looking sample rates are meant")
 ]
 MOST_WARNINGS = 10
-"""Largest number of warnings that are printed."""
+"""Largest number of warnings or notes that are printed."""
+REASONS = re.compile(r" ?\([^()]*\)")
+"""What a note adds in brackets: why a column was taken for what it is."""
+NUMBERS = re.compile(r"(?<![\w.=])(?<!= )\d[\d.,]*(?:e[+-]?\d+)?(?!\w)")
+"""Numbers in a note that differ from file to file; not those of a column's name, such as CH1 or = 2."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +80,8 @@ class Reading:
         named = None if columns is None else named_values("--columns", columns)
         return cls(channel, named, initial_state, interval_s, implausible)
 
-    def campaign(self, folder: Path) -> Campaign:
-        """Read the campaign of a folder."""
+    def campaign(self, folder: Path, progress: Callable[[str], None] | None = None) -> Campaign:
+        """Read the campaign of a folder; ``progress`` is told what is being read."""
         from inkjet_env.recordings import read_campaign
 
         return read_campaign(
@@ -85,6 +90,7 @@ class Reading:
             channel=self.channel,
             initial_state=self.initial_state,
             interval_s=self.interval_s,
+            progress=progress,
         )
 
     def warnings(self, campaign: Campaign, head: Printhead | AugmentedPrinthead | None = None) -> list[str]:
@@ -112,3 +118,43 @@ def warn(warnings: Sequence[str]) -> None:
         print(f"warning: {warning}", file=sys.stderr)
     if len(warnings) > MOST_WARNINGS:
         print(f"warning: … and {len(warnings) - MOST_WARNINGS} more of this kind", file=sys.stderr)
+
+
+def notes_of(campaign: Campaign) -> list[str]:
+    """The notes on how a campaign was read: those that say the same of several files as one, with an example.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        A campaign as it was read.
+
+    Returns
+    -------
+    list of str
+        In the order of the campaign's own notes.
+    """
+    files = {source.file for source in campaign.sources.values()}
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for note in campaign.notes:
+        file, mark, text = note.partition(": ")
+        if not mark or file not in files:
+            file, text = "", note
+        kind = NUMBERS.sub("#", REASONS.sub("", text)) if file else note
+        groups.setdefault(kind, []).append((file, text))
+    told = []
+    for alike in groups.values():
+        file, text = alike[0]
+        if len(alike) > 1:
+            told.append(f"{len(alike)} files in {Path(file).parent} alike, such as {Path(file).name}: {text}")
+        else:
+            told.append(f"{file}: {text}" if file else text)
+    return told
+
+
+def print_notes(campaign: Campaign) -> None:
+    """Print how a campaign was read, in at most `MOST_WARNINGS` notes, on standard error."""
+    notes = notes_of(campaign)
+    for note in notes[:MOST_WARNINGS]:
+        print(note, file=sys.stderr)
+    if len(notes) > MOST_WARNINGS:
+        print(f"… and {len(notes) - MOST_WARNINGS} more notes of this kind", file=sys.stderr)

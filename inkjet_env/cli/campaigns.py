@@ -19,6 +19,7 @@ from inkjet_env.cli.campaign_reading import (
     ScopeColumns,
     ScopeState,
     files_of,
+    print_notes,
 )
 from inkjet_env.cli.options import JsonFile, OwnEffects, PrintheadFile, WithRemainder
 
@@ -65,10 +66,13 @@ def record(
 ) -> None:
     """Record a complete campaign of a head with the virtual rig: strain gauge and self-sensing.
 
+    \b
     inkjet record campaign --printhead printhead.json --seed 1
 
+    \b
     inkjet record campaign --hide second_mode
 
+    \b
     inkjet record drives --plan
     """
     from inkjet_env.cli.own_effects import register_own
@@ -138,6 +142,7 @@ def identify(
 ) -> None:
     """Identify a head's hysteresis and dynamics, with 90 % intervals, from a campaign.
 
+    \b
     inkjet identify campaign --out printhead.json --report identification.html
     """
     from inkjet_env.cli.identify_folders import identify_folders, identify_one
@@ -194,9 +199,12 @@ def evaluate(
 ) -> None:
     """Compare a printhead, as it is, with a campaign: free-run simulation of every recording, and the residual.
 
+    \b
     inkjet evaluate campaign --printhead printhead.json
 
-    inkjet evaluate campaign --printhead corrected.json --effect my_effects:QuadraticStiffness
+    \b
+    inkjet evaluate campaign --printhead corrected.json \\
+        --effect my_effects:QuadraticStiffness
 
     Only one offset per channel and, where it is free, the resonator's initial state are refitted.
     """
@@ -256,6 +264,5 @@ def _check_target(folder: Path, plan: bool) -> None:
 def _tell(campaign: Campaign, found: Identification) -> None:
     from inkjet_env.cli.printing import print_identification
 
-    for note in campaign.notes:
-        print(note, file=sys.stderr)
+    print_notes(campaign)
     print_identification(campaign.name, found)

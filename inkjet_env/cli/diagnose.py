@@ -20,6 +20,7 @@ from inkjet_env.cli.campaign_reading import (
     ScopeColumns,
     ScopeState,
     files_of,
+    print_notes,
     warn,
 )
 from inkjet_env.cli.exit_status import INTERRUPTED
@@ -76,8 +77,11 @@ def diagnose(
 ) -> None:
     """Find where recordings and model differ, which physics the model lacks, and how much adding it improves the fit.
 
-    inkjet diagnose campaign --printhead-out corrected.json --report diagnosis.html --json diagnosis.json
+    \b
+    inkjet diagnose campaign --printhead-out corrected.json \\
+        --report diagnosis.html --json diagnosis.json
 
+    \b
     inkjet diagnose campaign --effect my_effects:QuadraticStiffness
 
     With --effect, your own effects are tried in addition to the catalogue's.
@@ -146,15 +150,13 @@ def _diagnosed(
 
     head = None if printhead is None else Printhead.from_json(printhead)
     with shown_steps(f"diagnose {folder}") as progress:
-        progress("reading")
-        campaign = reading.campaign(folder)
+        campaign = reading.campaign(folder, progress)
         warnings = reading.warnings(campaign, head)
         try:
             found = diagnose(campaign, head, rng=np.random.default_rng(seed), progress=progress, **options)
         finally:
             warn(warnings)  # they may explain a failure
-    for note in campaign.notes:
-        print(note, file=sys.stderr)
+    print_notes(campaign)
     return found
 
 

@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from inkjet_env.cli.campaign_reading import Reading, warn
+from inkjet_env.cli.campaign_reading import Reading, print_notes, warn
 from inkjet_env.identification import evaluate
 from inkjet_env.identification.agreement import agreement_sentence, agreements
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
+from inkjet_env.printhead import Printhead
+from inkjet_env.progress import shown_steps
+from inkjet_env.recordings import Campaign
 
 
 def evaluation_json(
@@ -25,10 +29,23 @@ def evaluation_json(
     The overall ``rms`` is over all samples of the fast channel: self-sensing, else displacement, else the strain gauge.
     ``remainder`` says whether a remainder that the file has is used. Warnings go to standard error.
     """
-    campaign = reading.campaign(folder)
     head = chosen_head(head_file, remainder)
+    with shown_steps(f"evaluate {folder}") as step:
+        return _evaluated(reading.campaign(folder, step), head, head_file, reading, step)
+
+
+def _evaluated(
+    campaign: Campaign,
+    head: Printhead | AugmentedPrinthead,
+    head_file: Path | None,
+    reading: Reading,
+    step: Callable[[str], None],
+) -> tuple[dict[str, Any], str]:
+    """The ``evaluation/1`` of a head from that file, if from any, on a campaign; and the unit of its ``rms``."""
     warn(reading.warnings(campaign, head))
+    print_notes(campaign)
     gains = {} if head_file is None or isinstance(head, AugmentedPrinthead) else _gains(head_file)
+    step("simulating")
     try:
         found, refitted = evaluate(campaign, head, gains)
     except FloatingPointError as error:

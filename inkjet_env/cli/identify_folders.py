@@ -44,9 +44,7 @@ def identify_one(
         names file and row.
     """
     with shown_steps(f"identify {folder}") if progress else nullcontext() as step:
-        if step:
-            step("reading")
-        campaign = reading.campaign(folder)
+        campaign = reading.campaign(folder, step)
         warned = reading.warnings(campaign)
         try:
             found = identify(campaign, progress=step, **options)

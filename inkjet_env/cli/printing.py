@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING, Any
 
 from inkjet_env.reporting.tables import print_table
@@ -23,7 +24,11 @@ def print_diagnosis(found: Diagnosis) -> None:
     from inkjet_env.reporting.diagnosis_tables import channel_rows, parameter_rows
     from inkjet_env.reporting.formatting import explained_text, short, unit_text
 
-    parameters = [(e.effect.id, *row[:4]) for e in (*found.effects, *found.minor) for row in parameter_rows(e)]
+    parameters = [
+        (e.effect.id, _without_unit(row[0]), *row[1:4])
+        for e in (*found.effects, *found.minor)
+        for row in parameter_rows(e)
+    ]
     channels = channel_rows(found)
     print(found.headline)
     print(f"Probability of what is missing: {probabilities_text(found.probabilities)}.")
@@ -51,6 +56,11 @@ def print_diagnosis(found: Diagnosis) -> None:
         print(f"- {effect_id} cannot be tested here, because {why}.{remedy}")
     for note in found.notes:
         print(f"- {note}")
+
+
+def _without_unit(name: str) -> str:
+    """A parameter's name in words; its unit, which the value may have with another prefix, has a column of its own."""
+    return re.sub(r"(?<!_per)_(?:Hz|s|V)$", "", name).replace("_", " ")
 
 
 def print_peaks(found: dict[str, Any]) -> None:

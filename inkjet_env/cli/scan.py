@@ -63,9 +63,12 @@ def scan(
 ) -> None:
     """Scan a waveform: pulse width, voltage and jetting frequency, and a map of its robustness.
 
+    \b
     inkjet scan --plot scan.png
 
-    inkjet scan corrected.json campaign --optimum optimum.json --plot scan.png --out scan.csv --json scan.json
+    \b
+    inkjet scan corrected.json campaign --optimum optimum.json --plot scan.png \\
+        --out scan.csv --json scan.json
 
     A head with effects is shown with and without them.
     """

@@ -61,13 +61,22 @@ def simulate(
 ) -> None:
     """Simulate the printhead's response to one waveform or to any sampled drive: peaks, cost, settling.
 
-    inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --plot response.png
+    \b
+    inkjet simulate \\
+        --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 \\
+        --plot response.png
 
-    inkjet simulate --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 --drop-frequency 15e3
+    \b
+    inkjet simulate \\
+        --waveform 100 -100 1e-6 10.49e-6 13.74e-6 9.81e-6 19.96e-6 \\
+        --drop-frequency 15e3
 
+    \b
     inkjet simulate --drive waveform.csv --out response.csv
 
-    inkjet simulate --drive waveform.csv --printhead corrected.json --effect my_effects:QuadraticStiffness
+    \b
+    inkjet simulate --drive waveform.csv --printhead corrected.json \\
+        --effect my_effects:QuadraticStiffness
     """
     from inkjet_env.cli.drive_csv import write_columns
     from inkjet_env.cli.own_effects import register_own

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,11 @@ LARGEST_DESCRIPTOR = 1 << 26
 
 
 def read_data_package(
-    folder: Path, columns: Mapping[str, str | int] | None, channel: str | None, initial_state: str | None = None
+    folder: Path,
+    columns: Mapping[str, str | int] | None,
+    channel: str | None,
+    initial_state: str | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Campaign:
     """Read the campaign described by the folder's `datapackage.json`; see `read_campaign`."""
     path = folder / DESCRIPTOR
@@ -39,6 +43,8 @@ def read_data_package(
     sources: dict[str, Source] = {}
     _check_different(path, resources)
     for number, resource in enumerate(resources, start=1):
+        if progress is not None:
+            progress(f"reading ({number} of {len(resources)})")
         recording, source = _read_resource(folder, number, resource, columns, (channel, initial_state), notes)
         recordings.append(recording)
         sources[recording.name] = source

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -40,6 +40,7 @@ def read_scope_folder(
     channel: str | None,
     initial_state: str = "free",
     interval_s: float | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Campaign:
     """Read each file of a folder as one recording, in the order of their names.
 
@@ -63,7 +64,7 @@ def read_scope_folder(
     recordings: list[Recording] = []
     sources: dict[str, Source] = {}
     for (name, table), samples in zip(
-        tables.items(), _samples_of(list(tables.values()), columns, interval_s), strict=True
+        tables.items(), _samples_of(list(tables.values()), columns, interval_s, progress), strict=True
     ):
         notes += samples.notes
         guess = channel or samples.channel
@@ -221,11 +222,18 @@ class JoinedTable(Table):
         return self.parts[0][1].place(sample)
 
 
-def _samples_of(tables: Sequence[Table], columns: Mapping[str, str | int], interval_s: float | None) -> list[Samples]:
+def _samples_of(
+    tables: Sequence[Table],
+    columns: Mapping[str, str | int],
+    interval_s: float | None,
+    progress: Callable[[str], None] | None = None,
+) -> list[Samples]:
     """The samples of files with one wiring."""
     known = [named_roles(table, columns, interval_s) for table in tables]
     read: list[dict[int, Real]] = []
-    for table, roles in zip(tables, known, strict=True):
+    for number, (table, roles) in enumerate(zip(tables, known, strict=True), start=1):
+        if progress is not None:
+            progress(f"reading ({number} of {len(tables)})")
         wanted = sorted({*roles.columns.values(), *roles.unsure, *roles.times})
         values = dict(zip(wanted, table.read(wanted), strict=True))
         units = table.header.units

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from inkjet_env.recordings.campaign import Campaign
@@ -19,6 +19,7 @@ def read_campaign(
     channel: str | None = None,
     initial_state: str | None = None,
     interval_s: float | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Campaign:
     """Read a measuring campaign: a Data Package, or a folder of an instrument's files.
 
@@ -37,6 +38,8 @@ def read_campaign(
         been repeated, and one repetition is recorded.
     interval_s : float, optional
         Sampling interval in seconds, for files that hold neither times nor an interval.
+    progress : callable, optional
+        Called with the name of each recording, in words, before it is read.
 
     Returns
     -------
@@ -61,5 +64,5 @@ def read_campaign(
             f"{folder}: must be a folder; there is {'a file' if folder.exists() else 'none'}. Check it."
         )
     if (folder / DESCRIPTOR).exists():
-        return read_data_package(folder, columns, channel, initial_state)
-    return read_scope_folder(folder, columns or {}, channel, initial_state or "free", interval_s)
+        return read_data_package(folder, columns, channel, initial_state, progress)
+    return read_scope_folder(folder, columns or {}, channel, initial_state or "free", interval_s, progress)

@@ -177,7 +177,7 @@ def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_pat
     [
         (("identify", "nowhere"), "nowhere"),
         (("identify", "campaign", "--degree", "13"), "degree must be 1 to 12; got 13"),
-        (("identify", "campaign", "--degree-rule", "paper"), "degree_rule must be"),
+        (("identify", "campaign", "--degree-rule", "paper"), "--degree-rule must be"),
         (("identify", "campaign", "--held-out", "r01"), "Did you mean"),
         (("identify", "campaign", "--columns", "time"), "--columns must have the form name=value"),
         (("identify", "campaign", "--out", "nowhere/head.json"), "nowhere must be a writable folder"),
