@@ -3,7 +3,6 @@
 PYTHON ?= python3
 PIP_FLAGS ?=
 ARGS ?=
-SHELL := bash
 PY := .venv/bin/python
 READY := .venv/.ready
 # One process per core, each test file in one process; linear algebra uses one thread per process, to avoid contention.
@@ -21,10 +20,7 @@ $(READY): requirements.lock pyproject.toml setup.py
 		{ echo "Python 3.11 or newer is needed; $(PYTHON) is $$($(PYTHON) --version). Try: make PYTHON=python3.11"; exit 2; }
 	@echo "1 of 3: .venv and its packages: one to three minutes, most of them to download and to unpack"
 	@$(PYTHON) -m venv .venv
-	@set -o pipefail; $(PY) -m pip install --disable-pip-version-check --progress-bar off $(PIP_FLAGS) -r requirements.lock | \
-		awk -v of="$$(grep -c '^[a-zA-Z]' requirements.lock)" \
-		'/^Collecting/ { n++; if (n % 10 == 0) print "  " n " of " of " packages found" } \
-		/^Installing/ { print "  unpacking them, which takes about as long again" } { fflush() }'
+	@$(PY) -m pip install --disable-pip-version-check --progress-bar off $(PIP_FLAGS) -r requirements.lock
 	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@echo "2 of 3: compiling the simulator: half a minute"
 	@$(PY) -c 'from inkjet_env.envs.task import warm_up; warm_up()'
