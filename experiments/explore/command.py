@@ -58,5 +58,5 @@ def explore(
         server.start()
         server.io_loop.start()
     finally:
-        exploration.save()
+        exploration.close()
         server.stop()

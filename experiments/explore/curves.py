@@ -204,8 +204,8 @@ def _steady(head: Head, drive: Drive, period_s: float) -> SampledResponse:
         return SampledResponse(
             times_s, drive_at(drive, times_s), found.sensor_V(times_s), found.peak_times_s, found.peaks_V
         )
-    times_s: Real = np.arange(SAMPLES, dtype=np.float64) * np.float64(period_s / SAMPLES)
-    times_s = _with_corners(times_s, drive)
+    even_s: Real = np.arange(SAMPLES, dtype=np.float64) * np.float64(period_s / SAMPLES)
+    times_s = _with_corners(even_s, drive)
     times_s = times_s[times_s < period_s * (1 - 1e-9)]
     times_s = np.append(times_s, (times_s[-1] + period_s) / 2)  # the period is its last step longer
     return respond_sampled(head, times_s, drive_at(drive, times_s), ringing="steady", window_s=period_s)

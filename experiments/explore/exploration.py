@@ -9,7 +9,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from inkjet_env.experiments.explore.drives import Corners
-from inkjet_env.experiments.explore.heads import HeadShelf
+from inkjet_env.experiments.explore.heads import PUBLISHED, HeadShelf
+from inkjet_env.experiments.explore.optimise_state import OptimiseState
 from inkjet_env.experiments.explore.waveform_state import WaveformState
 from inkjet_env.storage import stored_object, write_json
 
@@ -30,14 +31,19 @@ class Exploration:
     ----------
     waveform : WaveformState
         State of *Waveform*.
+    optimise : OptimiseState
+        State of *Optimise*.
     shelf : HeadShelf
         The heads.
+    trouble : list of str
+        What could not be restored, in sentences.
     """
 
     def __init__(self, file: Path) -> None:
         self.file = file
         self.waveform = WaveformState()
         self.shelf = HeadShelf()
+        self.optimise = OptimiseState(file.with_name(f"{file.name}.search.npz"), lambda: self.changed("optimise"))
         self.trouble: list[str] = []
         self._watchers: list[Callable[[str], object]] = []
         self._lock = threading.RLock()
@@ -61,6 +67,9 @@ class Exploration:
                 raise ValueError(f"its format is not {FORMAT}")
             found.waveform = WaveformState.from_json(stored["waveform"])
             found._restore_heads(stored["heads"], str(stored["head"]))
+            found.optimise.restore(stored["optimise"])
+            if found.optimise.settings.head not in found.shelf.heads:  # its file is gone, which `trouble` tells
+                found.optimise.change(head=PUBLISHED)
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             reason = str(error).rstrip(".") if isinstance(error, ValueError) else f"it lacks {error}"
             raise ValueError(
@@ -84,6 +93,7 @@ class Exploration:
             "waveform": self.waveform.as_json(),
             "heads": heads,
             "head": self.shelf.chosen,
+            "optimise": self.optimise.as_json(),
         }
 
     def open_drive(self, name: str, content: bytes) -> None:
@@ -116,6 +126,13 @@ class Exploration:
                 self._timer = threading.Timer(SAVE_AFTER_S, self.save)
                 self._timer.daemon = True
                 self._timer.start()
+
+    def close(self) -> None:
+        """Keep everything, since the server ends: the session file, and the record of a search that has not ended."""
+        self.optimise.pause()
+        if self.optimise.search is not None:
+            self.optimise.search.save()
+        self.save()
 
     def save(self) -> None:
         """Write the session file now."""

@@ -9,6 +9,7 @@ from typing import Any
 import panel as pn
 
 from inkjet_env.experiments.explore.exploration import Exploration
+from inkjet_env.experiments.explore.optimise_view import OptimiseView
 from inkjet_env.experiments.explore.style import column, text_pane
 from inkjet_env.experiments.explore.waveform_view import WaveformView
 
@@ -25,7 +26,10 @@ class Page:
     def __init__(self, exploration: Exploration) -> None:
         self.exploration = exploration
         self.message = text_pane()
-        self.views: dict[str, Any] = {"waveform": WaveformView(exploration, self.guarded)}
+        self.views: dict[str, Any] = {
+            "waveform": WaveformView(exploration, self.guarded),
+            "optimise": OptimiseView(exploration, self.guarded),
+        }
         self.tabs = pn.Tabs(
             *((name.capitalize(), view.layout) for name, view in self.views.items()), sizing_mode="stretch_width"
         )
@@ -72,7 +76,7 @@ class Page:
             self._document.hold("combine")
         try:
             for name, view in self.views.items():
-                if name in due:
+                if name in due or "all" in due:
                     try:
                         view.draw()
                     except ValueError as error:

@@ -61,3 +61,10 @@ def row(*parts: Any, kind: str = "") -> Any:
     """Parts beside each other, wrapped where there is no room."""
     css = [kind] if kind else []
     return pn.FlexBox(*parts, css_classes=css, stylesheets=[VIEW], sizing_mode="stretch_width")
+
+
+def set_differing(widget: Any, **values: Any) -> None:
+    """Set what differs; what is the same is not sent again."""
+    differs = {name: value for name, value in values.items() if getattr(widget, name) != value}
+    if differs:
+        widget.param.update(**differs)

@@ -15,7 +15,7 @@ from inkjet_env.experiments.explore.curves import curves
 from inkjet_env.experiments.explore.drives import Corners
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.figures import PIN_COLOURS
-from inkjet_env.experiments.explore.style import column, row, text_pane
+from inkjet_env.experiments.explore.style import column, row, set_differing, text_pane
 from inkjet_env.experiments.explore.tables import cost_table, pinned_table
 from inkjet_env.experiments.explore.waveform_plots import WaveformPlots
 from inkjet_env.printhead import DriverLimits
@@ -202,27 +202,20 @@ class WaveformView:
 
     def _show_controls(self) -> None:
         state, shelf = self.state, self.exploration.shelf
-        _set(self.head, options=list(shelf.heads), value=shelf.chosen)
+        set_differing(self.head, options=list(shelf.heads), value=shelf.chosen)
         segments = isinstance(state.drive, Corners)
         for k, slider in enumerate(self.sliders):
             if slider.disabled != segments:
                 slider.disabled = segments
             if not isinstance(state.drive, Corners):
-                _set(slider, value=float(state.drive.to_array()[k]) * PARAMETERS[k][2])
+                set_differing(slider, value=float(state.drive.to_array()[k]) * PARAMETERS[k][2])
         highest_kHz = 1e-3 / state.drive.duration_s if state.drive.duration_s else 1e3
-        _set(self.frequency, end=round(highest_kHz, 3), value=state.conditions.drop_frequency_Hz / 1e3)
+        set_differing(self.frequency, end=round(highest_kHz, 3), value=state.conditions.drop_frequency_Hz / 1e3)
         names = [one.name for one in state.pinned]
-        _set(self.pin_choice, options=names)
-        _set(self.pin_row, visible=bool(names))
+        set_differing(self.pin_choice, options=names)
+        set_differing(self.pin_row, visible=bool(names))
         cost = state.conditions.cost
         for one, value in zip(self.weights, (cost.A, cost.B, f"{cost.effective}"), strict=True):
-            _set(one, value=value)
-        _set(self.limits, value=",".join(f"{k}={v:g}" for k, v in state.limits.as_json().items()))
-        _set(self.undo, disabled=not state.can_undo)
-
-
-def _set(widget: Any, **values: Any) -> None:
-    """Set what differs; what is the same is not sent again."""
-    differs = {name: value for name, value in values.items() if getattr(widget, name) != value}
-    if differs:
-        widget.param.update(**differs)
+            set_differing(one, value=value)
+        set_differing(self.limits, value=",".join(f"{k}={v:g}" for k, v in state.limits.as_json().items()))
+        set_differing(self.undo, disabled=not state.can_undo)
