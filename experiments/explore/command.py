@@ -17,6 +17,9 @@ def explore(
         list[Path] | None,
         typer.Option(help="printhead.json from identify or diagnose, to start with; may be repeated"),
     ] = None,
+    campaign: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="folder of a campaign to start with", show_default=False)
+    ] = None,
     session: Annotated[
         Path, typer.Option(help="file that keeps what is on the page, so that it is there again next time")
     ] = SESSION,
@@ -28,7 +31,7 @@ def explore(
 
     inkjet explore
 
-    inkjet explore --printhead corrected.json --no-browser
+    inkjet explore --printhead corrected.json --campaign campaign --no-browser
 
     The page is served to this machine alone, at an address with a token. Ctrl-C ends it; everything on the page is
     kept in the file of --session.
@@ -45,6 +48,9 @@ def explore(
     exploration = Exploration.restored(session)
     for file in printhead or ():
         exploration.shelf.chosen = exploration.shelf.add(file).name
+    if campaign is not None:
+        exploration.recordings.join()
+        exploration.recordings.open(campaign)
     from inkjet_env.experiments.explore.server import serve
 
     server, address = serve(exploration, port)

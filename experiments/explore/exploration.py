@@ -11,6 +11,7 @@ from typing import Any
 from inkjet_env.experiments.explore.drives import Corners
 from inkjet_env.experiments.explore.heads import PUBLISHED, HeadShelf
 from inkjet_env.experiments.explore.optimise_state import OptimiseState
+from inkjet_env.experiments.explore.recordings_state import RecordingsState
 from inkjet_env.experiments.explore.waveform_state import WaveformState
 from inkjet_env.storage import stored_object, write_json
 
@@ -33,6 +34,8 @@ class Exploration:
         State of *Waveform*.
     optimise : OptimiseState
         State of *Optimise*.
+    recordings : RecordingsState
+        State of *Recordings*.
     shelf : HeadShelf
         The heads.
     trouble : list of str
@@ -44,6 +47,9 @@ class Exploration:
         self.waveform = WaveformState()
         self.shelf = HeadShelf()
         self.optimise = OptimiseState(file.with_name(f"{file.name}.search.npz"), lambda: self.changed("optimise"))
+        self.recordings = RecordingsState(
+            file.with_name(f"{file.stem}.files").absolute(), self.shelf, lambda: self.changed("recordings")
+        )
         self.trouble: list[str] = []
         self._watchers: list[Callable[[str], object]] = []
         self._lock = threading.RLock()
@@ -70,6 +76,7 @@ class Exploration:
             found.optimise.restore(stored["optimise"])
             if found.optimise.settings.head not in found.shelf.heads:  # its file is gone, which `trouble` tells
                 found.optimise.change(head=PUBLISHED)
+            found.recordings.restore(stored["recordings"])
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             reason = str(error).rstrip(".") if isinstance(error, ValueError) else f"it lacks {error}"
             raise ValueError(
@@ -94,6 +101,7 @@ class Exploration:
             "heads": heads,
             "head": self.shelf.chosen,
             "optimise": self.optimise.as_json(),
+            "recordings": self.recordings.as_json(),
         }
 
     def open_drive(self, name: str, content: bytes) -> None:
@@ -129,6 +137,7 @@ class Exploration:
 
     def close(self) -> None:
         """Keep everything, since the server ends: the session file, and the record of a search that has not ended."""
+        self.recordings.close()
         self.optimise.pause()
         if self.optimise.search is not None:
             self.optimise.search.save()

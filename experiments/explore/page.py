@@ -10,6 +10,7 @@ import panel as pn
 
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.optimise_view import OptimiseView
+from inkjet_env.experiments.explore.recordings_view import RecordingsView
 from inkjet_env.experiments.explore.style import column, text_pane
 from inkjet_env.experiments.explore.waveform_view import WaveformView
 
@@ -29,6 +30,7 @@ class Page:
         self.views: dict[str, Any] = {
             "waveform": WaveformView(exploration, self.guarded),
             "optimise": OptimiseView(exploration, self.guarded),
+            "recordings": RecordingsView(exploration, self.guarded),
         }
         self.tabs = pn.Tabs(
             *((name.capitalize(), view.layout) for name, view in self.views.items()), sizing_mode="stretch_width"
