@@ -10,6 +10,7 @@ from typing import Any
 
 from inkjet_env.experiments.explore.drives import Corners
 from inkjet_env.experiments.explore.heads import PUBLISHED, HeadShelf
+from inkjet_env.experiments.explore.heads_state import HeadsState
 from inkjet_env.experiments.explore.optimise_state import OptimiseState
 from inkjet_env.experiments.explore.recordings_state import RecordingsState
 from inkjet_env.experiments.explore.waveform_state import WaveformState
@@ -36,6 +37,8 @@ class Exploration:
         State of *Optimise*.
     recordings : RecordingsState
         State of *Recordings*.
+    heads : HeadsState
+        State of *Heads*.
     shelf : HeadShelf
         The heads.
     trouble : list of str
@@ -50,6 +53,7 @@ class Exploration:
         self.recordings = RecordingsState(
             file.with_name(f"{file.stem}.files").absolute(), self.shelf, lambda: self.changed("recordings")
         )
+        self.heads = HeadsState(self.shelf, self.waveform, self.recordings.files, lambda: self.changed("heads"))
         self.trouble: list[str] = []
         self._watchers: list[Callable[[str], object]] = []
         self._lock = threading.RLock()
@@ -76,6 +80,8 @@ class Exploration:
             found.optimise.restore(stored["optimise"])
             if found.optimise.settings.head not in found.shelf.heads:  # its file is gone, which `trouble` tells
                 found.optimise.change(head=PUBLISHED)
+            found.heads.waveform = found.waveform
+            found.heads.restore(stored["bests"])
             found.recordings.restore(stored["recordings"])
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             reason = str(error).rstrip(".") if isinstance(error, ValueError) else f"it lacks {error}"
@@ -102,6 +108,7 @@ class Exploration:
             "head": self.shelf.chosen,
             "optimise": self.optimise.as_json(),
             "recordings": self.recordings.as_json(),
+            "bests": self.heads.as_json(),
         }
 
     def open_drive(self, name: str, content: bytes) -> None:
@@ -138,6 +145,7 @@ class Exploration:
     def close(self) -> None:
         """Keep everything, since the server ends: the session file, and the record of a search that has not ended."""
         self.recordings.close()
+        self.heads.close()
         self.optimise.pause()
         if self.optimise.search is not None:
             self.optimise.search.save()

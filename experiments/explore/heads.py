@@ -56,10 +56,10 @@ class NamedHead:
         for entry in self.data.get("effects") or []:
             for name, told in entry["parameters"].items():
                 value = told["value"]
+                unit = str(told.get("unit", ""))
+                label = f"{entry['id']}: {name.removesuffix(f'_{unit}')}".replace("_", " ")
                 if value is not None:
-                    found.append(
-                        (f"{entry['id']}: {name}", float(value), *_interval(told, value), str(told.get("unit", "")))
-                    )
+                    found.append((label, float(value), *_interval(told, value), "" if unit == "1" else unit))
         return found
 
 

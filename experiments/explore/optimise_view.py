@@ -37,12 +37,12 @@ class OptimiseView:
         self.exploration, self.state, self.guarded = exploration, exploration.optimise, guarded
         self.drawing = False
         self.widgets = {
-            "optimizer": pn.widgets.Select(name="optimiser", options=list(optimizers.names())),
-            "problem": pn.widgets.Select(name="problem", options=list(suite())),
-            "budget": pn.widgets.IntInput(name="budget (evaluations)", start=1),
-            "seed": pn.widgets.IntInput(name="seed", start=0),
-            "head": pn.widgets.Select(name="head (published: the problem's own)", options=[]),
-            "robust": pn.widgets.Select(name="robust over the possible heads", options=[NOT_ROBUST, *RISKS]),
+            "optimizer": pn.widgets.Select(label="optimiser", options=list(optimizers.names())),
+            "problem": pn.widgets.Select(label="problem", options=list(suite())),
+            "budget": pn.widgets.IntInput(label="budget (evaluations)", start=1),
+            "seed": pn.widgets.IntInput(label="seed", start=0),
+            "head": pn.widgets.Select(label="head (published: the problem's own)", options=[]),
+            "robust": pn.widgets.Select(label="robust over the possible heads", options=[NOT_ROBUST, *RISKS]),
         }
         for name, widget in self.widgets.items():
             widget.sizing_mode = "stretch_width"
@@ -54,7 +54,7 @@ class OptimiseView:
         self.take = self._button("Edit in Waveform", self._take_over)
         self.said = text_pane()
         self.command = pn.widgets.TextAreaInput(
-            name="the command line that finds the same", rows=5, sizing_mode="stretch_width"
+            label="the command line that finds the same", rows=5, sizing_mode="stretch_width"
         )
         self.sources = {name: ColumnDataSource({"x": [], "y": []}) for name in ("best", "now", "drive", "sensor")}
         self.convergence = new_figure(
@@ -87,7 +87,7 @@ class OptimiseView:
         self.layout = row(controls, drawn, kind="view")
 
     def _button(self, label: str, act: Callable[[], object], kind: str = "default") -> Any:
-        button = pn.widgets.Button(name=label, button_type=kind)
+        button = pn.widgets.Button(label=label, color=kind)
         button.on_click(lambda _: self.guarded("optimise", act))
         return button
 
@@ -122,7 +122,7 @@ class OptimiseView:
         set_differing(self.start, disabled=state.busy)
         set_differing(self.stop, disabled=not state.busy)
         paused = progress is not None and progress.state == PAUSED
-        set_differing(self.pause, disabled=not state.busy, name="Resume" if paused else "Pause")
+        set_differing(self.pause, disabled=not state.busy, label="Resume" if paused else "Pause")
         set_differing(self.take, disabled=progress is None or progress.best is None)
         self.command.value = state.command_text(self.exploration.shelf, self.exploration.waveform)
         self.said.object = said(progress)

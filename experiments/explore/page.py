@@ -9,6 +9,7 @@ from typing import Any
 import panel as pn
 
 from inkjet_env.experiments.explore.exploration import Exploration
+from inkjet_env.experiments.explore.heads_view import HeadsView
 from inkjet_env.experiments.explore.optimise_view import OptimiseView
 from inkjet_env.experiments.explore.recordings_view import RecordingsView
 from inkjet_env.experiments.explore.style import column, text_pane
@@ -31,10 +32,12 @@ class Page:
             "waveform": WaveformView(exploration, self.guarded),
             "optimise": OptimiseView(exploration, self.guarded),
             "recordings": RecordingsView(exploration, self.guarded),
+            "heads": HeadsView(exploration, self.guarded),
         }
         self.tabs = pn.Tabs(
             *((name.capitalize(), view.layout) for name, view in self.views.items()), sizing_mode="stretch_width"
         )
+        self.tabs.param.watch(lambda event: self._changed(list(self.views)[event.new]), "active")
         self.layout = column(self.message, self.tabs)
         self._due: set[str] = set()
         self._document = pn.state.curdoc

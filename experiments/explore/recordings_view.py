@@ -45,21 +45,21 @@ class RecordingsView:
         self.plots = RecordingPlots()
         self.verdict, self.notes = text_pane(), text_pane()
         wide = {"sizing_mode": "stretch_width"}
-        self.folder = pn.widgets.TextInput(name="folder of a campaign", **wide)
-        self.dropped = pn.widgets.FileInput(name="or drop its files", multiple=True, **wide)
+        self.folder = pn.widgets.TextInput(label="folder of a campaign", **wide)
+        self.dropped = pn.widgets.FileInput(label="or drop its files", multiple=True, **wide)
         self.dropped.param.watch(self._files_dropped, "value")
         self.columns = pn.widgets.TextInput(
-            name="columns of the files", placeholder="time=T,drive=CH1,sensor=CH2", **wide
+            label="columns of the files", placeholder="time=T,drive=CH1,sensor=CH2", **wide
         )
-        self.channel = pn.widgets.Select(name="channel of the files", options=[GUESS, *CHANNELS], **wide)
-        self.initial = pn.widgets.Select(name="initial state of the files", options=[GUESS, *INITIAL_STATES], **wide)
+        self.channel = pn.widgets.Select(label="channel of the files", options=[GUESS, *CHANNELS], **wide)
+        self.initial = pn.widgets.Select(label="initial state of the files", options=[GUESS, *INITIAL_STATES], **wide)
         self.read = self._button("Read", self._open, "primary")
         self.identify = self._button("Identify", lambda: self.state.start(IDENTIFY))
         self.diagnose = self._button("Diagnose", lambda: self.state.start(DIAGNOSE))
         self.stop = self._button("Stop", self.state.stop)
-        self.shown = pn.widgets.Select(name="recording", options=[], **wide)
+        self.shown = pn.widgets.Select(label="recording", options=[], **wide)
         self.shown.param.watch(self._shown_chosen, "value")
-        self.model = pn.widgets.RadioButtonGroup(name="head", options=["published"], button_style="outline")
+        self.model = pn.widgets.RadioButtonGroup(label="head", options=["published"], variant="outline")
         self.model.param.watch(self._model_chosen, "value")
         self.table = pn.widgets.Tabulator(
             pd.DataFrame({name: [] for name in COLUMNS}), show_index=False, titles=TITLES, height=260,
@@ -83,7 +83,7 @@ class RecordingsView:
         self.layout = row(controls, drawn, kind="view")
 
     def _button(self, label: str, act: Callable[[], object], kind: str = "default") -> Any:
-        button = pn.widgets.Button(name=label, button_type=kind)
+        button = pn.widgets.Button(label=label, color=kind)
         button.on_click(lambda _: self.guarded("recordings", act))
         return button
 

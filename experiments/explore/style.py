@@ -25,6 +25,7 @@ table.text td {{ white-space: normal; overflow-wrap: anywhere; }}
 table.text th:not(:first-child), table.text td:not(:first-child) {{ text-align: left; }}
 .dot {{ display: inline-block; width: 10px; height: 10px; border-radius: 5px; margin-right: 6px; }}
 ul.excess {{ margin: 4px 0; padding: 6px 6px 6px 22px; background: #fff3e6; border-left: 3px solid #d55e00; }}
+.scroll {{ overflow-x: auto; }}
 ul.notes {{ margin: 2px 0; padding-left: 18px; color: #555; font-size: 12px; overflow-wrap: anywhere; }}
 .trouble {{ padding: 8px 10px; background: #fff3e6; border-left: 3px solid #d55e00; }}
 .verdict {{ padding: 8px 10px; background: #eef5fa; border-left: 3px solid #0072b2; font-size: 15px; }}

@@ -42,4 +42,5 @@ def decimated(
         rows, starts = part[:whole].reshape(-1, run), np.arange(0, whole, run)
         ends = [starts + rows.argmin(axis=1), starts + rows.argmax(axis=1), whole + np.arange(part.size - whole)[-2:]]
         kept = np.unique(np.concatenate(ends))
-    return begin_s + step_s * (first + kept), part[kept]
+    time_s: Real = np.float64(begin_s) + np.float64(step_s) * (first + kept).astype(np.float64)
+    return time_s, part[kept]

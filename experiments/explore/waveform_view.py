@@ -11,13 +11,14 @@ from typing import Any
 import panel as pn
 
 from inkjet_env.experiments.explore import exports
-from inkjet_env.experiments.explore.curves import curves
-from inkjet_env.experiments.explore.drives import Corners
+from inkjet_env.experiments.explore.curves import Conditions, Curves, Head, curves
+from inkjet_env.experiments.explore.drives import Corners, Drive
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.figures import PIN_COLOURS
 from inkjet_env.experiments.explore.style import column, row, set_differing, text_pane
 from inkjet_env.experiments.explore.tables import cost_table, pinned_table
 from inkjet_env.experiments.explore.waveform_plots import WaveformPlots
+from inkjet_env.experiments.explore.waveform_state import MOST_PINNED
 from inkjet_env.printhead import DriverLimits
 
 PARAMETERS = (
@@ -48,20 +49,21 @@ class WaveformView:
     def __init__(self, exploration: Exploration, guarded: Callable[[str, Callable[[], object]], None]) -> None:
         self.exploration, self.state, self.guarded = exploration, exploration.waveform, guarded
         self.drawing = False
+        self._kept: list[tuple[Head, Drive, Conditions, Curves]] = []
         self.plots = WaveformPlots(self.state, lambda: guarded("waveform", lambda: None))
         self.sliders = [self._slider(k) for k in range(len(PARAMETERS))]
         self.frequency = pn.widgets.EditableFloatSlider(
-            name="drop frequency (kHz)", start=0.0, end=60.0, step=0.1, value=0.0,
+            label="drop frequency (kHz)", start=0.0, end=60.0, step=0.1, value=0.0,
             format="0.00[0]", sizing_mode="stretch_width",
         )  # fmt: skip
         self.frequency.param.watch(self._frequency_moved, "value")
-        self.head = pn.widgets.Select(name="head", options=[], sizing_mode="stretch_width")
+        self.head = pn.widgets.Select(label="head", options=[], sizing_mode="stretch_width")
         self.head.param.watch(self._head_chosen, "value")
         self.terms = text_pane()
         self.compared = text_pane()
         self.excesses = text_pane()
         self.command = pn.widgets.TextAreaInput(
-            name="the command line that gives the same", rows=6, sizing_mode="stretch_width"
+            label="the command line that gives the same", rows=6, sizing_mode="stretch_width"
         )
         self.undo = self._button("Undo", self.state.undo)
         self.layout = self._layout()
@@ -69,7 +71,7 @@ class WaveformView:
     def _slider(self, k: int) -> Any:
         _, label, _, (start, end, step) = PARAMETERS[k]
         slider = pn.widgets.EditableFloatSlider(
-            name=label, start=start, end=end, step=step, value=start, format="0.00[0]", sizing_mode="stretch_width"
+            label=label, start=start, end=end, step=step, value=start, format="0.00[0]", sizing_mode="stretch_width"
         )
 
         def moved(event: Any, settled: bool) -> None:
@@ -86,7 +88,7 @@ class WaveformView:
         return slider
 
     def _button(self, label: str, act: Callable[[], object], view: str = "waveform") -> Any:
-        button = pn.widgets.Button(name=label)
+        button = pn.widgets.Button(label=label)
         button.on_click(lambda _: self.guarded(view, act))
         return button
 
@@ -97,14 +99,14 @@ class WaveformView:
         drop = self._button("Remove", lambda: state.unpin(self.pin_choice.value))
         self.pin_row = row(self.pin_choice, take, drop)
         self.limits = pn.widgets.TextInput(
-            name="what the driver can do", placeholder="lowest_V=0,highest_V=48,rise_V_per_us=20",
+            label="what the driver can do", placeholder="lowest_V=0,highest_V=48,rise_V_per_us=20",
             sizing_mode="stretch_width",
         )  # fmt: skip
         self.limits.param.watch(self._limits_given, "value")
         self.weights = [
-            pn.widgets.FloatInput(name="A", value=-5.0, width=80),
-            pn.widgets.FloatInput(name="B", value=5.0, width=80),
-            pn.widgets.TextInput(name="effective peak", value="largest", width=110),
+            pn.widgets.FloatInput(label="A", value=-5.0, width=80),
+            pn.widgets.FloatInput(label="B", value=5.0, width=80),
+            pn.widgets.TextInput(label="effective peak", value="largest", width=110),
         ]
         for one in self.weights:
             one.param.watch(self._cost_given, "value")
@@ -141,7 +143,7 @@ class WaveformView:
                 return None
             return io.BytesIO(found[0].encode() if isinstance(found[0], str) else found[0])
 
-        return pn.widgets.FileDownload(callback=made, filename=name, label=label, button_type="default", width=96)
+        return pn.widgets.FileDownload(callback=made, filename=name, label=label, width=96)
 
     @property
     def _shown(self) -> tuple[Any, Any, Any]:
@@ -190,7 +192,7 @@ class WaveformView:
         state, head = self.state, self.exploration.shelf.head
         found = curves(head.head, state.drive, state.conditions)
         single = replace(state.conditions, drop_frequency_Hz=0.0)
-        pinned = [(one.name, one.drive, curves(head.head, one.drive, single)) for one in state.pinned]
+        pinned = [(one.name, one.drive, self._of_pinned(head.head, one.drive, single)) for one in state.pinned]
         self.plots.draw(found, head.head, pinned, state.settled)
         self._show_controls()
         self.terms.object = cost_table(found.terms, state.conditions.cost, found.figures)
@@ -199,6 +201,14 @@ class WaveformView:
         told = [f"<li>The drive {html.escape(text)}</li>" for text in state.excesses()]
         self.excesses.object = f"<ul class='excess'>{''.join(told)}</ul>" if told else ""
         self.command.value = exports.command_text(head, state.drive, state.conditions)
+
+    def _of_pinned(self, head: Head, drive: Drive, conditions: Conditions) -> Curves:
+        """Curves of a pinned drive, which are kept while it is pinned and nothing else changes."""
+        kept = next((found for *key, found in self._kept if key == [head, drive, conditions]), None)
+        if kept is None:
+            kept = curves(head, drive, conditions)
+            self._kept = [*self._kept, (head, drive, conditions, kept)][-MOST_PINNED:]
+        return kept
 
     def _show_controls(self) -> None:
         state, shelf = self.state, self.exploration.shelf
@@ -213,6 +223,8 @@ class WaveformView:
         set_differing(self.frequency, end=round(highest_kHz, 3), value=state.conditions.drop_frequency_Hz / 1e3)
         names = [one.name for one in state.pinned]
         set_differing(self.pin_choice, options=names)
+        if names and self.pin_choice.value not in names:
+            self.pin_choice.value = names[-1]
         set_differing(self.pin_row, visible=bool(names))
         cost = state.conditions.cost
         for one, value in zip(self.weights, (cost.A, cost.B, f"{cost.effective}"), strict=True):

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 
 from inkjet_env.printhead import Printhead, Waveform
@@ -170,6 +171,30 @@ def test_a_search_from_the_page_finds_what_the_command_finds(server, page, inkje
     page.get_by_role("button", name="Edit in Waveform").click()
     page.get_by_text("Waveform", exact=True).first.click()
     assert wait_until(lambda: abs(cost_shown(page) - found) < 1e-9)
+
+
+def test_dropped_files_can_be_corrected(page, tmp_path):
+    time_s = np.arange(1500) * 5e-8
+    columns = time_s, 2 * np.cos(2e5 * time_s), 50 * np.sin(2e5 * time_s)
+    rows = [f"{t:.9g},{a:.9g},{b:.9g}" for t, a, b in zip(*columns, strict=True)]
+    file, hostile = tmp_path / "scope.csv", tmp_path / f"{HOSTILE}.csv"
+    for one in (file, hostile):
+        one.write_text("\n".join(["time_s,CH1,CH2", *rows]))
+    page.get_by_text("Recordings", exact=True).click()
+    choosing = page.locator("input[type=file][multiple]")
+    choosing.set_input_files(hostile)
+    page.get_by_text(f"{HOSTILE}.csv: ").first.wait_for()
+    page.get_by_label("channel of the files").select_option("self_sensing")
+    choosing.set_input_files(file)
+    page.get_by_text("scope.csv: ").first.wait_for()
+    page.get_by_role("button", name="Read").click()
+    page.get_by_text("-50 … 50").wait_for()  # the drive, guessed by its range
+    page.get_by_label("columns of the files").fill("drive=CH1,sensor=CH2")
+    page.get_by_label("columns of the files").press("Enter")
+    page.get_by_role("button", name="Read").click()
+    page.get_by_text("-2 … 2").first.wait_for()
+    page.get_by_text("published: ").first.wait_for()
+    assert page.locator("img[onerror]").count() == 0
 
 
 def test_names_of_files_are_text(server, page):
