@@ -122,7 +122,7 @@ class RecordingsState:
         self.folder, self.reading = folder.resolve(), reading or Reading()
         self._beside("reading", self._read)
 
-    def drop(self, dropped: Mapping[str, bytes]) -> None:
+    def drop(self, dropped: Mapping[str, bytes], reading: Reading | None = None) -> None:
         """Read dropped files as one campaign; those dropped before are replaced."""
         self._idle()
         target = self.files / "dropped"
@@ -134,7 +134,7 @@ class RecordingsState:
                 raise ValueError(f"a dropped file must have a name; got {name[:40]!r}.")
             file.write_bytes(content)
         self.corrections, self.verdicts = {}, {}
-        self.open(target, self.reading)
+        self.open(target, reading)
 
     def correct(self, name: str, what: str, value: str) -> None:
         """Correct the channel, the unit or the initial state of a recording."""

@@ -42,12 +42,13 @@ class RecordingsView:
     def __init__(self, exploration: Exploration, guarded: Callable[[str, Callable[[], object]], None]) -> None:
         self.exploration, self.state, self.guarded = exploration, exploration.recordings, guarded
         self.drawing = False
+        self.told_folder: Path | None = None
         self.plots = RecordingPlots()
         self.verdict, self.notes = text_pane(), text_pane()
         wide = {"sizing_mode": "stretch_width"}
         self.folder = pn.widgets.TextInput(label="folder of a campaign", **wide)
         self.dropped = pn.widgets.FileInput(label="or drop its files", multiple=True, **wide)
-        self.dropped.param.watch(self._files_dropped, "value")
+        self.dropped.param.watch(self._files_dropped, ["value", "filename"])  # equal files may have other names
         self.columns = pn.widgets.TextInput(
             label="columns of the files", placeholder="time=T,drive=CH1,sensor=CH2", **wide
         )
@@ -87,17 +88,22 @@ class RecordingsView:
         button.on_click(lambda _: self.guarded("recordings", act))
         return button
 
-    def _open(self) -> None:
+    @property
+    def _reading(self) -> Reading:
+        """How files are read, as chosen."""
         channel, initial = ("" if one.value == GUESS else one.value for one in (self.channel, self.initial))
-        reading = Reading(self.columns.value, channel, initial, self.state.reading.interval_s)
-        self.state.open(Path(self.folder.value.strip()).expanduser(), reading)
+        return Reading(self.columns.value, channel, initial, self.state.reading.interval_s)
 
-    def _files_dropped(self, event: Any) -> None:
-        if event.new:
-            names = self.dropped.filename
-            contents = event.new if isinstance(event.new, list) else [event.new]
-            names = names if isinstance(names, list) else [names]
-            self.guarded("recordings", lambda: self.state.drop(dict(zip(names, contents, strict=True))))
+    def _open(self) -> None:
+        self.state.open(Path(self.folder.value.strip()).expanduser(), self._reading)
+
+    def _files_dropped(self, *_: Any) -> None:
+        names, contents = self.dropped.filename, self.dropped.value
+        names = names if isinstance(names, list) else [names]
+        contents = contents if isinstance(contents, list) else [contents]
+        if contents and contents[0] and len(names) == len(contents):
+            files = dict(zip(names, contents, strict=True))
+            self.guarded("recordings", lambda: self.state.drop(files, self._reading))
 
     def _edited(self, event: Any) -> None:
         if not self.drawing and event.column in CORRECTABLE and event.value != event.old:
@@ -129,8 +135,8 @@ class RecordingsView:
     def _draw(self) -> None:
         state, job = self.state, self.state.job
         running = job is not None and job.running
-        if state.folder is not None and not self.folder.value:
-            self.folder.value = str(state.folder)
+        if state.folder is not None and state.folder != self.told_folder:
+            self.told_folder, self.folder.value = state.folder, str(state.folder)
         idle = not running and not state.busy
         set_differing(self.read, disabled=not idle)
         set_differing(self.identify, disabled=not idle or state.campaign is None)
