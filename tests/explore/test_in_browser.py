@@ -198,7 +198,9 @@ def test_names_of_files_are_text(server, page):
     choose(page, "head", HOSTILE)
     assert wait_until(lambda: session(server)["head"] == HOSTILE)
     assert page.locator("img[onerror]").count() == 0
+    shown = cost_shown(page)
     choose(page, "head", "published")
+    assert wait_until(lambda: cost_shown(page) != shown)
 
 
 REFUSED = ("/", "/?token=wrong", "/ws", "/ws?token=wrong", "/autoload.js?bokeh-autoload-element=1", "/metadata")
