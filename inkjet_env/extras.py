@@ -9,12 +9,13 @@ from importlib.util import find_spec
 PACKAGES = {
     "cli": ("typer", "rich", "matplotlib", "jinja2", "pyarrow", "joblib", "bokeh"),
     "bench": ("cma", "nevergrad", "pymoo", "optuna", "pandas", "greenlet"),
+    "explore": ("panel",),
     "hdf5": ("h5py",),
     "visa": ("pyvisa", "pyvisa_sim"),
     "rl": ("torch", "stable_baselines3"),
     "cluster": ("distributed", "dask"),
     "human": ("pygame", "matplotlib"),
-    "dev": ("pytest", "pysindy", "mpmath"),
+    "dev": ("pytest", "pysindy", "mpmath", "playwright"),
 }
 """Packages that each extra brings, by the names they are imported by."""
 

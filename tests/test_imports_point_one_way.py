@@ -88,7 +88,16 @@ ALLOWED = {
     "inkjet_env.experiments.publish": (*PROOF, *LEARNING, *STUDIES, *TUNING, "inkjet_env.experiments.publish"),
     "inkjet_env.experiments.commands": (*PROOF, *TUNING, "inkjet_env.experiments.commands"),
     "inkjet_env.experiments.entry": ("inkjet_env.experiments.cli", *GROUND),
-    "inkjet_env.experiments.cli": ("inkjet_env.experiments.commands", "inkjet_env.cli"),
+    "inkjet_env.experiments.explore": (
+        *BENCHMARK,
+        "inkjet_env.experiments.commands",
+        "inkjet_env.experiments.explore",
+    ),
+    "inkjet_env.experiments.cli": (
+        "inkjet_env.experiments.commands",
+        "inkjet_env.experiments.explore",
+        "inkjet_env.cli",
+    ),
 }
 WHOLE = {"inkjet_env.plant": "its effects are of it", "inkjet_env.experiments.concealed_rig": "its effects are of it"}
 """Packages whose folders are one room."""

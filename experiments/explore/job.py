@@ -1,0 +1,89 @@
+"""A command that runs in a process of its own, so that the page stays quick and its verdict is the command's."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+TELL_EVERY_S = 1.0
+"""Time between two reports of progress, in seconds."""
+MODULE = "inkjet_env.experiments.cli"
+
+
+class Job:
+    """One run of ``inkjet``.
+
+    Parameters
+    ----------
+    name : str
+        Name of the command, such as diagnose.
+    arguments : sequence of str
+        Its arguments.
+    told : callable
+        Called from a thread while it runs, and once it has ended.
+    """
+
+    def __init__(self, name: str, arguments: Sequence[str], told: Callable[[], object]) -> None:
+        self.name, self.told = name, told
+        self.begin_s = time.monotonic()
+        self.last_line = ""
+        self.out, self.err = "", ""
+        self.stopped = False
+        environment = os.environ | {"NO_COLOR": "1", "COLUMNS": "200"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", MODULE, name, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True, errors="replace", env=environment,
+        )  # fmt: skip
+        self._readers = [threading.Thread(target=read, daemon=True) for read in (self._read_out, self._read_err)]
+        for reader in self._readers:
+            reader.start()
+        self._watcher = threading.Thread(target=self._watch, daemon=True, name=f"inkjet {name}")
+        self.status: int | None = None
+        self._watcher.start()
+
+    @property
+    def seconds(self) -> float:
+        """Time since it was started, in seconds."""
+        return time.monotonic() - self.begin_s
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self.status is None
+
+    def stop(self) -> None:
+        """Ask it to end; what it keeps for a resumption, it keeps."""
+        if self.process.poll() is None:
+            self.stopped = True
+            self.process.send_signal(signal.SIGINT)
+
+    def join(self, timeout_s: float | None = None) -> None:
+        """Wait until it has ended and was told of."""
+        self._watcher.join(timeout_s)
+
+    def _read_out(self) -> None:
+        assert self.process.stdout is not None
+        self.out = self.process.stdout.read()
+
+    def _read_err(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self.err += line
+            self.last_line = line.strip() or self.last_line
+
+    def _watch(self) -> None:
+        while True:
+            try:
+                self.process.wait(TELL_EVERY_S)
+                break
+            except subprocess.TimeoutExpired:
+                self.told()
+        for reader in self._readers:
+            reader.join()
+        self.status = self.process.returncode
+        self.told()

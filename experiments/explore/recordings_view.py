@@ -1,0 +1,192 @@
+"""*Recordings*: drop or name files, correct what was guessed, see model and residual, identify and diagnose."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import panel as pn
+
+from inkjet_env.experiments.explore.exploration import Exploration
+from inkjet_env.experiments.explore.recording_plots import RecordingPlots
+from inkjet_env.experiments.explore.recordings_state import CORRECTABLE, DIAGNOSE, IDENTIFY, Reading, rows
+from inkjet_env.experiments.explore.style import column, row, set_differing, text_pane
+from inkjet_env.recordings.recording import CHANNELS, INITIAL_STATES
+
+COLUMNS = (
+    "recording", "file", "channel", "unit", "initial_state", "samples", "rate", "drive_V", "signal", "residual",
+    "noise", "",
+)  # fmt: skip
+TITLES = {"initial_state": "initial state", "drive_V": "drive (V)", "residual": "residual", "noise": "noise"}
+TABLE = ":host { font-size: 12px; }"
+GUESS = "as guessed"
+MOST_NOTES = 6
+"""Largest number of notes that are shown."""
+
+
+class RecordingsView:
+    """One tab's view of the recordings.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The state.
+    guarded : callable
+        Runs a change, tells a refusal in a sentence and the change to every tab.
+    """
+
+    def __init__(self, exploration: Exploration, guarded: Callable[[str, Callable[[], object]], None]) -> None:
+        self.exploration, self.state, self.guarded = exploration, exploration.recordings, guarded
+        self.drawing = False
+        self.told_folder: Path | None = None
+        self.plots = RecordingPlots()
+        self.verdict, self.notes = text_pane(), text_pane()
+        wide = {"sizing_mode": "stretch_width"}
+        self.folder = pn.widgets.TextInput(label="folder of a campaign", **wide)
+        self.dropped = pn.widgets.FileInput(label="or drop its files", multiple=True, **wide)
+        self.dropped.param.watch(self._files_dropped, ["value", "filename"])  # equal files may have other names
+        self.columns = pn.widgets.TextInput(
+            label="columns of the files", placeholder="time=T,drive=CH1,sensor=CH2", **wide
+        )
+        self.channel = pn.widgets.Select(label="channel of the files", options=[GUESS, *CHANNELS], **wide)
+        self.initial = pn.widgets.Select(label="initial state of the files", options=[GUESS, *INITIAL_STATES], **wide)
+        self.read = self._button("Read", self._open, "primary")
+        self.identify = self._button("Identify", lambda: self.state.start(IDENTIFY))
+        self.diagnose = self._button("Diagnose", lambda: self.state.start(DIAGNOSE))
+        self.stop = self._button("Stop", self.state.stop)
+        self.shown = pn.widgets.Select(label="recording", options=[], **wide)
+        self.shown.param.watch(self._shown_chosen, "value")
+        self.model = pn.widgets.RadioButtonGroup(label="head", options=["published"], variant="outline")
+        self.model.param.watch(self._model_chosen, "value")
+        self.table = pn.widgets.Tabulator(
+            pd.DataFrame({name: [] for name in COLUMNS}), show_index=False, titles=TITLES, height=260,
+            layout="fit_data_fill", sizing_mode="stretch_width", selectable=False, theme="simple",
+            editors={
+                name: {"type": "list", "values": list(CORRECTABLE[name])} if name in CORRECTABLE else None
+                for name in COLUMNS
+            },
+            formatters={name: {"type": "plaintext"} for name in COLUMNS}, sortable=False, stylesheets=[TABLE],
+        )  # fmt: skip
+        self.table.on_edit(self._edited)
+        self.table.on_click(self._clicked)
+        controls = column(
+            self.folder, self.dropped, self.columns, self.channel, self.initial, self.read,
+            row(self.identify, self.diagnose, self.stop), self.shown, text_pane("<p>modelled by the head</p>"),
+            self.model, kind="controls",
+        )  # fmt: skip
+        hint = text_pane("<p>Channel, unit and initial state of a row can be corrected: click on them.</p>")
+        plots = self.plots
+        drawn = column(self.verdict, self.notes, hint, self.table, plots.drive, plots.signal, plots.left, kind="drawn")
+        self.layout = row(controls, drawn, kind="view")
+
+    def _button(self, label: str, act: Callable[[], object], kind: str = "default") -> Any:
+        button = pn.widgets.Button(label=label, color=kind)
+        button.on_click(lambda _: self.guarded("recordings", act))
+        return button
+
+    @property
+    def _reading(self) -> Reading:
+        """How files are read, as chosen."""
+        channel, initial = ("" if one.value == GUESS else one.value for one in (self.channel, self.initial))
+        return Reading(self.columns.value, channel, initial, self.state.reading.interval_s)
+
+    def _open(self) -> None:
+        self.state.open(Path(self.folder.value.strip()).expanduser(), self._reading)
+
+    def _files_dropped(self, *_: Any) -> None:
+        names, contents = self.dropped.filename, self.dropped.value
+        names = names if isinstance(names, list) else [names]
+        contents = contents if isinstance(contents, list) else [contents]
+        if contents and contents[0] and len(names) == len(contents):
+            files = dict(zip(names, contents, strict=True))
+            self.guarded("recordings", lambda: self.state.drop(files, self._reading))
+
+    def _edited(self, event: Any) -> None:
+        if not self.drawing and event.column in CORRECTABLE and event.value != event.old:
+            name = str(self.table.value["recording"].iloc[event.row])
+            self.guarded("recordings", lambda: self.state.correct(name, event.column, str(event.value)))
+            self.draw()
+
+    def _clicked(self, event: Any) -> None:
+        if event.column not in CORRECTABLE:
+            name = str(self.table.value["recording"].iloc[event.row])
+            self.guarded("recordings", lambda: self.state.show(name))
+
+    def _shown_chosen(self, event: Any) -> None:
+        if not self.drawing and event.new and event.new != self.state.shown:
+            self.guarded("recordings", lambda: self.state.show(event.new))
+
+    def _model_chosen(self, event: Any) -> None:
+        if not self.drawing and event.new and event.new != self.state.model:
+            self.guarded("recordings", lambda: self.state.choose_model(event.new))
+
+    def draw(self) -> None:
+        """Show the state as it is now."""
+        self.drawing = True
+        try:
+            self._draw()
+        finally:
+            self.drawing = False
+
+    def _draw(self) -> None:
+        state, job = self.state, self.state.job
+        running = job is not None and job.running
+        if state.folder is not None and state.folder != self.told_folder:
+            self.told_folder, self.folder.value = state.folder, str(state.folder)
+        idle = not running and not state.busy
+        set_differing(self.read, disabled=not idle)
+        set_differing(self.identify, disabled=not idle or state.campaign is None)
+        set_differing(self.diagnose, disabled=not idle or state.campaign is None)
+        set_differing(self.stop, disabled=not running)
+        self.verdict.object = self._said()
+        notes = [] if state.campaign is None else [*state.campaign.notes, *state.warnings]
+        more = f"<li>… and {len(notes) - MOST_NOTES} more</li>" if len(notes) > MOST_NOTES else ""
+        items = "".join(f"<li>{html.escape(one)}</li>" for one in notes[:MOST_NOTES]) + more
+        self.notes.object = f"<ul class='notes'>{items}</ul>" if items else ""
+        heads = list(self.exploration.shelf.heads)
+        set_differing(self.model, options=heads)
+        set_differing(self.model, value=state.model if state.model in heads else heads[0])
+        self._draw_table()
+        if state.campaign is not None and state.shown:
+            modelled = state.modelled.get(state.model)
+            recording = state.campaign[state.shown]
+            self.plots.draw(
+                recording,
+                None if modelled is None else modelled.evaluations[state.shown],
+                math.nan if modelled is None else modelled.noise_rms[state.shown],
+                state.model,
+            )
+
+    def _draw_table(self) -> None:
+        found = rows(self.state)
+        table = pd.DataFrame(found, columns=list(COLUMNS))
+        if not table.equals(self.table.value):
+            self.table.value = table
+        names = [one["recording"] for one in found]
+        set_differing(self.shown, options=names)
+        if self.state.shown in names:
+            set_differing(self.shown, value=self.state.shown)
+
+    def _said(self) -> str:
+        """The verdict in one sentence, what is under way, and what went wrong, as HTML."""
+        state, job = self.state, self.state.job
+        said = []
+        for command in (DIAGNOSE, IDENTIFY):
+            if command in state.verdicts:
+                text = html.escape(state.verdicts[command])
+                said.append(f"<div class='verdict' id='{command}'>{text}</div>")
+        modelled = state.modelled.get(state.model)
+        if modelled is not None:
+            said.append(f"<p><b>{html.escape(state.model)}</b>: {html.escape(modelled.sentence)}</p>")
+        if job is not None and job.running:
+            step = f": {html.escape(job.last_line)}" if job.last_line else ""
+            said.append(f"<p id='job'>inkjet {job.name}, {job.seconds:.0f} s{step}</p>")
+        elif state.busy:
+            said.append(f"<p id='job'>{html.escape(state.busy)} the recordings …</p>")
+        if state.trouble:
+            said.append(f"<div class='trouble'>{html.escape(state.trouble)}</div>")
+        return "".join(said) or "<p>Give the folder of a campaign, or drop its files.</p>"
