@@ -482,8 +482,8 @@ class DesignSettings(_Settings):
     """Share of a candidate's contribution to a signal by which a law that is none of them is expected to differ. Unit:
     1. Source: chosen; it decides which recording is asked for, and no verdict."""
     most_recordings: int = 40
-    """Largest number of recordings that are proposed in all, repeats counted; if more are needed, none are. Unit:
-    recordings. Source: what one takes at a bench in one go, and what a diagnosis holds in memory."""
+    """Largest number of recordings that are proposed in all, repeats counted; pairs of candidates for which it takes
+    more are left. Unit: recordings. Source: what one takes at a bench in one go, and what a diagnosis can hold."""
     refining_evaluations: int = 40
     """Number of evaluations spent on optimising a pulse's height and times. Unit: 1. Source: speed."""
     refining_step: float = 0.5

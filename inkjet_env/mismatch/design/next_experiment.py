@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inkjet_env.mismatch.design.drive_library import benches, library, probe_library
 from inkjet_env.mismatch.design.information import Hypotheses
@@ -143,28 +144,54 @@ def next_experiments(
     else:
         choices = [tried, [*tried, *probed, *edges]]
     plan: list[Judged] = []
-    for choice in choices:  # the first that suffices, or the best
+    for choice in choices:  # the first of those that separate most pairs
         found = _plan(choice, settings, hypotheses)
         if len(found) > 1:  # a better pulse may do alone
             found = _plan([*choice, _optimised(found[0], predictions, hypotheses)], settings, hypotheses)
-        if _least(found) > _least(plan):
+        found = _no_longer_than_needed(found, settings)
+        if _separable(found, settings).sum() > _separable(plan, settings).sum():
             plan = found
         if _least(plan) >= settings.separation:
             break
-    if _times(plan, settings) * len(plan) > settings.most_recordings:
-        return _in_words(candidates, effects, observed)
-    return _told(plan, predictions, hypotheses)
+    return _told(plan, predictions, hypotheses) if plan else _in_words(candidates, effects, observed)
+
+
+def _total(plan: Sequence[Judged]) -> Real:
+    """Expected differences of log-likelihoods between the candidates of each pair, shape (pairs,)."""
+    total: Real = np.sum([judged.separations for judged in plan], axis=0)
+    return total
 
 
 def _least(plan: Sequence[Judged]) -> float:
     """Expected difference of log-likelihoods between the two candidates that a plan separates worst."""
-    return float(np.min(np.sum([judged.separations for judged in plan], axis=0))) if plan else 0.0
+    return float(_total(plan).min()) if plan else 0.0
 
 
-def _times(plan: Sequence[Judged], settings: DesignSettings) -> float:
-    """How often a plan has to be carried out until it separates all candidates; infinite if it never does."""
-    least = _least(plan)
-    return max(1, math.ceil(settings.separation / least)) if least > 0 else math.inf
+def _separable(plan: Sequence[Judged], settings: DesignSettings) -> NDArray[np.bool_]:
+    """Which pairs of candidates a plan separates within the largest number of recordings, shape (pairs,)."""
+    if not plan:
+        return np.zeros(1, dtype=bool)
+    separable: NDArray[np.bool_] = _total(plan) * (settings.most_recordings // len(plan)) >= settings.separation
+    return separable
+
+
+def _times(plan: Sequence[Judged], settings: DesignSettings) -> int:
+    """How often a plan has to be carried out until it separates every pair that it can; 0 if it can separate none."""
+    separable = _separable(plan, settings)
+    if not separable.any():
+        return 0
+    return max(1, math.ceil(settings.separation / float(_total(plan)[separable].min())))
+
+
+def _no_longer_than_needed(plan: list[Judged], settings: DesignSettings) -> list[Judged]:
+    """The beginning of a plan that separates as many pairs with the fewest recordings; empty if it separates none."""
+
+    def worth(count: int) -> tuple[int, int]:
+        some = plan[:count]
+        return -int(_separable(some, settings).sum()), count * _times(some, settings)
+
+    best = min(range(1, len(plan) + 1), key=worth, default=0)
+    return plan[:best] if _times(plan[:best], settings) else []
 
 
 def _plan(tried: Sequence[Judged], settings: DesignSettings, hypotheses: Hypotheses) -> list[Judged]:
@@ -213,17 +240,18 @@ def _told(plan: list[Judged], predictions: Predictions, hypotheses: Hypotheses) 
     """A plan in words: each recording once, with its repeats."""
     times = Counter(map(id, plan))
     once = list({id(judged): judged for judged in plan}.values())
-    factor = int(_times(plan, predictions.settings))
-    total = np.sum([judged.separations for judged in plan], axis=0)
+    factor, total = _times(plan, predictions.settings), _total(plan)
+    separable = _separable(plan, predictions.settings)
+    hardest = np.where(separable, total, math.inf)
     found, before = [], list[Judged]()
     for judged in once:
         repeats = factor * times[id(judged)]
         if judged.at_head and not predictions.probe_known(judged.proposal.excitation):
             repeats = max(repeats, predictions.settings.repeats_for_noise)
         before.extend([judged] * repeats)
-        # What it is for: the pair of which it separates most of what the whole plan does; alone, the worst one.
-        shares = judged.separations / np.maximum(total, 1e-300)
-        pair = int(np.argmax(shares)) if len(once) > 1 else int(np.argmin(total))
+        # What it is for: the pair of which it separates most of what the whole plan does; alone, the hardest one.
+        shares = np.where(separable, judged.separations / np.maximum(total, 1e-300), 0.0)
+        pair = int(np.argmax(shares)) if len(once) > 1 else int(np.argmin(hardest))
         found.append(_proposed(judged, pair, repeats, hypotheses.information_bits(before), predictions))
     return tuple(found)
 

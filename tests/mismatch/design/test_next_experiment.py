@@ -8,7 +8,8 @@ import pytest
 
 from inkjet_env.mismatch import DiagnosisSettings
 from inkjet_env.mismatch.design.drive_library import Train, benches, library
-from inkjet_env.mismatch.design.next_experiment import next_experiments
+from inkjet_env.mismatch.design.next_experiment import _no_longer_than_needed, _times, next_experiments
+from inkjet_env.mismatch.design.predictions import Judged
 from inkjet_env.mismatch.fitting.base_parameters import Head
 from inkjet_env.mismatch.fitting.campaign_noise import noise_seen
 from inkjet_env.mismatch.fitting.dataset import ObservedRecording, observe
@@ -241,3 +242,20 @@ def test_no_more_recordings_are_asked_for_than_one_takes_in_one_go(one_amplitude
         asked.append(sum(one.repeats for one in found) if found[0].drive_V else None)
     assert asked[0] == 1 < asked[1] < asked[2] <= settings.most_recordings
     assert asked[3] is None
+
+
+def test_pairs_that_cannot_be_separated_do_not_keep_the_others_from_it():
+    """Of three candidates the second and the third stay alike, whatever is recorded."""
+    settings = replace(SETTINGS.design, separation=20.0, most_recordings=40)
+
+    def separating(*pairs):  # of 1 and 2, 1 and 3, 2 and 3
+        return Judged(None, np.array(pairs), np.zeros(3), (0.0, 0.0, 0.0))
+
+    good, fair, poor = separating(10.0, 5.0, 0.1), separating(1.0, 1.0, 0.1), separating(0.1, 0.1, 0.4)
+    assert _times([good], settings) == 4
+    assert _times([good, poor], settings) == 4  # 20 times, 2 and 3 would still be short of it
+    assert _times([poor], settings) == 0
+    assert _no_longer_than_needed([good, fair, poor], settings) == [good]
+    assert _no_longer_than_needed([fair, good, poor], settings) == [fair, good]  # 8 recordings, not 20
+    assert _no_longer_than_needed([poor, poor], settings) == []
+    assert _no_longer_than_needed([], settings) == []
