@@ -9,7 +9,7 @@ from importlib.util import find_spec
 PACKAGES = {
     "cli": ("typer", "rich", "matplotlib", "jinja2", "pyarrow", "joblib", "bokeh"),
     "bench": ("cma", "nevergrad", "pymoo", "optuna", "pandas", "greenlet"),
-    "explore": ("panel",),
+    "explore": ("panel", "bokeh"),
     "hdf5": ("h5py",),
     "visa": ("pyvisa", "pyvisa_sim"),
     "rl": ("torch", "stable_baselines3"),

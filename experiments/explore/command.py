@@ -31,7 +31,9 @@ def explore(
 
     inkjet explore
 
-    inkjet explore --printhead corrected.json --campaign campaign --no-browser
+    \b
+    inkjet explore --printhead corrected.json --campaign campaign \\
+        --no-browser
 
     The page is served to this machine alone, at an address with a token. Ctrl-C ends it; everything on the page is
     kept in the file of --session.

@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 
 TELL_EVERY_S = 1.0
 """Time between two reports of progress, in seconds."""
+ASK_AGAIN_S = 5.0
+"""Time in seconds after which a command that should end is asked again."""
 MODULE = "inkjet_env.experiments.cli"
 
 
@@ -34,6 +36,7 @@ class Job:
         self.last_line = ""
         self.out, self.err = "", ""
         self.stopped = False
+        self._asked_s = 0.0
         environment = os.environ | {"NO_COLOR": "1", "COLUMNS": "200"}
         self.process = subprocess.Popen(
             [sys.executable, "-m", MODULE, name, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
@@ -60,7 +63,11 @@ class Job:
         """Ask it to end; what it keeps for a resumption, it keeps."""
         if self.process.poll() is None:
             self.stopped = True
-            self.process.send_signal(signal.SIGINT)
+            self._ask_to_end()
+
+    def _ask_to_end(self) -> None:
+        self._asked_s = time.monotonic()
+        self.process.send_signal(signal.SIGINT)
 
     def join(self, timeout_s: float | None = None) -> None:
         """Wait until it has ended and was told of."""
@@ -82,6 +89,8 @@ class Job:
                 self.process.wait(TELL_EVERY_S)
                 break
             except subprocess.TimeoutExpired:
+                if self.stopped and time.monotonic() - self._asked_s > ASK_AGAIN_S:  # a library may have swallowed it
+                    self._ask_to_end()
                 self.told()
         for reader in self._readers:
             reader.join()
