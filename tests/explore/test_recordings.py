@@ -1,7 +1,7 @@
 """Recordings on the page: what was read can be corrected, and verdicts are those of the commands."""
 
 import json
-import time
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -138,10 +138,10 @@ def test_a_command_that_refuses_is_told_in_its_sentence(state, campaign):
 
 
 def test_a_job_can_be_stopped(campaign, tmp_path):
-    job = Job("diagnose", [str(campaign), "--json", str(tmp_path / "d.json")], lambda: None)
+    begun = threading.Event()
+    job = Job("diagnose", [str(campaign), "--json", str(tmp_path / "d.json")], begun.set)
     assert job.running
-    while "diagnose" not in job.last_line:  # it has begun to work
-        time.sleep(0.02)
+    assert begun.wait(30)  # it has run for a second, and takes several
     job.stop()
     job.join(60)
     assert not job.running
