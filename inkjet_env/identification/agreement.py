@@ -16,6 +16,8 @@ TOLERANCE = 0.02
 """Share of a recording's signal below which a residual beyond noise does not count: a head is known no better."""
 STANDARD_DEVIATIONS = 4.0
 """Of the noise's power in a recording, by which a residual must exceed that power before it counts."""
+MOST_LAGS = 65_536
+"""Largest number of lags, in samples, over which noise is taken to be correlated: long recordings fit into memory."""
 ITS_OWN = 3.0
 """Multiple of the residual that the head left in recordings held out from its own identification, which counts neither:
 that of one recording may be so much larger than their root mean square."""
@@ -80,7 +82,7 @@ def agreements(
         if (model := models.get(keys[recording.name])) is not None:
             noise = scale * model.rms
             samples = recording.sensor.size
-            covariance = model.autocovariance(samples)
+            covariance = model.autocovariance(min(samples, MOST_LAGS))
             correlated = covariance[0] ** 2 + 2 * float(np.sum(covariance[1:] ** 2))
             doubt = STANDARD_DEVIATIONS * noise**2 * math.sqrt(2 * correlated / covariance[0] ** 2 / samples)
         power = one.rms**2 - (0.0 if math.isnan(noise) else noise**2) - doubt

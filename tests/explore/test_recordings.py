@@ -137,11 +137,12 @@ def test_a_command_that_refuses_is_told_in_its_sentence(state, campaign):
     assert "nosuch" in state.trouble or "columns" in state.trouble
 
 
-def test_a_job_can_be_stopped(campaign, tmp_path):
+def test_a_job_can_be_stopped(inkjet, tmp_path):
+    assert inkjet("record", tmp_path / "campaign", "--hide", "second_mode")[0] == 0
     begun = threading.Event()
-    job = Job("diagnose", [str(campaign), "--json", str(tmp_path / "d.json")], begun.set)
+    job = Job("diagnose", [str(tmp_path / "campaign"), "--json", str(tmp_path / "d.json")], begun.set)
     assert job.running
-    assert begun.wait(30)  # it has run for a second, and takes several
+    assert begun.wait(30)  # it has run for a second, and takes many more, in which it is asked again
     job.stop()
     job.join(60)
     assert not job.running
