@@ -70,7 +70,7 @@ def test_what_has_settled_stays_below_a_twentieth_and_had_not_before(name):
 
 
 def test_a_sampled_drive_settles_when_its_waveform_does():
-    """Whatever its first time is; between two peaks of a ringing a half cosine is right to two hundredths of a period."""
+    """Whatever its first time is; between two peaks a half cosine is right to two hundredths of a period."""
     rng, found = np.random.default_rng(4), 0
     for point in rng.uniform(-1, 1, (40, 7)):
         solved = problem("nominal")
