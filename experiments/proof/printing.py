@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+from inkjet_env.experiments.proof.adaptive import gains
+
+Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
+"""Headings and rows."""
 
 
 def figure_text(value: float | None, kind: str) -> str:
@@ -54,6 +59,12 @@ def print_rounds(found: Mapping[str, Any]) -> None:
     """Print the figures of a ``proof-adaptive/1``: before the rounds, after designed ones, and after random ones."""
     from inkjet_env.reporting.tables import print_table
 
+    for table in rounds_tables(found):
+        print_table(*table)
+
+
+def rounds_tables(found: Mapping[str, Any]) -> Iterator[Table]:
+    """Tables of a ``proof-adaptive/1``: figures by group of cases, and gains of waveforms."""
     for group, ways in found["figures"].items():
         rows = []
         for before, *after in zip(*ways.values(), strict=True):
@@ -63,12 +74,19 @@ def print_rounds(found: Mapping[str, Any]) -> None:
             ]
             rows.append((before["name"], str(before["of"]), *texts))
         if rows[0][1] != "0":
-            print_table((group, "cases", "before", "requests as designed", "requests at random"), rows)
+            yield (group, "cases", "before", "requests as designed", "requests at random"), rows
     if found["waveforms"]["heads"]:
-        names = {"augmented": "corrected head", "robust": "heads that remain possible", "loop": "closed loop"}
-        rows = [
-            (names[way], figure_text(one["share"], "share"), figure_text(one["median"], "share"), str(one["worse"]))
-            for way, one in found["waveforms"]["gains"].items()
-        ]
-        head = (f"waveforms of {len(found['waveforms']['heads'])} heads", "all volts", "median head", "worse than base")
-        print_table(head, rows)
+        yield gains_table(found["waveforms"]["heads"])
+
+
+def gains_table(heads: Sequence[Mapping[str, Any]]) -> Table:
+    """What each way to choose a waveform gains of what could be gained on these heads; see `adaptive.gains`."""
+    names = {"augmented": "corrected head", "robust": "heads that remain possible", "loop": "closed loop"}
+    rows = [
+        (
+            names[way], figure_text(one["share"], "share"), figure_text(one["median"], "share"), str(one["worse"]),
+            figure_text(one["worst"], "share"),
+        )
+        for way, one in gains(heads).items()
+    ]  # fmt: skip
+    return (f"waveforms of {len(heads)} heads", "all volts", "median head", "worse than base", "largest loss"), rows

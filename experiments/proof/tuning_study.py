@@ -3,8 +3,8 @@
 ``python -m inkjet_env.experiments.proof.tuning_study FOLDER [--heads N] [--seed N] [--workers N]``
 
 Each head conceals a strong effect. Its rig records the default battery, what diagnoses ask for, and the checks of
-waveforms. FOLDER gets the session of each head, and a JSON file with the result; a head whose file is there is not done
-again, and a session that was stopped goes on.
+waveforms. FOLDER gets the session of each head, a JSON file with its result, and all results as ``study.json``; a head
+whose file is there is not done again, and a session that was stopped goes on.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.experiments.concealed_plant import RIG
-from inkjet_env.experiments.proof.adaptive import gains
 from inkjet_env.experiments.proof.answering import ConcealedRig
 from inkjet_env.experiments.proof.concealment import conceal, families, plant_of
 from inkjet_env.experiments.proof.corpus import DEVELOPMENT_SEED, PUBLISHED_SEED, Draw, corpus
 from inkjet_env.experiments.proof.judge import questions
+from inkjet_env.experiments.proof.printing import gains_table
 from inkjet_env.experiments.proof.sealing import read_json
 from inkjet_env.experiments.proof.waveform_gain import PlantObjective
 from inkjet_env.experiments.tuning.exchange import Exchange
@@ -35,6 +35,7 @@ from inkjet_env.progress import shown_progress
 from inkjet_env.reporting.tables import print_table
 from inkjet_env.storage import write_json
 
+FORMAT = "tuning-study/1"
 SEARCHES, BUDGET = 2, 2000
 """Number of searches for the best waveform of a concealed head itself, and evaluations of each."""
 
@@ -94,6 +95,18 @@ def head_row(result: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def table(results: Sequence[dict[str, Any]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Headings and rows: a row for each head."""
+    header = ("concealed", "verdict", "recordings", "minutes", "base (V)", "tuned (V)", "oracle (V)")
+    return header, [
+        (
+            result["draw"]["effects"][0], " ".join((result["verdict"], *result["effects"])), str(result["recordings"]),
+            f"{result['seconds'] / 60:.1f}", f"{row['base']:.2f}", f"{row['loop']:.2f}", f"{row['oracle']:.2f}",
+        )
+        for result, row in ((result, head_row(result)) for result in results)
+    ]  # fmt: skip
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Tune, write and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
@@ -118,17 +131,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     progress(done)
         finally:  # an interrupt does not wait for heads that have not begun
             pool.shutdown(cancel_futures=True)
-    rows = [
-        (
-            result["draw"]["effects"][0], f"{result['verdict']} {' '.join(result['effects'])}",
-            str(result["recordings"]), f"{result['seconds'] / 60:.1f}", f"{row['base']:.2f}", f"{row['loop']:.2f}",
-            f"{row['oracle']:.2f}",
-        )
-        for result, row in ((result, head_row(result)) for result in results)
-    ]  # fmt: skip
-    print_table(("concealed", "verdict", "recordings", "minutes", "base (V)", "tuned (V)", "oracle (V)"), rows)
-    for way, one in gains([head_row(result) for result in results]).items():
-        print(f"{way}: {one}")
+    write_json(asked.folder / "study.json", {"format": FORMAT, "seed": asked.seed, "heads": results})
+    print_table(*table(results))
+    print_table(*gains_table([head_row(result) for result in results]))
 
 
 if __name__ == "__main__":
