@@ -3,7 +3,6 @@
 import http.client
 import json
 import shutil
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -11,9 +10,9 @@ import pytest
 
 from inkjet_env.printhead import Printhead, Waveform
 from inkjet_env.recordings.drive import read_drive
+from tests.browser import opened_page
 from tests.processes import started, wait_until
 
-CHROMIUM = "/usr/bin/chromium"
 HOSTILE = "<img src=x onerror=alert(1)>"
 PUBLISHED = Printhead.published()
 
@@ -27,9 +26,9 @@ ON_SCREEN = """([time_us, volts]) => {
 }"""
 """Where the first plot draws a point, in pixels of the window."""
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-if not Path(CHROMIUM).exists():
-    pytest.skip(f"there is no {CHROMIUM}", allow_module_level=True)
+ALLOWED = ("data:", "blob:", "http://127.0.0.1:", "ws://127.0.0.1:")
+"""Addresses that the page may ask for."""
+
 pytest.importorskip("panel", reason="panel is not installed")
 
 
@@ -63,27 +62,15 @@ def server(tmp_path_factory):
     shutil.rmtree(made.folder, ignore_errors=True)
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with playwright.sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield opened
-        opened.close()
-
-
 class Tabs:
-    """Tabs of the browser, and what was wrong in them: errors that a page logged, requests for other machines."""
+    """Tabs of the browser, and what was wrong in them."""
 
     def __init__(self, browser, server):
         self.browser, self.server, self.faults = browser, server, []
 
     def open(self):
-        page = self.browser.new_page(viewport={"width": 1280, "height": 900}, accept_downloads=True)
-        page.on("console", lambda said: self.faults.append(said.text) if said.type == "error" else None)
-        page.on("pageerror", lambda error: self.faults.append(str(error)))
-        page.on("dialog", lambda dialog: self.faults.append(f"dialog {dialog.message}"))
-        page.on("request", lambda asked: self.faults.append(asked.url) if not local(asked.url) else None)
-        page.on("websocket", lambda socket: self.faults.append(socket.url) if not local(socket.url) else None)
+        size = {"width": 1280, "height": 900}
+        page = opened_page(self.browser, self.faults, ALLOWED, viewport=size, accept_downloads=True)
         page.goto(self.server.address)
         page.wait_for_selector("#cost", timeout=60_000)
         return page
@@ -107,10 +94,6 @@ def page(tabs, first):
     assert tabs.faults == []
 
 
-def local(address):
-    return address.startswith(("data:", "blob:")) or urlsplit(address).hostname == "127.0.0.1"
-
-
 def cost_shown(page):
     return float(page.locator("#cost").get_attribute("data-cost"))
 
@@ -127,6 +110,8 @@ def test_a_dragged_corner_shows_the_simulators_cost(server, tabs, page):
     other = tabs.open()
     choose(page, "head", "published")
     wait_until(lambda: session(server)["head"] == "published")
+    published_V = PUBLISHED.respond(Waveform.from_array(session(server)["waveform"]["drive"]["waveform"])).cost()
+    wait_until(lambda: abs(cost_shown(page) - published_V) < 1e-9)  # the axes of the other head are gone
     before = session(server)["waveform"]["drive"]["waveform"]
     corner = 1e6 * (before[2] + before[3]), before[0]
     (x, y), (to_x, to_y) = (page.evaluate(ON_SCREEN, [corner[0] + 3 * k, corner[1] - 25 * k]) for k in (0, 1))
