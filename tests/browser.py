@@ -34,7 +34,7 @@ def opened_page(browser, faults, allowed=OWN, **options):
 
     page = browser.new_page(**options)
     page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
-    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("pageerror", lambda error: faults.append(error.stack or str(error)))
     page.on("dialog", lambda dialog: (faults.append(f"dialog {dialog.message}"), dialog.dismiss()))
     page.on("request", lambda asked: ask(asked.url))
     page.on("websocket", lambda socket: ask(socket.url))

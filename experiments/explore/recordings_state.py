@@ -62,7 +62,7 @@ class RecordingsState:
             raise ValueError("give the folder of a campaign, or drop its files.")
         self._idle()
         if folder.resolve() != self.folder:
-            self.corrections, self.verdicts = Corrections(), {}
+            self._forget()
         self.folder, self.reading = folder.resolve(), reading or Reading()
         self._beside("reading", self._read)
 
@@ -77,7 +77,7 @@ class RecordingsState:
             if file.name in ("", ".", ".."):
                 raise ValueError(f"a dropped file must have a name; got {name[:40]!r}.")
             file.write_bytes(content)
-        self.corrections, self.verdicts = Corrections(), {}
+        self._forget()
         self.open(target, reading)
 
     def columns_by_recording(self) -> dict[str, tuple[str, ...]]:
@@ -233,16 +233,27 @@ class RecordingsState:
 
     def _read(self) -> None:
         assert self.folder is not None
-        self.campaign, self._as_read, self.modelled, self.warnings, self.surveyed = None, None, {}, [], ()
         try:
             found = self.reading.campaign(self.folder, self.corrections)
             self._check(found)
         except ValueError:  # is told; the headers show what can be corrected, if they can be read
+            surveyed: tuple[SurveyedFile, ...] = ()
             with contextlib.suppress(ValueError, OSError):
-                self.surveyed = self.reading.survey(self.folder, self.corrections)
+                surveyed = self.reading.survey(self.folder, self.corrections)
+            self._forget_samples(surveyed)
             raise
-        self._as_read = found
+        self._as_read, self.surveyed = found, ()
         self._simulate()
+
+    def _forget(self) -> None:
+        """Other files than before are read."""
+        self.corrections, self.verdicts = Corrections(), {}
+        self._forget_samples()
+
+    def _forget_samples(self, surveyed: tuple[SurveyedFile, ...] = ()) -> None:
+        """There are no recordings, but what was surveyed."""
+        self.campaign, self._as_read, self.surveyed = None, None, surveyed
+        self.modelled, self.warnings = {}, []
 
     def _check(self, as_read: Campaign) -> None:
         """Apply the corrections of labels, and look for what is implausible."""

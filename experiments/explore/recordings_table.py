@@ -14,13 +14,15 @@ from inkjet_env.recordings.campaign import Source
 from inkjet_env.recordings.roles import ROLES
 from inkjet_env.recordings.survey import SurveyedFile
 
-SELDOM = ("monitor", "neighbour")
-"""Roles that most recordings lack."""
 REMARK = "remark"
 COLUMNS = (
-    "recording", "file", "time", "drive", "sensor", "monitor", "neighbour", "channel", "unit", "initial_state",
-    "samples", "rate", "drive_V", "signal", "residual", "noise", REMARK,
+    "recording", "file", "drive", "sensor", "monitor", "neighbour", "channel", "unit", "initial_state", "drive_V",
+    "signal", "residual", "noise", REMARK, "time", "samples", "rate",
 )  # fmt: skip
+ALWAYS = ("recording", "drive", "sensor", "channel", REMARK, "time")
+"""Columns that are shown even if nothing stands in them."""
+SELDOM = ("monitor", "neighbour")
+"""Roles that most recordings lack: shown where a file has a column for them."""
 TITLES = {
     "time": "time from", "drive": "drive from", "sensor": "sensor from", "monitor": "monitor from",
     "neighbour": "neighbour from", "initial_state": "initial state", "drive_V": "drive (V)", REMARK: "",
@@ -41,11 +43,10 @@ def choices(state: RecordingsState) -> dict[str, list[str]]:
     return {what: [GUESS, *LABELS.get(what, columns)] for what in CORRECTABLE}
 
 
-def unused(found: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> list[str]:
-    """Roles that need no column of the table: no recording has them, and no file has a column for them."""
-    if len(columns) > 3:
-        return []
-    return [role for role in SELDOM if not any(row[role] for row in found)]
+def unused(found: Sequence[Mapping[str, Any]], widest: int) -> list[str]:
+    """Columns of the table in which nothing stands and nothing can be corrected; ``widest``: most columns of a file."""
+    shown = (*ALWAYS, *(SELDOM if widest > 3 else ()))
+    return [name for name in COLUMNS if name not in shown and not any(row[name] for row in found)]
 
 
 def rate_text(rate_Hz: float) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 import panel as pn
 
+from inkjet_env.cli.campaign_reading import notes_of
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.reading import CORRECTABLE, GUESS, Reading
 from inkjet_env.experiments.explore.recording_plots import RecordingPlots
@@ -48,7 +49,7 @@ class RecordingsView(View):
         self.identify = self.button("Identify", lambda: self.state.start(IDENTIFY))
         self.diagnose = self.button("Diagnose", lambda: self.state.start(DIAGNOSE))
         self.stop = self.button("Stop", self.state.stop)
-        self.command = pn.widgets.TextAreaInput(label="the command line that gives the same verdict", rows=5, **wide)
+        self.command = pn.widgets.TextAreaInput(label="the command that gives the same", rows=5, **wide)
         self.shown = pn.widgets.Select(label="recording", options=[], **wide)
         self.shown.param.watch(self._shown_chosen, "value")
         self.model = pn.widgets.RadioButtonGroup(label="head", options=["published"], variant="outline")
@@ -123,7 +124,7 @@ class RecordingsView(View):
         set_differing(self.stop, disabled=not running)
         self.verdict.object = self._said()
         self._draw_commands()
-        notes = [] if state.campaign is None else [*state.campaign.notes, *state.warnings]
+        notes = [] if state.campaign is None else [*notes_of(state.campaign), *state.warnings]
         more = f"<li>… and {len(notes) - MOST_NOTES} more</li>" if len(notes) > MOST_NOTES else ""
         items = "".join(f"<li>{html.escape(one)}</li>" for one in notes[:MOST_NOTES]) + more
         self.notes.object = f"<ul class='notes'>{items}</ul>" if items else ""
@@ -160,7 +161,7 @@ class RecordingsView(View):
                 name: {"type": "list", "values": offered[name]} if name in CORRECTABLE else None for name in COLUMNS
             }
         names = self.state.columns_by_recording()
-        widest = max(names.values(), key=len, default=())
+        widest = max(map(len, names.values()), default=0)
         set_differing(self.table, hidden_columns=unused(found, widest))
         table = pd.DataFrame(found, columns=list(COLUMNS))
         if not table.equals(self.table.value):
