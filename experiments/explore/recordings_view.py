@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -54,15 +55,9 @@ class RecordingsView(View):
         self.shown.param.watch(self._shown_chosen, "value")
         self.model = pn.widgets.RadioButtonGroup(label="head", options=["published"], variant="outline")
         self.model.param.watch(self._model_chosen, "value")
-        self.choices: dict[str, list[str]] = {}
-        self.table = pn.widgets.Tabulator(
-            pd.DataFrame({name: [] for name in COLUMNS}), show_index=False, titles=TITLES, height=260,
-            layout="fit_data_fill", sizing_mode="stretch_width", selectable=False, theme="simple",
-            editors=dict.fromkeys(COLUMNS), formatters={name: {"type": "plaintext"} for name in COLUMNS},
-            sortable=False, stylesheets=[TABLE],
-        )  # fmt: skip
-        self.table.on_edit(self._edited)
-        self.table.on_click(self._clicked)
+        self.shape: tuple[Any, ...] = ({}, [])
+        self.table = self._new_table(*self.shape)
+        self.table_place = column(self.table)
         controls = column(
             self.folder, self.dropped, self.columns, self.channel, self.initial, self.read,
             row(self.identify, self.diagnose, self.stop), self.command, self.shown,
@@ -73,8 +68,28 @@ class RecordingsView(View):
             "on them.</p>"
         )
         plots = self.plots
-        drawn = column(self.verdict, self.notes, hint, self.table, plots.drive, plots.signal, plots.left, kind="drawn")
+        drawn = column(
+            self.verdict, self.notes, hint, self.table_place, plots.drive, plots.signal, plots.left, kind="drawn"
+        )
         self.layout = row(controls, drawn, kind="view")
+
+    def _new_table(self, offered: Mapping[str, Sequence[str]], hidden: Sequence[str]) -> Any:
+        """An empty table, in which the cells of some columns can be set to what is offered.
+
+        A table that is on the page does not take other editors or columns safely while it is drawn.
+        """
+        editors = {
+            name: {"type": "list", "values": list(offered[name])} if name in offered else None for name in COLUMNS
+        }
+        table = pn.widgets.Tabulator(
+            pd.DataFrame({name: [] for name in COLUMNS}), show_index=False, titles=TITLES, height=260,
+            layout="fit_data_fill", sizing_mode="stretch_width", selectable=False, theme="simple", editors=editors,
+            formatters={name: {"type": "plaintext"} for name in COLUMNS}, sortable=False,
+            hidden_columns=list(hidden), stylesheets=[TABLE],
+        )  # fmt: skip
+        table.on_edit(self._edited)
+        table.on_click(self._clicked)
+        return table
 
     @property
     def _reading(self) -> Reading:
@@ -155,17 +170,15 @@ class RecordingsView(View):
 
     def _draw_table(self) -> None:
         found, offered = rows(self.state), choices(self.state)
-        if offered != self.choices:
-            self.choices = offered
-            self.table.editors = {
-                name: {"type": "list", "values": offered[name]} if name in CORRECTABLE else None for name in COLUMNS
-            }
         names = self.state.columns_by_recording()
-        widest = max(map(len, names.values()), default=0)
-        set_differing(self.table, hidden_columns=unused(found, widest))
-        table = pd.DataFrame(found, columns=list(COLUMNS))
-        if not table.equals(self.table.value):
-            self.table.value = table
+        values = pd.DataFrame(found, columns=list(COLUMNS))
+        shape = (offered, unused(found, max(map(len, names.values()), default=0)))
+        if shape != self.shape:
+            self.shape, self.table = shape, self._new_table(*shape)
+            self.table.value = values
+            self.table_place[:] = [self.table]
+        elif not values.equals(self.table.value):
+            self.table.value = values
         read = [] if self.state.campaign is None else list(names)
         set_differing(self.shown, options=read)
         if self.state.shown in read:
