@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -50,11 +50,10 @@ class Wiring:
             except ValueError as error:
                 raise CampaignError(str(error)) from None
 
-    def check_names(self, folder: Path, names: Iterable[str]) -> None:
+    def check_names(self, folder: Path, names: Collection[str]) -> None:
         """Raise a `CampaignError` if something is told of a recording that there is not."""
-        known: Container[str] = set(names)
         for name in (*self.columns_of, *self.channel_of):
-            if name not in known:
+            if name not in names:
                 raise CampaignError(
                     f"{folder}: has no recording {brief(name)}, of which columns or a channel were given."
                     f"{nearest_name(name[:60], sorted(names))}"
