@@ -1,6 +1,7 @@
 import pytest
 
 from inkjet_env.experiments import cli
+from tests.browser import launched
 from tests.processes import started, wait_until, written_json
 
 
@@ -41,3 +42,10 @@ def inkjet(capsys, tmp_path, monkeypatch):
         return exit_.value.code, out, err
 
     return run
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A Chromium for the tests of one file: while it is there, so is Playwright's event loop."""
+    with launched() as opened:
+        yield opened

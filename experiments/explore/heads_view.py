@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
 from typing import Any
 
 import panel as pn
@@ -15,30 +14,24 @@ from inkjet_env.experiments.explore.figures import fit, legend_above, new_figure
 from inkjet_env.experiments.explore.heads import MOST_HEADS
 from inkjet_env.experiments.explore.heads_state import SEARCH, frequency_response
 from inkjet_env.experiments.explore.style import column, row, set_differing, text_pane
+from inkjet_env.experiments.explore.view import Guarded, View
 from inkjet_env.reporting.plotting import COLOURS
 from inkjet_env.reporting.waveform_figures import signed
 
 
-class HeadsView:
-    """One tab's view of the heads.
+class HeadsView(View):
+    """One tab's view of the heads."""
 
-    Parameters
-    ----------
-    exploration : Exploration
-        The state.
-    guarded : callable
-        Runs a change, tells a refusal in a sentence and the change to every tab.
-    """
+    name = "heads"
 
-    def __init__(self, exploration: Exploration, guarded: Callable[[str, Callable[[], object]], None]) -> None:
-        self.exploration, self.state, self.guarded = exploration, exploration.heads, guarded
+    def __init__(self, exploration: Exploration, guarded: Guarded) -> None:
+        super().__init__(exploration, guarded)
+        self.state = exploration.heads
         self.file = pn.widgets.FileInput(accept=".json", sizing_mode="stretch_width")
         self.file.param.watch(self._dropped, "value")
-        self.find = pn.widgets.Button(label="Find the best waveforms", color="primary")
-        self.find.on_click(lambda _: guarded("heads", self.state.find))
+        self.find = self.button("Find the best waveforms", self.state.find, "primary")
         self.choice = pn.widgets.Select(label="whose best waveform", options=[], sizing_mode="stretch_width")
-        self.take = pn.widgets.Button(label="Edit it in Waveform")
-        self.take.on_click(lambda _: guarded("all", lambda: self.state.take(self.choice.value)))
+        self.take = self.button("Edit it in Waveform", lambda: self.state.take(self.choice.value), view="all")
         self.said, self.table = text_pane(), text_pane()
         self.loop = new_figure(
             "drive (V)", "hysteretic drive (V)", "Loop under the drive in Waveform", x_range=Range1d(-1, 1),
@@ -80,8 +73,7 @@ class HeadsView:
         if event.new:
             self.guarded("all", lambda: self.state.drop(self.file.filename, event.new))
 
-    def draw(self) -> None:
-        """Show the state as it is now."""
+    def _draw(self) -> None:
         state, heads = self.state, list(self.exploration.shelf.heads.values())
         set_differing(self.find, disabled=bool(state.busy))
         names = [one.name for one in heads]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,24 +17,19 @@ from inkjet_env.experiments.explore.figures import BLUE, ORANGE, fit, legend_abo
 from inkjet_env.experiments.explore.search import FAILED, PAUSED, RUNNING, Progress
 from inkjet_env.experiments.explore.search_plan import NOT_ROBUST
 from inkjet_env.experiments.explore.style import column, row, set_differing, text_pane
+from inkjet_env.experiments.explore.view import Guarded, View
 from inkjet_env.plant.head_ensemble import RISKS
 from inkjet_env.reporting.waveform_figures import signed
 
 
-class OptimiseView:
-    """One tab's view of the search.
+class OptimiseView(View):
+    """One tab's view of the search."""
 
-    Parameters
-    ----------
-    exploration : Exploration
-        The state.
-    guarded : callable
-        Runs a change, tells a refusal in a sentence and the change to every tab.
-    """
+    name = "optimise"
 
-    def __init__(self, exploration: Exploration, guarded: Callable[[str, Callable[[], object]], None]) -> None:
-        self.exploration, self.state, self.guarded = exploration, exploration.optimise, guarded
-        self.drawing = False
+    def __init__(self, exploration: Exploration, guarded: Guarded) -> None:
+        super().__init__(exploration, guarded)
+        self.state = exploration.optimise
         self.widgets = {
             "optimizer": pn.widgets.Select(label="optimiser", options=list(optimizers.names())),
             "problem": pn.widgets.Select(label="problem", options=list(suite())),
@@ -48,10 +42,10 @@ class OptimiseView:
             widget.sizing_mode = "stretch_width"
             widget.param.watch(lambda event, name=name: self._chosen(name, event.new), "value")
         shelf, waveform = exploration.shelf, exploration.waveform
-        self.start = self._button("Start", lambda: self.state.start(shelf, waveform), "primary")
-        self.pause = self._button("Pause", self._pause_or_resume)
-        self.stop = self._button("Stop", self.state.stop)
-        self.take = self._button("Edit in Waveform", self._take_over)
+        self.start = self.button("Start", lambda: self.state.start(shelf, waveform), "primary")
+        self.pause = self.button("Pause", self._pause_or_resume)
+        self.stop = self.button("Stop", self.state.stop)
+        self.take = self.button("Edit in Waveform", self._take_over)
         self.said = text_pane()
         self.command = pn.widgets.TextAreaInput(
             label="the command line that finds the same", rows=5, sizing_mode="stretch_width"
@@ -86,14 +80,9 @@ class OptimiseView:
         )  # fmt: skip
         self.layout = row(controls, drawn, kind="view")
 
-    def _button(self, label: str, act: Callable[[], object], kind: str = "default") -> Any:
-        button = pn.widgets.Button(label=label, color=kind)
-        button.on_click(lambda _: self.guarded("optimise", act))
-        return button
-
     def _chosen(self, name: str, value: Any) -> None:
-        if not self.drawing and value is not None and getattr(self.state.settings, name) != value:
-            self.guarded("optimise", lambda: self.state.change(**{name: value}))
+        if value is not None and getattr(self.state.settings, name) != value:
+            self.change(lambda: self.state.change(**{name: value}))
 
     def _pause_or_resume(self) -> None:
         progress = self.state.progress
@@ -105,14 +94,6 @@ class OptimiseView:
     def _take_over(self) -> None:
         self.state.take_over(self.exploration.shelf, self.exploration.waveform)
         self.exploration.changed("waveform")
-
-    def draw(self) -> None:
-        """Show the state as it is now."""
-        self.drawing = True
-        try:
-            self._draw()
-        finally:
-            self.drawing = False
 
     def _draw(self) -> None:
         state, progress = self.state, self.state.progress

@@ -28,12 +28,8 @@ class Page:
     def __init__(self, exploration: Exploration) -> None:
         self.exploration = exploration
         self.message = text_pane()
-        self.views: dict[str, Any] = {
-            "waveform": WaveformView(exploration, self.guarded),
-            "optimise": OptimiseView(exploration, self.guarded),
-            "recordings": RecordingsView(exploration, self.guarded),
-            "heads": HeadsView(exploration, self.guarded),
-        }
+        kinds = (WaveformView, OptimiseView, RecordingsView, HeadsView)
+        self.views: dict[str, Any] = {kind.name: kind(exploration, self.guarded) for kind in kinds}
         self.tabs = pn.Tabs(
             *((name.capitalize(), view.layout) for name, view in self.views.items()), sizing_mode="stretch_width"
         )

@@ -2,84 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import shlex
 import shutil
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from inkjet_env.cli.arguments import named_values
-from inkjet_env.experiments.explore.heads import HeadShelf, NamedHead
+from inkjet_env.experiments.explore.heads import HeadShelf
 from inkjet_env.experiments.explore.job import Job
-from inkjet_env.identification import Evaluation, evaluate
-from inkjet_env.identification.agreement import agreement_sentence, agreements
+from inkjet_env.experiments.explore.modelled import Modelled, modelled_by
+from inkjet_env.experiments.explore.reading import GUESS, Corrections, Reading
 from inkjet_env.naming import check_name
-from inkjet_env.recordings import Campaign, CampaignError, Recording, check_campaign, read_campaign, write_campaign
-from inkjet_env.recordings.recording import CHANNELS, INITIAL_STATES, SENSOR_COLUMNS
+from inkjet_env.recordings import Campaign, CampaignError, check_campaign, write_campaign
+from inkjet_env.recordings.roles import ROLES
+from inkjet_env.recordings.survey import SurveyedFile
 
-CORRECTABLE = {"channel": CHANNELS, "unit": tuple(SENSOR_COLUMNS), "initial_state": INITIAL_STATES}
-"""What can be corrected of a recording, and to what."""
 IDENTIFY, DIAGNOSE = "identify", "diagnose"
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How files are read, where nothing in the folder says so.
-
-    Parameters
-    ----------
-    columns : str
-        Column of each role, as ``time=NAME,drive=NAME,sensor=NAME``; empty to guess.
-    channel, initial_state : str
-        Channel and initial state of all files; empty to guess.
-    interval_s : float or None
-        Sampling interval in seconds, for files without times.
-    """
-
-    columns: str = ""
-    channel: str = ""
-    initial_state: str = ""
-    interval_s: float | None = None
-
-    def campaign(self, folder: Path) -> Campaign:
-        """Read the campaign of a folder."""
-        columns = named_values("columns", self.columns) if self.columns.strip() else None
-        return read_campaign(
-            folder, columns=columns, channel=self.channel or None, initial_state=self.initial_state or None,
-            interval_s=self.interval_s,
-        )  # fmt: skip
-
-    def options(self) -> list[str]:
-        """The same as options of a command."""
-        pairs = (
-            ("--columns", self.columns.strip()), ("--channel", self.channel), ("--initial-state", self.initial_state),
-            ("--interval", "" if self.interval_s is None else f"{self.interval_s!r}"),
-        )  # fmt: skip
-        return [part for option, value in pairs if value for part in (option, value)]
-
-
-@dataclass(frozen=True, eq=False)
-class Modelled:
-    """A campaign beside its simulation by one head.
-
-    Attributes
-    ----------
-    evaluations : dict of str to Evaluation
-        By recording.
-    noise_rms : dict of str to float
-        Standard deviation of the noise by recording, in its unit; NaN where nothing shows it.
-    differs : dict of str to bool
-        Whether the residual is more than noise and tolerance.
-    sentence : str
-        Whether it is the same head.
-    """
-
-    evaluations: Mapping[str, Evaluation]
-    noise_rms: Mapping[str, float]
-    differs: Mapping[str, bool]
-    sentence: str
 
 
 class RecordingsState:
@@ -99,8 +41,9 @@ class RecordingsState:
         self.files, self.shelf, self.told = files, shelf, told
         self.folder: Path | None = None
         self.reading = Reading()
-        self.corrections: dict[str, dict[str, str]] = {}
+        self.corrections = Corrections()
         self.campaign: Campaign | None = None
+        self.surveyed: tuple[SurveyedFile, ...] = ()
         self.warnings: list[str] = []
         self.shown: str = ""
         self.model: str = shelf.chosen
@@ -110,7 +53,8 @@ class RecordingsState:
         self.job: Job | None = None
         self.busy = ""
         self._thread: threading.Thread | None = None
-        self._whole: Campaign | None = None
+        self._as_read: Campaign | None = None
+        self._written: Campaign | None = None
 
     def open(self, folder: Path, reading: Reading | None = None) -> None:
         """Read a folder; the page is told when it is read, or why not."""
@@ -118,7 +62,7 @@ class RecordingsState:
             raise ValueError("give the folder of a campaign, or drop its files.")
         self._idle()
         if folder.resolve() != self.folder:
-            self.corrections, self.verdicts = {}, {}
+            self._forget()
         self.folder, self.reading = folder.resolve(), reading or Reading()
         self._beside("reading", self._read)
 
@@ -133,20 +77,44 @@ class RecordingsState:
             if file.name in ("", ".", ".."):
                 raise ValueError(f"a dropped file must have a name; got {name[:40]!r}.")
             file.write_bytes(content)
-        self.corrections, self.verdicts = {}, {}
+        self._forget()
         self.open(target, reading)
 
+    def columns_by_recording(self) -> dict[str, tuple[str, ...]]:
+        """Names of the columns of each recording's file."""
+        if self.campaign is None:
+            return {one.name: one.columns for one in self.surveyed}
+        sources = self.campaign.sources
+        return {one.name: sources[one.name].columns if one.name in sources else () for one in self.campaign.recordings}
+
     def correct(self, name: str, what: str, value: str) -> None:
-        """Correct the channel, the unit or the initial state of a recording."""
-        check_name("what is corrected", what, CORRECTABLE)
-        check_name(what, value, CORRECTABLE[what])
-        if self._whole is None or name not in [one.name for one in self._whole.recordings]:
+        """Correct the column of a role, the channel, the unit or the initial state of a recording.
+
+        Parameters
+        ----------
+        name : str
+            The recording; it need not have been read.
+        what : str
+            A role such as drive, or channel, unit or initial_state.
+        value : str
+            Its column, or its value; `GUESS` takes the correction back.
+
+        Raises
+        ------
+        ValueError
+            There is no such recording, column or value, the recordings would be implausible, or a command is under way.
+        """
+        columns = self.columns_by_recording()
+        if name not in columns:
             raise ValueError(f"there is no recording {name[:40]!r}.")
         self._idle()
-        before = {one: dict(values) for one, values in self.corrections.items()}
-        self.corrections.setdefault(name, {})[what] = value
+        before, self.corrections = self.corrections, self.corrections.corrected(name, what, value, columns[name])
+        if self._as_read is None or what in ROLES or value == GUESS:
+            self.verdicts = {}
+            self._beside("reading", self._read)
+            return
         try:
-            self._check()
+            self._check(self._as_read)
         except ValueError:
             self.corrections = before
             raise
@@ -175,11 +143,42 @@ class RecordingsState:
         self.verdicts.pop(command, None)
         self.trouble = ""
         self.files.mkdir(parents=True, exist_ok=True)
+        if self._is_written():
+            self._begin(command)
+        else:
+            self._beside("writing", lambda: self._begin(command))
+
+    def write_corrected(self) -> None:
+        """Write the corrected recordings as a campaign, unless they are there or nothing is corrected."""
+        if self.campaign is not None and not self._is_written():
+            write_campaign(self.corrected, self.campaign)
+            self._written = self.campaign
+
+    def _begin(self, command: str) -> None:
+        self.write_corrected()
         self.job = Job(command, self.arguments(command), lambda: self._job_told(command))
 
+    @property
+    def corrected(self) -> Path:
+        """Folder of the campaign as corrected; it is written when a command starts."""
+        return self.files / "corrected"
+
+    def _is_written(self) -> bool:
+        """Whether a command would see the recordings as the page does."""
+        there = self._written is self.campaign and self.corrected.is_dir()
+        return not self.corrections.by_recording or there
+
+    def command_text(self, command: str) -> str:
+        """The command line that gives the same as the page; empty while the corrected recordings are in no folder."""
+        if self.folder is None or self.campaign is None or not self._is_written():
+            return ""
+        return shlex.join(["inkjet", command, *self.arguments(command)])
+
     def arguments(self, command: str) -> list[str]:
-        """Arguments with which the command sees the recordings as the page does."""
-        folder, reading = self._source()
+        """Arguments with which the command sees the recordings as the page does, once they are written."""
+        assert self.folder is not None
+        whole = not self.corrections.by_recording
+        source = [str(self.folder), *self.reading.options()] if whole else [str(self.corrected)]
         results = {
             IDENTIFY: ["--out", self._result("identified.json"), "--report", self._result("identification.html")],
             DIAGNOSE: [
@@ -187,7 +186,7 @@ class RecordingsState:
                 "--report", self._result("diagnosis.html"),
             ],
         }  # fmt: skip
-        return [str(folder), *reading, *results[command]]
+        return [*source, *results[command]]
 
     def stop(self) -> None:
         """Ask the command that runs to end; finished fits are kept, and the next start resumes."""
@@ -195,7 +194,9 @@ class RecordingsState:
             self.job.stop()
 
     def join(self, timeout_s: float | None = 600.0) -> None:
-        """Wait for what runs beside the page."""
+        """Wait for what runs beside the page: reading and writing, a command, and what follows it."""
+        if self._thread is not None:
+            self._thread.join(timeout_s)
         if self.job is not None:
             self.job.join(timeout_s)
         if self._thread is not None:
@@ -205,16 +206,6 @@ class RecordingsState:
         """End what runs, since the server ends."""
         self.stop()
         self.join(20.0)
-
-    def _source(self) -> tuple[Path, list[str]]:
-        """Folder that a command reads, and options with which; corrected recordings are written there first."""
-        assert self.folder is not None
-        assert self.campaign is not None
-        if not self.corrections:
-            return self.folder, self.reading.options()
-        target = self.files / "corrected"
-        write_campaign(target, self.campaign)
-        return target, []
 
     def _result(self, name: str) -> str:
         return str(self.files / name)
@@ -242,16 +233,32 @@ class RecordingsState:
 
     def _read(self) -> None:
         assert self.folder is not None
-        self.campaign, self._whole, self.modelled, self.warnings = None, None, {}, []
-        self._whole = self.reading.campaign(self.folder)
-        self._check()
+        try:
+            found = self.reading.campaign(self.folder, self.corrections)
+            self._check(found)
+        except ValueError:  # is told; the headers show what can be corrected, if they can be read
+            surveyed: tuple[SurveyedFile, ...] = ()
+            with contextlib.suppress(ValueError, OSError):
+                surveyed = self.reading.survey(self.folder, self.corrections)
+            self._forget_samples(surveyed)
+            raise
+        self._as_read, self.surveyed = found, ()
         self._simulate()
 
-    def _check(self) -> None:
-        """Apply the corrections, and look for what is implausible."""
-        assert self._whole is not None
-        recordings = tuple(self._corrected(one) for one in self._whole.recordings)
-        campaign = replace(self._whole, recordings=recordings)
+    def _forget(self) -> None:
+        """Other files than before are read."""
+        self.corrections, self.verdicts = Corrections(), {}
+        self._forget_samples()
+
+    def _forget_samples(self, surveyed: tuple[SurveyedFile, ...] = ()) -> None:
+        """There are no recordings, but what was surveyed."""
+        self.campaign, self._as_read, self.surveyed = None, None, surveyed
+        self.modelled, self.warnings = {}, []
+
+    def _check(self, as_read: Campaign) -> None:
+        """Apply the corrections of labels, and look for what is implausible."""
+        recordings = tuple(self.corrections.applied(one) for one in as_read.recordings)
+        campaign = replace(as_read, recordings=recordings)
         findings = check_campaign(campaign, None)
         if errors := [str(one) for one in findings if one.level == "error"]:
             raise CampaignError(errors[0])
@@ -259,29 +266,13 @@ class RecordingsState:
         names = [one.name for one in recordings]
         self.shown = self.shown if self.shown in names else ""
 
-    def _corrected(self, recording: Recording) -> Recording:
-        changes: dict[str, Any] = dict(self.corrections.get(recording.name, {}))
-        return replace(recording, **changes) if changes else recording
-
     def _simulate(self) -> None:
         """Simulate the recordings with the head that is chosen."""
         assert self.campaign is not None
-        name = self.model if self.model in self.shelf.heads else self.shelf.chosen
-        head, campaign = self.shelf.heads[name], self.campaign
-        found, _ = evaluate(campaign, head.head, gains_of(head))
-        agreed = agreements(campaign, found, {})
-        self.model = name
-        modelled = Modelled(
-            {one.recording.name: one for one in found},
-            {one.name: one.noise_rms for one in agreed},
-            {one.name: one.differs for one in agreed},
-            agreement_sentence(agreed),
-        )
-        self.modelled[name] = modelled
-        if not self.shown:  # where it shows most
-            self.shown = max(
-                agreed, key=lambda one: (one.differs, one.share * (one.output_rms > 3 * one.noise_rms))
-            ).name
+        self.model = self.model if self.model in self.shelf.heads else self.shelf.chosen
+        modelled = modelled_by(self.shelf.heads[self.model], self.campaign)
+        self.modelled[self.model] = modelled
+        self.shown = self.shown or modelled.clearest
 
     def _job_told(self, command: str) -> None:
         job = self.job
@@ -316,86 +307,21 @@ class RecordingsState:
 
     def as_json(self) -> dict[str, Any]:
         """The state as plain JSON values."""
-        reading = self.reading
         return {
             "folder": None if self.folder is None else str(self.folder),
-            "reading": {
-                "columns": reading.columns, "channel": reading.channel, "initial_state": reading.initial_state,
-                "interval_s": reading.interval_s,
-            },
-            "corrections": {name: dict(values) for name, values in list(self.corrections.items())},
+            "reading": self.reading.as_json(),
+            "corrections": self.corrections.as_json(),
             "shown": self.shown,
             "model": self.model,
             "verdicts": dict(self.verdicts),
-        }  # fmt: skip
+        }
 
     def restore(self, stored: Mapping[str, Any]) -> None:
         """Take what `as_json` wrote, and read the recordings again."""
-        reading = stored["reading"]
-        interval_s = None if reading["interval_s"] is None else float(reading["interval_s"])
-        self.reading = Reading(
-            str(reading["columns"]), str(reading["channel"]), str(reading["initial_state"]), interval_s
-        )
-        self.corrections = {str(n): {str(k): str(v) for k, v in c.items()} for n, c in stored["corrections"].items()}
+        self.reading = Reading.from_json(stored["reading"])
+        self.corrections = Corrections.from_json(stored["corrections"])
         self.shown, self.model = str(stored["shown"]), str(stored["model"])
         self.verdicts = {str(k): str(v) for k, v in stored["verdicts"].items()}
         if stored["folder"] is not None:
             self.folder = Path(stored["folder"])
             self._beside("reading", self._read)
-
-
-def gains_of(head: NamedHead) -> dict[str, float]:
-    """Gains of the channels from which a head was identified, in their units per hysteretic volt."""
-    fit = head.data.get("fit")
-    channels: Mapping[str, Any] = (fit.get("channels") or {}) if isinstance(fit, dict) else {}
-    found = {}
-    for channel, entry in channels.items():
-        value = (entry.get("gain") or {}).get("value")
-        if isinstance(value, (int, float)):
-            found[channel] = float(value)
-    return found
-
-
-def rate_text(rate_Hz: float) -> str:
-    """A sample rate in the unit that suits it.
-
-    Examples
-    --------
-    >>> rate_text(2e7)
-    '20 MHz'
-    """
-    scale, unit = next(((scale, unit) for scale, unit in ((1e6, "MHz"), (1e3, "kHz")) if rate_Hz >= scale), (1.0, "Hz"))
-    return f"{rate_Hz / scale:.4g} {unit}"
-
-
-def rows(state: RecordingsState) -> Sequence[dict[str, Any]]:
-    """The recordings as rows of a table: what was read and guessed, and how the chosen head does."""
-    if state.campaign is None:
-        return []
-    modelled = state.modelled.get(state.model)
-    found = []
-    for one in state.campaign.recordings:
-        source = state.campaign.sources.get(one.name)
-        file = "" if source is None else Path(source.file).name
-        row: dict[str, Any] = {
-            "recording": one.name,
-            "file": file if file != f"{one.name}.csv" else "",
-            "channel": one.channel,
-            "unit": one.unit,
-            "initial_state": one.initial_state,
-            "samples": one.time_s.size,
-            "rate": rate_text(one.sample_rate_Hz),
-            "drive_V": f"{one.drive_V.min():.3g} … {one.drive_V.max():.3g}",
-            "signal": f"{one.sensor.min():.3g} … {one.sensor.max():.3g}",
-            "residual": "",
-            "noise": "",
-            "": "corrected by you" if one.name in state.corrections else "",
-        }
-        if modelled is not None:
-            noise = modelled.noise_rms[one.name]
-            row["residual"] = f"{modelled.evaluations[one.name].rms:.3g}"
-            row["noise"] = "–" if noise != noise else f"{noise:.3g}"
-            if modelled.differs[one.name]:
-                row[""] = " ".join(filter(None, ("differs", row[""] and f"({row['']})")))
-        found.append(row)
-    return found

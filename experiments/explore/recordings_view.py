@@ -4,44 +4,36 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import panel as pn
 
+from inkjet_env.cli.campaign_reading import notes_of
 from inkjet_env.experiments.explore.exploration import Exploration
+from inkjet_env.experiments.explore.reading import CORRECTABLE, GUESS, Reading
 from inkjet_env.experiments.explore.recording_plots import RecordingPlots
-from inkjet_env.experiments.explore.recordings_state import CORRECTABLE, DIAGNOSE, IDENTIFY, Reading, rows
+from inkjet_env.experiments.explore.recordings_state import DIAGNOSE, IDENTIFY
+from inkjet_env.experiments.explore.recordings_table import COLUMNS, TITLES, choices, rows, unused
 from inkjet_env.experiments.explore.style import column, row, set_differing, text_pane
+from inkjet_env.experiments.explore.view import Guarded, View
 from inkjet_env.recordings.recording import CHANNELS, INITIAL_STATES
 
-COLUMNS = (
-    "recording", "file", "channel", "unit", "initial_state", "samples", "rate", "drive_V", "signal", "residual",
-    "noise", "",
-)  # fmt: skip
-TITLES = {"initial_state": "initial state", "drive_V": "drive (V)", "residual": "residual", "noise": "noise"}
 TABLE = ":host { font-size: 12px; }"
-GUESS = "as guessed"
 MOST_NOTES = 6
 """Largest number of notes that are shown."""
 
 
-class RecordingsView:
-    """One tab's view of the recordings.
+class RecordingsView(View):
+    """One tab's view of the recordings."""
 
-    Parameters
-    ----------
-    exploration : Exploration
-        The state.
-    guarded : callable
-        Runs a change, tells a refusal in a sentence and the change to every tab.
-    """
+    name = "recordings"
 
-    def __init__(self, exploration: Exploration, guarded: Callable[[str, Callable[[], object]], None]) -> None:
-        self.exploration, self.state, self.guarded = exploration, exploration.recordings, guarded
-        self.drawing = False
+    def __init__(self, exploration: Exploration, guarded: Guarded) -> None:
+        super().__init__(exploration, guarded)
+        self.state = exploration.recordings
         self.told_folder: Path | None = None
         self.plots = RecordingPlots()
         self.verdict, self.notes = text_pane(), text_pane()
@@ -54,39 +46,50 @@ class RecordingsView:
         )
         self.channel = pn.widgets.Select(label="channel of the files", options=[GUESS, *CHANNELS], **wide)
         self.initial = pn.widgets.Select(label="initial state of the files", options=[GUESS, *INITIAL_STATES], **wide)
-        self.read = self._button("Read", self._open, "primary")
-        self.identify = self._button("Identify", lambda: self.state.start(IDENTIFY))
-        self.diagnose = self._button("Diagnose", lambda: self.state.start(DIAGNOSE))
-        self.stop = self._button("Stop", self.state.stop)
+        self.read = self.button("Read", self._open, "primary")
+        self.identify = self.button("Identify", lambda: self.state.start(IDENTIFY))
+        self.diagnose = self.button("Diagnose", lambda: self.state.start(DIAGNOSE))
+        self.stop = self.button("Stop", self.state.stop)
+        self.command = pn.widgets.TextAreaInput(label="the command that gives the same", rows=5, **wide)
         self.shown = pn.widgets.Select(label="recording", options=[], **wide)
         self.shown.param.watch(self._shown_chosen, "value")
         self.model = pn.widgets.RadioButtonGroup(label="head", options=["published"], variant="outline")
         self.model.param.watch(self._model_chosen, "value")
-        self.table = pn.widgets.Tabulator(
-            pd.DataFrame({name: [] for name in COLUMNS}), show_index=False, titles=TITLES, height=260,
-            layout="fit_data_fill", sizing_mode="stretch_width", selectable=False, theme="simple",
-            editors={
-                name: {"type": "list", "values": list(CORRECTABLE[name])} if name in CORRECTABLE else None
-                for name in COLUMNS
-            },
-            formatters={name: {"type": "plaintext"} for name in COLUMNS}, sortable=False, stylesheets=[TABLE],
-        )  # fmt: skip
-        self.table.on_edit(self._edited)
-        self.table.on_click(self._clicked)
+        self.shape: tuple[Any, ...] = ({}, [])
+        self.table = self._new_table(*self.shape)
+        self.table_place = column(self.table)
         controls = column(
             self.folder, self.dropped, self.columns, self.channel, self.initial, self.read,
-            row(self.identify, self.diagnose, self.stop), self.shown, text_pane("<p>modelled by the head</p>"),
-            self.model, kind="controls",
+            row(self.identify, self.diagnose, self.stop), self.command, self.shown,
+            text_pane("<p>modelled by the head</p>"), self.model, kind="controls",
         )  # fmt: skip
-        hint = text_pane("<p>Channel, unit and initial state of a row can be corrected: click on them.</p>")
+        hint = text_pane(
+            "<p>Which column is drive or sensor, channel, unit and initial state can be corrected in each row: click "
+            "on them.</p>"
+        )
         plots = self.plots
-        drawn = column(self.verdict, self.notes, hint, self.table, plots.drive, plots.signal, plots.left, kind="drawn")
+        drawn = column(
+            self.verdict, self.notes, hint, self.table_place, plots.drive, plots.signal, plots.left, kind="drawn"
+        )
         self.layout = row(controls, drawn, kind="view")
 
-    def _button(self, label: str, act: Callable[[], object], kind: str = "default") -> Any:
-        button = pn.widgets.Button(label=label, color=kind)
-        button.on_click(lambda _: self.guarded("recordings", act))
-        return button
+    def _new_table(self, offered: Mapping[str, Sequence[str]], hidden: Sequence[str]) -> Any:
+        """An empty table, in which the cells of some columns can be set to what is offered.
+
+        A table that is on the page does not take other editors or columns safely while it is drawn.
+        """
+        editors = {
+            name: {"type": "list", "values": list(offered[name])} if name in offered else None for name in COLUMNS
+        }
+        table = pn.widgets.Tabulator(
+            pd.DataFrame({name: [] for name in COLUMNS}), show_index=False, titles=TITLES, height=260,
+            layout="fit_data_fill", sizing_mode="stretch_width", selectable=False, theme="simple", editors=editors,
+            formatters={name: {"type": "plaintext"} for name in COLUMNS}, sortable=False,
+            hidden_columns=list(hidden), stylesheets=[TABLE],
+        )  # fmt: skip
+        table.on_edit(self._edited)
+        table.on_click(self._clicked)
+        return table
 
     @property
     def _reading(self) -> Reading:
@@ -103,34 +106,26 @@ class RecordingsView:
         contents = contents if isinstance(contents, list) else [contents]
         if contents and contents[0] and len(names) == len(contents):
             files = dict(zip(names, contents, strict=True))
-            self.guarded("recordings", lambda: self.state.drop(files, self._reading))
+            self.change(lambda: self.state.drop(files, self._reading))
 
     def _edited(self, event: Any) -> None:
         if not self.drawing and event.column in CORRECTABLE and event.value != event.old:
             name = str(self.table.value["recording"].iloc[event.row])
-            self.guarded("recordings", lambda: self.state.correct(name, event.column, str(event.value)))
+            self.change(lambda: self.state.correct(name, event.column, str(event.value)))
             self.draw()
 
     def _clicked(self, event: Any) -> None:
         if event.column not in CORRECTABLE:
             name = str(self.table.value["recording"].iloc[event.row])
-            self.guarded("recordings", lambda: self.state.show(name))
+            self.change(lambda: self.state.show(name))
 
     def _shown_chosen(self, event: Any) -> None:
-        if not self.drawing and event.new and event.new != self.state.shown:
-            self.guarded("recordings", lambda: self.state.show(event.new))
+        if event.new and event.new != self.state.shown:
+            self.change(lambda: self.state.show(event.new))
 
     def _model_chosen(self, event: Any) -> None:
-        if not self.drawing and event.new and event.new != self.state.model:
-            self.guarded("recordings", lambda: self.state.choose_model(event.new))
-
-    def draw(self) -> None:
-        """Show the state as it is now."""
-        self.drawing = True
-        try:
-            self._draw()
-        finally:
-            self.drawing = False
+        if event.new and event.new != self.state.model:
+            self.change(lambda: self.state.choose_model(event.new))
 
     def _draw(self) -> None:
         state, job = self.state, self.state.job
@@ -143,7 +138,8 @@ class RecordingsView:
         set_differing(self.diagnose, disabled=not idle or state.campaign is None)
         set_differing(self.stop, disabled=not running)
         self.verdict.object = self._said()
-        notes = [] if state.campaign is None else [*state.campaign.notes, *state.warnings]
+        self._draw_commands()
+        notes = [] if state.campaign is None else [*notes_of(state.campaign), *state.warnings]
         more = f"<li>… and {len(notes) - MOST_NOTES} more</li>" if len(notes) > MOST_NOTES else ""
         items = "".join(f"<li>{html.escape(one)}</li>" for one in notes[:MOST_NOTES]) + more
         self.notes.object = f"<ul class='notes'>{items}</ul>" if items else ""
@@ -161,14 +157,31 @@ class RecordingsView:
                 state.model,
             )
 
+    def _draw_commands(self) -> None:
+        """The command lines, in the order in which the verdicts stand."""
+        state = self.state
+        given = [text for one in (DIAGNOSE, IDENTIFY) if (text := state.command_text(one))]
+        note = (
+            ""
+            if state.campaign is None
+            else f"# Identify or Diagnose first writes what you corrected to {state.corrected}"
+        )
+        set_differing(self.command, value="\n\n".join(given) or (note if state.campaign else ""))
+
     def _draw_table(self) -> None:
-        found = rows(self.state)
-        table = pd.DataFrame(found, columns=list(COLUMNS))
-        if not table.equals(self.table.value):
-            self.table.value = table
-        names = [one["recording"] for one in found]
-        set_differing(self.shown, options=names)
-        if self.state.shown in names:
+        found, offered = rows(self.state), choices(self.state)
+        names = self.state.columns_by_recording()
+        values = pd.DataFrame(found, columns=list(COLUMNS))
+        shape = (offered, unused(found, max(map(len, names.values()), default=0)))
+        if shape != self.shape:
+            self.shape, self.table = shape, self._new_table(*shape)
+            self.table.value = values
+            self.table_place[:] = [self.table]
+        elif not values.equals(self.table.value):
+            self.table.value = values
+        read = [] if self.state.campaign is None else list(names)
+        set_differing(self.shown, options=read)
+        if self.state.shown in read:
             set_differing(self.shown, value=self.state.shown)
 
     def _said(self) -> str:

@@ -17,6 +17,7 @@ from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.figures import PIN_COLOURS
 from inkjet_env.experiments.explore.style import column, row, set_differing, text_pane
 from inkjet_env.experiments.explore.tables import cost_table, pinned_table
+from inkjet_env.experiments.explore.view import Guarded, View
 from inkjet_env.experiments.explore.waveform_plots import WaveformPlots
 from inkjet_env.experiments.explore.waveform_state import MOST_PINNED
 from inkjet_env.printhead import DriverLimits
@@ -35,20 +36,14 @@ SAME = 1e-9
 """Relative difference below which a slider shows the state already."""
 
 
-class WaveformView:
-    """One tab's view of the waveform.
+class WaveformView(View):
+    """One tab's view of the waveform."""
 
-    Parameters
-    ----------
-    exploration : Exploration
-        The state.
-    guarded : callable
-        Runs a change, tells a refusal in a sentence and the change to every tab.
-    """
+    name = "waveform"
 
-    def __init__(self, exploration: Exploration, guarded: Callable[[str, Callable[[], object]], None]) -> None:
-        self.exploration, self.state, self.guarded = exploration, exploration.waveform, guarded
-        self.drawing = False
+    def __init__(self, exploration: Exploration, guarded: Guarded) -> None:
+        super().__init__(exploration, guarded)
+        self.state = exploration.waveform
         self._kept: list[tuple[Head, Drive, Conditions, Curves]] = []
         self.plots = WaveformPlots(self.state, lambda: guarded("waveform", lambda: None))
         self.sliders = [self._slider(k) for k in range(len(PARAMETERS))]
@@ -65,7 +60,7 @@ class WaveformView:
         self.command = pn.widgets.TextAreaInput(
             label="the command line that gives the same", rows=6, sizing_mode="stretch_width"
         )
-        self.undo = self._button("Undo", self.state.undo)
+        self.undo = self.button("Undo", self.state.undo)
         self.layout = self._layout()
 
     def _slider(self, k: int) -> Any:
@@ -76,27 +71,22 @@ class WaveformView:
 
         def moved(event: Any, settled: bool) -> None:
             scale = PARAMETERS[k][2]
-            if self.drawing or isinstance(self.state.drive, Corners):
+            if isinstance(self.state.drive, Corners):
                 return
             if abs(event.new / scale - self.state.drive.to_array()[k]) > SAME * abs(event.new / scale):
-                self.guarded("waveform", lambda: self.state.change_parameter(k, event.new / scale, settled))
+                self.change(lambda: self.state.change_parameter(k, event.new / scale, settled))
             elif settled:
-                self.guarded("waveform", self.state.settle)
+                self.change(self.state.settle)
 
         slider.param.watch(lambda event: moved(event, False), "value")
         slider.param.watch(lambda event: moved(event, True), "value_throttled")
         return slider
 
-    def _button(self, label: str, act: Callable[[], object], view: str = "waveform") -> Any:
-        button = pn.widgets.Button(label=label)
-        button.on_click(lambda _: self.guarded(view, act))
-        return button
-
     def _layout(self) -> Any:
         state = self.state
         self.pin_choice = pn.widgets.Select(options=[], width=84)
-        take = self._button("Edit it", lambda: state.take(self.pin_choice.value))
-        drop = self._button("Remove", lambda: state.unpin(self.pin_choice.value))
+        take = self.button("Edit it", lambda: state.take(self.pin_choice.value))
+        drop = self.button("Remove", lambda: state.unpin(self.pin_choice.value))
         self.pin_row = row(self.pin_choice, take, drop)
         self.limits = pn.widgets.TextInput(
             label="what the driver can do", placeholder="lowest_V=0,highest_V=48,rise_V_per_us=20",
@@ -120,11 +110,11 @@ class WaveformView:
         )
         settings = pn.Card(
             text_pane("<p>cost = A·|effective| + B·|next| + Σ|others|</p>"), row(*self.weights), self.limits,
-            self._button("Make it legal", state.make_legal), text_pane("<p>a drive file of any segments</p>"),
+            self.button("Make it legal", state.make_legal), text_pane("<p>a drive file of any segments</p>"),
             self.drive_file, title="Cost, driver, drive file", collapsed=True, sizing_mode="stretch_width",
         )  # fmt: skip
         controls = column(
-            self.head, *self.sliders, self.frequency, row(self.undo, self._button("Pin", state.pin)),
+            self.head, *self.sliders, self.frequency, row(self.undo, self.button("Pin", state.pin)),
             self.pin_row, settings, kind="controls",
         )  # fmt: skip
         plots = self.plots
@@ -151,20 +141,17 @@ class WaveformView:
         return self.exploration.shelf.head.head, self.state.drive, self.state.conditions
 
     def _head_chosen(self, event: Any) -> None:
-        if not self.drawing and event.new is not None and event.new != self.exploration.shelf.chosen:
-            self.guarded("waveform", lambda: self.exploration.shelf.choose(event.new))
+        if event.new is not None and event.new != self.exploration.shelf.chosen:
+            self.change(lambda: self.exploration.shelf.choose(event.new))
 
     def _frequency_moved(self, event: Any) -> None:
-        if not self.drawing and abs(event.new * 1e3 - self.state.conditions.drop_frequency_Hz) > 1e-6:
-            self.guarded("waveform", lambda: self.state.set_drop_frequency(event.new * 1e3))
+        if abs(event.new * 1e3 - self.state.conditions.drop_frequency_Hz) > 1e-6:
+            self.change(lambda: self.state.set_drop_frequency(event.new * 1e3))
 
     def _limits_given(self, event: Any) -> None:
-        if not self.drawing:
-            self.guarded("waveform", lambda: setattr(self.state, "limits", DriverLimits.from_text(event.new)))
+        self.change(lambda: setattr(self.state, "limits", DriverLimits.from_text(event.new)))
 
     def _cost_given(self, _: Any) -> None:
-        if self.drawing:
-            return
         A, B, rule = (one.value for one in self.weights)
 
         def judged() -> None:
@@ -174,19 +161,11 @@ class WaveformView:
                 effective = rule.strip()
             self.state.set_cost(replace(self.state.conditions.cost, A=A, B=B, effective=effective))
 
-        self.guarded("waveform", judged)
+        self.change(judged)
 
     def _drive_given(self, event: Any) -> None:
         if event.new:
-            self.guarded("waveform", lambda: self.exploration.open_drive(self.drive_file.filename, event.new))
-
-    def draw(self) -> None:
-        """Show the state as it is now."""
-        self.drawing = True
-        try:
-            self._draw()
-        finally:
-            self.drawing = False
+            self.change(lambda: self.exploration.open_drive(self.drive_file.filename, event.new))
 
     def _draw(self) -> None:
         state, head = self.state, self.exploration.shelf.head

@@ -12,7 +12,7 @@ from inkjet_env.recordings.recording import Recording, brief
 
 @dataclass(frozen=True)
 class Source:
-    """File and row from which a recording was read.
+    """File, row and columns from which a recording was read.
 
     Parameters
     ----------
@@ -20,10 +20,16 @@ class Source:
         Path of the CSV file.
     first_row : int
         Row of the file, counted from 1, that holds the first sample.
+    columns : tuple of str
+        Names of the columns that hold samples.
+    roles : mapping of str to str
+        Name of the column that was read in each role: time, drive, sensor, monitor, neighbour.
     """
 
     file: str
     first_row: int = 2
+    columns: tuple[str, ...] = ()
+    roles: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

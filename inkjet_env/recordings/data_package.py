@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from inkjet_env.printhead import nearest_name
 from inkjet_env.recordings.campaign import Campaign, Source
+from inkjet_env.recordings.instrument_file import open_table
 from inkjet_env.recordings.oscilloscope import read_scope_samples
 from inkjet_env.recordings.recording import SENSOR_COLUMNS, CampaignError, Recording, brief
 from inkjet_env.recordings.samples import Samples, read_standard_samples
+from inkjet_env.recordings.wiring import Wiring
 
 DESCRIPTOR = "datapackage.json"
 FORMAT = "campaign/1"
@@ -22,8 +24,7 @@ LARGEST_DESCRIPTOR = 1 << 26
 
 def read_data_package(
     folder: Path,
-    columns: Mapping[str, str | int] | None,
-    channel: str | None,
+    wiring: Wiring,
     initial_state: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Campaign:
@@ -42,10 +43,11 @@ def read_data_package(
     recordings: list[Recording] = []
     sources: dict[str, Source] = {}
     _check_different(path, resources)
+    wiring.check_names(folder, [str(resource.get("name")) for resource in resources if isinstance(resource, dict)])
     for number, resource in enumerate(resources, start=1):
         if progress is not None:
             progress(f"reading ({number} of {len(resources)})")
-        recording, source = _read_resource(folder, number, resource, columns, (channel, initial_state), notes)
+        recording, source = _read_resource(folder, number, resource, wiring, initial_state, notes)
         recordings.append(recording)
         sources[recording.name] = source
     try:
@@ -118,8 +120,8 @@ def _read_resource(
     folder: Path,
     number: int,
     resource: Any,
-    columns: Mapping[str, str | int] | None,
-    asked: tuple[str | None, str | None],
+    wiring: Wiring,
+    initial_state: str | None,
     notes: list[str],
 ) -> tuple[Recording, Source]:
     path = folder / DESCRIPTOR
@@ -131,18 +133,24 @@ def _read_resource(
     if resource.get("format", "csv") != "csv":
         raise CampaignError(f"{path}: {place}format must be 'csv'; got {brief(resource['format'])}. Export it as CSV.")
     labels = _field(path, place, resource, "inkjet", dict, {})
-    channel = labels.get("channel", asked[0])
-    state = labels.get("initial_state", asked[1] or "free")
+    channel = wiring.channel_of.get(name, labels.get("channel", wiring.channel))
+    state = labels.get("initial_state", initial_state or "free")
     if channel is None:
         raise CampaignError(
             f"{path}: {place}inkjet.channel is missing, so the sensor is unknown. "
             "Add it, self_sensing, strain_gauge or displacement, or give channel=."
         )
-    for label, stated, wanted in (("channel", channel, asked[0]), ("initial_state", state, asked[1])):
+    for label, stated, wanted in (
+        ("channel", channel, wiring.channel_for(name)),
+        ("initial_state", state, initial_state),
+    ):
         if wanted is not None and stated != wanted:
             notes.append(f"{path}: {place}{label} is {brief(stated)} in the descriptor; {wanted} was not applied.")
     file = _file_inside(folder, path, place, _field(path, place, resource, "path", str))
-    samples = read_scope_samples(file, columns) if columns else _standard_samples(file, path, place, resource)
+    if wiring.columns or name in wiring.columns_of:
+        samples = read_scope_samples(file, wiring.columns_for(name, open_table(file)))
+    else:
+        samples = _standard_samples(file, path, place, resource)
     notes.extend(samples.notes)
     try:
         recording = Recording(

@@ -9,7 +9,8 @@ from pathlib import Path
 from inkjet_env.recordings.campaign import Campaign
 from inkjet_env.recordings.data_package import DESCRIPTOR, read_data_package
 from inkjet_env.recordings.oscilloscope import read_scope_folder
-from inkjet_env.recordings.recording import CHANNELS, INITIAL_STATES, CampaignError, brief, check_label
+from inkjet_env.recordings.recording import INITIAL_STATES, CampaignError, check_label
+from inkjet_env.recordings.wiring import Wiring
 
 
 def read_campaign(
@@ -19,6 +20,8 @@ def read_campaign(
     channel: str | None = None,
     initial_state: str | None = None,
     interval_s: float | None = None,
+    columns_of: Mapping[str, Mapping[str, str | int]] | None = None,
+    channel_of: Mapping[str, str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Campaign:
     """Read a measuring campaign: a Data Package, or a folder of an instrument's files.
@@ -38,6 +41,10 @@ def read_campaign(
         been repeated, and one repetition is recorded.
     interval_s : float, optional
         Sampling interval in seconds, for files that hold neither times nor an interval.
+    columns_of : mapping of str to mapping, optional
+        The same as ``columns``, of single recordings by their names: files of one folder may be wired differently.
+    channel_of : mapping of str to str, optional
+        Recorded sensor of single recordings, whatever the folder says.
     progress : callable, optional
         Called with the name of each recording, in words, before it is read.
 
@@ -52,17 +59,15 @@ def read_campaign(
         Anything is missing, damaged or contradictory; one sentence names the file, the row, the rule and a fix.
     """
     folder = Path(folder)
-    for label, given, known in (("channel", channel, CHANNELS), ("initial_state", initial_state, INITIAL_STATES)):
-        try:
-            check_label(label, known[0] if given is None else given, known)
-        except ValueError as error:
-            raise CampaignError(str(error)) from None
-    if columns is not None and not isinstance(columns, Mapping):
-        raise CampaignError(f"columns must map roles to columns, such as {{'drive': 'CH1'}}; got {brief(columns)}.")
+    try:
+        check_label("initial_state", INITIAL_STATES[0] if initial_state is None else initial_state, INITIAL_STATES)
+    except ValueError as error:
+        raise CampaignError(str(error)) from None
+    wiring = Wiring({} if columns is None else columns, channel, columns_of or {}, channel_of or {})
     if not folder.is_dir():
         raise CampaignError(
             f"{folder}: must be a folder; there is {'a file' if folder.exists() else 'none'}. Check it."
         )
     if (folder / DESCRIPTOR).exists():
-        return read_data_package(folder, columns, channel, initial_state, progress)
-    return read_scope_folder(folder, columns or {}, channel, initial_state or "free", interval_s, progress)
+        return read_data_package(folder, wiring, initial_state, progress)
+    return read_scope_folder(folder, wiring, initial_state or "free", interval_s, progress)

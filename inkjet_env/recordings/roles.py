@@ -104,7 +104,7 @@ def named_roles(table: Table, columns: Mapping[str, str | int], interval_s: floa
             raise CampaignError(
                 f"columns must name {', '.join(ROLES)}; got {brief(role)}.{nearest_name(str(role)[:60], ROLES)}"
             )
-        number = _column_number(table, role, column)
+        number = column_number(table, role, column)
         if number in roles.values():
             raise CampaignError(f"columns gives column {brief(column)} two roles. Give each role its own column.")
         roles[role] = number
@@ -290,7 +290,8 @@ def _time(table: Table, free: Sequence[int], interval_s: float | None, needed: i
     return first, "guessed: the first column"
 
 
-def _column_number(table: Table, role: str, column: str | int) -> int:
+def column_number(table: Table, role: str, column: str | int) -> int:
+    """A column of a file, counted from 0, by its name or its number from 1; `CampaignError` if there is none."""
     names = table.header.names
     if isinstance(column, str) and column in names:
         return names.index(column)

@@ -22,6 +22,10 @@ from inkjet_env.recordings.units import Unit
 from inkjet_env.typing import Real
 
 OPTIONAL_COLUMNS = ("drive_monitor_V", "neighbour_V")
+_ROLES = {
+    "time_s": "time", "drive_V": "drive", "sensor": "sensor", "drive_monitor_V": "monitor", "neighbour_V": "neighbour",
+}  # fmt: skip
+"""Roles of a recording's arrays."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,8 @@ def read_standard_samples(file: Path) -> Samples:
     unused = [name for name in names if name not in columns.values()]
     if unused:
         notes += (f"{file}: column {', '.join(unused)[:80]} was not read.",)
-    return Samples(arrays | {"unit": units[0]}, names, Source(str(file), 2), notes)
+    roles = {_ROLES[label]: name for label, name in columns.items()}
+    return Samples(arrays | {"unit": units[0]}, names, Source(str(file), 2, names, roles), notes)
 
 
 def uniform(table: Table, column: int, time: Real, unit: Unit | None) -> tuple[Real, tuple[str, ...]]:

@@ -13,7 +13,7 @@ from inkjet_env.experiments.benchmark.entrants import entrant
 from inkjet_env.experiments.benchmark.report import write_report
 from inkjet_env.experiments.benchmark.runner import run_bench
 from inkjet_env.experiments.benchmark.settings import BenchSettings
-from tests import browser
+from tests.browser import load, opened_page
 
 PROBLEMS = ("nominal", "stiff-head", "reading-200mV")
 OPTIMIZERS = ("pso", "pso-tuned", "cma-es", "lbfgsb-multistart", "random")
@@ -30,8 +30,8 @@ def report(tmp_path_factory):
 def test_the_page_loads_nothing_and_holds_what_it_shows(report):
     text = report.read_text()
     own = re.sub(r"<script.*?</script>", "", text, flags=re.S)
-    for load in ("src=", "@import", "<link", "url(http", 'href="http'):
-        assert load not in own
+    for loading in ("src=", "@import", "<link", "url(http", 'href="http'):
+        assert loading not in own
     assert not re.search(r"<script[^>]* src", text)
     data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.S)[1])
     assert {problem["name"] for problem in data["problems"]} == set(PROBLEMS)
@@ -41,37 +41,41 @@ def test_the_page_loads_nothing_and_holds_what_it_shows(report):
 
 
 @pytest.fixture(scope="module")
-def tab(report, tmp_path_factory):
+def faults():
+    """What was wrong in the page."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def tab(report, browser, faults):
     """The page in a browser."""
-    if browser.found() is None:
-        pytest.skip("there is no Chromium on this machine (apt-get install chromium)")
-    with browser.opened(tmp_path_factory.mktemp("profile")) as tab:
-        tab.open(report)
-        tab.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
-        yield tab
+    tab = opened_page(browser, faults, viewport={"width": 1250, "height": 900})
+    load(tab, report)
+    tab.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    return tab
 
 
 def rows(tab, table="standings"):
     """Names in a table's first column: what stands between the colour and any small print."""
-    return tab.value(
+    return tab.evaluate(
         f"[...document.querySelectorAll('#{table} tbody tr')].map((r) => r.cells[0].childNodes[1].textContent.trim())"
     )
 
 
 def traces(tab, plot):
     """Names of what a plot shows."""
-    return tab.value(f"visibleLines('{plot}')")
+    return tab.evaluate(f"visibleLines('{plot}')")
 
 
-def test_it_loads_without_an_error_and_without_the_network(tab):
-    assert tab.faults() == []
+def test_it_loads_without_an_error_and_without_the_network(tab, faults):
+    assert faults == []
     assert set(rows(tab)) == set(OPTIMIZERS)
-    assert tab.value("document.getElementById('standings').textContent").count("on 2 of 3") == 1  # L-BFGS-B
+    assert tab.evaluate("document.getElementById('standings').textContent").count("on 2 of 3") == 1  # L-BFGS-B
     assert set(traces(tab, "ecdf")) == set(OPTIMIZERS)
 
 
 def test_it_tells_who_took_part_and_what_tuning_took(tab):
-    told = tab.value(
+    told = tab.evaluate(
         "[...document.querySelectorAll('#entrants tbody tr')].map((r) => [...r.cells].map((c) => c.textContent))"
     )
     by_name = {name: rest for name, *rest in told}
@@ -82,44 +86,44 @@ def test_it_tells_who_took_part_and_what_tuning_took(tab):
     assert "gradient" in by_name["lbfgsb-multistart"][3]
 
 
-def test_families_change_tables_and_plots(tab):
-    tab.choose("family", "reading")
+def test_families_change_tables_and_plots(tab, faults):
+    tab.select_option("#family", "reading")
     assert set(rows(tab)) == set(OPTIMIZERS) - {"lbfgsb-multistart"}  # it cannot be used there
     assert set(traces(tab, "profile")) == set(OPTIMIZERS) - {"lbfgsb-multistart"}
-    tab.choose("family", "head")
+    tab.select_option("#family", "head")
     assert set(rows(tab)) == set(OPTIMIZERS)
-    tab.choose("family", "all")
-    assert tab.faults() == []
+    tab.select_option("#family", "all")
+    assert faults == []
 
 
 def test_budgets_change_the_standings(tab):
     texts = {}
     for budget in ("50", "200"):
-        tab.choose("budget", budget)
-        texts[budget] = tab.value("document.getElementById('standings').textContent")
-        assert tab.value("document.querySelector('#said li').textContent").startswith(f"After {budget} evaluations")
+        tab.select_option("#budget", budget)
+        texts[budget] = tab.evaluate("document.getElementById('standings').textContent")
+        assert tab.evaluate("document.querySelector('#said li').textContent").startswith(f"After {budget} evaluations")
     assert texts["50"] != texts["200"]
 
 
-def test_optimisers_can_be_hidden_and_shown(tab):
-    box = "document.querySelector('#optimizers input[value=\"pso\"]')"
-    tab.value(f"{box}.click()")
+def test_optimisers_can_be_hidden_and_shown(tab, faults):
+    box = tab.locator('#optimizers input[value="pso"]')
+    box.click()
     assert "pso" not in rows(tab) + rows(tab, "physical") + traces(tab, "ecdf") + traces(tab, "curves")
-    tab.value(f"{box}.click()")
+    box.click()
     assert "pso" in rows(tab)
-    assert tab.faults() == []
+    assert faults == []
 
 
 def test_a_problem_can_be_looked_at(tab):
-    tab.choose("problem", "reading-200mV")
+    tab.select_option("#problem", "reading-200mV")
     assert set(traces(tab, "curves")) == set(OPTIMIZERS) - {"lbfgsb-multistart"}
-    tab.choose("problem", "nominal")
+    tab.select_option("#problem", "nominal")
     assert set(rows(tab, "physical")) == set(OPTIMIZERS)
 
 
 def test_a_curve_tells_its_numbers_where_the_pointer_is(tab):
-    """The pointer at a point of the winner's curve; a tooltip lies in the plot's own tree of nodes."""
-    place = tab.value("""(() => {
+    """The pointer at a point of the winner's curve."""
+    place = tab.evaluate("""(() => {
         const view = Bokeh.index.find_one_by_id(model('ecdf:plot').id);
         const source = model(`ecdf:${data.optimizers[0]}`).data_source.data;
         view.el.scrollIntoView({block: 'center'});
@@ -128,15 +132,9 @@ def test_a_curve_tells_its_numbers_where_the_pointer_is(tab):
         return [box.x + x, box.y + y, source.x[last]];
     })()""")
     for x in (place[0] - 3, place[0]):
-        tab.ask("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=place[1])
-    text = tab.value("""new Promise((told) => setTimeout(() => {
-        const inner = (node) => [...node.querySelectorAll('*')].map((n) => n.shadowRoot ? texts(n.shadowRoot) : '');
-        const texts = (node) => inner(node).join(' ')
-            + (node.host?.classList.contains('bk-Tooltip') ? node.textContent : '');
-        told(texts(document));
-    }, 300))""")
-    assert f"{place[2]} evaluations" in text
-    assert "of targets met" in text
+        tab.mouse.move(x, place[1])
+    tooltip = tab.locator(".bk-Tooltip", has_text=f"{place[2]} evaluations")
+    tooltip.filter(has_text="of targets met").first.wait_for()
 
 
 def test_it_opens_with_the_winner_its_picture_and_its_waveform(tab, report):
@@ -144,9 +142,9 @@ def test_it_opens_with_the_winner_its_picture_and_its_waveform(tab, report):
     assert re.search(
         '<h1>.*? wins with 200 evaluations.*?class="zoomable".*?The winning waveform.*?<details>', text, re.S
     )
-    winner = tab.value("document.querySelector('h1').textContent.split(' ')[0]")
-    assert winner == tab.value("data.optimizers[0]")
-    row = tab.value("[...document.querySelector('.seven tbody tr').cells].map((c) => c.textContent)")
+    winner = tab.evaluate("document.querySelector('h1').textContent.split(' ')[0]")
+    assert winner == tab.evaluate("data.optimizers[0]")
+    row = tab.evaluate("[...document.querySelector('.seven tbody tr').cells].map((c) => c.textContent)")
     seven = [float(cell.replace("−", "-")) for cell in row[:7]]
     held = dict(re.findall(r'download="([^"]*)" href="data:[^;]*;base64,([^"]*)"', text))
     assert set(held) == {"waveform.csv", "waveform.ini"}
@@ -157,17 +155,15 @@ def test_it_opens_with_the_winner_its_picture_and_its_waveform(tab, report):
 
 
 def test_nothing_is_wider_than_the_page(tab, tmp_path):
-    assert tab.value("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
-    tab.picture(tmp_path / "page.png")
+    assert tab.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    tab.screenshot(path=tmp_path / "page.png", full_page=True)
     assert (tmp_path / "page.png").stat().st_size > 50_000
 
 
 def test_a_sheet_of_paper_holds_every_table(tab):
     """A4 less its margins is 703 pixels wide."""
-    tab.ask("Emulation.setEmulatedMedia", media="print")
-    tab.ask("Emulation.setDeviceMetricsOverride", width=703, height=1000, deviceScaleFactor=1, mobile=False)
-    widths = tab.value("[...document.querySelectorAll('table')].map((t) => t.getBoundingClientRect().right)")
-    tab.ask("Emulation.clearDeviceMetricsOverride")
-    tab.ask("Emulation.setEmulatedMedia", media="")
+    tab.emulate_media(media="print")
+    tab.set_viewport_size({"width": 703, "height": 1000})
+    widths = tab.evaluate("[...document.querySelectorAll('table')].map((t) => t.getBoundingClientRect().right)")
     assert len(widths) >= 5
     assert max(widths) <= 703

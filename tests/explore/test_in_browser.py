@@ -2,20 +2,27 @@
 
 import http.client
 import json
+import shlex
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 
+from inkjet_env.plant import catalogue
+from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Printhead, Waveform
 from inkjet_env.recordings.drive import read_drive
+from inkjet_env.rig import default_battery, record_campaign
+from tests.browser import opened_page
 from tests.processes import started, wait_until
 
-CHROMIUM = "/usr/bin/chromium"
 HOSTILE = "<img src=x onerror=alert(1)>"
 PUBLISHED = Printhead.published()
+LABELS = ("trapezoid-60V", "trapezoid-100V", "bipolar-full")
+"""Drives of the smallest campaign whose verdict is a named effect."""
 
 ON_SCREEN = """([time_us, volts]) => {
     const all = [];
@@ -27,9 +34,9 @@ ON_SCREEN = """([time_us, volts]) => {
 }"""
 """Where the first plot draws a point, in pixels of the window."""
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-if not Path(CHROMIUM).exists():
-    pytest.skip(f"there is no {CHROMIUM}", allow_module_level=True)
+ALLOWED = ("data:", "blob:", "http://127.0.0.1:", "ws://127.0.0.1:")
+"""Addresses that the page may ask for."""
+
 pytest.importorskip("panel", reason="panel is not installed")
 
 
@@ -63,27 +70,15 @@ def server(tmp_path_factory):
     shutil.rmtree(made.folder, ignore_errors=True)
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with playwright.sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield opened
-        opened.close()
-
-
 class Tabs:
-    """Tabs of the browser, and what was wrong in them: errors that a page logged, requests for other machines."""
+    """Tabs of the browser, and what was wrong in them."""
 
     def __init__(self, browser, server):
         self.browser, self.server, self.faults = browser, server, []
 
     def open(self):
-        page = self.browser.new_page(viewport={"width": 1280, "height": 900}, accept_downloads=True)
-        page.on("console", lambda said: self.faults.append(said.text) if said.type == "error" else None)
-        page.on("pageerror", lambda error: self.faults.append(str(error)))
-        page.on("dialog", lambda dialog: self.faults.append(f"dialog {dialog.message}"))
-        page.on("request", lambda asked: self.faults.append(asked.url) if not local(asked.url) else None)
-        page.on("websocket", lambda socket: self.faults.append(socket.url) if not local(socket.url) else None)
+        size = {"width": 1280, "height": 900}
+        page = opened_page(self.browser, self.faults, ALLOWED, viewport=size, accept_downloads=True)
         page.goto(self.server.address)
         page.wait_for_selector("#cost", timeout=60_000)
         return page
@@ -107,10 +102,6 @@ def page(tabs, first):
     assert tabs.faults == []
 
 
-def local(address):
-    return address.startswith(("data:", "blob:")) or urlsplit(address).hostname == "127.0.0.1"
-
-
 def cost_shown(page):
     return float(page.locator("#cost").get_attribute("data-cost"))
 
@@ -127,6 +118,8 @@ def test_a_dragged_corner_shows_the_simulators_cost(server, tabs, page):
     other = tabs.open()
     choose(page, "head", "published")
     wait_until(lambda: session(server)["head"] == "published")
+    published_V = PUBLISHED.respond(Waveform.from_array(session(server)["waveform"]["drive"]["waveform"])).cost()
+    wait_until(lambda: abs(cost_shown(page) - published_V) < 1e-9)  # the axes of the other head are gone
     before = session(server)["waveform"]["drive"]["waveform"]
     corner = 1e6 * (before[2] + before[3]), before[0]
     (x, y), (to_x, to_y) = (page.evaluate(ON_SCREEN, [corner[0] + 3 * k, corner[1] - 25 * k]) for k in (0, 1))
@@ -192,6 +185,56 @@ def test_dropped_files_can_be_corrected(page, tmp_path):
     page.get_by_role("button", name="Read").click()
     page.get_by_text("-2 … 2").first.wait_for()
     assert page.locator("img[onerror]").count() == 0
+
+
+def write_scope_files(folder):
+    """Recordings of a slow sensing amplifier in files of two instruments; their columns must be told file by file."""
+    slow = next(effect for effect in catalogue() if effect.id == "sensor_bandwidth")
+    head = AugmentedPrinthead(PUBLISHED, ((slow, slow.example_values(PUBLISHED)),))
+    lines = {line.label: line for line in default_battery(PUBLISHED.frequency_Hz) if line.channel == "self_sensing"}
+    chosen = [replace(lines[label], drive_V=lines[label].drive_V[:400], repeats=1) for label in LABELS]
+    found = record_campaign(head, 1, battery=chosen, snr_dB=50.0).recordings
+    names = ("CH1,CH2", "CH1,CH2", "amp_out,probe_in")  # the last is guessed wrongly: out is what answers, by its name
+    for one, name, swapped in zip(found, names, (True, False, False), strict=True):
+        columns = (one.time_s, one.sensor, one.drive_V) if swapped else (one.time_s, one.drive_V, one.sensor)
+        rows = [",".join(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
+        (folder / f"{one.name}.csv").write_text("\n".join([f"time_s,{name}", *rows]))
+    return sorted(folder.glob("*.csv"))
+
+
+def correct(page, recording, what, value):
+    """Choose in a cell of the table, and wait until the recordings are read again."""
+    cell = page.locator(".tabulator-row", has_text=recording).locator(f"[tabulator-field={what}]")
+    cell.click()
+    page.locator(".tabulator-edit-list-item", has_text=value).click()
+    cell.filter(has_text=value).wait_for()
+
+
+def test_a_dropped_campaign_is_corrected_and_its_verdict_is_the_commands(server, page, inkjet, tmp_path):
+    page.get_by_text("Recordings", exact=True).click()
+    choose(page, "channel of the files", "self_sensing")
+    choose(page, "initial state of the files", "periodic")
+    page.get_by_label("columns of the files").fill("")
+    page.get_by_label("columns of the files").press("Enter")
+    page.locator("input[type=file][multiple]").set_input_files(write_scope_files(tmp_path))
+    page.get_by_text("which of them is the drive cannot be guessed").wait_for()
+    correct(page, "r001", "drive", "CH2")
+    page.get_by_text("0 … 60").wait_for()
+    correct(page, "r003", "drive", "amp_out")
+    page.get_by_role("button", name="Diagnose").click()
+    page.locator("#job", has_text="inkjet diagnose, ").wait_for()
+    sentence = page.locator("#diagnose").inner_text(timeout=180_000)
+    told = page.get_by_label("the command that gives the same").input_value()
+    command = next(shlex.split(line) for line in told.splitlines() if line.startswith("inkjet diagnose"))
+    file = Path(command[command.index("--json") + 1])
+    ours = json.loads(file.read_text())
+    file.unlink()
+    status, out, _ = inkjet(*command[1:])
+    theirs = json.loads(file.read_text())
+    assert (status, sentence) == (0, out.splitlines()[0])
+    assert ours["verdict"] == "named"
+    assert [effect["id"] for effect in ours["effects"]] == ["sensor_bandwidth"]
+    assert {key: ours[key] for key in ("verdict", "effects")} == {key: theirs[key] for key in ("verdict", "effects")}
 
 
 def test_names_of_files_are_text(server, page):

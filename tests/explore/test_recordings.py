@@ -1,6 +1,7 @@
 """Recordings on the page: what was read can be corrected, and verdicts are those of the commands."""
 
 import json
+import shlex
 import threading
 from dataclasses import replace
 
@@ -9,7 +10,9 @@ import pytest
 
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.job import Job
-from inkjet_env.experiments.explore.recordings_state import DIAGNOSE, IDENTIFY, Reading, rows
+from inkjet_env.experiments.explore.reading import GUESS, Reading
+from inkjet_env.experiments.explore.recordings_state import DIAGNOSE, IDENTIFY
+from inkjet_env.experiments.explore.recordings_table import REMARK, choices, rows
 from inkjet_env.experiments.explore.traces import MOST_POINTS, decimated
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import read_campaign, write_campaign
@@ -36,12 +39,13 @@ def state(tmp_path):
     exploration.recordings.close()
 
 
-def scope_text(scale=1.0):
-    """A file of an oscilloscope that has the sensor where the drive is expected."""
+def scope_text(scale=1.0, drive_last=True):
+    """A file of an oscilloscope whose columns' names tell nothing."""
     time_s = np.arange(2000) * 5e-8
     drive_V = 50 * np.sin(2 * np.pi * 3e4 * time_s)
     sensor_V = scale * 2 * np.cos(2 * np.pi * 3e4 * time_s)
-    lines = [f"{t:.9g},{s:.9g},{d:.9g}" for t, s, d in zip(time_s, sensor_V, drive_V, strict=True)]
+    columns = (sensor_V, drive_V) if drive_last else (drive_V, sensor_V)
+    lines = [f"{t:.9g},{a:.9g},{b:.9g}" for t, a, b in zip(time_s, *columns, strict=True)]
     return "\n".join(["time_s,CH1,CH2", *lines]).encode()
 
 
@@ -93,7 +97,10 @@ def test_a_correction_is_seen_by_the_commands_and_kept(tmp_path, campaign):
     state.join()
     assert state.campaign[name].initial_state == "demagnetised"
     assert state.modelled["published"].evaluations[name].rms != before
-    folder, *options = state.arguments(DIAGNOSE)
+    assert state.command_text(DIAGNOSE) == ""  # nothing is written yet
+    state.write_corrected()
+    _, told, folder, *options = shlex.split(state.command_text(DIAGNOSE))
+    assert told == DIAGNOSE
     assert read_campaign(folder)[name].initial_state == "demagnetised"
     assert read_campaign(campaign)[name].initial_state != "demagnetised"  # the files themselves stay
     assert "--printhead-out" in options
@@ -104,10 +111,37 @@ def test_a_correction_is_seen_by_the_commands_and_kept(tmp_path, campaign):
     assert again.as_json() == state.as_json()
     for what, value, sentence in (
         ("order", "1", "what is corrected must be one of"),
+        ("drive", "CH9", "has no column 'CH9' for the drive; it has time_s, drive_V, sensor_V"),
         ("channel", "sound", "channel must be one of"),
     ):
         with pytest.raises(ValueError, match=sentence):
             state.correct(name, what, value)
+
+
+def test_roles_are_corrected_file_by_file(state):
+    state.drop({"a.csv": scope_text(), "b.csv": scope_text(drive_last=False), "c.csv": scope_text(2.0)})
+    state.join()
+    assert "cannot be guessed" in state.trouble  # the drive is CH2 in two files, CH1 in one
+    assert [row["sensor"] for row in rows(state)] == ["", "", ""]
+    assert choices(state)["drive"] == [GUESS, "time_s", "CH1", "CH2"]
+    state.correct("b", "drive", "CH1")
+    state.join()
+    assert "the sensor is unknown" in state.trouble
+    assert [row["drive"] for row in rows(state)] == ["", "CH1", ""]
+    for name in "abc":
+        state.correct(name, "channel", "self_sensing")
+        state.join()
+    assert state.trouble == ""
+    assert [(row["drive"], row["sensor"]) for row in rows(state)] == [("CH2", "CH1"), ("CH1", "CH2"), ("CH2", "CH1")]
+    assert {round(one.drive_V.max()) for one in state.campaign.recordings} == {50}
+    assert all("corrected by you" in row[REMARK] for row in rows(state))
+    state.correct("a", "sensor", "CH2")  # as which it was not guessed
+    state.join()
+    assert [row["drive"] for row in rows(state)] == ["CH1", "CH1", "CH2"]
+    state.correct("a", "sensor", GUESS)
+    state.join()
+    assert [row["drive"] for row in rows(state)] == ["CH2", "CH1", "CH2"]
+    assert state.corrections.as_json()["b"] == {"drive": "CH1", "channel": "self_sensing"}
 
 
 def test_the_verdict_and_the_head_are_those_of_the_command(state, campaign, inkjet, tmp_path):

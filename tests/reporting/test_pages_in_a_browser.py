@@ -1,6 +1,5 @@
 """The frame of all pages in a real browser: pictures are drawn without a network, and nothing is wider than a phone."""
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from inkjet_env.reporting.page import page_environment
 from inkjet_env.reporting.plotting import new_figure
 from inkjet_env.reporting.zoomable import Line, Panel, stacked_picture
-from tests import browser
+from tests.browser import load, opened_page
 
 PAGE = """{% extends "page.html" %}{% block title %}A page{% endblock %}{% block verdict %}It rings{% endblock %}
 {% block picture %}{{ zoomable(pictures[0]) }}{% endblock %}"""
@@ -49,30 +48,33 @@ LOOK = """(() => {
     const counts = trees(document.querySelector('.live')).map((tree) => tree.querySelectorAll('svg path').length);
     const paths = counts.reduce((sum, count) => sum + count, 0);
     const root = document.documentElement;
-    return JSON.stringify({drawn: shown('.live'), still: shown('.still'), paths,
-        paper: getComputedStyle(document.body).backgroundColor, fits: root.scrollWidth <= root.clientWidth});
+    return {drawn: shown('.live'), still: shown('.still'), paths,
+        paper: getComputedStyle(document.body).backgroundColor, fits: root.scrollWidth <= root.clientWidth};
 })()"""
 
 
 @pytest.fixture(scope="module")
-def tab(page, tmp_path_factory):
-    if browser.found() is None:
-        pytest.skip("there is no Chromium on this machine (apt-get install chromium)")
-    with browser.opened(tmp_path_factory.mktemp("profile")) as tab:
-        yield tab
+def faults():
+    """What was wrong in the tab."""
+    return []
 
 
-def look(tab, page, media="", scheme="light", width=1280):
-    tab.ask("Emulation.setEmulatedMedia", media=media, features=[{"name": "prefers-color-scheme", "value": scheme}])
-    tab.ask("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
-    tab.open(page)
-    return Seen(**json.loads(tab.value(LOOK)))
+@pytest.fixture(scope="module")
+def tab(browser, faults):
+    return opened_page(browser, faults)
+
+
+def look(tab, page, media="screen", scheme="light", width=1280):
+    tab.emulate_media(media=media, color_scheme=scheme)
+    tab.set_viewport_size({"width": width, "height": 900})
+    load(tab, page)
+    return Seen(**tab.evaluate(LOOK))
 
 
 @pytest.mark.parametrize("width", [1280, 390])
-def test_the_picture_is_drawn_as_vectors_and_fits(tab, page, width):
+def test_the_picture_is_drawn_as_vectors_and_fits(tab, faults, page, width):
     seen = look(tab, page, width=width)
-    assert tab.faults() == []
+    assert faults == []
     assert seen.drawn
     assert not seen.still
     assert seen.paths >= 3
@@ -90,7 +92,7 @@ def test_the_page_follows_the_dark_mode_but_not_on_paper(tab, page):
 
 def test_what_is_seen_first_is_the_view_and_a_reset_shows_all(tab, page):
     look(tab, page)
-    seen = tab.value(
+    seen = tab.evaluate(
         "(() => { const views = [...Bokeh.index.query((v) => v.model.type === 'Figure')];"
         " const range = views[0].model.x_range, first = [range.start, range.end];"
         " views[0].reset(); return [...first, range.start, range.end]; })()"
@@ -101,11 +103,22 @@ def test_what_is_seen_first_is_the_view_and_a_reset_shows_all(tab, page):
 def test_without_code_the_still_picture_is_there(tab, page, tmp_path):
     file = tmp_path / "quiet.html"
     file.write_text(page.read_text(encoding="utf-8").replace("<script>", '<script type="text/none">'), encoding="utf-8")
-    tab.ask("Emulation.setEmulatedMedia", media="", features=[])
-    tab.ask("Page.navigate", url=file.as_uri())
-    for _ in range(50):
-        if tab.value("document.readyState === 'complete' && !!document.querySelector('.still')"):
-            break
-    seen = Seen(**json.loads(tab.value(LOOK)))
+    tab.emulate_media(media="screen", color_scheme="light")
+    tab.goto(file.as_uri())
+    tab.locator(".still").first.wait_for()
+    seen = Seen(**tab.evaluate(LOOK))
     assert seen.still
     assert not seen.drawn
+
+
+def test_what_goes_wrong_in_a_page_is_seen(browser, tmp_path):
+    told = []
+    tab = opened_page(browser, told)
+    file = tmp_path / "wrong.html"
+    script = "console.error('said'); alert('asked'); setTimeout(() => { throw Error('thrown'); })"
+    images = "<img src='http://127.0.0.1:9/x.png'><img src='lacking.png'>"
+    file.write_text(f"<body data-ready=yes><script>{script}</script>{images}")
+    load(tab, file)
+    tab.close()
+    for fault in ("said", "dialog asked", "thrown", "http://127.0.0.1:9/x.png", "ERR_FILE_NOT_FOUND"):
+        assert [one for one in told if fault in one] != [], told
