@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -75,6 +76,9 @@ def simulate(
     inkjet simulate --drive waveform.csv --out response.csv
 
     \b
+    inkjet simulate --drive waveform.csv --drop-frequency 15e3
+
+    \b
     inkjet simulate --drive waveform.csv --printhead corrected.json \\
         --effect my_effects:QuadraticStiffness
     """
@@ -83,7 +87,8 @@ def simulate(
     from inkjet_env.jetting.figures_of_merit import figures_json, jetting
     from inkjet_env.plant.augmented import AugmentedPrinthead
     from inkjet_env.plant.printhead_file import chosen_head, remainder_sentence
-    from inkjet_env.printhead import Waveform, respond_sampled
+    from inkjet_env.printhead import SampledResponse, Waveform, respond_sampled
+    from inkjet_env.printhead.sampled import shortest_period_s
     from inkjet_env.printhead.window import DEFAULT_WINDOW_S
     from inkjet_env.recordings.drive import read_drive
     from inkjet_env.storage import write_json
@@ -106,20 +111,24 @@ def simulate(
             period_s = drop_period_s(drop_frequency, fired.knots()[0][-1])
             response = head.respond(fired, state, window_s, hysteresis, period_s)
     elif drive is not None:
-        if drop_frequency:
-            raise ValueError("--drop-frequency needs --waveform. A file may hold several drops itself.")
         read = read_drive(drive, interval, implausible)
         warn(read.notes)
         samples = read.time_s, read.drive_V
         warn_of_limits(driver, drive, *samples)
-        try:
-            if isinstance(head, AugmentedPrinthead):
-                response = head.respond_sampled(*samples, state, hysteresis, window_s)
-            else:
-                response = respond_sampled(head, *samples, state, hysteresis, window_s=window_s)
-        except ValueError as error:
-            raise ValueError(f"{drive}: {error}") from None
-        alone = response
+        shortest_s = shortest_period_s(*samples)
+        period_s = drop_period_s(drop_frequency, shortest_s, str(drive)) if drop_frequency else math.inf
+
+        def answered(period_s: float) -> SampledResponse:
+            try:
+                if isinstance(head, AugmentedPrinthead):
+                    return head.respond_sampled(*samples, state, hysteresis, window_s, period_s)
+                return respond_sampled(head, *samples, state, hysteresis, window_s=window_s, period_s=period_s)
+            except ValueError as error:
+                raise ValueError(f"{drive}: {error}") from None
+
+        response = alone = answered(math.inf)
+        if drop_frequency:
+            response = answered(period_s)
     else:
         raise ValueError("give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
     largest_V = max(abs(v) for v in waveform[:2]) if waveform is not None else float(abs(response.drive_V).max())

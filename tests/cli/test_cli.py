@@ -93,7 +93,21 @@ def test_a_sampled_drive_gives_the_response_of_the_same_waveform(inkjet, tmp_pat
     np.testing.assert_allclose(sampled["peaks_V"], whole["peaks_V"], atol=1e-9)
     assert sampled["cost"] == pytest.approx(whole["cost"], abs=1e-9)
     assert sampled["settling_s"] == pytest.approx(whole["settling_s"], abs=0.2e-6)
-    assert inkjet("simulate", "--drive", drive, "--drop-frequency", "1e3")[0] == 2
+
+
+def test_a_drive_file_at_a_drop_frequency_gives_the_response_of_the_same_waveform(inkjet, tmp_path):
+    drive = a_drive(tmp_path / "d.csv", [f"{t!r},{u!r}" for t, u in knots()])
+    command = ("--drop-frequency", "15e3", "--json", "-")
+    whole = json.loads(inkjet("simulate", "--waveform", *OPTIMUM, *command)[1])
+    sampled = json.loads(inkjet("simulate", "--drive", drive, *command)[1])
+    np.testing.assert_allclose(sampled["peaks_V"], whole["peaks_V"], atol=1e-9)
+    assert sampled["cost"] == pytest.approx(whole["cost"], abs=1e-9)
+    assert sampled["settling_s"] == pytest.approx(whole["settling_s"], abs=0.2e-6)  # of a single drop
+    status, _, err = inkjet("simulate", "--drive", drive, "--drop-frequency", "25e3")
+    assert status == 2
+    assert "25000 Hz leaves 40 µs a drop; d.csv takes 54.86 µs. Give at most 1.823e+04 Hz." in err.replace(
+        str(tmp_path) + "/", ""
+    )
 
 
 def test_an_optimum_read_back_as_a_drive_costs_the_same(inkjet):
