@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -26,6 +26,12 @@ from inkjet_env.cli.options import (
     Window,
     WithRemainder,
 )
+
+if TYPE_CHECKING:
+    from inkjet_env.typing import Real
+
+DRAWN_A_PERIOD = 50
+"""Fewest samples in a period of the resonance from which a response is drawn."""
 
 
 def simulate(
@@ -101,15 +107,17 @@ def simulate(
     head, cost = chosen_head(printhead, remainder), chosen_cost((cost_a, cost_b, effective, target_height))
     state, window_s = initial_state or "periodic", DEFAULT_WINDOW_S if window is None else window
     response: Any  # of a head with or without effects, to a waveform or to samples
+    alone: Any
+    drawn: Any
     if waveform is not None:
         if out is not None:
             raise ValueError("--out needs --drive. To sample a waveform's response, give the waveform as a CSV file.")
         fired = Waveform.from_array(waveform)
         warn_of_limits(driver, "the waveform", *fired.knots())
-        response = alone = head.respond(fired, state, window_s, hysteresis)
+        response = alone = drawn = head.respond(fired, state, window_s, hysteresis)
         if drop_frequency:
             period_s = drop_period_s(drop_frequency, fired.knots()[0][-1])
-            response = head.respond(fired, state, window_s, hysteresis, period_s)
+            response = drawn = head.respond(fired, state, window_s, hysteresis, period_s)
     elif drive is not None:
         read = read_drive(drive, interval, implausible)
         warn(read.notes)
@@ -118,17 +126,18 @@ def simulate(
         shortest_s = shortest_period_s(*samples)
         period_s = drop_period_s(drop_frequency, shortest_s, str(drive)) if drop_frequency else math.inf
 
-        def answered(period_s: float) -> SampledResponse:
+        def answered(period_s: float, time_s: Real, drive_V: Real) -> SampledResponse:
             try:
                 if isinstance(head, AugmentedPrinthead):
-                    return head.respond_sampled(*samples, state, hysteresis, window_s, period_s)
-                return respond_sampled(head, *samples, state, hysteresis, window_s=window_s, period_s=period_s)
+                    return head.respond_sampled(time_s, drive_V, state, hysteresis, window_s, period_s)
+                return respond_sampled(head, time_s, drive_V, state, hysteresis, window_s=window_s, period_s=period_s)
             except ValueError as error:
                 raise ValueError(f"{drive}: {error}") from None
 
-        response = alone = answered(math.inf)
-        if drop_frequency:
-            response = answered(period_s)
+        alone = answered(math.inf, *samples)
+        response = drawn = answered(period_s, *samples) if drop_frequency else alone
+        if plot is not None and (fine := _drawn_samples(*samples, head.frequency_Hz, window_s, period_s)) is not None:
+            drawn = answered(period_s, *fine)
     else:
         raise ValueError("give --waveform U1 U2 t1 t2 t3 t4 t5 or --drive FILE.csv.")
     largest_V = max(abs(v) for v in waveform[:2]) if waveform is not None else float(abs(response.drive_V).max())
@@ -145,7 +154,7 @@ def simulate(
         from inkjet_env.reporting.plotting import write_picture
         from inkjet_env.reporting.waveform_figures import draw_response
 
-        write_picture(plot, draw_response(response, cost))
+        write_picture(plot, draw_response(drawn, cost))
     if out is not None:
         write_columns(out, {name: getattr(response, name) for name in ("time_s", "drive_V", "sensor_V")})
     if json is not None:
@@ -155,3 +164,23 @@ def simulate(
 
         print_peaks(found)
         print_figures(jetting(alone, cost))
+
+
+def _drawn_samples(
+    time_s: Real, drive_V: Real, frequency_Hz: float, window_s: float, period_s: float
+) -> tuple[Real, Real] | None:
+    """More samples of the same drive, so that its response can be drawn up to the last peak; None if they are enough.
+
+    A file of corners has few, and the response between them is no straight line. Nothing else changes: it is exact for
+    a drive that is linear between samples, and a single drop's last voltage is held until the window ends.
+    """
+    import numpy as np
+
+    step_s, end_s = 1 / (DRAWN_A_PERIOD * frequency_Hz), float(time_s[-1])
+    if math.isinf(period_s) and not math.isinf(window_s):
+        end_s = max(end_s, float(time_s[0]) + window_s)
+    if end_s == time_s[-1] and float(np.median(np.diff(time_s))) <= 1.001 * step_s:
+        return None
+    merged_s = np.union1d(time_s, np.append(np.arange(time_s[0], end_s, step_s), end_s))
+    merged_s = merged_s[np.append(True, np.diff(merged_s) > 1e-6 * step_s)]
+    return merged_s, np.interp(merged_s, time_s, drive_V)

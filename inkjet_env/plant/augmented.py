@@ -152,11 +152,13 @@ class AugmentedPrinthead:
 
     def _respond_in_train(self, waveform: Waveform, window_s: float, period_s: float) -> AugmentedResponse:
         """`respond` once a train of waveforms has settled: that of a recording of one period of the repeated drive."""
-        step_s, hysteretic_V, sensor_V, *peaks = self._settled(waveform.drive_V, period_s, window_s)
-        return AugmentedResponse(self, *waveform.knots(), window_s, step_s, hysteretic_V, sensor_V, *peaks)
+        step_s, hysteretic_V, sensor_V, peak_times_s, peaks_V = self._settled(waveform.drive_V, period_s, window_s)
+        return AugmentedResponse(
+            self, *waveform.knots(), window_s, step_s, hysteretic_V, sensor_V, peak_times_s, peaks_V
+        )
 
     def _settled(
-        self, drive_at: Callable[[Real], Real], period_s: float, window_s: float
+        self, drive_at: Callable[[ArrayLike], Real], period_s: float, window_s: float
     ) -> tuple[float, Real, Real, Real, Real]:
         """One period of a repeated drive in the steady state: that of a recording of one of its repetitions.
 
@@ -172,8 +174,8 @@ class AugmentedPrinthead:
         times_s = times_s - 3 * step_s
         times_s[np.abs(times_s) < step_s] = 0.0  # at the corner where the waveform starts
         counts = (times_s >= 0) & (times_s <= min(period_s - step_s, window_s))
-        closed = (np.append(signal_V, signal_V[0]) for signal_V in (hysteretic_V, sensor_V))
-        return step_s, *closed, times_s[counts], peaks_V[counts]
+        hysteretic_V, sensor_V = (np.append(signal_V, signal_V[0]) for signal_V in (hysteretic_V, sensor_V))
+        return step_s, hysteretic_V, sensor_V, times_s[counts], peaks_V[counts]
 
     def respond_sampled(
         self,
@@ -195,7 +197,7 @@ class AugmentedPrinthead:
             knots_s, knots_V = one_period(time, drive, period_s)
             counted_s = period_s if window_s is None else min(_finite_window(window_s), period_s)
             step_s, _, sensor_V, peak_times_s, peaks_V = self._settled(
-                lambda times_s: np.interp(times_s, knots_s, knots_V), period_s, counted_s
+                lambda times_s: np.interp(np.asarray(times_s, dtype=np.float64), knots_s, knots_V), period_s, counted_s
             )
             shown_V = np.interp(knots_s[:-1], np.arange(sensor_V.size) * step_s, sensor_V)
             return SampledResponse(knots_s[:-1] + time[0], knots_V[:-1], shown_V, peak_times_s + time[0], peaks_V)
