@@ -304,7 +304,10 @@ def test_candidates_are_told_as_the_whole_model_that_has_them(named):
 def test_a_set_shows_its_candidates_before_the_one_that_is_in_the_figures(pages):
     text = text_of(pages["set"])
     assert "Effects found" not in text
-    table, values = text.rindex("Candidates that these recordings cannot"), text.rindex("feedthrough , one of the candid")
+    table, values = (
+        text.rindex("Candidates that these recordings cannot"),
+        text.rindex("feedthrough , one of the candid"),
+    )
     assert text.index("What is missing: one of several") < table < values
 
 
