@@ -32,7 +32,7 @@ MOST_NOISE_ROUNDS = 5
 """Largest number of rounds of estimating noise from the residual and refitting."""
 SMALLEST_CHANGE_V, LARGEST_CHANGE_V = 1e-3, 1e6
 """Full scales, in volts, that a branch law may have."""
-SHARES = {"start": 0.05, "degree": 0.03, "fit": 0.12, "check": 0.9}
+SHARES = {"start": 0.03, "degree": 0.05, "fit": 0.2, "check": 0.9}
 """Share of the work that is left which a stage takes, as in campaigns of millions of rows."""
 RESIDUAL = "the residual of the fit"
 """Source of a noise that can be estimated from nothing else."""
