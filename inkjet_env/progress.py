@@ -124,9 +124,17 @@ def _shown(label: str, total: int, done: int) -> Iterator[Progress]:
 
 
 @contextmanager
-def shown_steps(label: str) -> Iterator[Callable[[str], None]]:
-    """Show the current step of work of unknown duration; without a terminal, an occasional plain line."""
-    with never_swallowed() as check, _shown_steps(label) as show:
+def shown_steps(label: str, parts: int = 0) -> Iterator[Callable[[str], None]]:
+    """Show the current step of work of unknown duration; without a terminal, an occasional plain line.
+
+    Parameters
+    ----------
+    label : str
+        What is done.
+    parts : int
+        Number of parts of all the work, if a count out of so many is one of all of it, not of a step.
+    """
+    with never_swallowed() as check, _shown_steps(label, parts) as show:
 
         def step(name: str) -> None:
             check()
@@ -138,8 +146,8 @@ def shown_steps(label: str) -> Iterator[Callable[[str], None]]:
 class _Step:
     """The step that is being carried out, in words, and how long it will still take if its parts are counted."""
 
-    def __init__(self, label: str) -> None:
-        self.label, self.name, self.began_s = label, "", time.monotonic()
+    def __init__(self, label: str, parts: int = 0) -> None:
+        self.label, self.name, self.parts, self.began_s = label, "", parts, time.monotonic()
         self._pace: Pace | None = None
         self._done = 0
 
@@ -159,7 +167,8 @@ class _Step:
         """The step as a line."""
         told = f"{self.label}: {self.name}" if self.name else self.label
         left = "" if self._pace is None else self._pace.left(self._done)
-        return told + (f"{left} of this step" if left else "")
+        of_all = self._pace is not None and self._pace.total == self.parts
+        return told + (f"{left}{'' if of_all else ' of this step'}" if left else "")
 
     @property
     def taken_s(self) -> float:
@@ -168,8 +177,8 @@ class _Step:
 
 
 @contextmanager
-def _shown_steps(label: str) -> Iterator[Callable[[str], None]]:
-    step = _Step(label)
+def _shown_steps(label: str, parts: int) -> Iterator[Callable[[str], None]]:
+    step = _Step(label, parts)
     if _drawn():
         from rich.console import Console
         from rich.progress import Progress as Bar

@@ -78,6 +78,17 @@ def test_parts_of_a_step_tell_when_it_will_be_done(clock):
     assert str(step) == "diagnose camp: testing the residuals"
 
 
+def test_parts_of_all_the_work_tell_when_all_will_be_done(clock):
+    step = progress._Step("identify camp", 100)
+    step.begin("looking for the resonance (1 of 100)")
+    clock(30.0)
+    step.begin("fitting all recordings, degree 8 (21 of 100)")
+    assert str(step) == "identify camp: fitting all recordings, degree 8 (21 of 100), about 2 min left"
+    step.begin("reading r002.csv (2 of 3)")
+    clock(2.5)
+    assert str(step).startswith("identify camp: reading r002.csv (2 of 3)")
+
+
 @pytest.mark.parametrize(("terminal", "drawn"), [("xterm", True), ("dumb", False), ("unknown", False)])
 def test_progress_is_drawn_only_where_a_terminal_can(monkeypatch, terminal, drawn):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)

@@ -149,14 +149,15 @@ def winner_sentence(compared: Comparison) -> str:
     settings, ranking = compared.outcome.settings, compared.ranking
     winner, *others = ranking.optimizers
     tied = [name for name in others if ranking.mean_ranks[name].tied_with_winner]
-    if settings.repeats < FEW_RUNS:
-        sure = "; so few runs cannot tell the optimisers apart"
+    wins = "wins"
+    if settings.repeats < FEW_RUNS and others:
+        wins, sure = "is ahead", ", but so few runs cannot tell the optimisers apart"
     elif tied:
         sure = f"; {_listed(tied)} {'is' if len(tied) == 1 else 'are'} not significantly worse"
     else:
         sure = ", significantly ahead of all others" if others else ""
     return (
-        f"{winner} wins with {settings.budget:,} evaluations: mean rank "
+        f"{winner} {wins} with {settings.budget:,} evaluations: mean rank "
         f"{ranking.mean_ranks[winner].estimate.value:.2f} of {1 + len(others)} on "
         f"{_count(len(settings.problems), 'problem')}, {_count(settings.repeats, 'run')} each{sure}."
     )

@@ -197,9 +197,11 @@ def _single(head: Head, drive: Drive, times_s: Real, window_s: float) -> Sampled
 def _steady(head: Head, drive: Drive, period_s: float) -> SampledResponse:
     """Response in the steady state of a train, over one period."""
     if isinstance(head, AugmentedPrinthead):
-        if isinstance(drive, Corners):
-            raise ValueError("a head with effects takes a drop frequency only with a waveform of seven parameters.")
         times_s = np.linspace(0.0, period_s, SAMPLES)
+        if isinstance(drive, Corners):
+            inside_s = times_s[times_s < min(drive.duration_s, period_s * (1 - 1e-9))]
+            knots_s = _with_corners(np.append(inside_s, drive.duration_s), drive)
+            return head.respond_sampled(knots_s, drive_at(drive, knots_s), window_s=period_s, period_s=period_s)
         found = head.respond(drive, window_s=period_s, period_s=period_s)
         return SampledResponse(
             times_s, drive_at(drive, times_s), found.sensor_V(times_s), found.peak_times_s, found.peaks_V

@@ -105,7 +105,7 @@ def waveform_gain_table(found: Mapping[str, Any]) -> str:
     rows = [row(effect, mine) for effect, mine in sorted(by_effect.items())]
     if heads:
         rows.append(row("**all**", heads))
-    return markdown_table(("concealed", "heads", "base, V", "augmented, V", "oracle, V", "gain achieved"), rows)
+    return markdown_table(("concealed", "heads", "base, V", "corrected, V", "oracle, V", "gain achieved"), rows)
 
 
 def misses_table(found: Mapping[str, Any]) -> str:

@@ -80,13 +80,13 @@ def _takes_files(folder: Path) -> bool:
         return False
 
 
-def drop_period_s(drop_frequency_Hz: float, shortest_s: float) -> float:
-    """Firing period in seconds, if waveforms of ``shortest_s`` seconds fit into it."""
+def drop_period_s(drop_frequency_Hz: float, shortest_s: float, what: str = "the waveform") -> float:
+    """Firing period in seconds, if ``what`` of ``shortest_s`` seconds fits into it."""
     if not (math.isfinite(drop_frequency_Hz) and drop_frequency_Hz > 0):
         raise ValueError(f"--drop-frequency must be above 0 Hz; got {drop_frequency_Hz:g}.")
     if drop_frequency_Hz * shortest_s > 1 + 1e-9:
         raise ValueError(
-            f"--drop-frequency {drop_frequency_Hz:g} Hz leaves {1e6 / drop_frequency_Hz:.4g} µs a drop; the waveform "
+            f"--drop-frequency {drop_frequency_Hz:g} Hz leaves {1e6 / drop_frequency_Hz:.4g} µs a drop; {what} "
             f"takes {1e6 * shortest_s:.4g} µs. Give at most {1 / shortest_s:.4g} Hz."
         )
     return 1 / drop_frequency_Hz

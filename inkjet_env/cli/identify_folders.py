@@ -12,6 +12,7 @@ from typing import Any
 from inkjet_env.cli.campaign_reading import Reading, warn
 from inkjet_env.extras import extra
 from inkjet_env.identification import Identification, identify
+from inkjet_env.identification.work_done import PARTS
 from inkjet_env.processes import end_with_parent
 from inkjet_env.progress import shown_progress, shown_steps
 from inkjet_env.recordings import Campaign
@@ -43,7 +44,7 @@ def identify_one(
         A file cannot be read, a recording's unit is implausible, or there is nothing to identify from. The message
         names file and row.
     """
-    with shown_steps(f"identify {folder}") if progress else nullcontext() as step:
+    with shown_steps(f"identify {folder}", PARTS) if progress else nullcontext() as step:
         campaign = reading.campaign(folder, step)
         warned = reading.warnings(campaign)
         try:

@@ -22,7 +22,7 @@ def print_diagnosis(found: Diagnosis) -> None:
     from inkjet_env.mismatch.headline import probabilities_text
     from inkjet_env.plant.registry import known_effects
     from inkjet_env.reporting.diagnosis_tables import channel_rows, parameter_rows
-    from inkjet_env.reporting.formatting import explained_text, short, unit_text
+    from inkjet_env.reporting.formatting import explained_text, quantity_text
 
     parameters = [
         (e.effect.id, _without_unit(row[0]), *row[1:4])
@@ -34,15 +34,16 @@ def print_diagnosis(found: Diagnosis) -> None:
     print(f"Probability of what is missing: {probabilities_text(found.probabilities)}.")
     if parameters:
         print_table(("effect", "parameter", "value", "90 % interval", "unit"), parameters)
+    second = {"none": (), "unknown": ("closest", "closure")}.get(found.verdict, ("corrected", "closure"))
     fits = [
         (
             f"{row.label}, {row.role}",
-            *(f"{short(rms)} {unit_text(row.unit)}" for rms in (row.noise, row.base, row.augmented)),
-            explained_text(row.closure),
+            *(quantity_text(rms, row.unit) for rms in (row.noise, row.base)),
+            *((quantity_text(row.augmented, row.unit), explained_text(row.closure)) if second else ()),
         )
         for row in channels
     ]
-    print_table(("residual (RMS)", "noise", "base", "corrected", "closure"), fits)
+    print_table(("residual (RMS)", "noise", "base", *second), fits)
     for group in found.candidates:
         print(f"- These recordings cannot distinguish between: {', '.join(group)}.")
     print(f"- Location: {found.location.sentence}")

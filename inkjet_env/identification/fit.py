@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from inkjet_env.identification.model import Fitted, Model
 from inkjet_env.identification.noise import NoiseModel
 from inkjet_env.identification.separable import fit_everything
 from inkjet_env.identification.starting_point import best_start
+from inkjet_env.identification.work_done import WorkDone
 from inkjet_env.recordings import Campaign
 
 STARTING_DEGREE = 5
@@ -31,6 +32,8 @@ MOST_NOISE_ROUNDS = 5
 """Largest number of rounds of estimating noise from the residual and refitting."""
 SMALLEST_CHANGE_V, LARGEST_CHANGE_V = 1e-3, 1e6
 """Full scales, in volts, that a branch law may have."""
+SHARES = {"start": 0.03, "degree": 0.05, "fit": 0.2, "check": 0.9}
+"""Share of the work that is left which a stage takes, as in campaigns of millions of rows."""
 RESIDUAL = "the residual of the fit"
 """Source of a noise that can be estimated from nothing else."""
 NOISE_TOLERANCE = 1.05
@@ -76,7 +79,7 @@ class CampaignFit:
         valid_density: bool,
         full_scale_V: float | None,
         held_out: Sequence[str] | None,
-        progress: Callable[[str], None],
+        work: WorkDone,
         quasi_static: bool = False,
     ) -> None:
         self.degree_given, self.degree_rule, self.valid_density = degree, degree_rule, valid_density
@@ -115,7 +118,7 @@ class CampaignFit:
                 f"from changes of {SMALLEST_CHANGE_V:g} to {LARGEST_CHANGE_V:g} V. Check the unit of drive_V, volts."
             )
         self.least = least_noise(self.all)
-        self.progress = progress
+        self.work = work
         self.loudness: dict[str, float] = {}
         self.coloured: set[str] = set()  # channels whose whitened residual is not white
         self.correlation: dict[str, float] = {}
@@ -172,16 +175,16 @@ class CampaignFit:
 
     def _start(self) -> Model:
         """Start of the fit: a resonator, and a branch law if a strain gauge shows it."""
-        self.progress("looking for the resonance" if self.fast else "fitting the hysteresis")
+        self.work.begin("looking for the resonance" if self.fast else "fitting the hysteresis", SHARES["start"])
         degree = self.degree_given or STARTING_DEGREE
         if not self.gauge:
-            a0, a1 = best_start(self.fitted(self.fast, degree), None)
+            a0, a1 = best_start(self.fitted(self.fast, degree), None, self.work.passed)
             return Model(a0, a1, np.ones(1), {}, {})
         still = self._still(degree)
         law = fit_everything(self.fitted(self.gauge, degree), still).model.weights
         if not self.fast:
             return replace(still, weights=law, ratios={}, offsets={})
-        a0, a1 = best_start(self.fitted(self.fast, degree), law)
+        a0, a1 = best_start(self.fitted(self.fast, degree), law, self.work.passed)
         return Model(a0, a1, law, {}, {})
 
     def _with_degree(self, model: Model) -> tuple[Solution, DegreeChoice | None, DegreeChoice]:
@@ -210,15 +213,15 @@ class CampaignFit:
 
     def _choice(self, fitted: Sequence[Fitted], model: Model, leave_out: bool) -> DegreeChoice:
         """Error against degree, with everything else linearised about a model."""
-        self.progress("choosing the degree")
+        self.work.begin("choosing the degree", SHARES["degree"])
         correlation = max((self.correlation.get(f.measurement.channel, 1.0) for f in fitted), default=1.0)
         samples = [f.samples // len(f.measurement.signals) for f in fitted]
-        blocks = linearised_blocks(fitted, model)
+        blocks = linearised_blocks(fitted, model, self.work.passed)
         return choose_degree(blocks, samples, correlation, blocks[0].shape[1] - HIGHEST_DEGREE - 1, leave_out)
 
     def refined(self, start: Model, degree: int) -> Solution:
         """Fit all parameters from a start whose weights may have another degree."""
-        self.progress(f"fitting all recordings, degree {degree}")
+        self.work.begin(f"fitting all recordings, degree {degree}", SHARES["fit"])
         fitted = self.fitted(self.train, degree)
         weights = np.zeros(degree)
         weights[: min(degree, start.weights.size)] = start.weights[:degree]
@@ -231,7 +234,7 @@ class CampaignFit:
         offsets = {channel: start.offsets.get(channel, 0.0) for channel in ratios}
         constraints = density_constraints(degree) if self.valid_density else None
         begin = replace(start, weights=weights, ratios=ratios, offsets=offsets)
-        return fit_everything(fitted, begin, constraints, self.coloured)
+        return fit_everything(fitted, begin, constraints, self.coloured, self.work.passed)
 
     @property
     def reference(self) -> str:

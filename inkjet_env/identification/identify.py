@@ -15,6 +15,7 @@ from inkjet_env.identification.fit import LARGEST_CHANGE_V, SMALLEST_CHANGE_V, C
 from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.measurements import RepeatedMeasurement
 from inkjet_env.identification.outcome import outcome_of
+from inkjet_env.identification.work_done import WorkDone
 from inkjet_env.printhead import check_name
 from inkjet_env.recordings import Campaign
 
@@ -65,7 +66,8 @@ def identify(
     held_out : sequence of str, optional
         Names of the recordings that no fit uses; see `measurements`.
     progress : callable, optional
-        Called with a description of each step, in words, as it starts.
+        Called with a description of each step, in words, as it starts, and with each part of it that is finished; the
+        descriptions end in ``(k of 100)``, and k never decreases.
 
     Returns
     -------
@@ -85,11 +87,12 @@ def identify(
     if full_scale_V is not None and not SMALLEST_CHANGE_V <= full_scale_V <= LARGEST_CHANGE_V:
         raise ValueError(f"full_scale_V must be a voltage of 1e-3 to 1e6 V; got {full_scale_V!r}.")
 
+    work = WorkDone(progress or (lambda _: None))
+
     def found(quasi_static: bool) -> Identification:
         def begun(swing_V: float | None, recorded: Campaign = campaign) -> CampaignFit:
-            told = progress or (lambda _: None)
             return CampaignFit(
-                recorded, degree, degree_rule, valid_density, swing_V, held_out, told, quasi_static=quasi_static
+                recorded, degree, degree_rule, valid_density, swing_V, held_out, work, quasi_static=quasi_static
             )
 
         fit = begun(full_scale_V)
@@ -110,7 +113,9 @@ def identify(
             again = begun(fit.full_scale_V, _repeating(campaign))
             fit.notes.append(f"{state} {_doubt(fit, again) or 'A repeated drive does not explain them better.'}")
         fit.widen()
-        return outcome_of(fit)
+        identified = outcome_of(fit)
+        work.finish()
+        return identified
 
     with threadpool_limits(1):  # the matrices are small: threads would only wait for each other
         try:
@@ -144,7 +149,9 @@ def doubtful_states(
         return None
     with threadpool_limits(1):
         fit, again = (
-            CampaignFit(c, None, "flattening", False, None, held_out, lambda _: None, quasi_static=quasi_static)
+            CampaignFit(
+                c, None, "flattening", False, None, held_out, WorkDone(lambda _: None), quasi_static=quasi_static
+            )
             for c in (campaign, _repeating(campaign))
         )
         if not any(m.initial_state == "free" for m in _deciding(fit)):

@@ -7,7 +7,7 @@ coefficients of the branch law, the offsets and the free initial states.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,8 +26,16 @@ def triangle(columns: Real) -> Real:
 class Linearised:
     """A set of recordings, each reduced to a small triangle, linear in everything about a model."""
 
-    def __init__(self, fitted: Sequence[Fitted], constraints: Real | None) -> None:
+    def __init__(
+        self,
+        fitted: Sequence[Fitted],
+        constraints: Real | None,
+        passed: Callable[[float], None] = lambda _: None,
+    ) -> None:
         self.fitted = tuple(fitted)
+        samples = [f.measurement.fitted for f in self.fitted]
+        self.shares = [n / max(sum(samples), 1) for n in samples]
+        self.passed = passed
         self.channels = channels_of(fitted)
         self.degree = fitted[0].basis.degree
         self.moving = any(f.measurement.fast for f in fitted)
@@ -36,7 +44,11 @@ class Linearised:
 
     def blocks(self, model: Model, slopes: bool = True) -> list[Real]:
         """One triangle per drive: columns of the weights, of ``ln a0`` and ``ln a1``, of the offset, and the signal."""
-        return [self._block(i, f, model, slopes) for i, f in enumerate(self.fitted)]
+        found = []
+        for i, f in enumerate(self.fitted):
+            found.append(self._block(i, f, model, slopes))
+            self.passed(self.shares[i])
+        return found
 
     def _block(self, index: int, f: Fitted, model: Model, slopes: bool) -> Real:
         if f.measurement.fast:
@@ -116,7 +128,9 @@ class Linearised:
         return np.concatenate([model.weights, [model.offsets[channel] for channel in self.channels]])
 
 
-def linearised_blocks(fitted: Sequence[Fitted], model: Model) -> list[Real]:
+def linearised_blocks(
+    fitted: Sequence[Fitted], model: Model, passed: Callable[[float], None] = lambda _: None
+) -> list[Real]:
     """One block per drive: columns of the weights, of everything else linearised about the model, and the signal.
 
     Parameters
@@ -125,10 +139,12 @@ def linearised_blocks(fitted: Sequence[Fitted], model: Model) -> list[Real]:
         Recordings with bases of one degree, which may be above the model's.
     model : Model
         Model about which the signal is linearised.
+    passed : callable, optional
+        Told the share of a pass over the recordings that is finished, after each.
     """
     weights = np.zeros(fitted[0].basis.degree)
     weights[: model.weights.size] = model.weights
-    problem, model = Linearised(fitted, None), replace(model, weights=weights)
+    problem, model = Linearised(fitted, None, passed), replace(model, weights=weights)
     return [problem.spread(f, b, model) for f, b in zip(fitted, problem.blocks(model), strict=True)]
 
 

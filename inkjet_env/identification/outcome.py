@@ -14,7 +14,7 @@ from inkjet_env.identification.convention import conventional_swing
 from inkjet_env.identification.covariance import Solution
 from inkjet_env.identification.degree import F_QUANTILE_999
 from inkjet_env.identification.errors import NothingRingsError, UnidentifiableError
-from inkjet_env.identification.fit import CampaignFit
+from inkjet_env.identification.fit import SHARES, CampaignFit
 from inkjet_env.identification.identification import Identification
 from inkjet_env.identification.model import Model
 from inkjet_env.identification.modelled_recording import ModelledRecording
@@ -66,7 +66,9 @@ def outcome_of(fit: CampaignFit) -> Identification:
     if fit.fast:
         held_out = [m for m in fit.all if m.fast and not m.fitted and not m.still and m.noise_key in fit.noise]
         degree = model.weights.size
-        if doubt := doubt_of_resonance(fit.fitted(fit.fast, degree), fit.fitted(held_out, degree), model):
+        fit.work.begin("checking the resonance", SHARES["check"])
+        fast, unseen = fit.fitted(fit.fast, degree), fit.fitted(held_out, degree)
+        if doubt := doubt_of_resonance(fast, unseen, model, fit.work.passed):
             raise NothingRingsError(f"{doubt}: {NOTHING_RINGS}")
     _check_gains(richer, fit.reference)
     if fit.fast:

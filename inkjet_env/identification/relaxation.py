@@ -9,7 +9,7 @@ step response is a sum of decays (Bernstein's theorem on completely monotone fun
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +17,13 @@ from scipy.optimize import nnls
 from scipy.signal import lfilter
 
 from inkjet_env.identification.model import Fitted, Model, has_free_state
+from inkjet_env.identification.work_done import PASSES
 from inkjet_env.typing import Real
 
 TIME_CONSTANTS = 10
 """Number of time constants, from half a sampling step to the longest recording."""
+STARTING_LAWS = 4
+"""Number of laws that a sum is fitted to at first."""
 LAW_ROUNDS = 3
 """Rounds of fitting the law to the sum and the sum to the law."""
 STIFFNESS = 3000.0
@@ -115,7 +118,9 @@ class _Moved:
         return low_passed(v, m.step_s / time_constant_s, m.initial_state == "periodic")
 
 
-def best_answers(fitted: Sequence[Fitted], model: Model) -> dict[str, tuple[Answer, Answer]]:
+def best_answers(
+    fitted: Sequence[Fitted], model: Model, passed: Callable[[float], None] = lambda _: None
+) -> dict[str, tuple[Answer, Answer]]:
     """For each channel, the best answer that never rings and the best that does.
 
     Parameters
@@ -124,16 +129,24 @@ def best_answers(fitted: Sequence[Fitted], model: Model) -> dict[str, tuple[Answ
         Recordings of channels that show the resonator.
     model : Model
         The fitted model: where the law starts, and the resonator.
+    passed : callable, optional
+        Told a share of a pass over the recordings after each that is simulated; all together make three times `PASSES`.
     """
     found = {}
+    part = 3 * PASSES / (2 * (STARTING_LAWS + LAW_ROUNDS) * len(fitted)) if fitted else 0.0
     for channel in sorted({f.measurement.channel for f in fitted}):
         its = [f for f in fitted if f.measurement.channel == channel]
-        never, rings = (_best_answer(its, model.weights, resonator) for resonator in (None, (model.a0, model.a1)))
+        never, rings = (
+            _best_answer(its, model.weights, resonator, lambda: passed(part))
+            for resonator in (None, (model.a0, model.a1))
+        )
         found[channel] = (never, rings)
     return found
 
 
-def _best_answer(fitted: Sequence[Fitted], law: Real, resonator: tuple[float, float] | None) -> Answer:
+def _best_answer(
+    fitted: Sequence[Fitted], law: Real, resonator: tuple[float, float] | None, passed: Callable[[], None]
+) -> Answer:
     """The answer of one channel that fits its recordings best."""
     moved = [_Moved.of(f, resonator) for f in fitted]
     shortest_s = min(f.measurement.step_s for f in fitted) / 2
@@ -141,15 +154,18 @@ def _best_answer(fitted: Sequence[Fitted], law: Real, resonator: tuple[float, fl
     time_constants_s = np.geomspace(shortest_s, longest_s, TIME_CONSTANTS)
     weights = law / max(float(np.abs(law).sum()), 1e-300)
     linear = np.eye(law.size)[0]  # the law of a fit that went wrong may lead nowhere
-    tried = [_best_shares(moved, start, time_constants_s) for start in (weights, -weights, linear, -linear)]
+    starts = (weights, -weights, linear, -linear)
+    tried = [_best_shares(moved, start, time_constants_s, passed) for start in starts]
     found, _ = min(tried, key=lambda pair: pair[1])
     for _ in range(LAW_ROUNDS):
         law = _best_law(moved, found)
-        found, _ = _best_shares(moved, law, time_constants_s)
+        found, _ = _best_shares(moved, law, time_constants_s, passed)
     return found
 
 
-def _best_shares(moved: Sequence[_Moved], law: Real, time_constants_s: Real) -> tuple[Answer, float]:
+def _best_shares(
+    moved: Sequence[_Moved], law: Real, time_constants_s: Real, passed: Callable[[], None]
+) -> tuple[Answer, float]:
     """The answer with shares above zero for a law, and its χ²."""
     rows = []
     for one in moved:
@@ -157,6 +173,7 @@ def _best_shares(moved: Sequence[_Moved], law: Real, time_constants_s: Real) -> 
         free = np.column_stack([one.ringing @ law, np.ones(len(signal))])
         columns = np.column_stack([one.answers(law, time_constants_s), free, -free, signal])
         rows.append(_reduced(one, columns[:n]))
+        passed()
     stacked = np.vstack(rows)
     size = np.linalg.norm(stacked, axis=0)
     size[size == 0] = 1.0

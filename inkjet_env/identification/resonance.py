@@ -7,7 +7,7 @@ one more term, so that a head that rings and creeps is known to ring.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -37,7 +37,9 @@ SHARE_OF_A_SINE = 0.99
 """Share of a drive's power in one sine from which it is one."""
 
 
-def doubt_of_resonance(fast: Sequence[Fitted], held_out: Sequence[Fitted], model: Model) -> str | None:
+def doubt_of_resonance(
+    fast: Sequence[Fitted], held_out: Sequence[Fitted], model: Model, passed: Callable[[float], None] = lambda _: None
+) -> str | None:
     """Why a fitted resonance must not be believed.
 
     Parameters
@@ -47,6 +49,8 @@ def doubt_of_resonance(fast: Sequence[Fitted], held_out: Sequence[Fitted], model
         whose end was held out is among the fitted ones.
     model : Model
         The fitted model.
+    passed : callable, optional
+        Told the share of a pass over the recordings that is finished, after each answer that is fitted.
 
     Returns
     -------
@@ -63,7 +67,7 @@ def doubt_of_resonance(fast: Sequence[Fitted], held_out: Sequence[Fitted], model
         return "one steady sine drives all recordings, so nothing is known between its harmonics"
     if all(_is_harmonic(model, f.measurement) for f in fast):
         return "the frequency of the best fit is a harmonic of the sine that drives these recordings"
-    answers = best_answers(fast, model)
+    answers = best_answers(fast, model, passed)
     # The noise may be overestimated: what was taken for it may be the error in a recording that is spoilt.
     power = sum(_power(f) for f in fast) / sum(map(_count, fast))
     doubt = _doubt_of(fast, *_compared(fast, answers), min(1.0, LEAST_SHARE**2 * power))

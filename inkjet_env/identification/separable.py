@@ -12,7 +12,7 @@ negligible. The objective is Eq. (1) of docs/explanation/identification.md:
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +35,7 @@ def fit_everything(
     start: Model,
     constraints: Real | None = None,
     coloured: Collection[str] = (),
+    passed: Callable[[float], None] = lambda _: None,
 ) -> Solution:
     """Least squares over all parameters together.
 
@@ -48,13 +49,16 @@ def fit_everything(
         Rows with ``constraints @ weights ≥ 0``, or ``≤ 0`` if the gain of the first channel is negative.
     coloured : collection of str
         Channels whose whitened residual is not white, so that its spectrum must enter the covariance.
+    passed : callable, optional
+        Told the share of a pass over the recordings that is finished, after each; a Gauss–Newton step takes two passes
+        or more.
 
     Returns
     -------
     Solution
         The model at the minimum, with its covariance.
     """
-    problem = Linearised(fitted, constraints)
+    problem = Linearised(fitted, constraints, passed)
     model = start
     blocks = problem.blocks(model)
     objective, model = _best_linear(problem, blocks, model)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inkjet_env.identification.model import Fitted, has_free_state
+from inkjet_env.identification.work_done import PASSES
 from inkjet_env.typing import Real
 
 Complex = NDArray[np.complexfloating[Any, Any]]
@@ -114,7 +115,9 @@ def _grid(fast: Sequence[Fitted]) -> list[tuple[float, float]]:
     ]
 
 
-def best_start(fast: Sequence[Fitted], weights: Real | None) -> tuple[float, float]:
+def best_start(
+    fast: Sequence[Fitted], weights: Real | None, passed: Callable[[float], None] = lambda _: None
+) -> tuple[float, float]:
     """The candidate ``(a0, a1)`` with the smallest χ² on a part of the recordings.
 
     Parameters
@@ -124,6 +127,8 @@ def best_start(fast: Sequence[Fitted], weights: Real | None) -> tuple[float, flo
     weights : ndarray, shape (d,), or None
         Coefficients of the branch law up to a factor, or None if it is unknown: each candidate is then judged with the
         law that suits it best, so that losses in the ceramic are not mistaken for damping.
+    passed : callable, optional
+        Told the share of all candidates that has been judged, after each.
 
     Returns
     -------
@@ -137,7 +142,13 @@ def best_start(fast: Sequence[Fitted], weights: Real | None) -> tuple[float, flo
             part.append(f)
             budget -= f.measurement.fitted
     candidates = resonator_candidates(fast, weights)
-    return min(candidates, key=lambda pair: _misfit(part, weights, *pair))
+
+    def judged(pair: tuple[float, float]) -> float:
+        found = _misfit(part, weights, *pair)
+        passed(PASSES / len(candidates))
+        return found
+
+    return min(candidates, key=judged)
 
 
 def _misfit(part: Sequence[Fitted], weights: Real | None, a0: float, a1: float) -> float:

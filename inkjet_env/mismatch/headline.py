@@ -132,7 +132,7 @@ def _unknown(
     if left_over <= settings.left_over and alike > settings.most_alike:
         said = f"Unknown: a small mismatch is present, and each of {alike} effects explains it equally well"
     elif left_over <= settings.left_over and fitted:
-        fitted_well = _joined(fitted, "with")
+        fitted_well = _together(fitted)
         said = f"Unknown: {fitted_well} explains the fitted recordings but predicts the held-out ones poorly"
         if foretold:
             several = len(fitted) > 1
@@ -144,7 +144,9 @@ def _unknown(
         said = "Unknown: the residuals have structure that noise has not, but no effect of the catalogue explains it"
     elif closest is not None and closest[1] <= 1 - left_over + settings.left_over:
         ids, part = closest
-        said += f"; {_joined(ids, 'with')} comes closest and explains {percent(min(part, 1.0))}"
+        said += f"; {_together(ids)} comes closest and explains {percent(min(part, 1.0))}"
+        if part > 0.5 and not foretold:
+            said += ", but predicts the held-out recordings poorly"
     where = []
     if location.recordings:
         where.append(f"in {location.recordings[0]}")
@@ -152,6 +154,18 @@ def _unknown(
         bands = location.frequency_Hz[:MOST_BANDS]
         where.append("at " + " and ".join(span_text(low, high, "Hz") for low, high in bands))
     return f"{said}. The mismatch is largest {', '.join(where)}." if where else f"{said}."
+
+
+def _together(ids: Sequence[str]) -> str:
+    """Names of effects that act together.
+
+    Examples
+    --------
+    >>> _together(("second_mode",)), _together(("second_mode", "creep", "wave_echo"))
+    ('second mode', 'second mode with creep and wave echo')
+    """
+    first, *others = ids
+    return f"{_joined((first,), 'and')} with {_joined(others, 'and')}" if others else _joined((first,), "and")
 
 
 def _joined(ids: Sequence[str], word: str) -> str:

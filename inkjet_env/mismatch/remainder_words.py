@@ -7,7 +7,9 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from inkjet_env.identification.modelled_recording import ModelledRecording
-from inkjet_env.plant.wording import percent
+from inkjet_env.plant.wording import percent, with_prefix
+
+WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge"}
 
 
 def remainder_sentence(
@@ -34,7 +36,8 @@ def remainder_sentence(
             float(np.sqrt(np.average([r.rms(model, True) ** 2 for r in mine], weights=rows)))
             for model in (carrier, "with_remainder")
         )
-        falls.append(f"{channel.replace('_', ' ')} {before:.3g} to {after:.3g} {mine[0].unit}")
+        told = (with_prefix(rms, mine[0].unit, 3) for rms in (before, after))
+        falls.append(f"{WORDS.get(channel, channel)} from {' to '.join(told)}")
     beside = "the base model" if carrier == "base" else "the named effects"
     return (
         f"An unexplained remainder beside {beside} removes {percent(share)} of the squared residuals of held-out "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from inkjet_env.plant.resonance import Resonance
 from inkjet_env.plant.stages import Plant
 from inkjet_env.printhead import PeakCost, Printhead, SampledResponse, Waveform, as_waveform_array, check_name
 from inkjet_env.printhead.hysteresis import periods_before_recording
-from inkjet_env.printhead.sampled import check_samples
+from inkjet_env.printhead.sampled import check_samples, one_period, shortest_period_s
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S, check_period, check_window
 from inkjet_env.storage import write_json
 from inkjet_env.typing import Real
@@ -152,19 +152,30 @@ class AugmentedPrinthead:
 
     def _respond_in_train(self, waveform: Waveform, window_s: float, period_s: float) -> AugmentedResponse:
         """`respond` once a train of waveforms has settled: that of a recording of one period of the repeated drive."""
+        step_s, hysteretic_V, sensor_V, peak_times_s, peaks_V = self._settled(waveform.drive_V, period_s, window_s)
+        return AugmentedResponse(
+            self, *waveform.knots(), window_s, step_s, hysteretic_V, sensor_V, peak_times_s, peaks_V
+        )
+
+    def _settled(
+        self, drive_at: Callable[[ArrayLike], Real], period_s: float, window_s: float
+    ) -> tuple[float, Real, Real, Real, Real]:
+        """One period of a repeated drive in the steady state: that of a recording of one of its repetitions.
+
+        Grid step in seconds; hysteretic drive and self-sensed signal at the steps, from the start to that of the next
+        period; times and heights of the peaks within the window.
+        """
         steps = _steps(period_s, self._step_s(period_s))
         step_s = period_s / steps
-        at_nodes_V = waveform.drive_V(np.arange(steps * SUBSTEPS) * (step_s / SUBSTEPS))
+        at_nodes_V = drive_at(np.arange(steps * SUBSTEPS) * (step_s / SUBSTEPS))
         hysteretic_V, sensor_V = self._answer(at_nodes_V, step_s, "periodic", settled=True)
         beyond = np.arange(-3, steps + 2) % steps
         times_s, peaks_V = extrema(sensor_V[beyond], step_s)
         times_s = times_s - 3 * step_s
         times_s[np.abs(times_s) < step_s] = 0.0  # at the corner where the waveform starts
         counts = (times_s >= 0) & (times_s <= min(period_s - step_s, window_s))
-        return AugmentedResponse(
-            self, *waveform.knots(), window_s, step_s, np.append(hysteretic_V, hysteretic_V[0]),
-            np.append(sensor_V, sensor_V[0]), times_s[counts], peaks_V[counts],
-        )  # fmt: skip
+        hysteretic_V, sensor_V = (np.append(signal_V, signal_V[0]) for signal_V in (hysteretic_V, sensor_V))
+        return step_s, hysteretic_V, sensor_V, times_s[counts], peaks_V[counts]
 
     def respond_sampled(
         self,
@@ -173,10 +184,23 @@ class AugmentedPrinthead:
         initial_state: str = "periodic",
         hysteresis: str = "full_memory",
         window_s: float | None = None,
+        period_s: float = math.inf,
     ) -> SampledResponse:
-        """Response to a sampled drive, as in `inkjet_env.printhead.respond_sampled` with the resonator at rest."""
+        """Response to a sampled drive, as in `inkjet_env.printhead.respond_sampled` with the resonator at rest.
+
+        With a firing period, it is that of one period in the steady state of the repeated drive.
+        """
         check_name("hysteresis of a printhead with effects", hysteresis, ("full_memory",))
         time, drive = check_samples(time_s, drive_V)
+        if not math.isinf(period_s):
+            period_s = check_period(period_s, shortest_period_s(time, drive), initial_state)
+            knots_s, knots_V = one_period(time, drive, period_s)
+            counted_s = period_s if window_s is None else min(_finite_window(window_s), period_s)
+            step_s, _, sensor_V, peak_times_s, peaks_V = self._settled(
+                lambda times_s: np.interp(np.asarray(times_s, dtype=np.float64), knots_s, knots_V), period_s, counted_s
+            )
+            shown_V = np.interp(knots_s[:-1], np.arange(sensor_V.size) * step_s, sensor_V)
+            return SampledResponse(knots_s[:-1] + time[0], knots_V[:-1], shown_V, peak_times_s + time[0], peaks_V)
         since = time - time[0]
         end_s = float(since[-1]) if window_s is None else max(_finite_window(window_s), float(since[-1]))
         sampling_s = float(since[-1]) / (since.size - 1)

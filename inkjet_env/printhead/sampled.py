@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,12 +14,15 @@ from inkjet_env.printhead.hysteresis import periods_before_recording
 from inkjet_env.printhead.printhead import Printhead
 from inkjet_env.printhead.resonator import pole
 from inkjet_env.printhead.waveform import LARGEST_DRIVE_V
-from inkjet_env.printhead.window import check_window
+from inkjet_env.printhead.window import check_period, check_window
 from inkjet_env.typing import Real
 
 RINGING = ("rest", "steady")
 """``rest``: the resonator rests at the first sample. ``steady``: it rings as in the steady state of the repeated
 drive."""
+
+SAME_TIME = 1e-9
+"""Difference of two times, relative to them, below which they are one."""
 
 LONGEST_STEP_S = 1.0
 """Longest sampling step accepted, in seconds."""
@@ -92,6 +96,48 @@ def check_samples(time_s: ArrayLike, drive_V: ArrayLike) -> tuple[Real, Real]:
     return time, drive
 
 
+def shortest_period_s(time_s: Real, drive_V: Real) -> float:
+    """Shortest firing period in seconds of a sampled drive.
+
+    That is the time from its first sample until it no longer changes; a drive that ends at another voltage than it
+    starts at returns in one more sampling step after its last sample.
+    """
+    if drive_V[-1] != drive_V[0]:
+        return float(2 * time_s[-1] - time_s[-2] - time_s[0])
+    changes = np.flatnonzero(np.diff(drive_V))
+    return float(time_s[changes[-1] + 1] - time_s[0]) if changes.size else float(time_s[1] - time_s[0])
+
+
+def one_period(time_s: Real, drive_V: Real, period_s: float) -> tuple[Real, Real]:
+    """One period of a repeated drive, from its first sample to that of the next repetition.
+
+    Parameters
+    ----------
+    time_s, drive_V : ndarray, shape (n,)
+        Times in seconds, increasing, and drive in volts.
+    period_s : float
+        Firing period in seconds, at least `shortest_period_s`.
+
+    Returns
+    -------
+    since_s, drive_V : ndarray, shape (m,)
+        Times in seconds from 0 to the period, and drive: the samples, the last voltage held, and the return to the
+        first voltage in one sampling step.
+    """
+    since = time_s - time_s[0]
+    back_s = float(since[-1] - since[-2]) if drive_V[-1] != drive_V[0] else 0.0
+    step_s = float(np.median(np.diff(since)))
+    within = since < period_s * (1 - SAME_TIME)
+    knots_s, knots_V = since[within], drive_V[within]
+    leaves_s = period_s - back_s
+    if back_s or knots_V[-1] == drive_V[0]:
+        held_s = np.append(np.arange(knots_s[-1], leaves_s, step_s)[1:], leaves_s if back_s else [])
+        held_s = held_s[(held_s > knots_s[-1] * (1 + SAME_TIME)) & (held_s < period_s * (1 - SAME_TIME))]
+        held_s = held_s[np.diff(held_s, append=period_s) > SAME_TIME * period_s]
+        knots_s, knots_V = np.append(knots_s, held_s), np.append(knots_V, np.full(held_s.size, knots_V[-1]))
+    return np.append(knots_s, period_s), np.append(knots_V, drive_V[0])
+
+
 def respond_sampled(
     printhead: Printhead,
     time_s: ArrayLike,
@@ -100,6 +146,7 @@ def respond_sampled(
     hysteresis: str = "full_memory",
     ringing: str = "rest",
     window_s: float | None = None,
+    period_s: float = math.inf,
 ) -> SampledResponse:
     """Response of a head to a sampled drive.
 
@@ -118,6 +165,10 @@ def respond_sampled(
     window_s : float, optional
         Peaks are followed up to this time after the first sample, in seconds, with the drive held at its last value.
         The window ends no earlier than the last sample, which is also the default. May be infinite.
+    period_s : float
+        Firing period in seconds: the drive has been repeated for ever at this period, as in `Printhead.respond`, and
+        the response is that of one period in the steady state, in which alone peaks count. Between its last sample and
+        the next repetition the drive is held, see `one_period`. Infinite, the default: it is not repeated.
 
     Returns
     -------
@@ -127,7 +178,8 @@ def respond_sampled(
     Raises
     ------
     ValueError
-        Samples that are not finite, not increasing in time, or fewer than two; unknown names.
+        Samples that are not finite, not increasing in time, or fewer than two; unknown names; a period that does not
+        hold the drive.
     """
     from inkjet_env.printhead import batch, compiled, compiled_edges
 
@@ -145,12 +197,12 @@ def respond_sampled(
     )
 
     def run(knots_s: Real, knots_V: Real, state: Real, window: float) -> tuple[Real, Real, Real, float]:
-        pieces = np.empty((4 * drive.size + 32, 6))
+        pieces = np.empty((4 * knots_V.size + 32, 6))
         memory = np.empty((warm_up_periods + 1) * knots_V.size + 2)
         found = compiled.branch_pieces(
             knots_V, printhead.full_scale_V, warm_up_periods, hysteresis == "one_point", memory, pieces
         )
-        sensor, capacity, start = np.empty(knots_s.size), 2 * drive.size + 1024, state.copy()
+        sensor, capacity, start = np.empty(knots_s.size), 2 * knots_V.size + 1024, state.copy()
         while True:
             state[:] = start
             times, peaks = np.empty(capacity), np.empty(capacity)
@@ -161,17 +213,28 @@ def respond_sampled(
                 return sensor, times[:count].copy(), peaks[:count].copy(), tail
             capacity *= 2
 
-    since = time - time[0]
-    state = np.zeros(2)
-    if ringing == "steady":
-        period = since[-1] + (since[-1] - since[-2])
-        run(np.append(since, period), np.append(drive, drive[0]), state, period)
-        # The state that one period maps to itself: s = e^{FT} s + r, with r the response at its end from rest.
-        free = np.exp(pole(printhead.a0, printhead.a1) * period)
+    def steady(knots_s: Real, knots_V: Real) -> Real:
+        """The state at the first knot of a period that the period maps to itself."""
+        state = np.zeros(2)
+        period_s = float(knots_s[-1])
+        run(knots_s, knots_V, state, period_s)
+        # s = e^{FT} s + r, with r the response at the end of the period from rest.
+        free = np.exp(pole(printhead.a0, printhead.a1) * period_s)
         damping, frequency = -printhead.a1 / 2, pole(printhead.a0, printhead.a1).imag
         c, s = free.real, free.imag / frequency
         transition = np.array([[c - damping * s, s], [-printhead.a0 * s, c + damping * s]])
-        state = np.linalg.solve(np.eye(2) - transition, state)
+        return np.linalg.solve(np.eye(2) - transition, state)
+
+    if not math.isinf(period_s):
+        period_s = check_period(period_s, shortest_period_s(time, drive), initial_state)
+        knots_s, knots_V = one_period(time, drive, period_s)
+        end_s = period_s if window_s is None else min(check_window(window_s), period_s)
+        sensor, times, peaks, _ = run(knots_s, knots_V, steady(knots_s, knots_V), end_s)
+        return SampledResponse(knots_s[:-1] + time[0], knots_V[:-1], sensor[:-1], times + time[0], peaks)
+    since = time - time[0]
+    state = np.zeros(2)
+    if ringing == "steady":
+        state = steady(np.append(since, 2 * since[-1] - since[-2]), np.append(drive, drive[0]))
     end = float(since[-1]) if window_s is None else max(check_window(window_s), float(since[-1]))
     sensor, times, peaks, tail = run(since, drive, state, end)
     return SampledResponse(time, drive, sensor, times + time[0], peaks, tail)

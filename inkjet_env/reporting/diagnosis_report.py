@@ -63,7 +63,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         heldout=[r.name for r in diagnosis.recordings if r.held_out and r.channel == diagnosis.main_channel],
         catalogue={effect.id: effect for effect in known_effects()},
         asked=[(one, drive_file(one, k)) for k, one in enumerate(diagnosis.next_experiments, start=1)],
-        files=[head_file(diagnosis), fit_file(tables["channels"])],
+        files=[head_file(diagnosis), fit_file(tables["channels"], diagnosis.verdict)],
         uncertain={effect_id for group in diagnosis.candidates for effect_id in group},
         found_ids={e.effect.id for e in diagnosis.effects},
         stages=sorted(diagnosis.stages.items(), key=lambda item: -item[1]),
@@ -76,6 +76,11 @@ def head_words(diagnosis: Diagnosis) -> str:
     """What the head of a diagnosis is, in words: corrected only if effects were found."""
     if diagnosis.effects:
         words = "the corrected printhead"
+        if diagnosis.candidates:
+            doubted = {effect_id for group in diagnosis.candidates for effect_id in group}
+            chosen = [e.effect.id.replace("_", " ") for e in diagnosis.effects if e.effect.id in doubted]
+            words += f", with {' and '.join(chosen)}" if chosen else ""
+            words += "; heads of the other candidates are in it too" if chosen and diagnosis.ensemble else ""
     else:
         beside = "" if diagnosis.remainder is None else " with the unexplained remainder"
         words = f"the base printhead{beside}: no effect was {'found' if diagnosis.verdict == 'none' else 'named'}"
@@ -107,11 +112,24 @@ def experiment_csv(experiment: NextExperiment) -> str:
     return columns_text(columns)
 
 
-def fit_file(rows: Sequence[Row]) -> PageFile:
-    """The residuals of each channel, with base and corrected model, as CSV."""
-    lines = ["channel,recordings,number,unit,noise_rms,base_rms,corrected_rms"]
+FITTED = {
+    "none": ("", "residuals of the model beside the noise, by channel"),
+    "unknown": (
+        "closest_rms",
+        "residuals of the base model and of the closest hypothesis beside the noise, by channel",
+    ),
+}
+"""Name of the second model's column in the file of the fit, and what that file is, where nothing was corrected."""
+
+
+def fit_file(rows: Sequence[Row], verdict: str) -> PageFile:
+    """The residuals of each channel as CSV: with the base model, and with the second model if there is one."""
+    both = ("corrected_rms", "residuals of base and corrected model beside the noise, by channel")
+    second, what = FITTED.get(verdict, both)
+    lines = ["channel,recordings,number,unit,noise_rms,base_rms" + (f",{second}" if second else "")]
     lines += [
-        f"{row.channel},{row.role},{len(row.names)},{row.unit},{row.noise:.6g},{row.base:.6g},{row.augmented:.6g}"
+        f"{row.channel},{row.role},{len(row.names)},{row.unit},{row.noise:.6g},{row.base:.6g}"
+        + (f",{row.augmented:.6g}" if second else "")
         for row in rows
     ]
-    return PageFile("fit.csv", "\n".join(lines) + "\n", "residuals of both models beside the noise, by channel")
+    return PageFile("fit.csv", "\n".join(lines) + "\n", what)

@@ -11,7 +11,15 @@ import numpy as np
 
 from inkjet_env.estimate import Estimate
 from inkjet_env.plant.registry import known_effects
-from inkjet_env.reporting.formatting import CHANNEL_WORDS, engineering, hertz, parameter_text, short, unit_text
+from inkjet_env.reporting.formatting import (
+    CHANNEL_WORDS,
+    channels_in_words,
+    engineering,
+    hertz,
+    parameter_text,
+    prefixed_unit,
+    short,
+)
 
 if TYPE_CHECKING:
     from inkjet_env.identification import ModelledRecording
@@ -84,6 +92,7 @@ def tables_of(diagnosis: Diagnosis) -> dict[str, Any]:
         "candidates": candidate_rows(diagnosis),
         "views": view_tables(diagnosis),
         "noises": noise_rows(diagnosis),
+        "scales": {row.channel: prefixed_unit(row.noise, row.unit) for row in channels[::-1]},
         "heads": head_rows(diagnosis),
     }
 
@@ -113,10 +122,11 @@ def candidate_rows(diagnosis: Diagnosis) -> list[list[tuple[str, str, float]]]:
         rows = []
         for name in (first, *others):
             score = scores.get(frozenset((with_law - {first}) | {name}))
-            if score is not None:
+            if name in found:  # in the words of the verdict, which is fitted last
+                words = " ".join(found[one].sentence for one in found if one in with_law)
+                rows.append((name, words, found[name].delta_nll if score is None else score.gain))
+            elif score is not None:
                 rows.append((name, score.description, score.gain))
-            elif name in found:
-                rows.append((name, found[name].sentence, found[name].delta_nll))
             else:
                 rows.append((name, catalogue[name].sentence if name in catalogue else "", math.nan))
         groups.append(rows)
@@ -192,16 +202,12 @@ def view_tables(diagnosis: Diagnosis) -> list[tuple[str, int, list[tuple[str, fl
         kept = sorted(range(len(cells)), key=lambda k: -np.nan_to_num(cells[k][2], nan=-math.inf))[:MOST_CELLS]
         rows = [cells[k] for k in sorted(kept)]
         largest = max(1.0, *(_decades(ratio) for _, ratio, _ in rows)) if rows else 1.0
-        bars = [(_in_words(label), ratio, round(100 * _decades(ratio) / largest, 1), z) for label, ratio, z in rows]
+        bars = [
+            (channels_in_words(label), ratio, round(100 * _decades(ratio) / largest, 1), z) for label, ratio, z in rows
+        ]
         if bars:
             tables.append((VIEW_WORDS.get(view, view.capitalize()), len(cells), bars))
     return tables
-
-
-def _in_words(label: str) -> str:
-    for channel, words in CHANNEL_WORDS.items():
-        label = label.replace(channel, words)
-    return label
 
 
 def _decades(ratio: float) -> float:
@@ -216,7 +222,7 @@ def noise_rows(diagnosis: Diagnosis) -> list[tuple[str, str, float, int, str]]:
         step = " ".join(engineering(Estimate(recording.step_s, recording.step_s, recording.step_s), "s")[::2])
         groups.setdefault((CHANNEL_WORDS[recording.channel], step), []).append(recording)
     return [
-        (channel, step, float(np.sqrt(np.mean([r.noise_rms**2 for r in some]))), len(some), unit_text(some[0].unit))
+        (channel, step, float(np.sqrt(np.mean([r.noise_rms**2 for r in some]))), len(some), some[0].unit)
         for (channel, step), some in groups.items()
     ]
 

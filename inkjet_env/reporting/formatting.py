@@ -56,6 +56,40 @@ def short(value: float, digits: int = 3) -> str:
     return text.replace("-", "−")
 
 
+def quantity_text(value: float, unit: str) -> str:
+    """A value with its unit and an SI prefix, three significant digits; a dash if it is not finite.
+
+    Examples
+    --------
+    >>> quantity_text(0.00216, "V"), quantity_text(0.0794, "um"), quantity_text(float("nan"), "V")
+    ('2.16 mV', '79.4 nm', '–')
+    """
+    if not math.isfinite(value):
+        return "–"
+    size, shown = prefixed_unit(value, unit)
+    return f"{short(value / size)} {shown}".rstrip()
+
+
+def prefixed_unit(value: float, unit: str) -> tuple[float, str]:
+    """What to divide a value by, and the unit with the SI prefix that this gives.
+
+    Examples
+    --------
+    >>> prefixed_unit(0.0284, "V"), prefixed_unit(12.0, "V"), prefixed_unit(0.05, "um"), prefixed_unit(0.02, "1")
+    ((0.001, 'mV'), (1.0, 'V'), (0.001, 'nm'), (1.0, ''))
+    """
+    metres = {"um": -6, "nm": -9}.get(unit)
+    if metres is None and not PREFIXABLE.match(unit):
+        return 1.0, "" if unit == "1" else unit_text(unit)
+    given, unit = metres or 0, "m" if metres else unit
+    if not math.isfinite(value) or value == 0:
+        exponent = given
+    else:
+        rounded = float(f"{abs(value):.2e}")
+        exponent = min(max(3 * math.floor((math.log10(rounded) + given) / 3 + 1e-12), -12), 12)
+    return float(f"1e{exponent - given}"), PREFIXES[exponent] + unit
+
+
 def hertz(frequency_Hz: float) -> str:
     """A frequency in Hz, kHz or MHz.
 
@@ -175,6 +209,19 @@ def explained_text(share: float) -> str:
     ('100 %', '93 %', '–')
     """
     return share_text(share if share != share else min(share, 1.0))
+
+
+def channels_in_words(text: str) -> str:
+    """The text with the channels' names for readers.
+
+    Examples
+    --------
+    >>> channels_in_words("strain_gauge: the residual is 1.9 times the noise.")
+    'strain gauge: the residual is 1.9 times the noise.'
+    """
+    for channel, words in CHANNEL_WORDS.items():
+        text = text.replace(channel, words)
+    return text
 
 
 def parameter_text(name: str) -> str:

@@ -19,7 +19,14 @@ from inkjet_env.identification import Identification, ModelledRecording, NoiseMo
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.reporting import identification_figures as figures
 from inkjet_env.reporting.diagnosis_figures import view_picture
-from inkjet_env.reporting.formatting import CHANNEL_WORDS, hertz, interval_text, short, unit_text
+from inkjet_env.reporting.formatting import (
+    CHANNEL_WORDS,
+    hertz,
+    interval_text,
+    prefixed_unit,
+    short,
+    unit_text,
+)
 from inkjet_env.reporting.identification_figures import Part, terms_of
 from inkjet_env.reporting.page import PageFile, page_environment
 from inkjet_env.reporting.plotting import svg_text
@@ -95,7 +102,9 @@ def identification_html(campaign_name: str, identification: Identification) -> s
         broadest=broadest,
         spectrum=svg_text(figures.spectrum_figure(broadest, noise_of(broadest, identification))),
         parts=parts,
-        units={r.channel: unit_text(r.unit) for r in identification.recordings},
+        units={r.channel: r.unit for r in identification.recordings},
+        scales={r.channel: prefixed_unit(r.noise_rms, r.unit) for r in identification.recordings[::-1]},
+        explains=explains(identification),
         residuals=svg_text(figures.residuals_figure(parts)),
         explained=EXPLAINED,
     )
@@ -149,6 +158,19 @@ def headline(identification: Identification) -> str:
             f"fitted ones: whitened, it is {misfits}"
         )
     return found + f"the model explains the {whose} to {ratios[worst]:.2f} times their noise"
+
+
+def explains(identification: Identification) -> bool:
+    """Whether the model explains the held-out recordings (the fitted ones if there are none) to within their noise.
+
+    Where their noise is known from the fit alone, that cannot be decided, and nothing speaks against the model.
+    """
+    held_out = bool(identification.heldout)
+    known = {channel for (channel, _), noise in identification.noise.items() if noise.source != RESIDUAL}
+    pooled = (identification.rms(channel, held_out) for channel in identification.gains if channel in known)
+    return not any(rms > EXPLAINED * noise for rms, noise in pooled) and not any(
+        has_unexplained_residual(identification, channel) for channel in identification.misfit if channel in known
+    )
 
 
 def has_unexplained_residual(identification: Identification, channel: str) -> bool:
@@ -276,7 +298,8 @@ def noise_of(recording: ModelledRecording, identification: Identification) -> No
 
 def parameter_rows(identification: Identification) -> list[tuple[str, str, str, str, str]]:
     """Symbol, value, 90 % interval, unit and meaning of every parameter except the branch law's coefficients."""
-    units = {recording.channel: unit_text(recording.unit) for recording in identification.recordings}
+    given = {recording.channel: recording.unit for recording in identification.recordings}
+    units = {channel: unit_text(unit) for channel, unit in given.items()}
     if identification.printhead.has_dynamics:
         rows = _dynamics_rows(identification)
     else:
@@ -287,7 +310,8 @@ def parameter_rows(identification: Identification) -> list[tuple[str, str, str, 
             rows.append(("gain", gain, f"{units[channel]}/V", f"{CHANNEL_WORDS[channel]}: per hysteretic volt"))
     table = [(symbol, *interval_text(estimate), unit, meaning) for symbol, estimate, unit, meaning in rows]
     for channel, offset in identification.offsets.items():
-        table.append(("offset", short(offset), "", units[channel], CHANNEL_WORDS[channel]))
+        size, unit = prefixed_unit(offset, given[channel])
+        table.append(("offset", short(offset / size), "", unit, CHANNEL_WORDS[channel]))
     return table
 
 
@@ -296,13 +320,14 @@ def _dynamics_rows(identification: Identification) -> list[tuple[str, Estimate, 
     a0, a1 = identification.dynamics["a0"], identification.dynamics["a1"]
     turns = 2 * math.pi
     b1 = "gain of self-sensing" + ("" if "self_sensing" in identification.gains else ": not observed, set to √a0")
-    frequency = Estimate(*(math.sqrt(v) / turns for v in (a0.value, a0.low, a0.high)))
+    size, unit = (1e3, "kHz") if math.sqrt(a0.value) >= 1e3 * turns else (1.0, "Hz")
+    frequency = Estimate(*(math.sqrt(v) / turns / size for v in (a0.value, a0.low, a0.high)))
     # ln ζ = ln a1 - ln(a0) / 2 - ln 2; ringing determines its frequency and its decay independently.
     spread = math.hypot(math.log(a1.high / a1.low), math.log(a0.high / a0.low) / 2) / 2
     zeta = identification.printhead.damping_ratio
     damping = Estimate(zeta, zeta * math.exp(-spread), zeta * math.exp(spread))
     return [
-        ("f0", frequency, "Hz", "resonance, √a0 / 2π"),
+        ("f0", frequency, unit, "resonance, √a0 / 2π"),
         ("ζ", damping, "", "damping ratio, a1 / (2 √a0)"),
         ("a0", a0, "1/s²", "coefficient of G(s) = b1 s / (s² + a1 s + a0)"),
         ("a1", a1, "1/s", "coefficient of the same G(s)"),

@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any
 from inkjet_env.extras import extra
 from inkjet_env.reporting.formatting import (
     CHANNEL_WORDS,
+    channels_in_words,
     explained_text,
     hertz,
     number,
     probability,
+    quantity_text,
     share_text,
     short,
     unit_text,
@@ -57,9 +59,10 @@ def page_environment(package: str = "inkjet_env.reporting") -> Environment:
     loaders = [PackageLoader(name) for name in dict.fromkeys((package, "inkjet_env.reporting"))]
     environment = Environment(loader=ChoiceLoader(loaders), autoescape=True, undefined=StrictUndefined)
     environment.filters |= {
-        "short": short, "unit": unit_text, "channel": CHANNEL_WORDS.__getitem__, "svg": svg_text, "minus": with_minus,
+        "short": short, "unit": unit_text, "svg": svg_text, "minus": with_minus,
+        "channel": CHANNEL_WORDS.__getitem__, "channels": channels_in_words,
         "share": share_text, "explained": explained_text, "hertz": hertz, "number": number, "probability": probability,
-        "plain": lambda value: with_minus(f"{value:.4g}"), "address": file_address,
+        "quantity": quantity_text, "plain": lambda value: with_minus(f"{value:.4g}"), "address": file_address,
     }  # fmt: skip
     environment.globals |= {"bokeh_code": bokeh_code, "script_text": script_text}
     return environment

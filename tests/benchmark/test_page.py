@@ -140,7 +140,7 @@ def test_a_curve_tells_its_numbers_where_the_pointer_is(tab):
 def test_it_opens_with_the_winner_its_picture_and_its_waveform(tab, report):
     text = report.read_text()
     assert re.search(
-        '<h1>.*? wins with 200 evaluations.*?class="zoomable".*?The winning waveform.*?<details>', text, re.S
+        '<h1>.*? is ahead with 200 evaluations.*?class="zoomable".*?The winning waveform.*?<details>', text, re.S
     )
     winner = tab.evaluate("document.querySelector('h1').textContent.split(' ')[0]")
     assert winner == tab.evaluate("data.optimizers[0]")

@@ -1,4 +1,5 @@
 import json
+import math
 import os
 import subprocess
 import sys
@@ -7,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from inkjet_env.cli.simulate import _drawn_samples
 from inkjet_env.experiments.benchmark.ranking_tables import print_ranking
 from inkjet_env.optimizers import registry
-from inkjet_env.printhead import Printhead, Waveform
+from inkjet_env.printhead import Printhead, Waveform, respond_sampled
 
 OPTIMUM = ["100", "-100", "1e-6", "10.481e-6", "13.769e-6", "9.613e-6", "20e-6"]
 COMMAND = [sys.executable, "-m", "inkjet_env.experiments.cli"]
@@ -93,7 +95,35 @@ def test_a_sampled_drive_gives_the_response_of_the_same_waveform(inkjet, tmp_pat
     np.testing.assert_allclose(sampled["peaks_V"], whole["peaks_V"], atol=1e-9)
     assert sampled["cost"] == pytest.approx(whole["cost"], abs=1e-9)
     assert sampled["settling_s"] == pytest.approx(whole["settling_s"], abs=0.2e-6)
-    assert inkjet("simulate", "--drive", drive, "--drop-frequency", "1e3")[0] == 2
+
+
+def test_a_drive_file_at_a_drop_frequency_gives_the_response_of_the_same_waveform(inkjet, tmp_path):
+    drive = a_drive(tmp_path / "d.csv", [f"{t!r},{u!r}" for t, u in knots()])
+    command = ("--drop-frequency", "15e3", "--json", "-")
+    whole = json.loads(inkjet("simulate", "--waveform", *OPTIMUM, *command)[1])
+    sampled = json.loads(inkjet("simulate", "--drive", drive, *command)[1])
+    np.testing.assert_allclose(sampled["peaks_V"], whole["peaks_V"], atol=1e-9)
+    assert sampled["cost"] == pytest.approx(whole["cost"], abs=1e-9)
+    assert sampled["settling_s"] == pytest.approx(whole["settling_s"], abs=0.2e-6)  # of a single drop
+    status, _, err = inkjet("simulate", "--drive", drive, "--drop-frequency", "25e3")
+    assert status == 2
+    assert "25000 Hz leaves 40 µs a drop; d.csv takes 54.86 µs. Give at most 1.823e+04 Hz." in err.replace(
+        str(tmp_path) + "/", ""
+    )
+
+
+@pytest.mark.parametrize("period_s", [math.inf, 1 / 15e3])
+def test_the_picture_of_a_file_of_corners_passes_through_every_peak(period_s):
+    head, (time_s, drive_V) = Printhead.published(), np.array(list(knots())).T
+    fine = _drawn_samples(time_s, drive_V, head.frequency_Hz, 350e-6, period_s)
+    drawn = respond_sampled(head, *fine, window_s=350e-6, period_s=period_s)
+    corners = respond_sampled(head, time_s, drive_V, window_s=350e-6, period_s=period_s)
+    np.testing.assert_allclose(drawn.peaks_V, corners.peaks_V, atol=1e-9)
+    inside = drawn.peak_times_s < drawn.time_s[-1]
+    assert inside.all() or math.isfinite(period_s)
+    line_V = np.interp(drawn.peak_times_s, drawn.time_s, drawn.sensor_V)
+    assert np.abs(line_V - drawn.peaks_V)[inside].max() < 0.01 * np.abs(drawn.peaks_V).max()
+    assert _drawn_samples(*fine, head.frequency_Hz, 350e-6, 1 / 15e3) is None  # these are enough
 
 
 def test_an_optimum_read_back_as_a_drive_costs_the_same(inkjet):

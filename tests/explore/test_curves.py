@@ -112,5 +112,13 @@ def test_the_command_line_and_the_files_give_the_same(inkjet, tmp_path):
     assert json.loads(out)["cost"] == pytest.approx(curves(head.head, again, single).terms.total, abs=1e-6)
 
 
+def test_corners_on_a_head_with_effects_have_the_steady_state_of_the_same_waveform():
+    head = augmented_head("augmented-mode")
+    waveform = random_waveforms(1, seed=5)[0]
+    conditions = Conditions(drop_frequency_Hz=0.7 / waveform.duration_s)
+    found = curves(head, Corners(*(tuple(column.tolist()) for column in waveform.knots())), conditions)
+    assert found.terms.total == pytest.approx(curves(head, waveform, conditions).terms.total, abs=1e-6)
+
+
 def test_the_picture_is_a_png():
     assert exports.picture(PUBLISHED, random_waveforms(1)[0], Conditions()).startswith(b"\x89PNG")

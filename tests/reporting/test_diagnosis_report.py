@@ -33,7 +33,7 @@ from inkjet_env.reporting.diagnosis_tables import (
     parameter_rows,
     view_tables,
 )
-from inkjet_env.reporting.formatting import engineering, short
+from inkjet_env.reporting.formatting import channels_in_words, engineering, quantity_text, short
 from inkjet_env.reporting.zoomable import MOST_SAMPLES, kept_samples
 from inkjet_env.rig import default_battery, record_campaign
 
@@ -225,7 +225,7 @@ def test_every_recording_hypothesis_and_note_is_on_the_page(any_of_them):
     text = text_of(page)
     assert all(re.search(rf"\b{r.name}\b", text) for r in diagnosis.recordings)
     assert all(" + ".join(a.ids) in text and a.description in text for a in diagnosis.attributions)
-    assert all(note in text for note in diagnosis.notes)
+    assert all(channels_in_words(note) in text for note in diagnosis.notes)
     assert all(stage in text for stage in diagnosis.stages)
     assert all(f"{effect_id} {reason}" in text for effect_id, reason in diagnosis.untestable.items())
     assert "nan" not in text.lower().split()
@@ -295,10 +295,20 @@ def test_candidates_are_told_as_the_whole_model_that_has_them(named):
     groups = (("second_mode", "air_bubble", "wave_echo"),)
     found = replace(named, verdict="set", effects=effects, candidates=groups, attributions=tuple(joint))
     (rows,) = candidate_rows(found)
-    assert rows[:2] == [("second_mode", "A mode at 87.9 kHz, and creep.", 40.0), ("air_bubble", *rows[1][1:])]
-    assert rows[1][1:] == ("A bubble, and creep.", 39.0)
+    assert rows[0] == ("second_mode", "A mode at 87.9 kHz. It creeps.", 40.0)  # as the effects found are told
+    assert rows[1] == ("air_bubble", "A bubble, and creep.", 39.0)
     assert rows[2][1] == EFFECTS["wave_echo"].sentence
     assert math.isnan(rows[2][2])
+
+
+def test_a_set_shows_its_candidates_before_the_one_that_is_in_the_figures(pages):
+    text = text_of(pages["set"])
+    assert "Effects found" not in text
+    table, values = (
+        text.rindex("Candidates that these recordings cannot"),
+        text.rindex("feedthrough , one of the candid"),
+    )
+    assert text.index("What is missing: one of several") < table < values
 
 
 def files_of(page):
@@ -317,13 +327,16 @@ def test_files_of_a_page_are_the_head_and_what_to_record(diagnoses, pages):
         head = json.loads(files["corrected.json" if corrected else "printhead.json"])
         assert ("effects" in head) == corrected
         assert len(files["fit.csv"].splitlines()) == 1 + len(channel_rows(found))
+        last = {"none": "base_rms", "unknown": "closest_rms"}.get(verdict, "corrected_rms")
+        assert files["fit.csv"].splitlines()[0].endswith(f",{last}")
     lines = files_of(pages["set"])["next.csv"].splitlines()
     assert lines[0] == "time_s,drive_V"
     assert [float(line.split(",")[1]) for line in lines[1:]] == list(diagnoses["set"].next_experiments[0].drive_V)
 
 
 def test_only_a_head_with_effects_is_offered_as_corrected(diagnoses, pages):
-    assert head_words(diagnoses["named"]) == head_words(diagnoses["set"]) == "the corrected printhead"
+    assert head_words(diagnoses["named"]) == "the corrected printhead"
+    assert head_words(diagnoses["set"]) == "the corrected printhead, with feedthrough"
     assert head_words(diagnoses["none"]) == "the base printhead: no effect was found"
     told = "the base printhead with the unexplained remainder: no effect was named"
     assert head_words(diagnoses["unknown"]) == told
@@ -372,7 +385,7 @@ def test_candidates_are_told_with_what_sets_them_apart(diagnoses, pages):
         assert EFFECTS[candidate].signature in text
     table = text[text.index("Candidates that these") : text.index("Each row describes")]
     assert all(a.description in table for a in diagnoses["set"].attributions if len(a.ids) == 1)
-    assert "expected difference of the candidates’ log-likelihoods 84.0" in text
+    assert "Expected difference of the candidates’ log-likelihoods: 84.0; 21.5 settle it" in text
 
 
 def test_only_a_model_with_effects_is_called_corrected(diagnoses, pages):
@@ -454,7 +467,9 @@ def test_the_first_line_says_what_is_left_in_the_channels_unit(named):
     ]
     found = replace(named, recordings=tuple(moved), gains={"displacement": 0.02, "strain_gauge": 0.01})
     row = next(r for r in channel_rows(found) if r.held_out and r.channel == "displacement")
-    said = f"{short(row.base)} µm (RMS) before, {short(row.augmented)} µm after, noise {short(row.noise)} µm."
+    base, augmented, noise = (quantity_text(rms, "um") for rms in (row.base, row.augmented, row.noise))
+    assert base == f"{short(1e3 * row.base)} nm"
+    said = f"{base} (RMS) before, {augmented} after, noise {noise}."
     assert said in diagnosis_html(found)
 
 

@@ -11,11 +11,12 @@ from inkjet_env.identification import identify
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
-from inkjet_env.reporting.formatting import interval_text
+from inkjet_env.reporting.formatting import channels_in_words, interval_text
 from inkjet_env.reporting.identification_figures import amplitude_densities, degree_figure, terms_of
 from inkjet_env.reporting.identification_report import (
     branches,
     broadest_recording,
+    explains,
     has_unexplained_residual,
     headline,
     identification_html,
@@ -98,9 +99,22 @@ def test_the_page_names_every_recording_every_note_and_every_number(any_of_them)
         assert value in cells
         assert interval in cells
     text = page.replace("&#39;", "'").replace("&gt;", ">")
-    assert all(note in text for note in identification.notes)
+    assert all(channels_in_words(note) in text for note in identification.notes)
     assert all(model.source in cells for model in identification.noise.values())
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL).lower().split()
+
+
+def test_a_head_that_leaves_a_residual_is_diagnosed_before_it_is_used(everything):
+    loud = tuple(replace(r, measured=r.modelled["base"] + 3 * r.residual()) for r in everything.recordings)
+    poor = replace(everything, recordings=loud)
+    assert explains(everything)
+    assert not explains(poor)
+    well, badly = (identification_html("head", found) for found in (everything, poor))
+    diagnose, optimize = "inkjet diagnose DIR", "inkjet optimize --printhead"
+    assert well.index(optimize) < well.index(diagnose)
+    assert badly.index(diagnose) < badly.index(optimize)
+    assert "The model does not explain these recordings yet." in badly
+    assert "does not explain" in headline(poor)
 
 
 def test_every_picture_is_on_the_page(pages):
@@ -112,7 +126,7 @@ def test_every_picture_is_on_the_page(pages):
 def test_parameters_show_what_was_identified(everything):
     rows = {(symbol, unit): float(value.replace("−", "-")) for symbol, value, _, unit, _ in parameter_rows(everything)}
     head = everything.printhead
-    assert rows["f0", "Hz"] == pytest.approx(head.frequency_Hz, rel=1e-4)
+    assert rows["f0", "kHz"] == pytest.approx(head.frequency_Hz / 1e3, rel=1e-4)
     assert rows["ζ", ""] == pytest.approx(head.damping_ratio, rel=1e-3)
     assert rows["b1", "1/s"] == pytest.approx(head.b1, rel=1e-3)
     assert rows["gain", "V/V"] == pytest.approx(everything.gains["strain_gauge"].value, rel=1e-3)
