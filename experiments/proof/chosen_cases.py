@@ -35,6 +35,11 @@ def chosen_cases(draws: Sequence[Draw], only: Sequence[str], first: int = 0) -> 
         Names; of a kind of which none is given, all.
     first : int
         Number of cases of each family, effects, strength and size, the first of the corpus; 0: all.
+
+    Raises
+    ------
+    ValueError
+        No case has them all.
     """
     kinds: tuple[tuple[Sequence[str], Callable[[Draw], Sequence[str]]], ...] = (
         (tuple(STAGES), lambda draw: draw.effects),
@@ -45,6 +50,8 @@ def chosen_cases(draws: Sequence[Draw], only: Sequence[str], first: int = 0) -> 
     for names, of in kinds:
         if wanted := set(only).intersection(names):
             draws = [draw for draw in draws if wanted.intersection(of(draw))]
+    if not draws:
+        raise ValueError(f"--only {','.join(only)}: no case of this corpus has one name of each kind. Give fewer names.")
     return first_of_each_kind(draws, first) if first else list(draws)
 
 

@@ -126,10 +126,10 @@ def prove(
     ProofError
         A violation that would invalidate the result; see `sealing`.
     """
-    open_folder(folder, settings)
-    code = read_json(folder / "proof.json")["code"]
     whole = corpus(settings.seed, settings.profile, *families(settings.rig, settings.published))
     draws = chosen_cases(whole, settings.only, settings.first)
+    open_folder(folder, settings)
+    code = read_json(folder / "proof.json")["code"]
     salt = salt_of(folder)
     named = dict(sorted(((opaque_name(salt, draw), draw) for draw in draws), key=itemgetter(0)))
     _conceal_all(folder, named, settings.rig, client, steps, code["rig"])

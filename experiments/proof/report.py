@@ -56,6 +56,8 @@ def any_heads(found: Mapping[str, Any]) -> bool:
 def headline(found: Mapping[str, Any]) -> str:
     """Result of the proof in one line."""
     asked = sum(figure["met"] is not None for figure in found["figures"])
+    if not asked:
+        return f"{found['cases']} cases were judged; too few of each kind for any criterion of a first-rate diagnosis"
     if not found["short"]:
         return f"The diagnosis passes its blind proof: it meets all {asked} criteria of a first-rate one"
     return f"The diagnosis misses {len(found['short'])} of the {asked} criteria of a first-rate one"

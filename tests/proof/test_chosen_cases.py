@@ -30,3 +30,8 @@ def test_an_unknown_name_is_told_and_what_is_chosen_is_written_down():
         Settings(1, "full", only=("heavy",))
     assert "only" not in Settings(1, "full").to_json()  # so that earlier proofs stay what they are
     assert Settings(1, "full", only=("creep", "base"), first=2).to_json()["only"] == ["base", "creep"]
+
+
+def test_names_that_no_case_has_together_are_refused():
+    with pytest.raises(ValueError, match="no case of this corpus has one name of each kind"):
+        chosen_cases(DRAWS, ("creep", "null"))

@@ -255,6 +255,8 @@ def test_the_page_stands_alone_and_begins_with_what_was_proven(flawless):
     found = scored(spoilt)
     page = page_html(json.loads(json_text(found)))
     assert "misses 2 of the 12 criteria" in headline(found)
+    few = {**found, "short": [], "figures": [{**figure, "met": None} for figure in found["figures"]]}
+    assert "too few of each kind for any criterion" in headline(few)
     nulls = sum(
         case["draw"]["family"] == "null" and not (case["draw"]["meagre"] or case["draw"]["slow_only"])
         for case in flawless
