@@ -289,24 +289,24 @@ def fast_library(bench: Bench) -> list[Proposal]:
 
 
 def probe_library(bench: Bench) -> list[Proposal]:
-    """Pulses sampled so fast that a probe at the head shows what happens within an edge."""
+    """Pulses sampled so fast that a probe at the head shows what happens within an edge, or within a lag."""
     settings, period_s = bench.settings, bench.period_s
-    step_s = float(f"{settings.probe_window * period_s / settings.probe_samples:.2g}")
-    fine = replace(bench, step_s=step_s)
+    within_edge = settings.probe_window / settings.probe_samples
     levels = tuple(v for v in (bench.high_V, bench.low_V) if v)
-    steep = max(0.03 * period_s, step_s)
     found = []
-    for height in (1.0, 0.7, 0.4):
-        high = tuple(height * level for level in levels)
-        for dwell in (0.35, 0.85):
-            found += [
-                fine.pulses(train, settings.probe_window)
-                for train in (
-                    Train(high, steep, dwell * period_s, 0.35 * period_s),
-                    Train(high, steep, dwell * period_s, 0.85 * period_s),
-                    Train(high[:1], steep, dwell * period_s),
-                )
-            ]
+    for step, window, dwells, gaps in (
+        (within_edge, settings.probe_window, (0.35, 0.85), (0.35, 0.85)),
+        (settings.finest_probe_step, 0.0, (0.35,), (0.35,)),
+    ):
+        fine = replace(bench, step_s=float(f"{step * period_s:.2g}"))
+        steep = max(0.03 * period_s, fine.step_s)
+        for height in (1.0, 0.7, 0.4):
+            high = tuple(height * level for level in levels)
+            for dwell in dwells:
+                trains = [Train(high[:1], steep, dwell * period_s)]
+                if len(high) > 1:
+                    trains += [Train(high, steep, dwell * period_s, gap * period_s) for gap in gaps]
+                found += [fine.pulses(train, window) for train in trains]
     return found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.mismatch import DiagnosisSettings
-from inkjet_env.mismatch.design.drive_library import Train, benches, library
+from inkjet_env.mismatch.design.drive_library import Train, benches, library, probe_library
 from inkjet_env.mismatch.design.next_experiment import _no_longer_than_needed, _times, next_experiments
 from inkjet_env.mismatch.design.predictions import Judged
 from inkjet_env.mismatch.fitting.base_parameters import Head
@@ -207,6 +207,20 @@ def test_every_channel_of_a_campaign_has_drives_of_its_own():
             ObservedRecording("", bench.channel, "V", 0, p.excitation, p.excitation.drive_V, 0).noise_key
             for p in proposals
         }
+
+
+@pytest.mark.parametrize("frequency_Hz", [20e3, 52e3, 300e3])
+def test_pulses_for_a_probe_are_sampled_within_an_edge_or_within_its_corners(one_amplitude, frequency_Hz):
+    (bench,) = benches(one_amplitude[0].observed, frequency_Hz, SETTINGS.design)
+    found = probe_library(bench)
+    assert len({(p.words, p.excitation.step_s) for p in found}) == len(found)
+    assert {round(p.train.edge_s / p.excitation.step_s, -1) for p in found} == {30, 250}
+    for proposal in found:
+        excitation = proposal.excitation
+        assert excitation.samples <= SETTINGS.design.most_samples
+        assert excitation.drive_V[0] == excitation.drive_V[-1] == 0
+        rings_s = excitation.samples * excitation.step_s - proposal.train.corners[0][-1]
+        assert rings_s > 0.95 / frequency_Hz
 
 
 def test_a_train_has_the_corners_that_its_words_tell():
