@@ -77,15 +77,10 @@ class Page:
     def redraw(self) -> None:
         """Redraw what has changed, in one message to the browser."""
         due, self._due = self._due, set()
-        if self._document is not None:
-            self._document.hold("combine")
-        try:
+        with pn.io.hold(self._document):
             for name, view in self.views.items():
                 if name in due or "all" in due:
                     try:
                         view.draw()
                     except ValueError as error:
                         self._tell(str(error))
-        finally:
-            if self._document is not None:
-                self._document.unhold()

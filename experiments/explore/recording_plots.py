@@ -27,12 +27,15 @@ class RecordingPlots:
         self.recording: Recording | None = None
         self.evaluation: Evaluation | None = None
         self.sources = {
-            name: ColumnDataSource({"x": [], "y": []}) for name in ("drive", "measured", "modelled", "left")
+            name: ColumnDataSource({"x": [], "y": []}, name=f"recorded {name}")
+            for name in ("drive", "measured", "modelled", "left")
         }
         self.time = Range1d(0, 1)
         self.drive = new_figure("", "drive (V)", height=150, x_range=self.time, y_range=Range1d(-1, 1))
         self.drive.line("x", "y", source=self.sources["drive"], color=GREY, line_width=1.5)
-        self.signal = new_figure("", "signal", height=300, x_range=self.time, y_range=Range1d(-1, 1))
+        self.signal = new_figure(
+            "", "signal", height=300, x_range=self.time, y_range=Range1d(-1, 1), name="recorded signal"
+        )
         self.signal.line("x", "y", source=self.sources["measured"], color=SKY, line_width=3, legend_label="measured")
         self.signal.line("x", "y", source=self.sources["modelled"], color=BLUE, line_width=1.4, legend_label="modelled")
         self.left = new_figure(

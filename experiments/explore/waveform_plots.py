@@ -47,7 +47,7 @@ class WaveformPlots:
     def __init__(self, state: WaveformState, dragged: Any) -> None:
         self.state, self.dragged = state, dragged
         self.grasped: int | None = None
-        self.sources = {name: ColumnDataSource({"x": [], "y": []}) for name in (
+        self.sources = {name: ColumnDataSource({"x": [], "y": []}, name=name) for name in (
             "drive", "corners", "sensor", "peaks", "effective", "next", "loop", "spectrum",
             *(f"drop {k + 1}" for k in range(DROPS)),
         )}  # fmt: skip
@@ -59,7 +59,7 @@ class WaveformPlots:
     def _drive_figure(self) -> Any:
         made = new_figure(
             "time (µs)", "drive (V)", "Drive: drag its corners", tools="xwheel_zoom,reset,save", height=270,
-            x_range=Range1d(-3, 100), y_range=Range1d(-120, 120),
+            x_range=Range1d(-3, 100), y_range=Range1d(-120, 120), name="drive",
         )  # fmt: skip
         self.limit_spans = [Span(dimension="width", line_color=ORANGE, line_dash="dashed", visible=False) for _ in "ab"]
         for span in self.limit_spans:
@@ -80,7 +80,7 @@ class WaveformPlots:
     def _response_figure(self) -> Any:
         made = new_figure(
             "time since the drop's start (µs)", "response (V)", height=320, x_range=Range1d(0, 350),
-            y_range=Range1d(-8, 8),
+            y_range=Range1d(-8, 8), name="response",
         )  # fmt: skip
         made.multi_line(
             "xs", "ys", line_color="colour", source=self.sources["pinned responses"], line_dash="dashed",

@@ -15,6 +15,7 @@ from inkjet_env.experiments.explore.curves import Conditions, Curves, Head, curv
 from inkjet_env.experiments.explore.drives import Corners, Drive
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.figures import PIN_COLOURS
+from inkjet_env.experiments.explore.quick_slider import QuickSlider
 from inkjet_env.experiments.explore.style import column, row, set_differing, text_pane
 from inkjet_env.experiments.explore.tables import cost_table, pinned_table
 from inkjet_env.experiments.explore.waveform_plots import WaveformPlots
@@ -52,7 +53,7 @@ class WaveformView:
         self._kept: list[tuple[Head, Drive, Conditions, Curves]] = []
         self.plots = WaveformPlots(self.state, lambda: guarded("waveform", lambda: None))
         self.sliders = [self._slider(k) for k in range(len(PARAMETERS))]
-        self.frequency = pn.widgets.EditableFloatSlider(
+        self.frequency = QuickSlider(
             label="drop frequency (kHz)", start=0.0, end=60.0, step=0.1, value=0.0,
             format="0.00[0]", sizing_mode="stretch_width",
         )  # fmt: skip
@@ -70,7 +71,7 @@ class WaveformView:
 
     def _slider(self, k: int) -> Any:
         _, label, _, (start, end, step) = PARAMETERS[k]
-        slider = pn.widgets.EditableFloatSlider(
+        slider = QuickSlider(
             label=label, start=start, end=end, step=step, value=start, format="0.00[0]", sizing_mode="stretch_width"
         )
 
