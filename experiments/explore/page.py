@@ -12,6 +12,7 @@ from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.heads_view import HeadsView
 from inkjet_env.experiments.explore.optimise_view import OptimiseView
 from inkjet_env.experiments.explore.recordings_view import RecordingsView
+from inkjet_env.experiments.explore.steady_styles import keep_styles
 from inkjet_env.experiments.explore.style import column, text_pane
 from inkjet_env.experiments.explore.waveform_view import WaveformView
 
@@ -46,6 +47,7 @@ class Page:
             view.draw()
         end = exploration.watch(self._changed)
         if self._document is not None:
+            keep_styles(self._document)
             pn.state.on_session_destroyed(lambda _: end())
 
     def guarded(self, view: str, act: Callable[[], object]) -> None:
