@@ -68,10 +68,10 @@ class Page:
             self.message.object = told
 
     def _changed(self, view: str) -> None:
-        """Redraw a view soon: once, however many changes come before that."""
+        """Redraw a view: at once if this tab made the change, so that one message tells all; else soon, and once."""
         waiting = bool(self._due)
         self._due.add(view)
-        if self._document is None:
+        if self._document is None or pn.state.curdoc is self._document:
             self.redraw()
         elif not waiting:
             self._document.add_next_tick_callback(self.redraw)

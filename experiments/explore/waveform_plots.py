@@ -24,6 +24,7 @@ from inkjet_env.experiments.explore.figures import (
     fit,
     legend_above,
     new_figure,
+    put,
 )
 from inkjet_env.experiments.explore.waveform_state import WaveformState
 from inkjet_env.typing import Real
@@ -160,7 +161,7 @@ class WaveformPlots:
         self.spectrum.title.text = f"Spectrum; dashed: resonance, {head.frequency_Hz / 1e3:.4g} kHz"
 
     def _put(self, name: str, x: Real, y: Real) -> None:
-        self.sources[name].data = {"x": np.asarray(x), "y": np.asarray(y)}
+        put(self.sources[name], {"x": np.asarray(x), "y": np.asarray(y)})
 
     def _draw_train(self, found: Curves) -> None:
         for k, line in enumerate(self.drop_lines):
@@ -179,13 +180,12 @@ class WaveformPlots:
         colours = list(PIN_COLOURS[: len(pinned)])
         names = [name for name, _, _ in pinned]
         drives = [one.knots() for _, one, _ in pinned]
-        self.sources["pinned drives"].data = {
-            "xs": [t * 1e6 for t, _ in drives], "ys": [v for _, v in drives], "colour": colours, "name": names,
-        }  # fmt: skip
-        self.sources["pinned responses"].data = {
-            "xs": [c.time_s * 1e6 for _, _, c in pinned], "ys": [c.sensor_V for _, _, c in pinned],
-            "colour": colours, "name": names,
-        }  # fmt: skip
+        told = {"colour": colours, "name": names}
+        put(self.sources["pinned drives"], {"xs": [t * 1e6 for t, _ in drives], "ys": [v for _, v in drives]} | told)
+        put(
+            self.sources["pinned responses"],
+            {"xs": [c.time_s * 1e6 for _, _, c in pinned], "ys": [c.sensor_V for _, _, c in pinned]} | told,
+        )
 
     def _draw_limits(self, knots_us: Real, knots_V: Real) -> None:
         limits = self.state.limits
@@ -198,10 +198,10 @@ class WaveformPlots:
         steep = np.flatnonzero(
             (slews > limits.rise_V_per_us * (1 + 1e-9)) | (-slews > limits.fall_V_per_us * (1 + 1e-9))
         )
-        self.sources["steep"].data = {
+        put(self.sources["steep"], {
             "xs": [knots_us[k : k + 2] for k in steep], "ys": [knots_V[k : k + 2] for k in steep],
             "colour": [ORANGE] * len(steep), "name": ["too steep"] * len(steep),
-        }  # fmt: skip
+        })  # fmt: skip
 
     def _grasp(self, event: Any) -> None:
         """Take the corner under the pointer, if there is one."""

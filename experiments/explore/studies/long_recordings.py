@@ -18,6 +18,7 @@ from inkjet_env.experiments.explore.studies.browser import (
 from inkjet_env.experiments.explore.studies.sliders import told
 from inkjet_env.printhead import Printhead, respond_sampled
 from inkjet_env.recordings import Campaign, Recording, write_campaign
+from inkjet_env.reporting.plotting import time_scale
 
 SAMPLE_RATE_HZ = 5e6
 NOISE_V = 2e-3
@@ -76,22 +77,33 @@ def recordings_study(browser: Any, folder: Path, samples: int, recordings: int, 
         page.wait_for_timeout(1500)
         memory_MB = resident_bytes(server) / 1e6
         watch = Stopwatch(page, "recorded signal", "recorded measured")
-        second = 1e6 if first.duration_s < 1e-3 else 1e3
-        whole = {name: page.evaluate(SEEN, f"recorded {name}") for name in ("measured", "left")}
-        page.locator(".bk-tool-icon-wheel-zoom").first.click()
-        times = []
-        inward = -(-steps // 2)
-        x, y = watch.place(spike_s * second, 0.0)
-        page.mouse.move(x, y)
-        for step in range(steps):
-            times.append(watch.time(lambda step=step: page.mouse.wheel(0, -240 if step < inward else 240)))
-            if step == inward - 1:
-                page.wait_for_timeout(300)
-                near = {name: page.evaluate(SEEN, f"recorded {name}") for name in ("measured", "left")}
+        second = time_scale(first.duration_s)[0]
+        whole = seen_now(page)
+        page.evaluate("watch.view.el.scrollIntoView({block: 'center'})")
+        page.locator(".bk-tool-icon-wheel-zoom").locator("visible=true").nth(1).click()  # that of the second plot
+        times, inward = [], -(-steps // 2)
+        page.mouse.move(*watch.place(spike_s / second, 0.0))
+        for _ in range(inward):
+            times.append(watch.time(lambda: page.mouse.wheel(0, -240)))
+        page.wait_for_timeout(300)
+        near = seen_now(page)
+        for _ in range(steps - inward):
+            times.append(watch.time(lambda: page.mouse.wheel(0, 240)))
         check_quiet(page)
         page.close()
+    begin_s, end_s = (second * one for one in near["measured"]["axis"])
+    there = np.count_nonzero((first.time_s >= begin_s) & (first.time_s <= end_s))
     return {
         "samples": samples, "recordings": recordings, "written_s": written_s, "opened_s": opened_s,
         "server_MB": memory_MB, "zoom_ms": told([one for _, one in times]), "steps": len(times),
-        "whole": whole, "near": near,
+        "spike_V": SPIKE_V, "whole": whole, "near": near, "samples_in_near": int(there),
+        "spike_kept": all(
+            one[name]["highest"] > high for one in (whole, near)
+            for name, high in (("measured", float(first.sensor[samples // 3]) - 1e-9), ("left", 0.9 * SPIKE_V))
+        ),
     }  # fmt: skip
+
+
+def seen_now(page: Any) -> dict[str, Any]:
+    """Of the measured and of the residual plot: ends of the time axis, points within, and the highest of them."""
+    return {name: page.evaluate(SEEN, f"recorded {name}") for name in ("measured", "left")}

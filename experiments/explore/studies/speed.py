@@ -75,7 +75,8 @@ def print_found(found: dict[str, Any]) -> None:
             ("a zoom step, 95th percentile (ms)", f"{one['zoom_ms']['p95']:.1f}"),
             ("zoomed out: points drawn", f"{one['whole']['measured']['points']:,}"),
             ("zoomed in: points drawn", f"{one['near']['measured']['points']:,}"),
-            ("a single sample's spike is drawn", one["spike"]),
+            ("zoomed in: samples there are", f"{one['samples_in_near']:,}"),
+            ("a spike of one sample is drawn", "yes" if one["spike_kept"] else "no"),
         ]
         print_table((f"{one['recordings']} recordings of {one['samples']:,} samples", ""), rows)
 
