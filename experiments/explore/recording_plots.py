@@ -112,9 +112,7 @@ class RecordingPlots:
             self.sources[name].data = {"x": [], "y": []}
             return
         begin_s, step_s = float(self.recording.time_s[0]), self.recording.step_s
-        time_s, values = decimated(
-            begin_s, step_s, signal, self.time.start * self.second, self.time.end * self.second
-        )
+        time_s, values = decimated(begin_s, step_s, signal, self.time.start * self.second, self.time.end * self.second)
         put(self.sources[name], {"x": time_s / self.second, "y": values})
 
 

@@ -13,6 +13,7 @@ import panel as pn
 from inkjet_env.experiments.explore import exports
 from inkjet_env.experiments.explore.curves import Conditions, Curves, Head, curves
 from inkjet_env.experiments.explore.drives import Corners, Drive
+from inkjet_env.experiments.explore.dwell_scan import DwellScan
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.figures import PIN_COLOURS
 from inkjet_env.experiments.explore.quick_slider import QuickSlider
@@ -67,6 +68,7 @@ class WaveformView:
             label="the command line that gives the same", rows=6, sizing_mode="stretch_width"
         )
         self.undo = self._button("Undo", self.state.undo)
+        self.dwell = DwellScan(exploration, guarded)
         self.layout = self._layout()
 
     def _slider(self, k: int) -> Any:
@@ -126,12 +128,13 @@ class WaveformView:
         )  # fmt: skip
         controls = column(
             self.head, *self.sliders, self.frequency, row(self.undo, self._button("Pin", state.pin)),
-            self.pin_row, settings, kind="controls",
+            self.dwell.button, self.pin_row, settings, kind="controls",
         )  # fmt: skip
         plots = self.plots
         drawn = column(
             self.excesses, plots.drive, plots.response,
-            row(column(plots.loop, kind="half"), column(plots.spectrum, kind="half")), kind="drawn",
+            row(column(plots.loop, kind="half"), column(plots.spectrum, kind="half")),
+            self.dwell.layout, kind="drawn",
         )  # fmt: skip
         told = column(self.terms, self.compared, files, self.command, kind="told")
         return row(controls, drawn, told, kind="view")
@@ -201,6 +204,7 @@ class WaveformView:
         self.compared.object = pinned_table(rows) if pinned else ""
         told = [f"<li>The drive {html.escape(text)}</li>" for text in state.excesses()]
         self.excesses.object = f"<ul class='excess'>{''.join(told)}</ul>" if told else ""
+        self.dwell.draw()
         self.command.value = exports.command_text(head, state.drive, state.conditions)
 
     def _of_pinned(self, head: Head, drive: Drive, conditions: Conditions) -> Curves:

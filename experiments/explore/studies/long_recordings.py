@@ -45,7 +45,9 @@ def campaign_of(samples: int, recordings: int) -> Campaign:
         sensor_V = sensor_V + rng.normal(0, NOISE_V, samples)
         sensor_V[samples // 3] += SPIKE_V
         found.append(
-            Recording(f"r{k + 1:03d}", time_s, drive_V, sensor_V, "V", "self_sensing", "arbitrary", "demagnetised", k + 1)
+            Recording(
+                f"r{k + 1:03d}", time_s, drive_V, sensor_V, "V", "self_sensing", "arbitrary", "demagnetised", k + 1
+            )
         )
     return Campaign("long", tuple(found))
 

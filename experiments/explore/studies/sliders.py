@@ -109,7 +109,9 @@ def slide(page: Any, watch: Stopwatch, changes: int) -> list[tuple[float, float]
     times = []
     for k in range(changes + WARM):
         if k % (sweep.size // 2):  # at the turning points nothing changes
-            times.append(watch.time(lambda k=k: page.mouse.move(track["x"] + sweep[k % sweep.size] * track["width"], y)))
+            times.append(
+                watch.time(lambda k=k: page.mouse.move(track["x"] + sweep[k % sweep.size] * track["width"], y))
+            )
     page.mouse.up()
     page.wait_for_timeout(300)
     return times[WARM:]

@@ -83,9 +83,7 @@ def print_found(found: dict[str, Any]) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Measure, print, and write what was found."""
-    parser = argparse.ArgumentParser(
-        prog="python -m inkjet_env.experiments.explore.studies.speed", description=__doc__
-    )
+    parser = argparse.ArgumentParser(prog="python -m inkjet_env.experiments.explore.studies.speed", description=__doc__)
     parser.add_argument("--changes", type=int, default=1000, help="changes of a slider, and drags of a corner")
     parser.add_argument("--samples", type=int, default=1_000_000, help="samples of each recording")
     parser.add_argument("--recordings", type=int, default=10, help="number of recordings")
