@@ -72,6 +72,6 @@ def _same(old: Any, new: Any) -> bool:
     """Whether two columns, of numbers, of texts or of lines, are equal."""
     if len(old) != len(new):
         return False
-    if any(isinstance(one, np.ndarray) for one in new):  # a column of lines
+    if len(new) and isinstance(new[0], np.ndarray):  # a column of lines
         return all(np.array_equal(one, other) for one, other in zip(old, new, strict=True))
     return bool(np.array_equal(old, new))

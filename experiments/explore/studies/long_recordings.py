@@ -13,7 +13,6 @@ from inkjet_env.experiments.explore.studies.browser import (
     check_quiet,
     open_page,
     resident_bytes,
-    serving,
 )
 from inkjet_env.experiments.explore.studies.sliders import told
 from inkjet_env.printhead import Printhead, respond_sampled
@@ -52,7 +51,9 @@ def campaign_of(samples: int, recordings: int) -> Campaign:
     return Campaign("long", tuple(found))
 
 
-def recordings_study(browser: Any, folder: Path, samples: int, recordings: int, steps: int) -> dict[str, Any]:
+def recordings_study(
+    browser: Any, server: int, address: str, folder: Path, samples: int, recordings: int, steps: int
+) -> dict[str, Any]:
     """Open a folder of long recordings, zoom in and out with the wheel, and look for the single sample.
 
     Raises
@@ -66,33 +67,32 @@ def recordings_study(browser: Any, folder: Path, samples: int, recordings: int, 
     written_s = time.perf_counter() - begin_s
     first = campaign.recordings[0]
     spike_s = float(first.time_s[samples // 3])
-    with serving(folder / "long.json") as (server, address):
-        page = open_page(browser, address)
-        page.get_by_text("Recordings", exact=True).click()
-        page.get_by_label("folder of a campaign").fill(str(folder / "long"))
-        page.get_by_label("folder of a campaign").press("Enter")
-        begin_s = time.perf_counter()
-        page.get_by_role("button", name="Read").click()
-        page.wait_for_function(SHOWN, timeout=READ_MS)
-        opened_s = time.perf_counter() - begin_s
-        page.get_by_label("recording", exact=True).select_option(first.name)
-        page.wait_for_timeout(1500)
-        memory_MB = resident_bytes(server) / 1e6
-        watch = Stopwatch(page, "recorded signal", "recorded measured")
-        second = time_scale(first.duration_s)[0]
-        whole = seen_now(page)
-        page.evaluate("watch.view.el.scrollIntoView({block: 'center'})")
-        page.locator(".bk-tool-icon-wheel-zoom").locator("visible=true").nth(1).click()  # that of the second plot
-        times, inward = [], -(-steps // 2)
-        page.mouse.move(*watch.place(spike_s / second, 0.0))
-        for _ in range(inward):
-            times.append(watch.time(lambda: page.mouse.wheel(0, -240)))
-        page.wait_for_timeout(300)
-        near = seen_now(page)
-        for _ in range(steps - inward):
-            times.append(watch.time(lambda: page.mouse.wheel(0, 240)))
-        check_quiet(page)
-        page.close()
+    page = open_page(browser, address)
+    page.get_by_text("Recordings", exact=True).click()
+    page.get_by_label("folder of a campaign").fill(str(folder / "long"))
+    page.get_by_label("folder of a campaign").press("Enter")
+    begin_s = time.perf_counter()
+    page.get_by_role("button", name="Read").click()
+    page.wait_for_function(SHOWN, timeout=READ_MS)
+    opened_s = time.perf_counter() - begin_s
+    page.get_by_label("recording", exact=True).select_option(first.name)
+    page.wait_for_timeout(1500)
+    memory_MB = resident_bytes(server) / 1e6
+    watch = Stopwatch(page, "recorded signal", "recorded measured")
+    second = time_scale(first.duration_s)[0]
+    whole = seen_now(page)
+    page.evaluate("watch.view.el.scrollIntoView({block: 'center'})")
+    page.locator(".bk-tool-icon-wheel-zoom").locator("visible=true").nth(1).click()  # that of the second plot
+    times, inward = [], -(-steps // 2)
+    page.mouse.move(*watch.place(spike_s / second, 0.0))
+    for _ in range(inward):
+        times.append(watch.time(lambda: page.mouse.wheel(0, -240)))
+    page.wait_for_timeout(300)
+    near = seen_now(page)
+    for _ in range(steps - inward):
+        times.append(watch.time(lambda: page.mouse.wheel(0, 240)))
+    check_quiet(page)
+    page.close()
     begin_s, end_s = (second * one for one in near["measured"]["axis"])
     there = np.count_nonzero((first.time_s >= begin_s) & (first.time_s <= end_s))
     return {

@@ -12,6 +12,7 @@ import numpy as np
 
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.studies.browser import (
+    PICTURE_MS,
     Stopwatch,
     blank_page,
     check_quiet,
@@ -19,7 +20,6 @@ from inkjet_env.experiments.explore.studies.browser import (
     load,
     open_page,
     resident_bytes,
-    serving,
 )
 from inkjet_env.printhead import Waveform
 
@@ -54,22 +54,21 @@ def python_ms(page: str, changes: int) -> list[float]:
     from inkjet_env.experiments.explore.page import Page
 
     style.use()
-    protocol, held, taken_ms = Protocol(), [], []
+    protocol, taken_ms = Protocol(), []
     with TemporaryDirectory() as folder:
         document: Any = Document()
         exploration = prepared(Path(folder) / "session.json", page)
         with set_curdoc(document):
             shown = Page(exploration)
             document.add_root(shown.layout.get_root(document))
-            document.callbacks.on_change(held.append)
-            view = shown.views["waveform"]
+            slider = shown.views["waveform"].sliders[0]
+            document.hold("combine")
+            held = document.callbacks._held_events  # what would be sent, as Panel takes it, too
             for k in range(changes + WARM):
                 held.clear()
                 begin_s = time.perf_counter()
-                document.hold("combine")
-                view.sliders[0].value = 60.0 + 0.5 * (k % 60)
-                view.draw()
-                document.unhold()
+                slider.value = 60.0 + 0.5 * (k % 60)
+                shown.redraw()
                 message = protocol.create("PATCH-DOC", [one for one in held if hasattr(one, "to_serializable")])
                 _ = message.content_json
                 taken_ms.append(1e3 * (time.perf_counter() - begin_s))
@@ -107,29 +106,27 @@ def slide(page: Any, watch: Stopwatch, changes: int) -> list[tuple[float, float]
     page.mouse.move(track["x"] + 0.3 * track["width"], y)
     page.wait_for_timeout(300)
     times = []
-    for k in range(changes + WARM):
-        if k % (sweep.size // 2):  # at the turning points nothing changes
-            times.append(
-                watch.time(lambda k=k: page.mouse.move(track["x"] + sweep[k % sweep.size] * track["width"], y))
-            )
+    k = 0
+    while len(times) < changes + WARM:
+        if k == 0 or k % (sweep.size // 2):  # at the turning points nothing changes
+            x = track["x"] + sweep[k % sweep.size] * track["width"]
+            times.append(watch.time(lambda x=x: page.mouse.move(x, y)))
+        k += 1
     page.mouse.up()
     page.wait_for_timeout(300)
     return times[WARM:]
 
 
-def slider_study(browser: Any, folder: Path, which: str, changes: int) -> dict[str, Any]:
+def slider_study(browser: Any, address: str, changes: int) -> dict[str, Any]:
     """Milliseconds from the slider to the picture, and what is sent for it."""
-    session = folder / f"{which}.json"
-    prepared(session, which).save()
-    with serving(session) as (_, address):
-        page = blank_page(browser)
-        traffic = Traffic(page)
-        load(page, address)
-        watch = Stopwatch(page, "response", "sensor")
-        bytes_before, frames_before = traffic.bytes, traffic.frames
-        times = slide(page, watch, changes)
-        check_quiet(page)
-        page.close()
+    page = blank_page(browser)
+    traffic = Traffic(page)
+    load(page, address)
+    watch = Stopwatch(page, "response", "sensor")
+    bytes_before, frames_before = traffic.bytes, traffic.frames
+    times = slide(page, watch, changes)
+    check_quiet(page)
+    page.close()
     count = len(times) + WARM
     return {
         "changes": len(times),
@@ -140,33 +137,38 @@ def slider_study(browser: Any, folder: Path, which: str, changes: int) -> dict[s
     }
 
 
-def memory_study(browser: Any, folder: Path, drags: int) -> dict[str, Any]:
-    """Memory of server and page after a tenth of the drags of a corner, and after all."""
-    session = folder / "memory.json"
-    prepared(session, "plain").save()
+def memory_study(browser: Any, server: int, address: str, drags: int) -> dict[str, Any]:
+    """Memory of server and page after a tenth of the drags of a corner, and after all.
+
+    Raises
+    ------
+    RuntimeError
+        The page logged an error.
+    playwright.sync_api.TimeoutError
+        No corner follows the pointer.
+    """
     found: dict[str, Any] = {}
-    with serving(session) as (server, address):
-        page = open_page(browser, address)
-        watch = Stopwatch(page, "drive", "corners")
-        for number in range(1, drags + 1):
-            time_us, volts = page.evaluate("[watch.data.data.x[2], watch.data.data.y[2]]")
-            x, y = watch.place(time_us, volts)
-            away = 6 if number % 2 else -6
-            page.mouse.move(x, y)
-            page.mouse.down()
-            for step in (1, 2):
-                page.mouse.move(x + away * step, y + away * step)
-                page.wait_for_timeout(20)
-            page.mouse.up()
-            page.wait_for_timeout(40)
-            if number in (max(drags // 10, 1), drags):
-                page.wait_for_timeout(500)
-                memory = {"server_MB": resident_bytes(server) / 1e6, "heap_MB": heap_bytes(page) / 1e6}
-                found |= {"early" if number < drags else "late": {"drags": number} | memory}
-        check_quiet(page)
-        moved = abs(page.evaluate("watch.data.data.x[2]") - 11.481) > 0.01
-        page.close()
-    if not moved and drags % 2:
-        raise RuntimeError("no corner followed the pointer.")
+    page = open_page(browser, address)
+    watch = Stopwatch(page, "drive", "corners")
+    begin_us = page.evaluate("watch.data.data.x[2]")
+    for number in range(1, drags + 1):
+        time_us, volts = page.evaluate("[watch.data.data.x[2], watch.data.data.y[2]]")
+        x, y = watch.place(time_us, volts)
+        away = 6 if number % 2 else -6
+        page.mouse.move(x, y)
+        page.mouse.down()
+        for step in (1, 2):
+            page.mouse.move(x + away * step, y + away * step)
+            page.wait_for_timeout(20)
+        page.mouse.up()
+        page.wait_for_timeout(40)
+        if number == 1:
+            page.wait_for_function(f"watch.data.data.x[2] !== {begin_us!r}", timeout=PICTURE_MS)
+        if number in (max(drags // 10, 1), drags):
+            page.wait_for_timeout(500)
+            memory = {"server_MB": resident_bytes(server) / 1e6, "heap_MB": heap_bytes(page) / 1e6}
+            found |= {"early" if number < drags else "late": {"drags": number} | memory}
+    check_quiet(page)
+    page.close()
     found.setdefault("early", found["late"])
     return found

@@ -13,9 +13,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from inkjet_env.experiments.explore.studies.browser import browsing, find_browser
+from inkjet_env.experiments.explore.studies.browser import browsing, find_browser, serving
 from inkjet_env.experiments.explore.studies.long_recordings import recordings_study
-from inkjet_env.experiments.explore.studies.sliders import PAGES, memory_study, python_ms, slider_study, told
+from inkjet_env.experiments.explore.studies.sliders import PAGES, memory_study, prepared, python_ms, slider_study, told
 from inkjet_env.extras import MissingExtraError
 from inkjet_env.reporting.tables import print_table
 from inkjet_env.storage import write_json
@@ -25,7 +25,7 @@ PARTS = ("sliders", "memory", "recordings")
 
 
 def studied(
-    browser_file: Path, parts: list[str], changes: int, samples: int, recordings: int, steps: int
+    browser_file: Path, parts: list[str], pages: list[str], changes: int, samples: int, recordings: int, steps: int
 ) -> dict[str, Any]:
     """Everything that is asked for, as plain JSON values."""
     found: dict[str, Any] = {"format": FORMAT, "cores": len(os.sched_getaffinity(0))}
@@ -33,12 +33,20 @@ def studied(
         folder = Path(scratch)
         found["browser"] = f"Chromium {browser.version}"
         if "sliders" in parts:
-            found["python_ms"] = {page: told(python_ms(page, changes)) for page in PAGES}
-            found["sliders"] = {page: slider_study(browser, folder, page, changes) for page in PAGES}
-        if "memory" in parts:
-            found["memory"] = memory_study(browser, folder, changes)
-        if "recordings" in parts:
-            found["recordings"] = recordings_study(browser, folder, samples, recordings, steps)
+            found["python_ms"] = {page: told(python_ms(page, changes)) for page in pages}
+            found["sliders"] = {}
+        for page in pages:
+            if page != pages[0] and "sliders" not in parts:
+                break
+            session = folder / f"{page}.json"
+            prepared(session, page).save()
+            with serving(session) as (server, address):
+                if "sliders" in parts:
+                    found["sliders"][page] = slider_study(browser, address, changes)
+                if page == pages[0] and "memory" in parts:
+                    found["memory"] = memory_study(browser, server, address, changes)
+                if page == pages[0] and "recordings" in parts:
+                    found["recordings"] = recordings_study(browser, server, address, folder, samples, recordings, steps)
     return found
 
 
@@ -47,8 +55,8 @@ def print_found(found: dict[str, Any]) -> None:
     print(f"{found['browser']}, {found['cores']} cores")
     if "sliders" in found:
         rows = []
-        for page in PAGES:
-            python, slider = found["python_ms"][page], found["sliders"][page]
+        for page, slider in found["sliders"].items():
+            python = found["python_ms"][page]
             for name, times in (
                 ("in Python alone", python), ("to the plot painted", slider["painted_ms"]),
                 ("to its next frame", slider["picture_ms"]),
@@ -89,18 +97,20 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--recordings", type=int, default=10, help="number of recordings")
     parser.add_argument("--steps", type=int, default=40, help="zoom steps")
     parser.add_argument("--parts", default=",".join(PARTS), help=f"any of {','.join(PARTS)}")
+    parser.add_argument("--pages", default=",".join(PAGES), help="plain, or worst: a train of drops, two pinned")
     parser.add_argument("--browser", type=Path, help="path of a Chromium; otherwise the one on PATH")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
     chosen = parser.parse_args(arguments)
-    parts = chosen.parts.split(",")
-    if wrong := [one for one in parts if one not in PARTS]:
-        parser.error(f"--parts must be of {', '.join(PARTS)}; got {wrong[0]}.")
+    parts, pages = chosen.parts.split(","), chosen.pages.split(",")
+    for name, given, known in (("parts", parts, PARTS), ("pages", pages, PAGES)):
+        if wrong := [one for one in given if one not in known]:
+            parser.error(f"--{name} must be of {', '.join(known)}; got {wrong[0]}.")
     for name, least in (("changes", 1), ("samples", 1000), ("recordings", 1), ("steps", 2)):
         if getattr(chosen, name) < least:
             parser.error(f"--{name} must be at least {least}; got {getattr(chosen, name)}.")
     try:
         found = studied(
-            find_browser(chosen.browser), parts, chosen.changes, chosen.samples, chosen.recordings, chosen.steps
+            find_browser(chosen.browser), parts, pages, chosen.changes, chosen.samples, chosen.recordings, chosen.steps
         )
     except (MissingExtraError, ValueError) as error:
         print(error, file=sys.stderr)

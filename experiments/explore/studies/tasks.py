@@ -105,6 +105,16 @@ class User:
         self.keys += 1
         self._handle(slider).press(key)
 
+    def change(self, act: Callable[[], object]) -> None:
+        """Do something, and look until the cost is another one."""
+        before = self.page.locator("#cost").get_attribute("data-cost")
+        act()
+        for _ in range(PICTURE_MS // 10):
+            if self.page.locator("#cost").get_attribute("data-cost") != before:
+                return
+            self.page.wait_for_timeout(10)
+        raise RuntimeError("the cost on the page did not change.")
+
     def see(self, text: str) -> str:
         """Wait until a text is on the page."""
         found = self.page.get_by_text(re.compile(text)).locator("visible=true").first
@@ -128,7 +138,7 @@ def find_the_dwell(user: User, folder: Path) -> tuple[bool, str]:
     """Find the dwell that rings most."""
     user.click("Scan the dwell t2")
     user.see("The head rings most at t2")
-    user.click("Take the highest drop")
+    user.change(lambda: user.click("Take the highest drop"))
     taken = user.drive()
     found = pulse_width_scan(Printhead.published(), taken, PeakCost(), points=2001)
     best = int(np.nanargmax(found.effective_V))
@@ -143,14 +153,10 @@ def halve_the_residual(user: User, folder: Path) -> tuple[bool, str]:
         return float(user.page.locator("#residual").inner_text())
 
     def tried(slider: str, key: str) -> float:
-        before = user.page.locator("#cost").get_attribute("data-cost")
-        user.press(slider, key)
-        for _ in range(100):
-            if user.page.locator("#cost").get_attribute("data-cost") != before:
-                break
-            user.page.wait_for_timeout(10)
+        user.change(lambda: user.press(slider, key))
         return shown()
 
+    before = residual_percent(user.drive())
     first = residual = shown()
     sliders = ("t4", "U2", "t5", "t3", "t2")
     for slider in sliders * 4:
@@ -167,7 +173,6 @@ def halve_the_residual(user: User, folder: Path) -> tuple[bool, str]:
                 residual, moved = now, True
             if moved:
                 break
-    before = residual_percent(Waveform.from_array(user.kept()["waveform"]["history"][0]["waveform"]))
     after = residual_percent(user.drive())
     return after <= before / 2 + 0.05, f"{before:.1f} % to {after:.1f} %"
 
@@ -200,10 +205,12 @@ def write_scope_folder(folder: Path) -> set[str]:
     """Files of a scope, one of them of a head with another resonance; the names of those that differ."""
     folder.mkdir()
     head = Printhead.published()
+    same, other = (
+        [one for one in record_campaign(who, seed=3).select("self_sensing") if one.initial_state == "periodic"]
+        for who in (head, head.varied(frequency_Hz=OTHER_Hz))
+    )
     for k in range(4):
-        recorded = record_campaign(head.varied(frequency_Hz=OTHER_Hz) if k == 2 else head, seed=3)
-        repeating = [one for one in recorded.select("self_sensing") if one.initial_state == "periodic"]
-        one = repeating[k]
+        one = (other if k == 2 else same)[k]
         rows = [f"{t:.10g},{u:.6g},{s:.8g}" for t, u, s in zip(one.time_s, one.drive_V, one.sensor, strict=True)]
         (folder / f"scope{k + 1}.csv").write_text("\n".join(["time_s,drive_V,sensor_V", *rows]) + "\n")
     return {"scope3"}
@@ -214,8 +221,7 @@ def get_a_legal_file(user: User, folder: Path) -> tuple[bool, str]:
     user.unfold("Cost, driver, drive file")
     user.fill("what the driver can do", LIMITS)
     user.see("The drive ")
-    user.click("Make it legal")
-    user.page.wait_for_timeout(500)
+    user.change(lambda: user.click("Make it legal"))
     user.clicks += 1
     with user.page.expect_download() as download:
         user.page.get_by_text("Segments", exact=True).click()
@@ -264,26 +270,25 @@ NO_DASH = """() => {
 """Whether the best waveform of every head is known."""
 
 TASKS: dict[str, Callable[[User, Path], tuple[bool, str]]] = {
-    "find the dwell that rings most": find_the_dwell,
     "halve the residual by hand": halve_the_residual,
+    "find the dwell that rings most": find_the_dwell,
     "load a scope folder, see what differs": load_a_scope_folder,
-    "a legal waveform as a controller's file": get_a_legal_file,
     "compare two heads": compare_two_heads,
+    "a legal waveform as a controller's file": get_a_legal_file,
 }
+"""In an order in which none is in the way of another: they share a page, as those of a user do."""
 
 
-def done(browser: Any, folder: Path, task: str) -> dict[str, Any]:
-    """Do a task in a page of its own, on a server of its own; its steps, seconds and outcome."""
+def done(page: Any, session: Path, folder: Path, task: str) -> dict[str, Any]:
+    """Do a task, which begins at *Waveform*; its steps, seconds and outcome."""
     folder.mkdir()
-    session = folder / "session.json"
-    with serving(session) as (_, address):
-        page = open_page(browser, address)
-        user = User(page, session)
-        begin_s = time.perf_counter()
-        fulfilled, outcome = TASKS[task](user, folder)
-        seconds = time.perf_counter() - begin_s
-        check_quiet(page)
-        page.close()
+    user = User(page, session)
+    user.view("Waveform")
+    user.clicks = 0
+    begin_s = time.perf_counter()
+    fulfilled, outcome = TASKS[task](user, folder)
+    seconds = time.perf_counter() - begin_s
+    check_quiet(page)
     steps = {"clicks": user.clicks, "fields": user.fields, "keys": user.keys}
     return steps | {"seconds": seconds, "fulfilled": bool(fulfilled), "outcome": outcome}
 
@@ -301,7 +306,10 @@ def main(arguments: list[str] | None = None) -> None:
     names = [list(TASKS)[one - 1] for one in numbers]
     try:
         with TemporaryDirectory() as scratch, browsing(find_browser(chosen.browser)) as browser:
-            found = {name: done(browser, Path(scratch) / f"{k}", name) for k, name in enumerate(names)}
+            session = Path(scratch) / "session.json"
+            with serving(session) as (_, address):
+                page = open_page(browser, address)
+                found = {name: done(page, session, Path(scratch) / f"{k}", name) for k, name in enumerate(names)}
     except (MissingExtraError, ValueError) as error:
         print(error, file=sys.stderr)
         raise SystemExit(2) from None
