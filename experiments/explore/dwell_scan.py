@@ -42,7 +42,7 @@ class DwellScan:
         self.said = text_pane()
         self.sources = {name: ColumnDataSource({"x": [], "y": []}, name=f"scanned {name}") for name in ("drop", "left")}
         self.figure = new_figure(
-            "first dwell t2 (µs)", "peak (V)", "Scan of the first dwell, single drops; dashed: t2 now", height=220,
+            "first dwell t2 (µs)", "peak (V)", "Scan of t2, single drops; dashed: now", height=250,
             x_range=Range1d(0, 40), y_range=Range1d(0, 10),
         )  # fmt: skip
         lines = (("drop", BLUE, "effective peak"), ("left", ORANGE, "residual: largest peak after it"))

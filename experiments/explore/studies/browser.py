@@ -79,7 +79,8 @@ def serving(session: Path, *arguments: str | Path) -> Iterator[tuple[int, str]]:
     RuntimeError
         It does not start; the message is what it said.
     """
-    command = [sys.executable, "-m", "inkjet_env.experiments.cli", "explore", "--no-browser", "--session", session]
+    explore = ("inkjet_env.experiments.cli", "explore", "--no-browser", "--session")
+    command: list[str | Path] = [sys.executable, "-m", *explore, session]
     with session.with_suffix(".log").open("w+") as log:
         process = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stderr=log, text=True)
         assert process.stdout is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -105,12 +106,12 @@ def slide(page: Any, watch: Stopwatch, changes: int) -> list[tuple[float, float]
     page.mouse.down()
     page.mouse.move(track["x"] + 0.3 * track["width"], y)
     page.wait_for_timeout(300)
-    times = []
+    times: list[tuple[float, float]] = []
     k = 0
     while len(times) < changes + WARM:
         if k == 0 or k % (sweep.size // 2):  # at the turning points nothing changes
             x = track["x"] + sweep[k % sweep.size] * track["width"]
-            times.append(watch.time(lambda x=x: page.mouse.move(x, y)))
+            times.append(watch.time(partial(page.mouse.move, x, y)))
         k += 1
     page.mouse.up()
     page.wait_for_timeout(300)

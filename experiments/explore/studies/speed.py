@@ -76,7 +76,7 @@ def print_found(found: dict[str, Any]) -> None:
         print_table(("memory", "server (MB)", "page's heap (MB)"), rows)
     if "recordings" in found:
         one = found["recordings"]
-        rows = [
+        pairs = [
             ("open the folder until shown (s)", f"{one['opened_s']:.1f}"),
             ("server's memory (MB)", f"{one['server_MB']:.0f}"),
             ("a zoom step, median (ms)", f"{one['zoom_ms']['median']:.1f}"),
@@ -86,7 +86,7 @@ def print_found(found: dict[str, Any]) -> None:
             ("zoomed in: samples there are", f"{one['samples_in_near']:,}"),
             ("a spike of one sample is drawn", "yes" if one["spike_kept"] else "no"),
         ]
-        print_table((f"{one['recordings']} recordings of {one['samples']:,} samples", ""), rows)
+        print_table((f"{one['recordings']} recordings of {one['samples']:,} samples", ""), pairs)
 
 
 def main(arguments: list[str] | None = None) -> None:
