@@ -93,6 +93,11 @@ ALLOWED = {
         "inkjet_env.experiments.commands",
         "inkjet_env.experiments.explore",
     ),
+    "inkjet_env.experiments.explore.studies": (
+        *BENCHMARK,
+        "inkjet_env.experiments.explore",
+        "inkjet_env.experiments.explore.studies",
+    ),
     "inkjet_env.experiments.cli": (
         "inkjet_env.experiments.commands",
         "inkjet_env.experiments.explore",

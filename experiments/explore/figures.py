@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from bokeh.models import Range1d
+import numpy as np
+from bokeh.models import ColumnDataSource, Range1d
 from bokeh.plotting import figure
 
 from inkjet_env.reporting.plotting import COLOURS
@@ -12,6 +14,8 @@ from inkjet_env.reporting.plotting import COLOURS
 FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif"
 BLUE, ORANGE, GREEN, PINK, AMBER, SKY, BLACK = COLOURS
 GREY = "#767676"
+FEW = 64
+"""Longest column that is sent as text: shorter ones cost more as buffers, which are messages of their own."""
 PIN_COLOURS = (ORANGE, GREEN, PINK, AMBER, SKY)
 
 
@@ -24,6 +28,7 @@ def new_figure(x_label: str, y_label: str, title: str = "", height: int = 260, *
         y_axis_label=y_label, active_scroll=None, toolbar_location="right", output_backend="canvas", **options,
     )  # fmt: skip
     made.toolbar.logo = None
+    made.lod_threshold = None  # every point is drawn while one zooms, too: a peak may be a single point
     made.outline_line_color = None
     made.title.text_font, made.title.text_font_size, made.title.text_font_style = FONT, "13px", "normal"
     for axis in made.axis:
@@ -49,3 +54,24 @@ def fit(range_: Range1d, low: float, high: float, grow_only: bool) -> None:
         low, high = min(low, range_.start), max(high, range_.end)
     if (range_.start, range_.end) != (low, high):
         range_.update(start=low, end=high, reset_start=low, reset_end=high)
+
+
+def put(source: ColumnDataSource, columns: Mapping[str, Any]) -> None:
+    """Give a plot new data; what it has already is not sent again."""
+    old = source.data
+    if old.keys() == columns.keys() and all(_same(old[name], column) for name, column in columns.items()):
+        return
+    source.data = {name: column.tolist() if _few(column) else column for name, column in columns.items()}
+
+
+def _few(column: Any) -> bool:
+    return isinstance(column, np.ndarray) and column.size <= FEW
+
+
+def _same(old: Any, new: Any) -> bool:
+    """Whether two columns, of numbers, of texts or of lines, are equal."""
+    if len(old) != len(new):
+        return False
+    if len(new) and isinstance(new[0], np.ndarray):  # a column of lines
+        return all(np.array_equal(one, other) for one, other in zip(old, new, strict=True))
+    return bool(np.array_equal(old, new))

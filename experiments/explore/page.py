@@ -12,6 +12,7 @@ from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.heads_view import HeadsView
 from inkjet_env.experiments.explore.optimise_view import OptimiseView
 from inkjet_env.experiments.explore.recordings_view import RecordingsView
+from inkjet_env.experiments.explore.steady_styles import keep_styles
 from inkjet_env.experiments.explore.style import column, text_pane
 from inkjet_env.experiments.explore.waveform_view import WaveformView
 
@@ -42,6 +43,7 @@ class Page:
             view.draw()
         end = exploration.watch(self._changed)
         if self._document is not None:
+            keep_styles(self._document)
             pn.state.on_session_destroyed(lambda _: end())
 
     def guarded(self, view: str, act: Callable[[], object]) -> None:
@@ -62,10 +64,10 @@ class Page:
             self.message.object = told
 
     def _changed(self, view: str) -> None:
-        """Redraw a view soon: once, however many changes come before that."""
+        """Redraw a view: at once if this tab made the change, so that one message tells all; else soon, and once."""
         waiting = bool(self._due)
         self._due.add(view)
-        if self._document is None:
+        if self._document is None or pn.state.curdoc is self._document:
             self.redraw()
         elif not waiting:
             self._document.add_next_tick_callback(self.redraw)
@@ -73,15 +75,10 @@ class Page:
     def redraw(self) -> None:
         """Redraw what has changed, in one message to the browser."""
         due, self._due = self._due, set()
-        if self._document is not None:
-            self._document.hold("combine")
-        try:
+        with pn.io.hold(self._document):
             for name, view in self.views.items():
                 if name in due or "all" in due:
                     try:
                         view.draw()
                     except ValueError as error:
                         self._tell(str(error))
-        finally:
-            if self._document is not None:
-                self._document.unhold()

@@ -29,17 +29,25 @@ def cost_table(terms: CostTerms, cost: PeakCost, figures: Jetting) -> str:
     rows.append(("Σ |others|", signed(terms.others, 3)))
     made = table(("term of the cost", "V"), rows)
     total = f"<p class='cost'>cost <b id='cost' data-cost='{terms.total!r}'>{signed(terms.total, 6)}</b> V</p>"
-    return total + made + f"<p>{html.escape(figures_sentence(figures))}</p>"
+    return total + residual_line(figures) + made + f"<p>{html.escape(figures_sentence(figures))}</p>"
+
+
+def residual_line(figures: Jetting) -> str:
+    """The number to make small by hand: what one drop leaves, in percent of its effective peak."""
+    if math.isnan(figures.effective_V):
+        return ""
+    share = 100 * figures.residual
+    return f"<p class='cost'>residual <b id='residual' data-percent='{share!r}'>{share:.1f}</b> %</p>"
 
 
 def figures_sentence(figures: Jetting) -> str:
     """Residual vibration, settling time and highest drop frequency of a single drop."""
     if math.isnan(figures.effective_V):
         return "No peak ejects a drop."
-    said = f"One drop leaves {100 * figures.residual:.3g} % of its effective peak"
+    said = "The residual is the largest peak after the effective one, of a single drop"
     if math.isinf(figures.settling_s):
         return f"{said}; it does not fall below 5 % within the window."
-    return f"{said}; below 5 % after {1e6 * figures.settling_s:.4g} µs: up to {figures.highest_Hz / 1e3:.4g} kHz."
+    return f"{said}; it is below 5 % after {1e6 * figures.settling_s:.4g} µs: up to {figures.highest_Hz / 1e3:.4g} kHz."
 
 
 def pinned_table(rows: Sequence[tuple[str, str, Curves]]) -> str:

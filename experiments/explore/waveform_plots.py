@@ -24,6 +24,7 @@ from inkjet_env.experiments.explore.figures import (
     fit,
     legend_above,
     new_figure,
+    put,
 )
 from inkjet_env.experiments.explore.waveform_state import WaveformState
 from inkjet_env.typing import Real
@@ -47,7 +48,7 @@ class WaveformPlots:
     def __init__(self, state: WaveformState, dragged: Any) -> None:
         self.state, self.dragged = state, dragged
         self.grasped: int | None = None
-        self.sources = {name: ColumnDataSource({"x": [], "y": []}) for name in (
+        self.sources = {name: ColumnDataSource({"x": [], "y": []}, name=name) for name in (
             "drive", "corners", "sensor", "peaks", "effective", "next", "loop", "spectrum",
             *(f"drop {k + 1}" for k in range(DROPS)),
         )}  # fmt: skip
@@ -59,7 +60,7 @@ class WaveformPlots:
     def _drive_figure(self) -> Any:
         made = new_figure(
             "time (µs)", "drive (V)", "Drive: drag its corners", tools="xwheel_zoom,reset,save", height=270,
-            x_range=Range1d(-3, 100), y_range=Range1d(-120, 120),
+            x_range=Range1d(-3, 100), y_range=Range1d(-120, 120), name="drive",
         )  # fmt: skip
         self.limit_spans = [Span(dimension="width", line_color=ORANGE, line_dash="dashed", visible=False) for _ in "ab"]
         for span in self.limit_spans:
@@ -80,7 +81,7 @@ class WaveformPlots:
     def _response_figure(self) -> Any:
         made = new_figure(
             "time since the drop's start (µs)", "response (V)", height=320, x_range=Range1d(0, 350),
-            y_range=Range1d(-8, 8),
+            y_range=Range1d(-8, 8), name="response",
         )  # fmt: skip
         made.multi_line(
             "xs", "ys", line_color="colour", source=self.sources["pinned responses"], line_dash="dashed",
@@ -160,7 +161,7 @@ class WaveformPlots:
         self.spectrum.title.text = f"Spectrum; dashed: resonance, {head.frequency_Hz / 1e3:.4g} kHz"
 
     def _put(self, name: str, x: Real, y: Real) -> None:
-        self.sources[name].data = {"x": np.asarray(x), "y": np.asarray(y)}
+        put(self.sources[name], {"x": np.asarray(x), "y": np.asarray(y)})
 
     def _draw_train(self, found: Curves) -> None:
         for k, line in enumerate(self.drop_lines):
@@ -179,13 +180,12 @@ class WaveformPlots:
         colours = list(PIN_COLOURS[: len(pinned)])
         names = [name for name, _, _ in pinned]
         drives = [one.knots() for _, one, _ in pinned]
-        self.sources["pinned drives"].data = {
-            "xs": [t * 1e6 for t, _ in drives], "ys": [v for _, v in drives], "colour": colours, "name": names,
-        }  # fmt: skip
-        self.sources["pinned responses"].data = {
-            "xs": [c.time_s * 1e6 for _, _, c in pinned], "ys": [c.sensor_V for _, _, c in pinned],
-            "colour": colours, "name": names,
-        }  # fmt: skip
+        told = {"colour": colours, "name": names}
+        put(self.sources["pinned drives"], {"xs": [t * 1e6 for t, _ in drives], "ys": [v for _, v in drives]} | told)
+        put(
+            self.sources["pinned responses"],
+            {"xs": [c.time_s * 1e6 for _, _, c in pinned], "ys": [c.sensor_V for _, _, c in pinned]} | told,
+        )
 
     def _draw_limits(self, knots_us: Real, knots_V: Real) -> None:
         limits = self.state.limits
@@ -198,10 +198,10 @@ class WaveformPlots:
         steep = np.flatnonzero(
             (slews > limits.rise_V_per_us * (1 + 1e-9)) | (-slews > limits.fall_V_per_us * (1 + 1e-9))
         )
-        self.sources["steep"].data = {
+        put(self.sources["steep"], {
             "xs": [knots_us[k : k + 2] for k in steep], "ys": [knots_V[k : k + 2] for k in steep],
             "colour": [ORANGE] * len(steep), "name": ["too steep"] * len(steep),
-        }  # fmt: skip
+        })  # fmt: skip
 
     def _grasp(self, event: Any) -> None:
         """Take the corner under the pointer, if there is one."""

@@ -16,6 +16,7 @@ from inkjet_env.experiments.explore.drives import (
     drive_of,
     moved_corner,
 )
+from inkjet_env.jetting.scans import Curve
 from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Waveform
 
 MOST_UNDONE = 100
@@ -55,6 +56,8 @@ class WaveformState:
         What the driver can do.
     pinned : list of Pinned
         Waveforms that are compared.
+    scanned : tuple of (object, Curve) or None
+        The last scan of the first dwell: what it was made for, and what it found.
     settled : bool
         Whether no gesture is going on.
     """
@@ -64,6 +67,7 @@ class WaveformState:
         self.conditions = Conditions()
         self.limits = DriverLimits()
         self.pinned: list[Pinned] = []
+        self.scanned: tuple[Any, Curve] | None = None
         self._earlier: list[Drive] = []
         self.settled = True
         self._named = 0

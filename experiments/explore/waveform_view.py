@@ -13,8 +13,10 @@ import panel as pn
 from inkjet_env.experiments.explore import exports
 from inkjet_env.experiments.explore.curves import Conditions, Curves, Head, curves
 from inkjet_env.experiments.explore.drives import Corners, Drive
+from inkjet_env.experiments.explore.dwell_scan import DwellScan
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.figures import PIN_COLOURS
+from inkjet_env.experiments.explore.quick_slider import QuickSlider
 from inkjet_env.experiments.explore.style import column, row, set_differing, text_pane
 from inkjet_env.experiments.explore.tables import cost_table, pinned_table
 from inkjet_env.experiments.explore.view import Guarded, View
@@ -47,7 +49,7 @@ class WaveformView(View):
         self._kept: list[tuple[Head, Drive, Conditions, Curves]] = []
         self.plots = WaveformPlots(self.state, lambda: guarded("waveform", lambda: None))
         self.sliders = [self._slider(k) for k in range(len(PARAMETERS))]
-        self.frequency = pn.widgets.EditableFloatSlider(
+        self.frequency = QuickSlider(
             label="drop frequency (kHz)", start=0.0, end=60.0, step=0.1, value=0.0,
             format="0.00[0]", sizing_mode="stretch_width",
         )  # fmt: skip
@@ -61,11 +63,12 @@ class WaveformView(View):
             label="the command line that gives the same", rows=6, sizing_mode="stretch_width"
         )
         self.undo = self.button("Undo", self.state.undo)
+        self.dwell = DwellScan(exploration, guarded)
         self.layout = self._layout()
 
     def _slider(self, k: int) -> Any:
         _, label, _, (start, end, step) = PARAMETERS[k]
-        slider = pn.widgets.EditableFloatSlider(
+        slider = QuickSlider(
             label=label, start=start, end=end, step=step, value=start, format="0.00[0]", sizing_mode="stretch_width"
         )
 
@@ -115,12 +118,13 @@ class WaveformView(View):
         )  # fmt: skip
         controls = column(
             self.head, *self.sliders, self.frequency, row(self.undo, self.button("Pin", state.pin)),
-            self.pin_row, settings, kind="controls",
+            self.dwell.button, self.pin_row, settings, kind="controls",
         )  # fmt: skip
         plots = self.plots
         drawn = column(
             self.excesses, plots.drive, plots.response,
-            row(column(plots.loop, kind="half"), column(plots.spectrum, kind="half")), kind="drawn",
+            row(column(plots.loop, kind="half"), column(plots.spectrum, kind="half")),
+            self.dwell.layout, kind="drawn",
         )  # fmt: skip
         told = column(self.terms, self.compared, files, self.command, kind="told")
         return row(controls, drawn, told, kind="view")
@@ -179,6 +183,7 @@ class WaveformView(View):
         self.compared.object = pinned_table(rows) if pinned else ""
         told = [f"<li>The drive {html.escape(text)}</li>" for text in state.excesses()]
         self.excesses.object = f"<ul class='excess'>{''.join(told)}</ul>" if told else ""
+        self.dwell.draw()
         self.command.value = exports.command_text(head, state.drive, state.conditions)
 
     def _of_pinned(self, head: Head, drive: Drive, conditions: Conditions) -> Curves:

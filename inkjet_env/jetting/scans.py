@@ -224,10 +224,10 @@ def scan(
     def changed(**parameters: float) -> Waveform:
         return replace(waveform, **parameters)
 
-    widths_s = np.linspace(0.0, min(WIDEST_PERIODS / head.frequency_Hz, LONGEST_DURATION_S), points)
     most = min(VOLTAGE_FACTORS[1], LARGEST_DRIVE_V / max(abs(waveform.U1), abs(waveform.U2), 1e-300))
     factors = np.linspace(VOLTAGE_FACTORS[0], most, points)
-    width = single([changed(t2=float(t)) for t in widths_s], "pulse width", "s", widths_s)
+    tell(f"{name}: pulse width")
+    width = pulse_width_scan(head, waveform, cost, points, window_s)
     scaled = [changed(U1=float(f) * waveform.U1, U2=float(f) * waveform.U2) for f in factors]
     voltage = single(scaled, "factor of the voltages", "1", factors)
     tell(f"{name}: jetting frequency")
@@ -237,6 +237,25 @@ def scan(
         name, waveform, width, voltage, frequency,
         _map(head, waveform, cost, (vary[0], vary[1]), 2 * max(points // 12, 1) + 1, window_s),
     )  # fmt: skip
+
+
+def pulse_width_scan(
+    head: Printhead | AugmentedPrinthead,
+    waveform: Waveform,
+    cost: PeakCost,
+    points: int = 121,
+    window_s: float = DEFAULT_WINDOW_S,
+) -> Curve:
+    """Single drops against the first dwell ``t2``, from 0 s to `WIDEST_PERIODS`; everything else is as it is.
+
+    Parameters
+    ----------
+    head, waveform, cost, points, window_s
+        As of `scan`.
+    """
+    widths_s = np.linspace(0.0, min(WIDEST_PERIODS / head.frequency_Hz, LONGEST_DURATION_S), points)
+    figures = [_single(head, replace(waveform, t2=float(t)), cost, window_s) for t in widths_s]
+    return Curve("pulse width", "s", widths_s, *np.array(figures).T)
 
 
 def _single(
