@@ -51,7 +51,9 @@ def chosen_cases(draws: Sequence[Draw], only: Sequence[str], first: int = 0) -> 
         if wanted := set(only).intersection(names):
             draws = [draw for draw in draws if wanted.intersection(of(draw))]
     if not draws:
-        raise ValueError(f"--only {','.join(only)}: no case of this corpus has one name of each kind. Give fewer names.")
+        raise ValueError(
+            f"--only {','.join(only)}: no case of this corpus has one name of each kind. Give fewer names."
+        )
     return first_of_each_kind(draws, first) if first else list(draws)
 
 

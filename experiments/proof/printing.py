@@ -82,7 +82,7 @@ def rounds_tables(found: Mapping[str, Any]) -> Iterator[Table]:
 def gains_table(heads: Sequence[Mapping[str, Any]]) -> Table:
     """What each way to choose a waveform gains of what could be gained on these heads; see `adaptive.gains`."""
     names = {"augmented": "corrected head", "robust": "heads that remain possible", "loop": "closed loop"}
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             names[way], figure_text(one["share"], "share"), figure_text(one["median"], "share"), str(one["worse"]),
             figure_text(one["worst"], "share"),

@@ -24,7 +24,7 @@ def rounds_table(found: Mapping[str, Any]) -> Table:
     def said(one: Mapping[str, Any]) -> str:
         return f"{one['verdict']} {', '.join(one['effects'])}" + (f" or {one['size'] - 1} more" * (one["size"] > 1))
 
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             f"{'+'.join(row['effects'])}, {row['strength']}", row["way"], said(row["before"]),
             str(sum(made["recordings"] for made in row["rounds"])),
