@@ -194,10 +194,8 @@ def load_a_scope_folder(user: User, folder: Path) -> tuple[bool, str]:
     user.see("[Tt]he same head")
     user.page.wait_for_timeout(500)
     rows = user.page.locator(".tabulator-row").locator("visible=true")
-    differ = set()
-    for text in rows.all_inner_texts():
-        if "differs" in text:
-            differ.add(text.split()[0])
+    name = ".tabulator-cell[tabulator-field=recording]"
+    differ = {one.locator(name).inner_text() for one in rows.all() if "differs" in one.inner_text()}
     return differ == changed, f"{', '.join(sorted(differ)) or 'none'} of {rows.count()} differs"
 
 
