@@ -511,7 +511,7 @@ class DesignSettings(_Settings):
     """Length of a pulse that is sampled fast for a probe at the head. Unit: periods of the resonance. Source: speed."""
     probe_samples: int = 4000
     """Number of its samples. Unit: samples. Source: a thousandth of a period, 20 ns, shows lags as short."""
-    finest_probe_step: float = 1.2e-4
+    finest_probe_step: float = 1.3e-4
     """Sampling step of the shortest pulses for a probe, which shows how an edge's corners are rounded. Unit: periods of
     the resonance. Source: 2 ns, which any oscilloscope offers; the pulses are within `most_samples`."""
     highest_line: float = 0.2
