@@ -14,6 +14,8 @@ TELL_EVERY_S = 1.0
 """Time between two reports of progress, in seconds."""
 ASK_AGAIN_S = 5.0
 """Time in seconds after which a command that should end is asked again."""
+LAST_WORDS_S = 5.0
+"""Longest time in seconds that is waited for what an ended command wrote: a process of its own may hold the pipe."""
 MODULE = "inkjet_env.experiments.cli"
 
 
@@ -75,7 +77,8 @@ class Job:
 
     def _read_out(self) -> None:
         assert self.process.stdout is not None
-        self.out = self.process.stdout.read()
+        for line in self.process.stdout:
+            self.out += line
 
     def _read_err(self) -> None:
         assert self.process.stderr is not None
@@ -92,7 +95,7 @@ class Job:
                 if self.stopped and time.monotonic() - self._asked_s > ASK_AGAIN_S:  # a library may have swallowed it
                     self._ask_to_end()
                 self.told()
-        for reader in self._readers:
-            reader.join()
+        for reader in self._readers:  # a process that it started may still hold what it wrote to
+            reader.join(LAST_WORDS_S)
         self.status = self.process.returncode
         self.told()
