@@ -44,6 +44,8 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
         Sixteen heads within 5 % of the published one, judged by the worst or by the mean.
     ``train``
         Drops at a jetting frequency, in the steady state: each waveform starts in the ringing of those before it.
+    ``greyscale``
+        Two to seven drops, 35 µs apart, that merge to one dot; see `inkjet_env.experiments.benchmark.grey_level`.
     ``augmented``
         Heads with an effect, as a diagnosis found them; see `inkjet_env.experiments.benchmark.augmented_heads`.
     """
@@ -73,6 +75,10 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
         "train": tuple(
             Problem(f"train-{kHz}kHz", bounds=_durations(min(20e-6, 0.2e-3 / kHz)), jetting_Hz=1e3 * kHz)
             for kHz in (5, 10, 20)
+        ),
+        "greyscale": tuple(
+            Problem(f"greyscale-{pulses}", bounds=_durations(7e-6), jetting_Hz=1 / 35e-6, pulses=pulses)
+            for pulses in range(2, 8)
         ),
         "augmented": tuple(Problem(name, augmented_head(name)) for name in HEADS),
     }
