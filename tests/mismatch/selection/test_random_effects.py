@@ -280,10 +280,10 @@ def test_a_drive_monitor_hums_to_nobody(look):
 
 
 def test_intervals_hold_the_truth_mostly(look):
-    """Frequency and size of a hum, size of a drift: 90 % intervals, of 30 campaigns each."""
+    """Frequency and size of a hum, size of a drift: 90 % intervals, of 15 campaigns each."""
     held = {"frequency_Hz": 0, "amplitude": 0}
     size = 0
-    for seed in range(30):
+    for seed in range(15):
         rng = np.random.default_rng([33, seed])
         observed = recordings()
         noise = white(observed, rng)
@@ -295,6 +295,6 @@ def test_intervals_hold_the_truth_mostly(look):
         draws = np.abs(np.linspace(-1, 1, 600)[:, None] ** np.arange(3) @ rng.standard_normal((3, 4000))).max(axis=0)
         truth = 3 * RMS * np.sqrt(np.mean(draws**2))
         size += drifted.estimates["amplitude"].low <= truth <= drifted.estimates["amplitude"].high
-    assert 23 <= held["frequency_Hz"] <= 30
-    assert held["amplitude"] >= 26
-    assert size >= 24
+    assert held["frequency_Hz"] >= 11  # fewer: one time in 80, if nine of ten hold it
+    assert held["amplitude"] >= 12
+    assert size >= 11
