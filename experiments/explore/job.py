@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -69,7 +68,7 @@ class Job:
 
     def _ask_to_end(self) -> None:
         self._asked_s = time.monotonic()
-        self.process.send_signal(signal.SIGINT)
+        self.process.terminate()  # as Ctrl-C, which a process that was started in the background ignores
 
     def join(self, timeout_s: float | None = None) -> None:
         """Wait until it has ended and was told of."""

@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import signal
 import threading
 from dataclasses import replace
 
@@ -174,7 +175,11 @@ def test_a_command_that_refuses_is_told_in_its_sentence(state, campaign):
 def test_a_job_can_be_stopped(inkjet, tmp_path):
     assert inkjet("record", tmp_path / "campaign", "--hide", "second_mode")[0] == 0
     begun = threading.Event()
-    job = Job("diagnose", [str(tmp_path / "campaign"), "--json", str(tmp_path / "d.json")], begun.set)
+    heard = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a process that was started in the background
+    try:
+        job = Job("diagnose", [str(tmp_path / "campaign"), "--json", str(tmp_path / "d.json")], begun.set)
+    finally:
+        signal.signal(signal.SIGINT, heard)
     assert job.running
     assert begun.wait(30)  # it has run for a second, and takes many more, in which it is asked again
     job.stop()
