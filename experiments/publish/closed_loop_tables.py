@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 from inkjet_env.experiments.proof import tuning_study
 from inkjet_env.experiments.proof.adaptive import ADAPTIVE_FORMAT
 from inkjet_env.experiments.proof.printing import Table, gains_table, rounds_tables
-from inkjet_env.experiments.proof.sealing import read_json
+from inkjet_env.experiments.publish.folder import print_sections, read_as
 from inkjet_env.reporting.tables import markdown_table
 
 
@@ -49,37 +48,19 @@ def heads_table(found: Mapping[str, Any]) -> Table:
 def sections(folder: Path) -> Iterator[tuple[str, str]]:
     """Heading and text of each table whose file is in the folder."""
     for name, details in (("requests", rounds_table), ("waveforms", heads_table)):
-        if (file := folder / f"{name}.json").is_file():
-            found = _read(file, ADAPTIVE_FORMAT)
+        if (found := read_as(folder / f"{name}.json", ADAPTIVE_FORMAT)) is not None:
             for table in (*rounds_tables(found), details(found)):
                 yield f"{name}: {table[0][0]}", markdown_table(*table)
-    if (file := folder / "study.json").is_file():
-        heads = _read(file, tuning_study.FORMAT)["heads"]
+    if (study := read_as(folder / "study.json", tuning_study.FORMAT)) is not None:
+        heads = study["heads"]
         yield "tuned heads", markdown_table(*tuning_study.table(heads))
         yield "tuned heads: gains", markdown_table(*gains_table([tuning_study.head_row(one) for one in heads]))
 
 
-def _read(file: Path, expected: str) -> dict[str, Any]:
-    content: dict[str, Any] = read_json(file)
-    if content.get("format") != expected:
-        raise ValueError(f"{file} is not a {expected}; it is {content.get('format')!r}. Make it again.")
-    return content
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(
-        prog="python -m inkjet_env.experiments.publish.closed_loop_tables", description=__doc__
-    )
-    parser.add_argument("folder", type=Path, metavar="FOLDER")
-    folder = parser.parse_args(arguments).folder
-    try:
-        found = list(sections(folder))
-    except ValueError as error:
-        parser.error(str(error))
-    if not found:
-        parser.error(f"{folder} holds none of requests.json, waveforms.json and study.json.")
-    print("\n\n".join(f"## {heading}\n\n{text}" for heading, text in found))
+    files = "requests.json", "waveforms.json", "study.json"
+    print_sections("inkjet_env.experiments.publish.closed_loop_tables", __doc__, sections, files, arguments)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@ few_tries.json."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,6 +19,7 @@ from inkjet_env.experiments.benchmark.report import RANKING_FORMAT
 from inkjet_env.experiments.benchmark.studies import challenge_best_known
 from inkjet_env.experiments.benchmark.suite import family_of, suite
 from inkjet_env.experiments.learning import amortised, few_shot
+from inkjet_env.experiments.publish.folder import print_sections, read_as
 from inkjet_env.jetting.figures_of_merit import jetting
 from inkjet_env.reporting.tables import markdown_table
 
@@ -82,8 +81,8 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
     ValueError
         A file has another format.
     """
-    ranking = _read(folder / "ranking.json", RANKING_FORMAT)
-    tried = _read(folder / "beating.json", challenge_best_known.FORMAT)
+    ranking = read_as(folder / "ranking.json", RANKING_FORMAT)
+    tried = read_as(folder / "beating.json", challenge_best_known.FORMAT)
     if tried is not None:
         yield "Problems", problems_table(tried)
         yield "Jetting figures", press_table()
@@ -93,33 +92,14 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
             said = "\n".join(f"* {text}" for text in found["sentences"])
             yield f"After {int(budget):,} evaluations", f"{said}\n\n{markdown_table(*standings_table(found))}"
     for name, module in (("amortised", amortised), ("few_tries", few_shot)):
-        if (kept := _read(folder / f"{name}.json", module.FORMAT)) is not None:
+        if (kept := read_as(folder / f"{name}.json", module.FORMAT)) is not None:
             yield module.TITLE, f"{markdown_table(*module.table(kept))}\n\n{module.legend(kept)}"
-
-
-def _read(file: Path, expected: str) -> dict[str, Any] | None:
-    if not file.is_file():
-        return None
-    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    if content.get("format") != expected:
-        raise ValueError(f"{file} is not a {expected}; it is {content.get('format')!r}. Make it again.")
-    return content
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(
-        prog="python -m inkjet_env.experiments.publish.comparison_tables", description=__doc__
-    )
-    parser.add_argument("folder", type=Path, metavar="FOLDER")
-    folder = parser.parse_args(arguments).folder
-    try:
-        found = list(sections(folder))
-    except ValueError as error:
-        parser.error(str(error))
-    if not found:
-        parser.error(f"{folder} holds none of ranking.json, beating.json, amortised.json and few_tries.json.")
-    print("\n\n".join(f"## {heading}\n\n{text}" for heading, text in found))
+    files = "ranking.json", "beating.json", "amortised.json", "few_tries.json"
+    print_sections("inkjet_env.experiments.publish.comparison_tables", __doc__, sections, files, arguments)
 
 
 if __name__ == "__main__":
