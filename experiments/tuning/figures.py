@@ -10,9 +10,10 @@ import numpy as np
 from inkjet_env.experiments.tuning.check import Measured
 from inkjet_env.experiments.tuning.session import Tuned, TuneSettings
 from inkjet_env.identification import ModelledRecording
+from inkjet_env.plant.wording import CHANNEL_WORDS
 from inkjet_env.recordings import Recording
 from inkjet_env.reporting.diagnosis_figures import view_figure, view_picture
-from inkjet_env.reporting.formatting import CHANNEL_WORDS, number, unit_text
+from inkjet_env.reporting.formatting import number, unit_text
 from inkjet_env.reporting.plotting import AFTER, COLOURS, draw_line, new_figure, time_scale
 from inkjet_env.reporting.zoomable import Picture
 from inkjet_env.rig import Request

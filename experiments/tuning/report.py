@@ -14,11 +14,12 @@ from inkjet_env.experiments.tuning.check import Measured, predicted_V
 from inkjet_env.experiments.tuning.figures import check_figure, check_picture, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.session import LOG, NAMES, Session, Tuned, name_of_check, requests_of_round
 from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.wording import CHANNEL_WORDS
 from inkjet_env.printhead import Printhead
 from inkjet_env.printhead.printhead_json import printhead_data
 from inkjet_env.recordings import Recording
 from inkjet_env.reporting.diagnosis_report import VERDICT_WORDS
-from inkjet_env.reporting.formatting import CHANNEL_WORDS, short
+from inkjet_env.reporting.formatting import short
 from inkjet_env.reporting.page import page_environment
 from inkjet_env.reporting.plotting import time_scale
 from inkjet_env.reporting.zoomable import Picture

@@ -7,9 +7,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from inkjet_env.identification.modelled_recording import ModelledRecording
-from inkjet_env.plant.wording import percent, with_prefix
-
-WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge"}
+from inkjet_env.plant.wording import CHANNEL_WORDS, percent, with_prefix
 
 
 def remainder_sentence(
@@ -37,7 +35,7 @@ def remainder_sentence(
             for model in (carrier, "with_remainder")
         )
         told = (with_prefix(rms, mine[0].unit, 3) for rms in (before, after))
-        falls.append(f"{WORDS.get(channel, channel)} from {' to '.join(told)}")
+        falls.append(f"{CHANNEL_WORDS[channel]} from {' to '.join(told)}")
     beside = "the base model" if carrier == "base" else "the named effects"
     return (
         f"An unexplained remainder beside {beside} removes {percent(share)} of the squared residuals of held-out "

@@ -6,6 +6,8 @@ import math
 
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
 """SI prefixes with their factors, largest first."""
+CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge", "displacement": "displacement"}
+"""Channels as adjectives."""
 SENSOR_UNIT = "sensor's unit"
 """Unit of a parameter that has the unit of the sensor's signal."""
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from inkjet_env.extras import extra
+from inkjet_env.plant.wording import CHANNEL_WORDS
 from inkjet_env.reporting import plotting
 from inkjet_env.reporting.diagnosis_tables import Row
-from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
+from inkjet_env.reporting.formatting import short_name, unit_text
 from inkjet_env.reporting.identification_figures import BAND, amplitude_densities
 from inkjet_env.reporting.plotting import draw_line, time_scale
 from inkjet_env.reporting.zoomable import Line, Panel, Picture, stacked_picture

@@ -11,15 +11,8 @@ import numpy as np
 
 from inkjet_env.estimate import Estimate
 from inkjet_env.plant.registry import known_effects
-from inkjet_env.reporting.formatting import (
-    CHANNEL_WORDS,
-    channels_in_words,
-    engineering,
-    hertz,
-    parameter_text,
-    prefixed_unit,
-    short,
-)
+from inkjet_env.plant.wording import CHANNEL_WORDS
+from inkjet_env.reporting.formatting import channels_in_words, engineering, hertz, parameter_text, prefixed_unit, short
 
 if TYPE_CHECKING:
     from inkjet_env.identification import ModelledRecording

@@ -6,10 +6,10 @@ import math
 import re
 
 from inkjet_env.estimate import Estimate
+from inkjet_env.plant.wording import CHANNEL_WORDS
 
 FLOOR_V = 1e-6
 LONGEST_NAME = 24
-CHANNEL_WORDS = {"self_sensing": "self-sensing", "strain_gauge": "strain gauge", "displacement": "displacement"}
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 NEGATIVE = re.compile(r"(?<![\w.\-])-(?=\d)")
 UNIT_ENDING = re.compile(r"_(Hz|s|V|V_s|per_V2?)$")

@@ -12,8 +12,9 @@ import numpy as np
 from inkjet_env.extras import extra
 from inkjet_env.identification import Identification, ModelledRecording, NoiseModel
 from inkjet_env.identification.outcome import QUANTILE_90
+from inkjet_env.plant.wording import CHANNEL_WORDS
 from inkjet_env.reporting import plotting
-from inkjet_env.reporting.formatting import CHANNEL_WORDS, short_name, unit_text
+from inkjet_env.reporting.formatting import short_name, unit_text
 from inkjet_env.reporting.plotting import MOST_POINTS, draw_line, time_scale
 from inkjet_env.typing import Real
 

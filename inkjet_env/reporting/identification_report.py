@@ -17,16 +17,10 @@ import numpy as np
 from inkjet_env.estimate import Estimate
 from inkjet_env.identification import Identification, ModelledRecording, NoiseModel
 from inkjet_env.identification.fit import RESIDUAL
+from inkjet_env.plant.wording import CHANNEL_WORDS
 from inkjet_env.reporting import identification_figures as figures
 from inkjet_env.reporting.diagnosis_figures import view_picture
-from inkjet_env.reporting.formatting import (
-    CHANNEL_WORDS,
-    hertz,
-    interval_text,
-    prefixed_unit,
-    short,
-    unit_text,
-)
+from inkjet_env.reporting.formatting import hertz, interval_text, prefixed_unit, short, unit_text
 from inkjet_env.reporting.identification_figures import Part, terms_of
 from inkjet_env.reporting.page import PageFile, page_environment
 from inkjet_env.reporting.plotting import svg_text

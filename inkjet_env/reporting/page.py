@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from inkjet_env.extras import extra
+from inkjet_env.plant.wording import CHANNEL_WORDS
 from inkjet_env.reporting.formatting import (
-    CHANNEL_WORDS,
     channels_in_words,
     explained_text,
     hertz,
