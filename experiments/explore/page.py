@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -37,6 +38,8 @@ class Page:
         self.tabs.param.watch(lambda event: self._changed(list(self.views)[event.new]), "active")
         self.layout = column(self.message, self.tabs)
         self._due: set[str] = set()
+        self._noting = threading.Lock()
+        self._served_by = threading.get_ident()
         self._document = pn.state.curdoc
         self._tell("".join(exploration.trouble))
         for view in self.views.values():
@@ -65,16 +68,22 @@ class Page:
 
     def _changed(self, view: str) -> None:
         """Redraw a view: at once if this tab made the change, so that one message tells all; else soon, and once."""
-        waiting = bool(self._due)
-        self._due.add(view)
-        if self._document is None or pn.state.curdoc is self._document:
+        with self._noting:
+            waiting = bool(self._due)
+            self._due.add(view)
+        if self._document is None or self._makes_the_change():
             self.redraw()
         elif not waiting:
             self._document.add_next_tick_callback(self.redraw)
 
+    def _makes_the_change(self) -> bool:
+        """Whether this tab is being served now: Bokeh's current document is that of all threads."""
+        return threading.get_ident() == self._served_by and pn.state.curdoc is self._document
+
     def redraw(self) -> None:
         """Redraw what has changed, in one message to the browser."""
-        due, self._due = self._due, set()
+        with self._noting:
+            due, self._due = self._due, set()
         with pn.io.hold(self._document):
             for name, view in self.views.items():
                 if name in due or "all" in due:

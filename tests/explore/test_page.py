@@ -1,5 +1,7 @@
 """The page without a browser: every view draws every state, and names are never markup."""
 
+import threading
+
 import pytest
 
 from inkjet_env.experiments.benchmark.augmented_heads import augmented_head
@@ -91,3 +93,29 @@ def test_names_are_never_markup(page, tmp_path):
     page.guarded("", lambda: exploration.shelf.choose(f"{HOSTILE} 2"))
     assert HOSTILE not in shown(page)
     assert shown(page).count("&lt;img") >= 3
+
+
+def test_another_thread_never_draws_and_is_never_forgotten(page, monkeypatch):
+    from bokeh.document import Document
+    from bokeh.io.doc import patch_curdoc
+
+    document, later, drawn = Document(), [], []
+    monkeypatch.setattr(Document, "session_context", True)
+    document.add_next_tick_callback = later.append
+    page._document = document
+    page.views["optimise"].draw = lambda: drawn.append(threading.current_thread())
+
+    def tell_from_another_thread():
+        thread = threading.Thread(target=lambda: page.exploration.changed("optimise"))
+        thread.start()
+        thread.join()
+
+    with patch_curdoc(document):  # this tab is being served, in this thread
+        tell_from_another_thread()
+        tell_from_another_thread()
+        assert drawn == []
+        assert len(later) == 1
+        page.views["heads"].draw = tell_from_another_thread  # told while the page is being drawn
+        page.exploration.changed("heads")
+    assert drawn == [threading.current_thread()]
+    assert len(later) == 2
