@@ -145,7 +145,7 @@ def _unknown(
     elif closest is not None and closest[1] <= 1 - left_over + settings.left_over:
         ids, part = closest
         said += f"; {_together(ids)} comes closest and explains {percent(min(part, 1.0))}"
-        if part > 0.5 and not foretold:
+        if part >= settings.least_closure and not foretold:
             said += ", but predicts the held-out recordings poorly"
     where = []
     if location.recordings:
