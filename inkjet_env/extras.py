@@ -15,7 +15,7 @@ PACKAGES = {
     "rl": ("torch", "stable_baselines3"),
     "cluster": ("distributed", "dask"),
     "human": ("pygame", "matplotlib"),
-    "dev": ("pytest", "pysindy", "mpmath", "playwright"),
+    "dev": ("pytest", "pysindy", "mpmath", "playwright", "ioh"),
 }
 """Packages that each extra brings, by the names they are imported by."""
 

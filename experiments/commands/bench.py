@@ -38,6 +38,9 @@ def bench(
         str | None,
         typer.Option(help="address of a Dask cluster, such as tcp://host:8786; local processes unless given"),
     ] = None,
+    coco: Annotated[
+        Path | None, typer.Option(help="folder for the runs as logs of COCO, for its post-processing cocopp")
+    ] = None,
     json: JsonFile = None,
 ) -> None:
     """Compare the optimisers on the problem suite; the same command resumes where it was stopped.
@@ -84,7 +87,12 @@ def bench(
     from inkjet_env.experiments.benchmark.report import write_report
     from inkjet_env.storage import write_json
 
-    page, ranking = write_report(Comparison(outcome))
+    comparison = Comparison(outcome)
+    page, ranking = write_report(comparison)
+    if coco is not None:
+        from inkjet_env.experiments.benchmark.interfaces.coco_logs import write_coco_logs
+
+        write_coco_logs(comparison, coco)
     if json is not None:
         write_json(json, ranking)
     if str(json) != "-":
@@ -92,3 +100,5 @@ def bench(
 
         print_ranking(ranking)
         print(f"Report: {page}")
+        if coco is not None:
+            print(f"Logs for COCO: {coco}; python -m cocopp {coco}/*/ makes its page.")

@@ -1,8 +1,6 @@
 """The measures and tests of the comparison against the programs and definitions that they come from."""
 
 import math
-import urllib.request
-import warnings
 
 import baycomp
 import numpy as np
@@ -13,24 +11,6 @@ from scipy.stats import mannwhitneyu, trim_mean
 from inkjet_env.experiments.benchmark import mean_ranks, metrics
 
 RUNS, EVALUATIONS = 9, 300
-
-
-@pytest.fixture(scope="module")
-def cocopp():
-    """COCO's own post-processing, which would look for its archives on the network as it is imported."""
-
-    def offline(*_, **__):
-        raise OSError("no network in tests")
-
-    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
-        patch.setattr(urllib.request, "urlopen", offline)
-        patch.setattr(urllib.request, "urlretrieve", offline)
-        warnings.simplefilter("ignore")
-        import cocopp
-        import cocopp.pproc
-        import cocopp.toolsstats
-
-        yield cocopp
 
 
 @pytest.fixture(scope="module")
