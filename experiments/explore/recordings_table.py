@@ -25,7 +25,7 @@ SELDOM = ("monitor", "neighbour")
 """Roles that most recordings lack: shown where a file has a column for them."""
 TITLES = {
     "time": "time from", "drive": "drive from", "sensor": "sensor from", "monitor": "monitor from",
-    "neighbour": "neighbour from", "initial_state": "initial state", "drive_V": "drive (V)", REMARK: "",
+    "neighbour": "neighbour from", "initial_state": "initial state", "drive_V": "drive (V)",
 }  # fmt: skip
 
 
