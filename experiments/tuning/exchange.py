@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from inkjet_env.cli.drive_csv import write_columns
-from inkjet_env.recordings import Campaign, CampaignError, Recording, read_campaign, write_campaign
+from inkjet_env.recordings import Campaign, CampaignError, Recording, read_campaign
+from inkjet_env.recordings.writing import extend_campaign
 from inkjet_env.rig import Request, Rig
 from inkjet_env.storage import write_atomically
 
@@ -116,7 +117,7 @@ class Exchange:
     def _keep(self, recordings: tuple[Recording, ...]) -> None:
         names = {recording.name for recording in recordings}
         alone = [r if r.repeat_of in names else replace(r, repeat_of=None) for r in recordings]
-        write_campaign(self.folder / RECORDED, Campaign("recorded", tuple(alone)))
+        extend_campaign(self.folder / RECORDED, Campaign("recorded", tuple(alone)))
 
     def _answer(self, name: str) -> Path | None:
         folder = self.folder / ANSWERS

@@ -55,6 +55,34 @@ def write_campaign(folder: str | os.PathLike[str], campaign: Campaign) -> None:
     shutil.rmtree(replaced, ignore_errors=True)
 
 
+def extend_campaign(folder: str | os.PathLike[str], campaign: Campaign) -> None:
+    """Add recordings to a campaign that `write_campaign` wrote; files that are there stay as they are.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of the campaign; without a campaign there, everything is written.
+    campaign : Campaign
+        The recordings that are there, unchanged but for what the descriptor tells of them, and those to add.
+
+    Raises
+    ------
+    CampaignError
+        The folder holds other files and no campaign, or is a file; it is left unchanged.
+    OSError
+        The folder is not writable; the campaign there is what it was.
+    """
+    target = Path(os.path.realpath(folder))
+    if not (target / DESCRIPTOR).exists():
+        write_campaign(target, campaign)
+        return
+    listed = listed_files(target)
+    for recording in campaign.recordings:
+        if f"{recording.name}.csv" not in listed:
+            write_atomically(target / f"{recording.name}.csv", _csv_bytes(recording))
+    write_atomically(target / DESCRIPTOR, json_text(descriptor(campaign)))  # last: before, nothing was added
+
+
 def _check_target(target: Path) -> None:
     if target.exists() and not target.is_dir():
         raise CampaignError(f"{target}: is not a folder, so no campaign can be written there. Give another name.")

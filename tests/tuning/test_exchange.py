@@ -8,7 +8,7 @@ import pytest
 
 from inkjet_env.experiments.tuning.exchange import Exchange, WaitingError
 from inkjet_env.printhead import Printhead
-from inkjet_env.recordings import CampaignError
+from inkjet_env.recordings import Campaign, CampaignError, writing
 from inkjet_env.rig import Request, VirtualRig
 
 HEAD = Printhead.published()
@@ -45,6 +45,36 @@ def test_a_rig_is_asked_at_once_and_never_twice(tmp_path):
     assert rig.asked == 2
     np.testing.assert_array_equal(again[1].sensor, taken[1].sensor)
     np.testing.assert_array_equal(again[1].drive_monitor_V, taken[1].drive_monitor_V)
+
+
+def test_what_was_taken_is_written_once_and_a_kill_between_two_files_loses_nothing(tmp_path, monkeypatch):
+    again = replace(PULSE, name="request-1-2", repeat_of="request-1")
+    asked, rig = [PULSE, again, MONITORED], VirtualRig(HEAD, 1)
+    Exchange(tmp_path / "whole", rig).obtain(asked, 1, quietly)
+    taken = Exchange(tmp_path / "whole").recorded
+    assert [recording.repeat_of for recording in taken] == [None, "request-1", None]
+    writing.write_campaign(tmp_path / "at-once", Campaign("recorded", taken))
+
+    written, write = [], writing.write_atomically
+
+    def counted(path, content):
+        written.append(path.name)
+        if written == ["request-1.csv", "datapackage.json", "request-1-2.csv", "datapackage.json"]:
+            raise KeyboardInterrupt
+        write(path, content)
+
+    monkeypatch.setattr(writing, "write_atomically", counted)
+    with pytest.raises(KeyboardInterrupt):
+        Exchange(tmp_path / "killed", rig).obtain(asked, 1, quietly)
+    assert [recording.name for recording in Exchange(tmp_path / "killed").recorded] == ["request-1"]
+    Exchange(tmp_path / "killed", rig).obtain(asked, 1, quietly)
+    assert written.count("request-1.csv") == 1
+    files = [
+        {file.name: file.read_bytes() for file in folder.iterdir()}
+        for folder in (tmp_path / "at-once", tmp_path / "whole" / "recorded", tmp_path / "killed" / "recorded")
+    ]
+    assert len(files[0]) == 4
+    assert files[0] == files[1] == files[2]
 
 
 def test_without_a_rig_the_drives_are_written_and_their_answers_read(tmp_path):

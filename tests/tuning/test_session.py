@@ -1,6 +1,7 @@
 """A session goes on where it was, whatever stopped it, and never fires what the head likes less."""
 
 import json
+import shutil
 
 import pytest
 
@@ -27,8 +28,17 @@ def without_seconds(tuned):
     return {key: value for key, value in tuned.as_json().items() if key != "seconds"}
 
 
-def test_from_nothing_to_a_waveform_that_was_checked_on_the_head(tmp_path, diagnoses):
-    tuned = begun(tmp_path, VirtualRig(TRUE, 1)).run()
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory):
+    """A session that nothing stopped: its folder, its result, and its diagnoses."""
+    folder = tmp_path_factory.mktemp("session") / "ended"
+    with pytest.MonkeyPatch.context() as patched:
+        diagnoses = put_in_place(patched)
+        return folder, begun(folder, VirtualRig(TRUE, 1)).run(), diagnoses
+
+
+def test_from_nothing_to_a_waveform_that_was_checked_on_the_head(ended):
+    folder, tuned, diagnoses = ended
     assert [one["verdict"] for one in tuned.rounds] == ["set", "named"]
     assert diagnoses.rounds == [38, 40]  # the request was to be recorded twice
     first, second = diagnoses.held_out
@@ -43,16 +53,16 @@ def test_from_nothing_to_a_waveform_that_was_checked_on_the_head(tmp_path, diagn
     for proposal, check in zip(tuned.proposals, tuned.checks, strict=True):
         assert SETTINGS.limits.excesses(*proposal.as_waveform.knots()) == []
         assert check.cost_V == pytest.approx(TRUE.respond(proposal.as_waveform).cost(), abs=max(4 * check.error_V, 0.3))
-    written = json.loads((tmp_path / "tune.json").read_text())
+    written = json.loads((folder / "tune.json").read_text())
     assert written["waveform"] == list(tuned.proposals[tuned.best].waveform)
-    log = (tmp_path / "log.md").read_text()
+    log = (folder / "log.md").read_text()
     assert "A second mode or an echo." in log
     assert "Asked for: Record a pulse." in log
     assert "To fire: the best waveform of the" in log
 
 
-def test_a_session_that_is_stopped_at_any_recording_ends_as_one_that_is_not(tmp_path, diagnoses):
-    whole = without_seconds(begun(tmp_path / "whole", VirtualRig(TRUE, 1)).run())
+def test_a_session_that_is_stopped_again_and_again_ends_as_one_that_is_not(ended, tmp_path, diagnoses, monkeypatch):
+    """It is stopped among the first recordings, those that were asked for and the checks, and in each other step."""
 
     class Stopping(VirtualRig):
         left = 0
@@ -63,32 +73,24 @@ def test_a_session_that_is_stopped_at_any_recording_ends_as_one_that_is_not(tmp_
             self.left -= 1
             return super().record(request, order)
 
-    rig, stops = Stopping(TRUE, 1), 0
-    while True:
-        rig.left = 9
-        try:
-            tuned = begun(tmp_path / "stopped", rig).run()
-            break
-        except KeyboardInterrupt:
-            stops += 1
-    assert stops >= 4
-    assert without_seconds(tuned) == whole
+    def stop(*_, **__):
+        raise KeyboardInterrupt
 
-
-@pytest.mark.parametrize("name", ["identify", "proposals", "measured"])
-def test_a_session_that_is_stopped_in_any_step_ends_as_one_that_is_not(tmp_path, diagnoses, monkeypatch, name):
-    whole = without_seconds(begun(tmp_path / "whole", VirtualRig(TRUE, 1)).run())
-    with monkeypatch.context() as stopping:
-
-        def stop(*_, **__):
-            raise KeyboardInterrupt
-
-        stopping.setattr(session_module, name, stop)
-        with pytest.raises(KeyboardInterrupt):
-            begun(tmp_path / "stopped", VirtualRig(TRUE, 1)).run()
-    rounds = len(diagnoses.rounds)
-    assert without_seconds(begun(tmp_path / "stopped", VirtualRig(TRUE, 1)).run()) == whole
-    assert len(diagnoses.rounds) == rounds  # what was done is not done again
+    rig, rounds, recordings = Stopping(TRUE, 1), [], []
+    for left, step in ((9, None), (30, None), (99, "identify"), (99, "proposals"), (1, None), (99, "measured")):
+        rig.left = left
+        with monkeypatch.context() as stopping, pytest.raises(KeyboardInterrupt):
+            if step:
+                stopping.setattr(session_module, step, stop)
+            begun(tmp_path, rig).run()
+        rounds.append(len(diagnoses.rounds))
+        recordings.append(len(Exchange(tmp_path).recorded))
+    whole = without_seconds(ended[1])
+    assert rounds == [0, 1, 2, 2, 2, 2]
+    assert recordings == [9, 39, 40, 40, 41, whole["recordings"]]
+    rig.left = 0  # what was done is not done again
+    assert without_seconds(begun(tmp_path, rig).run()) == whole
+    assert diagnoses.rounds == [38, 40]
 
 
 def test_without_a_rig_it_waits_for_the_battery(tmp_path, diagnoses):
@@ -98,11 +100,16 @@ def test_without_a_rig_it_waits_for_the_battery(tmp_path, diagnoses):
     assert len(list((tmp_path / "requests").glob("battery-*.csv"))) == 38
 
 
-def test_a_correction_that_predicts_no_better_is_not_used(tmp_path, diagnoses):
-    diagnoses.fit = {"base_heldout_rms_V": 0.1, "augmented_heldout_rms_V": 0.1}
+def test_a_correction_that_predicts_no_better_is_not_used(ended, tmp_path, diagnoses):
+    shutil.copytree(ended[0], tmp_path, dirs_exist_ok=True)
+    (tmp_path / "proposals.json").unlink()
+    corrected = json.loads((tmp_path / "corrected-1.json").read_text())
+    corrected["fit"] = {"base_heldout_rms_V": 0.1, "augmented_heldout_rms_V": 0.1}
+    (tmp_path / "corrected-1.json").write_text(json.dumps(corrected))
     tuned = begun(tmp_path, VirtualRig(BASE, 1)).run()
     predicted_V = BASE.respond(Waveform.from_array(tuned.proposals[0].waveform)).cost()
     assert tuned.proposals[0].predicted_V == pytest.approx(predicted_V, abs=1e-6)
+    assert diagnoses.rounds == []
 
 
 def test_other_settings_are_not_mixed_with_a_session(tmp_path, diagnoses):
@@ -124,8 +131,8 @@ def test_a_window_without_an_end_is_refused():
         TuneSettings(window_s=float("inf"))
 
 
-def test_a_damaged_step_is_named(tmp_path, diagnoses):
-    begun(tmp_path, VirtualRig(TRUE, 1)).run()
+def test_a_damaged_step_is_named(ended, tmp_path, diagnoses):
+    shutil.copytree(ended[0], tmp_path, dirs_exist_ok=True)
     (tmp_path / "round-0.json").write_text("{")
     with pytest.raises(ValueError, match=r"round-0\.json: is damaged"):
         begun(tmp_path, VirtualRig(TRUE, 1)).run()

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from inkjet_env.experiments.tuning import session
+from inkjet_env.experiments.tuning import proposals, session
 from inkjet_env.mismatch.design.next_experiment import NextExperiment
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
@@ -44,8 +44,11 @@ class Diagnoses:
 
 
 def put_in_place(monkeypatch):
-    """Let sessions use these diagnoses; return them."""
-    found = Diagnoses()
+    """Let sessions use these diagnoses, and refine what they find by few evaluations; return the diagnoses."""
+    found, refined = Diagnoses(), proposals.refined
+    monkeypatch.setattr(
+        proposals, "refined", lambda objective, points, count=2, evaluations=0: refined(objective, points, count, 40)
+    )
     monkeypatch.setattr(session, "diagnose", found)
     monkeypatch.setattr(session, "diagnosis_html", lambda _: "<html></html>")
     monkeypatch.setattr(session, "identify", lambda *_, **__: SimpleNamespace(as_json=BASE.as_json))
