@@ -30,6 +30,8 @@ STYLE: Any = {
 }
 # Okabe and Ito's colours, which colour-blind readers can distinguish.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+SVG_DPI = 72
+"""Pixels of an inch by which Matplotlib draws an SVG."""
 MOST_POINTS = 3000
 """Largest number of points drawn for one line."""
 
@@ -49,10 +51,20 @@ def svg_text(figure: Figure) -> str:
     """The figure as an ``<svg>`` element; the same figure always gives the same text."""
     with extra("a figure"):
         import matplotlib as mpl
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    buffer = io.StringIO()
+    buffer, engine = io.StringIO(), figure.get_layout_engine()
     with mpl.rc_context(STYLE):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        canvas, dpi = FigureCanvasSVG(figure), figure.dpi
+        try:
+            if engine is not None:  # laid out by `savefig`, it would be drawn twice
+                figure.dpi = SVG_DPI
+                engine.execute(figure)
+                figure.set_layout_engine(None)
+            canvas.print_figure(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        finally:
+            figure.set_layout_engine(engine)
+            figure.dpi = dpi
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
     return re.sub(r' xmlns(:xlink)?="[^"]*"', "", text)  # not needed within HTML

@@ -17,6 +17,8 @@ from inkjet_env.mismatch.selection.remainder_fit import FittedRemainder
 from inkjet_env.plant import Excitation, Plant, catalogue
 from inkjet_env.plant.remainder import TIMES, ChannelRemainder, Remainder, Term
 from inkjet_env.printhead import Printhead
+from inkjet_env.reporting import diagnosis_figures
+from inkjet_env.reporting import page as page_module
 from inkjet_env.reporting.diagnosis_figures import (
     augmented,
     models_of,
@@ -197,6 +199,15 @@ def any_of_them(request, diagnoses, pages):
     return diagnoses[request.param], pages[request.param]
 
 
+@pytest.fixture
+def undrawn(named, monkeypatch):
+    """Pages whose sentences alone are looked at: their pictures, which take the time, are not drawn."""
+    recording = proof_recording(named)
+    picture = view_picture("shows", recording, {"base": recording.modelled["base"]}, slice(0, 100))
+    monkeypatch.setattr(diagnosis_figures, "view_picture", lambda *_, **__: picture)
+    monkeypatch.setattr(page_module, "svg_text", lambda _: "<svg></svg>")
+
+
 def text_of(page):
     """What a reader reads: no pictures, no tags."""
     without = re.sub(r"<(style|svg|script).*?</\1>", " ", page, flags=re.DOTALL)
@@ -243,7 +254,7 @@ def test_each_verdict_shows_what_belongs_to_it_alone(pages):
         assert shown == {verdict}
 
 
-def test_what_only_held_out_recordings_speak_against_is_told_as_that(named):
+def test_what_only_held_out_recordings_speak_against_is_told_as_that(named, undrawn):
     refused = replace(named, verdict="unknown", effects=(), closure=-1.64)
     alone, beside_more = (text_of(diagnosis_html(replace(refused, left_over=left))) for left in (0.02, 0.2))
     for text in (alone, beside_more):
@@ -255,7 +266,7 @@ def test_what_only_held_out_recordings_speak_against_is_told_as_that(named):
     assert [words in beside_more for words in told] == [False, True, True]
 
 
-def test_a_page_does_not_doubt_what_its_verdict_names(named):
+def test_a_page_does_not_doubt_what_its_verdict_names(named, undrawn):
     explains_held_out_after_refit = text_of(diagnosis_html(replace(named, closure=-1.64)))
     assert "but it explains them once it is fitted to them as well" in explains_held_out_after_refit
     assert "rejected" not in explains_held_out_after_refit
@@ -271,7 +282,7 @@ def test_a_page_does_not_doubt_what_its_verdict_names(named):
         assert "damping ratio" not in text  # the head of a model that has no name
 
 
-def test_a_page_of_an_unknown_verdict_in_which_nothing_was_found_speaks_of_no_effect(diagnoses):
+def test_a_page_of_an_unknown_verdict_in_which_nothing_was_found_speaks_of_no_effect(diagnoses, undrawn):
     said = "The residuals have structure that noise has not, but no effect of the catalogue explains it."
     found = replace(diagnoses["none"], verdict="unknown", headline=said, left_over=0.0)
     page = text_of(diagnosis_html(found))
@@ -344,7 +355,7 @@ def test_only_a_head_with_effects_is_offered_as_corrected(diagnoses, pages):
         assert ("the corrected printhead" in text_of(page)) == (verdict in ("named", "set"))
 
 
-def test_no_more_than_everything_is_explained(named):
+def test_no_more_than_everything_is_explained(named, undrawn):
     text = text_of(diagnosis_html(replace(named, closure=1.012)))
     assert "101 %" not in text
     assert "removes 100 % of the base model’s residual power" in text
@@ -419,7 +430,7 @@ def test_the_proof_is_the_held_out_recording_that_gains_most(named):
     assert gain(proof) == max(gain(r) for r in named.recordings if r.held_out)
 
 
-def test_without_held_out_recordings_the_page_says_so(one):
+def test_without_held_out_recordings_the_page_says_so(one, undrawn):
     seen = tuple(replace(r, fitted=r.measured.size) for r in one.recordings)
     text = text_of(diagnosis_html(replace(one, recordings=seen)))
     assert "No recording was held out" in text
@@ -460,7 +471,7 @@ def test_rows_of_a_channel_pool_its_recordings(named):
     assert row.closure == pytest.approx(expected)
 
 
-def test_the_first_line_says_what_is_left_in_the_channels_unit(named):
+def test_the_first_line_says_what_is_left_in_the_channels_unit(named, undrawn):
     """As the table below it does; not in the volts of a displacement's gain."""
     moved = [
         replace(r, channel="displacement", unit="um") if r.channel == "self_sensing" else r for r in named.recordings

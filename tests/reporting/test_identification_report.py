@@ -11,6 +11,7 @@ from inkjet_env.identification import identify
 from inkjet_env.identification.fit import RESIDUAL
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, Recording
+from inkjet_env.reporting import identification_report
 from inkjet_env.reporting.formatting import channels_in_words, interval_text
 from inkjet_env.reporting.identification_figures import amplitude_densities, degree_figure, terms_of
 from inkjet_env.reporting.identification_report import (
@@ -76,6 +77,12 @@ def any_of_them(request, pages):
     return pages[request.param]
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pages whose sentences alone are looked at: their pictures, which take the time, are not drawn."""
+    monkeypatch.setattr(identification_report, "svg_text", lambda _: "<svg></svg>")
+
+
 def without_code(page):
     """The page without what draws its picture."""
     return re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
@@ -104,7 +111,7 @@ def test_the_page_names_every_recording_every_note_and_every_number(any_of_them)
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL).lower().split()
 
 
-def test_a_head_that_leaves_a_residual_is_diagnosed_before_it_is_used(everything):
+def test_a_head_that_leaves_a_residual_is_diagnosed_before_it_is_used(everything, undrawn):
     loud = tuple(replace(r, measured=r.modelled["base"] + 3 * r.residual()) for r in everything.recordings)
     poor = replace(everything, recordings=loud)
     assert explains(everything)
@@ -172,7 +179,7 @@ def test_noise_that_only_the_fit_shows_proves_nothing(everything):
     assert "cannot be decided" in headline(replace(everything, noise=noise))
 
 
-def test_unknown_noise_is_a_dash_and_no_crash(one_displacement):
+def test_unknown_noise_is_a_dash_and_no_crash(one_displacement, undrawn):
     silent = tuple(replace(recording, noise_rms=math.nan) for recording in one_displacement.recordings)
     changed = replace(one_displacement, recordings=silent, noise={})
     assert "their noise is unknown" in headline(changed)
