@@ -1,5 +1,6 @@
 """Several campaigns that are identified in parallel."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,16 +10,27 @@ import pytest
 
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import write_campaign
-from inkjet_env.rig import record_campaign
+from inkjet_env.rig import record_campaign, strain_gauge_battery
 
 
 @pytest.mark.parametrize("ended_by", [signal.SIGKILL, signal.SIGTERM])
 def test_processes_end_with_the_command(ended_by, tmp_path):
-    campaign = record_campaign(Printhead.published(), seed=1)
-    names = [f"c{k}" for k in range(6)]
-    for name in names:
-        write_campaign(tmp_path / name, campaign)
-    command = [sys.executable, "-m", "inkjet_env.experiments.cli", "identify", *names, "--out", "heads"]
+    head, names = Printhead.published(), [f"c{k}" for k in range(4)]
+    write_campaign(tmp_path / names[0], record_campaign(head, seed=1, battery=strain_gauge_battery()))  # soon done
+    write_campaign(tmp_path / names[1], record_campaign(head, seed=1))
+    for name in names[2:]:
+        shutil.copytree(tmp_path / names[1], tmp_path / name)
+    command = [
+        sys.executable,
+        "-m",
+        "inkjet_env.experiments.cli",
+        "identify",
+        *names,
+        "--out",
+        "heads",
+        "--workers",
+        "2",
+    ]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         end_s = time.monotonic() + 120
         while not list(tmp_path.glob("heads/*.json")):

@@ -79,10 +79,11 @@ def test_a_session_that_is_stopped_again_and_again_ends_as_one_that_is_not(ended
     rig, rounds, recordings = Stopping(TRUE, 1), [], []
     for left, step in ((9, None), (30, None), (99, "identify"), (99, "proposals"), (1, None), (99, "measured")):
         rig.left = left
-        with monkeypatch.context() as stopping, pytest.raises(KeyboardInterrupt):
+        with monkeypatch.context() as stopping:
             if step:
                 stopping.setattr(session_module, step, stop)
-            begun(tmp_path, rig).run()
+            with pytest.raises(KeyboardInterrupt):
+                begun(tmp_path, rig).run()
         rounds.append(len(diagnoses.rounds))
         recordings.append(len(Exchange(tmp_path).recorded))
     whole = without_seconds(ended[1])
