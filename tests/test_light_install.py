@@ -70,8 +70,10 @@ from inkjet_env.printhead import Printhead, batch
 print(batch.costs(np.array([[50.0, -50, 5e-6, 5e-6, 5e-6, 5e-6, 5e-6]]), Printhead.published()).shape)
 from inkjet_env.recordings import read_campaign, write_campaign
 from inkjet_env.rig import default_battery, record_campaign
-labels = ("trapezoid-60V", "trapezoid-100V", "bipolar-full", "multisine-50V-a", "zero")
+from dataclasses import replace
+labels = ("trapezoid-60V", "trapezoid-100V", "bipolar-full", "zero")
 lines = [line for line in default_battery() if line.label in labels and line.channel == "self_sensing"]
+lines = [replace(line, drive_V=line.drive_V[:400], repeats=1) for line in lines]
 write_campaign("campaign", record_campaign(Printhead.published(), seed=1, battery=lines, snr_dB=40))
 campaign = read_campaign("campaign")
 from inkjet_env.identification import identify
