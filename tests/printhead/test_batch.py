@@ -19,8 +19,8 @@ def waveforms(count: int, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("initial_state", ["periodic", "demagnetised"])
 @pytest.mark.parametrize("path", ["compiled", "plain"])
 def test_peaks_agree_with_an_80_digit_reference_and_none_is_missed_or_invented(initial_state, path):
-    found = compare(15, seed=11, initial_state=initial_state, compiled=path == "compiled")
-    assert found.peaks > 300
+    found = compare(8, seed=11, initial_state=initial_state, compiled=path == "compiled")
+    assert found.peaks > 150
     assert found.different_count == 0
     assert found.worst_peak < 1e-9
     assert found.worst_time < 1e-9
@@ -30,7 +30,7 @@ def test_peaks_agree_with_an_80_digit_reference_and_none_is_missed_or_invented(i
 @pytest.mark.parametrize("hysteresis", ["full_memory", "one_point"])
 @pytest.mark.parametrize("initial_state", ["periodic", "demagnetised"])
 def test_compiled_costs_equal_the_plain_path(window_s, hysteresis, initial_state):
-    rows = waveforms(120, seed=1)
+    rows = waveforms(40, seed=1)
     for cost in (PeakCost(), PeakCost(-5, 1, "first"), PeakCost(-5, 5, 3.0), PeakCost(-50, 5, target_height_V=3.0)):
         compiled = batch.costs(rows, HEAD, cost, initial_state, window_s, hysteresis)
         plain = [
@@ -40,7 +40,7 @@ def test_compiled_costs_equal_the_plain_path(window_s, hysteresis, initial_state
 
 
 def test_compiled_peaks_equal_the_plain_path_peak_by_peak():
-    for row in waveforms(100, seed=2):
+    for row in waveforms(40, seed=2):
         waveform = Waveform.from_array(row)
         times, peaks = batch.peaks(waveform, HEAD)
         plain = HEAD.respond(waveform)
@@ -75,7 +75,7 @@ def test_the_known_optimum_costs_what_was_computed_before():
 def test_gradient_equals_central_differences_where_the_cost_is_smooth(initial_state, cost):
     """Fourth-order differences; rows across whose stencil the peaks change number or part are not smooth there."""
     half_width = Bounds().half_width
-    rows = Bounds().from_unit(np.random.default_rng(5).uniform(-0.95, 0.95, (40, 7)))
+    rows = Bounds().from_unit(np.random.default_rng(5).uniform(-0.95, 0.95, (20, 7)))
     _, gradients = batch.costs_and_gradients(rows, HEAD, cost, initial_state)
 
     def shape_of(row):
@@ -94,7 +94,7 @@ def test_gradient_equals_central_differences_where_the_cost_is_smooth(initial_st
             difference = values @ np.array(list(weights.values())) / h
             assert gradient[k] * half_width[k] == pytest.approx(difference, rel=1e-6, abs=3e-7)
             compared += 1
-    assert compared > 150
+    assert compared > 75
 
 
 def test_gradient_of_an_infinite_window_includes_the_tail():
@@ -115,7 +115,7 @@ def short_waveforms(count: int, seed: int) -> np.ndarray:
 @pytest.mark.parametrize("cost", [PeakCost(), PeakCost(-5, 1, "first"), PeakCost(-50, 5, target_height_V=3.0)])
 def test_a_repeated_waveform_costs_the_same_in_three_ways(period_s, cost):
     """Compiled, plain, and sampled with the steady state of its ringing."""
-    for row in short_waveforms(25, seed=8):
+    for row in short_waveforms(10, seed=8):
         waveform = Waveform.from_array(row)
         knots_s, knots_V = waveform.knots()
         step_s = (period_s - waveform.duration_s) / 4
@@ -172,8 +172,8 @@ TINY = (0.0, 5e-324, 1e-308, 1e-200, 1e-30, 1e-20, 1e-12, 1e-9, 1e-6, 1e-3)
 
 def test_no_combination_of_tiny_durations_or_voltages_breaks_either_path():
     rng = np.random.default_rng(7)
-    durations = rng.choice(TINY, (150, 5))
-    voltages = rng.choice((0.0, 5e-324, 1e-200, 1e-30, 1e-12, 1.0, 100.0), (150, 2))
+    durations = rng.choice(TINY, (80, 5))
+    voltages = rng.choice((0.0, 5e-324, 1e-200, 1e-30, 1e-12, 1.0, 100.0), (80, 2))
     rows = np.column_stack([voltages[:, 0], -voltages[:, 1], durations])
     costs, gradients = batch.costs_and_gradients(rows, HEAD)
     assert np.isfinite(costs).all()
