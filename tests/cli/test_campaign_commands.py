@@ -1,13 +1,33 @@
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from inkjet_env.experiments import cli
 from inkjet_env.printhead import Printhead
 from inkjet_env.recordings import Campaign, read_campaign, write_campaign
-from inkjet_env.rig import record_campaign, strain_gauge_battery
+from inkjet_env.rig import default_battery, record_campaign, strain_gauge_battery
 from tests.cli.command import files_below
+
+FEW = ("loop-1", "trapezoid-60V", "trapezoid-100V", "bipolar-full", "zero")
+
+
+def few_recordings(seed=1):
+    """A campaign that is identified in less time than the whole battery."""
+    lines = [line for line in default_battery() if line.label in FEW]
+    return record_campaign(Printhead.published(), seed, battery=lines)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Folder of a campaign that the command recorded; for tests that do not change it."""
+    folder = tmp_path_factory.mktemp("whole") / "campaign"
+    with pytest.raises(SystemExit) as exit_:
+        cli.main(["record", str(folder), "--seed", "1"])
+    assert exit_.value.code == 0
+    return folder
 
 
 def test_four_commands_lead_from_a_head_to_its_waveform(inkjet, tmp_path):
@@ -41,8 +61,8 @@ def test_four_commands_lead_from_a_head_to_its_waveform(inkjet, tmp_path):
     assert (tmp_path / "page.html").read_text().startswith("<!DOCTYPE html>")
 
 
-def test_evaluate_tells_the_residual_of_each_recording_and_finds_a_wrong_head(inkjet, tmp_path):
-    inkjet("record", "campaign", "--seed", "1")
+def test_evaluate_tells_the_residual_of_each_recording_and_finds_a_wrong_head(inkjet, tmp_path, whole):
+    shutil.copytree(whole, tmp_path / "campaign")
     inkjet("identify", "campaign", "--out", "head.json")
     status, out, err = inkjet("evaluate", "campaign", "--printhead", "head.json", "--json", "-")
     assert (status, err) == (0, "")
@@ -77,17 +97,18 @@ def test_an_effect_is_hidden_for_a_first_diagnosis(inkjet, tmp_path):
     assert not (tmp_path / "other").exists()
 
 
-def test_the_same_seed_records_the_same_campaign(inkjet, tmp_path):
-    for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
+def test_the_same_seed_records_the_same_campaign(inkjet, tmp_path, whole):
+    for folder, seed in (("b", 1), ("c", 2)):
         assert inkjet("record", folder, "--seed", seed)[0] == 0
-    names = files_below(tmp_path / "a")
+    names = files_below(whole)
     assert names == files_below(tmp_path / "b")
-    contents = [[(tmp_path / folder / name).read_bytes() for name in names] for folder in "abc"]
+    folders = whole, tmp_path / "b", tmp_path / "c"
+    contents = [[(folder / name).read_bytes() for name in names] for folder in folders]
     assert contents[0] == contents[1] != contents[2]
 
 
-def test_what_was_measured_is_not_replaced_by_what_is_simulated(inkjet, tmp_path):
-    inkjet("record", "campaign", "--seed", "1")
+def test_what_was_measured_is_not_replaced_by_what_is_simulated(inkjet, tmp_path, whole):
+    shutil.copytree(whole, tmp_path / "campaign")
     status, _, err = inkjet("record", "campaign", "--plan")
     assert status == 2
     assert "holds a campaign" in err
@@ -113,7 +134,7 @@ def test_a_plan_holds_drives_for_a_generator_and_says_what_each_is_for(inkjet, t
 
 def test_several_campaigns_are_identified_side_by_side_and_a_bad_one_stops_no_other(inkjet, tmp_path):
     for seed in (1, 2):
-        inkjet("record", f"head-{seed}", "--seed", seed)
+        write_campaign(tmp_path / f"head-{seed}", few_recordings(seed))
     (tmp_path / "empty").mkdir()
     status, out, err = inkjet("identify", "head-1", "empty", "head-2", "--out", "heads", "--workers", "1")
     assert status == 2
@@ -149,17 +170,16 @@ def test_slow_recordings_alone_give_a_head_that_says_what_it_lacks(channel, inkj
         assert told[0].startswith("inkjet: the dynamics a0, a1 and b1 of this printhead are unknown")
 
 
-def test_displacement_is_recorded_on_demand(inkjet, tmp_path):
+def test_displacement_is_recorded_on_demand(inkjet, tmp_path, whole):
     assert inkjet("record", "campaign", "--displacement")[0] == 0
     assert read_campaign(tmp_path / "campaign").select("displacement")
-    inkjet("record", "plain")
-    assert not read_campaign(tmp_path / "plain").select("displacement")
+    assert not read_campaign(whole).select("displacement")
 
 
-def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_path):
-    inkjet("record", "campaign", "--seed", "1")
+def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_path, whole):
+    write_campaign(tmp_path / "few", few_recordings())
     (tmp_path / "scope").mkdir()
-    campaign = read_campaign(tmp_path / "campaign")
+    campaign = read_campaign(whole)
     for r in campaign.select("self_sensing", initial_state="demagnetised"):
         table = np.column_stack([r.time_s, r.sensor, r.drive_V])
         np.savetxt(tmp_path / "scope" / f"{r.name}.csv", table, delimiter=",", header="t,A,B", comments="")
@@ -167,7 +187,7 @@ def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_pat
     status, _, err = inkjet(*arguments, "--json", "-", "--initial-state", "demagnetised")
     assert status == 0, err
     assert Printhead.from_json(tmp_path / "printhead.json").frequency_Hz == pytest.approx(51.69e3, rel=1e-4)
-    status, _, err = inkjet("identify", "campaign", "--initial-state", "free")
+    status, _, err = inkjet("identify", "few", "--initial-state", "free")
     assert status == 0
     assert "initial_state is 'periodic' in the descriptor; free was not applied" in err
 
@@ -197,8 +217,8 @@ def test_oscilloscope_files_are_identified_with_the_channel_told(inkjet, tmp_pat
         (("record", "campaign", "--printhead", "head.txt"), "head.txt: is not JSON"),
     ],
 )
-def test_bad_input_is_one_sentence_and_leaves_everything_as_it_was(arguments, told, inkjet, tmp_path):
-    inkjet("record", "campaign")
+def test_bad_input_is_one_sentence_and_leaves_everything_as_it_was(arguments, told, inkjet, tmp_path, whole):
+    shutil.copytree(whole, tmp_path / "campaign")
     (tmp_path / "head.txt").write_text("no head")
     odd = Printhead.published().as_json(fit={"channels": {"strain_gauge": {"gain": {"value": "much"}}}})
     (tmp_path / "odd.json").write_text(json.dumps(odd))
@@ -215,9 +235,8 @@ def test_bad_input_is_one_sentence_and_leaves_everything_as_it_was(arguments, to
     assert files_below(tmp_path) == before
 
 
-def test_a_unit_that_cannot_be_meant_stops_identification_and_a_doubtful_one_is_said(inkjet, tmp_path):
-    inkjet("record", "campaign")
-    campaign = read_campaign(tmp_path / "campaign")
+def test_a_unit_that_cannot_be_meant_stops_identification_and_a_doubtful_one_is_said(inkjet, tmp_path, whole):
+    campaign = read_campaign(whole)
 
     def with_drive(factor):
         recordings = tuple(replace(r, drive_V=factor * r.drive_V) for r in campaign.recordings)

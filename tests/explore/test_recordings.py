@@ -27,7 +27,7 @@ def campaign(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recordings") / "campaign"
     whole = record_campaign(Printhead.published(), seed=0)
     some = [
-        replace(one, repeat_of=None) for one in (*whole.select("strain_gauge")[:8], *whole.select("self_sensing")[:14])
+        replace(one, repeat_of=None) for one in (*whole.select("strain_gauge")[:4], *whole.select("self_sensing")[:8])
     ]
     write_campaign(folder, replace(whole, recordings=some))
     return folder
