@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from inkjet_env.experiments.learning import amortised
+from inkjet_env.experiments.learning import amortised, learners, repeated_training
 from inkjet_env.experiments.learning.amortised import TuningResult, break_even
-from inkjet_env.experiments.learning.learners import by_imitation
+from inkjet_env.experiments.learning.learners import by_gradient
 from inkjet_env.experiments.learning.repeated_training import KeptFileError, each
 
 
@@ -79,24 +79,26 @@ def test_break_even_has_an_interval_over_trainings_and_heads():
 
 @pytest.fixture
 def small(monkeypatch):
-    """A study of one learner and one optimiser."""
+    """A study of one learner and one optimiser, of few descents and resamples."""
     monkeypatch.setattr(amortised, "BUDGETS", (5, 20))
-    monkeypatch.setattr(amortised, "LEARNERS", {"imitation": by_imitation})
+    monkeypatch.setattr(amortised, "LEARNERS", {"gradient": by_gradient})
     monkeypatch.setattr(amortised, "SCRATCH", ("random",))
+    monkeypatch.setattr(learners, "STARTS_FOR_ONE", 3)
+    for module in (amortised, repeated_training):
+        monkeypatch.setattr(module, "RESAMPLES", 100)
 
 
 def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, monkeypatch):
-    # a head takes about 1,000 evaluations to label, how many exactly is up to rounding: 3,000 are two heads or more
-    settings = {"evaluations": 3000, "heads": 3, "labelling": 3, "seed": 0, "trainings": 2}
+    settings = {"evaluations": 600, "heads": 3, "labelling": 3, "seed": 0, "trainings": 2}
     first = amortised.study(tmp_path, **settings)
-    tested = {f"{name}-{k}-tested.npz" for name in ("imitation", "table-of-one-head") for k in (1, 2)}
+    tested = {f"{name}-{k}-tested.npz" for name in ("gradient", "table-of-one-head") for k in (1, 2)}
     files = {file.name for file in tmp_path.iterdir()}
-    assert files > tested | {"imitation-1.npz", "imitation-2.npz", "random-1-tested.npz", "amortised.json"}
-    monkeypatch.setitem(amortised.LEARNERS, "imitation", lambda *_: pytest.fail("trained again"))
+    assert files > tested | {"gradient-1.npz", "gradient-2.npz", "random-1-tested.npz", "amortised.json"}
+    monkeypatch.setitem(amortised.LEARNERS, "gradient", lambda *_: pytest.fail("trained again"))
     monkeypatch.setattr(amortised, "tuned_costs_V", lambda *_: pytest.fail("tested again"))
     assert amortised.study(tmp_path, **settings) == first == json.loads((tmp_path / "amortised.json").read_text())
     by_name = {row["name"]: row for row in first["rows"]}
-    assert {"table of one head", "table for 300", "table for 3,000"} < by_name.keys()
+    assert {"table of one head", "table for 60", "table for 600"} < by_name.keys()
     assert by_name["table of one head"]["trained"] > 0
     assert "0" not in by_name["random"]
     assert not by_name["table of one head"]["behind"]
@@ -104,8 +106,8 @@ def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, mo
     difference = by_name["random"]["20"]["value"] - by_name["table of one head"]["20"]["value"]
     assert behind["value"] == pytest.approx(difference)
     assert behind["low"] <= behind["value"] <= behind["high"]
-    assert by_name["imitation"]["5"]["value"] <= by_name["imitation"]["0"]["value"]
-    assert len(set(by_name["imitation"]["0"]["each"])) == 2
+    assert by_name["gradient"]["5"]["value"] <= by_name["gradient"]["0"]["value"]
+    assert len(set(by_name["gradient"]["0"]["each"])) == 2
     assert min(row["20"]["low"] for row in first["rows"]) >= 0
     header, rows = amortised.table(first)
     assert {len(row) for row in rows} == {len(header)}
@@ -114,14 +116,14 @@ def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, mo
 
 
 def test_a_policy_is_tested_on_other_heads_without_being_trained_again(small, tmp_path, monkeypatch):
-    amortised.tested(tmp_path, "imitation", 1, 300, seed=0, heads=2)
-    (tmp_path / "imitation-1-tested.npz").unlink()
-    monkeypatch.setitem(amortised.LEARNERS, "imitation", lambda *_: pytest.fail("trained again"))
-    assert amortised.tested(tmp_path, "imitation", 1, 300, seed=0, heads=3)["after_V"].shape == (3, 20)
+    amortised.tested(tmp_path, "gradient", 1, 300, seed=0, heads=2)
+    (tmp_path / "gradient-1-tested.npz").unlink()
+    monkeypatch.setitem(amortised.LEARNERS, "gradient", lambda *_: pytest.fail("trained again"))
+    assert amortised.tested(tmp_path, "gradient", 1, 300, seed=0, heads=3)["after_V"].shape == (3, 20)
 
 
 def test_regret_is_against_the_best_known_where_nobody_reaches_it(small, tmp_path):
-    content = amortised.study(tmp_path, evaluations=300, heads=3, labelling=60, seed=0)
+    content = amortised.study(tmp_path, evaluations=300, heads=3, labelling=10, seed=0)
     best_V = np.load(tmp_path / "best-known.npz")["best_V"]
     reached_V = np.min([np.load(file)["after_V"].min(axis=1) for file in tmp_path.glob("*-tested.npz")], axis=0)
     assert (reached_V > best_V + 0.01).any()
@@ -146,8 +148,8 @@ def test_what_was_made_with_other_settings_is_refused(small, tmp_path, capsys):
 
 def test_a_study_on_two_processes_is_that_on_one(tmp_path):
     """Whole, and with the learners as they are: what a process of another name is given must reach it."""
-    arguments = {"evaluations": 600, "seed": 3, "heads": 2}
-    ways = ("table of one head", "imitation", "lbfgsb-multistart")
+    arguments = {"evaluations": 600, "seed": 3, "heads": 1}
+    ways = ("gradient", "lbfgsb-multistart")
     found = []
     for workers in (1, 2):
         folder = tmp_path / str(workers)
@@ -158,6 +160,6 @@ def test_a_study_on_two_processes_is_that_on_one(tmp_path):
         assert found[0][way].keys() == found[1][way].keys()
         for name, values in found[0][way].items():
             np.testing.assert_array_equal(values, found[1][way][name])
-    (tmp_path / "2" / "imitation-1-tested.npz").write_bytes(b"nothing of the kind")
-    with pytest.raises(KeptFileError, match=r"imitation-1-tested\.npz: is damaged"):
+    (tmp_path / "2" / "gradient-1-tested.npz").write_bytes(b"nothing of the kind")
+    with pytest.raises(KeptFileError, match=r"gradient-1-tested\.npz: is damaged"):
         each("study", amortised.tested, jobs, 2)

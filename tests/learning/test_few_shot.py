@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
-from inkjet_env.experiments.learning import few_shot, few_shot_tuners
+from inkjet_env.experiments.learning import few_shot, few_shot_tuners, repeated_training
 from inkjet_env.experiments.learning.few_shot import heads_on_the_bench
 from inkjet_env.experiments.learning.few_shot_tuners import (
     MIDDLE,
@@ -111,9 +111,12 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     monkeypatch.setattr(
         few_shot, "SCRATCH", {name: few_shot_tuners.SCRATCH[name] for name in ("random", "cma-es of 4")}
     )
-    monkeypatch.setattr(few_shot_tuners, "LISTED", 3000)
-    monkeypatch.setattr(few_shot, "ModelBasedTuner", functools.partial(few_shot.ModelBasedTuner, budget=100))
-    arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "8", "--labelling", "4"]
+    monkeypatch.setattr(few_shot_tuners, "LISTED", 1500)
+    monkeypatch.setattr(repeated_training, "RESAMPLES", 100)
+    few = functools.partial(few_shot_tuners.one_for_all, heads=8, waveforms=300)
+    monkeypatch.setattr(few_shot_tuners, "one_for_all", few)
+    monkeypatch.setattr(few_shot, "ModelBasedTuner", functools.partial(few_shot.ModelBasedTuner, budget=50))
+    arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "4", "--labelling", "2"]
     arguments += ["--trainings", "2", "--workers", "1"]
     few_shot.main(arguments)
     text = (tmp_path / "few_tries.json").read_bytes()
@@ -125,7 +128,7 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     learning = {row["name"]: row["learning"] for row in found["rows"]}
     assert learning["random"] == learning["cma-es of 4"] == learning["tune"] == 0
     assert learning["one for all"] == learning["cma-es from one for all"] > 0
-    assert learning["list"] == learning["list, stretched"] >= 3000
+    assert learning["list"] == learning["list, stretched"] >= 1500
     assert len({*next(row for row in found["rows"] if row["name"] == "list")["after"]["10"]["each"]}) == 2
     assert learning["sb3-ppo"] == 2560
     for row in found["rows"]:
