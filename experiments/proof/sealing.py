@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import secrets
 import shutil
@@ -225,6 +226,12 @@ def _check_digest(folder: Path, name: str, expected: str) -> None:
         )
 
 
+@functools.lru_cache(maxsize=100_000)
+def _lies_in(path: str, folder: str) -> bool:
+    """Whether a path begins with a folder's; kept, because every diagnosis opens the same thousand files."""
+    return Path(path).is_relative_to(folder)
+
+
 def check_answer(folder: Path, entry: Mapping[str, Any], manifest: Mapping[str, Any]) -> None:
     """Raise ``ProofError`` if an answer cannot be scored.
 
@@ -256,8 +263,9 @@ def check_answer(folder: Path, entry: Mapping[str, Any], manifest: Mapping[str, 
         raise ProofError(
             f"the probabilities in the verdict on {name} exceed 1 together: {total:.6g}. Nothing is scored."
         )
+    own = str(folder.resolve())
     for path in entry["run"]["seen"]:
-        if Path(path).is_relative_to(folder.resolve()):
+        if _lies_in(path, own):
             raise ProofError(
                 f"the process that diagnosed {name} opened {path}, which only the judge may see. Nothing is scored."
             )
