@@ -18,7 +18,12 @@ compilations."""
 
 
 def first_other_cost(
-    problem: Problem, points: Real, recorded_V: Real, seed: int, evaluations: NDArray[np.int64] | None = None
+    problem: Problem,
+    points: Real,
+    recorded_V: Real,
+    seed: int,
+    evaluations: NDArray[np.int64] | None = None,
+    true_V: Real | None = None,
 ) -> str:
     """The first recorded cost that a run with that seed would not report for its point, in words; empty if none.
 
@@ -34,6 +39,8 @@ def first_other_cost(
         Seed of the run.
     evaluations : ndarray of int, shape (n,), optional
         Number of each evaluation, from 1; consecutive from 1 unless given.
+    true_V : ndarray, shape (n,), optional
+        True costs of the points in volts, where they are known already; used with ``evaluations`` alone.
     """
     if evaluations is None:
         counts, again = np.arange(1, len(recorded_V) + 1), problem.read(points, seed)
@@ -41,7 +48,7 @@ def first_other_cost(
         counts = evaluations
         again = np.array([problem.read(x, seed, int(k) - 1)[0] for x, k in zip(points, counts, strict=True)])
     else:
-        counts, again = evaluations, problem.evaluate(points)
+        counts, again = evaluations, problem.evaluate(points) if true_V is None else true_V
     return first_other(again, recorded_V, points, counts, lambda x, k: problem.read(x, seed, k - 1))
 
 

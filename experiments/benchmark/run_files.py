@@ -278,9 +278,10 @@ def _what_is_wrong(run: RunResult, seed: int) -> str:
     if not (np.isfinite(run.told_V).all() and (np.diff(run.told_V) < 0).all()):
         return "the reported costs do not decrease"
     of = problem(run.key.problem)
-    if difference := first_other(of.evaluate(run.points), run.costs_V, run.points, counts, lambda x, _: of.evaluate(x)):
+    true_V = of.evaluate(run.points)
+    if difference := first_other(true_V, run.costs_V, run.points, counts, lambda x, _: of.evaluate(x)):
         return difference
-    return first_other_cost(of, run.points, run.told_V, seed, counts)
+    return first_other_cost(of, run.points, run.told_V, seed, counts, true_V)
 
 
 def _damaged(path: Path, reason: str) -> DamagedResultError:
