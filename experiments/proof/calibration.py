@@ -41,18 +41,10 @@ def calibration_rows(cases: Sequence[Mapping[str, Any]]) -> list[tuple[float, bo
 
 def reliability(rows: Sequence[tuple[float, bool]]) -> list[dict[str, float]]:
     """Mean probability, fraction that is right and number of cases in each of `BINS` equal bins that holds any."""
-    sure = np.array([row[0] for row in rows])
-    right = np.array([row[1] for row in rows], dtype=float)
+    sure, right = np.asarray(rows, dtype=float).reshape(-1, 2).T
     place = np.minimum((sure * BINS).astype(int), BINS - 1)
-    return [
-        {
-            "mean": float(sure[place == k].mean()),
-            "right": float(right[place == k].mean()),
-            "of": int((place == k).sum()),
-        }
-        for k in range(BINS)
-        if np.any(place == k)
-    ]
+    bins = [place == k for k in np.flatnonzero(np.bincount(place, minlength=BINS))]
+    return [{"mean": float(sure[one].mean()), "right": float(right[one].mean()), "of": int(one.sum())} for one in bins]
 
 
 def calibration_error(rows: Sequence[tuple[float, bool]]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -30,7 +31,7 @@ class VerdictRecord:
     found: frozenset[str]
     candidates: tuple[frozenset[str], ...] = ()
 
-    @property
+    @functools.cached_property
     def allowed(self) -> frozenset[str]:
         """The named effects, each replaced by the hidden one if its group contains that."""
         names = self.found
