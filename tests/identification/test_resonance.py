@@ -14,10 +14,9 @@ from inkjet_env.identification.relaxation import low_passed
 from inkjet_env.recordings import Campaign, Recording
 
 
-@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("kind", [*WITHOUT, *WITH])
-def test_what_never_rings_is_refused_and_what_rings_is_found(kind, seed):
-    right, told = outcome(kind, seed)
+def test_what_never_rings_is_refused_and_what_rings_is_found(kind):
+    right, told = outcome(kind, seed=1)
     assert right, told
 
 
@@ -57,13 +56,12 @@ def sine(frequency_Hz, state, level):
     return time_s, drive_V, state
 
 
-@pytest.mark.parametrize("frequency_Hz", [1.0, 3.0])
-def test_the_second_harmonic_of_a_curved_law_is_no_resonance(frequency_Hz):
+def test_the_second_harmonic_of_a_curved_law_is_no_resonance():
     """One sine through a curved law, recorded as displacement: nothing is known between the harmonics."""
     rng = np.random.default_rng(0)
     recordings = []
     for k, level in enumerate((5.0, 10.0, 10.0)):
-        time_s, drive_V, state = sine(frequency_Hz, "periodic", level)
+        time_s, drive_V, state = sine(3.0, "periodic", level)
         sensor = drive_V + 0.02 * drive_V**2 + rng.normal(0, 0.01, 2000)
         recordings.append(
             Recording(f"r{k}", time_s, drive_V, sensor, "um", "displacement", initial_state=state, order=k + 1)
@@ -142,8 +140,7 @@ def resonator_that_creeps(frequency_Hz, compliance, step_s):
     return numerator, np.polymul(denominator, [omega**-2, 0.06 / omega, 1.0])
 
 
-@pytest.mark.parametrize("asymmetry", [0.0, 0.1])
-@pytest.mark.parametrize("compliance", [0.0, 0.15])
+@pytest.mark.parametrize(("compliance", "asymmetry"), [(0.0, 0.1), (0.15, 0.0)])
 def test_a_ring_in_a_short_part_of_a_long_recording_is_found_beside_creep_and_asymmetry(compliance, asymmetry):
     """A step, and then a slow sine that is answered less on one side; one recording, without repeats."""
     step_s, n = 2e-4, 12000
