@@ -18,7 +18,9 @@ class TestRulesOfAnOptimizer(OptimizerTests):
     def _one_after_another(self, request):
         self.optimizer = request.param
         self.deterministic = request.param in DETERMINISTIC
-        self.budget = 36 if request.param == "optuna-gp" else 150  # a Gaussian process takes 50 ms for each point
+        # a Gaussian process takes 50 ms for each point
+        self.budget = 36 if request.param == "optuna-gp" else 150
+        self.options = {"startup": 30} if request.param == "optuna-gp" else {}
 
 
 def run(name, budget, seed=5, objective=None, **more):
@@ -44,7 +46,7 @@ def test_all_are_available_here():
         ("nevergrad-OnePlusOne", 600, 1e-3),
         ("pymoo-pso", 1200, 0.1),
         ("pymoo-de", 1200, 2.0),
-        ("optuna-gp", 60, 0.1),
+        ("optuna-gp", 40, 0.5),
         ("scipy-differential-evolution", 1200, 2.0),
         ("scipy-dual-annealing", 600, 1e-8),
         ("scipy-direct", 1200, 1e-2),
