@@ -15,7 +15,6 @@ from inkjet_env.experiments.learning import amortised, few_shot
 from inkjet_env.experiments.publish import comparison_tables
 from inkjet_env.plant.augmented import AugmentedPrinthead
 
-
 DOCS = Path(__file__).parents[2] / "docs"
 
 

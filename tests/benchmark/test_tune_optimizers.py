@@ -63,7 +63,7 @@ def test_every_setting_that_may_be_tried_is_one_that_the_optimizer_has():
 
 def test_tuning_counts_what_it_spends_repeats_itself_and_keeps_the_defaults_where_nothing_is_better(monkeypatch):
     pytest.importorskip("optuna")
-    monkeypatch.setattr(tune_optimizers, "REFERENCE_BUDGET", 500)  # from the best known cost nothing but a scale follows
+    monkeypatch.setattr(tune_optimizers, "REFERENCE_BUDGET", 500)  # of the best cost nothing but a scale is made
     entry = tune_optimizers.tune("pso", trials=6, budget=240, heads=2)
     assert entry["evaluations"] == (6 + 6) * 2 * tune_optimizers.REPEATS * 240
     assert entry["quality"] <= entry["quality_of_defaults"]

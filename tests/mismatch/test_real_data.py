@@ -7,7 +7,7 @@ from inkjet_env.mismatch import diagnose
 from inkjet_env.recordings import Campaign, Recording
 from tests.real_data import real_campaign
 
-SAMPLES = 1200
+SAMPLES = 700
 
 
 @pytest.fixture(scope="module")

@@ -20,15 +20,19 @@ from inkjet_env.storage import json_text
 from tests.mismatch.diagnoses import ids
 
 HEAD = Printhead.published()
-LINES = [replace(line, drive_V=line.drive_V[::2], step_s=2 * line.step_s) for line in strain_gauge_battery()]
-TWICE = [line for line in LINES if line.repeats > 1]
+
+
+def thinned(every):
+    """The battery of the strain gauge, of every nth sample; what is recorded repeatedly, once more."""
+    lines = [replace(r, drive_V=r.drive_V[::every], step_s=every * r.step_s) for r in strain_gauge_battery()]
+    return [*lines, *(line for line in lines if line.repeats > 1)]
 
 
 @pytest.fixture(scope="module")
 def recorded_slowly():
     """A function: a campaign of the strain gauge with one effect on."""
 
-    def recorded(name="", seed=0, **given):
+    def recorded(name="", seed=0, every=4, **given):
         effects = []
         if name:
             effect = effect_named(name)
@@ -36,7 +40,7 @@ def recorded_slowly():
             effects = [(effect, values)]
         with pytest.MonkeyPatch.context() as patch:  # there is no self-sensing whose noise could be scaled
             patch.setattr(synthetic_campaigns, "OFFSETS_V", {"strain_gauge": 0.05})
-            return record_synthetic(HEAD, effects, seed, lines=[*LINES, *TWICE])
+            return record_synthetic(HEAD, effects, seed, lines=thinned(every))
 
     return recorded
 
@@ -51,7 +55,7 @@ def crept(recorded_slowly):
     [
         ("rate_dependent_hysteresis", {}),
         ("asymmetric_hysteresis", {}),
-        ("baseline_drift", {}),
+        ("baseline_drift", {"every": 2}),
         ("mains_hum", {"frequency_Hz": 7.0, "multiples": 1.0, "amplitude": 2.0}),
         ("trigger_delay", {"delay_s": 0.02}),
     ],

@@ -14,7 +14,7 @@ from inkjet_env.experiments.proof import judge, protocol
 from inkjet_env.experiments.proof.campaign_files import ProofError, digest
 from tests.processes import wait_until, worker
 
-SECONDS = 0.06
+SECONDS = 0.03
 
 
 def answers(folder):

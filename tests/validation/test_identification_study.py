@@ -18,8 +18,14 @@ from tests.real_data import REAL_DATA
 MEASURED = REAL_DATA / "piezo-actuator"
 
 
-def test_one_loop_of_the_published_head_needs_degree_eight_and_gives_its_law_back():
-    found, loop = published_loop()
+@pytest.fixture(scope="module")
+def alone():
+    """The published head identified from a single loop, and that loop."""
+    return published_loop()
+
+
+def test_one_loop_of_the_published_head_needs_degree_eight_and_gives_its_law_back(alone):
+    found, loop = alone
     assert np.ptp(loop.drive_V) == pytest.approx(180)
     assert found.degree.by_flattening == 8
     x = np.linspace(0, 1, 101)
@@ -30,7 +36,7 @@ def test_one_loop_of_the_published_head_needs_degree_eight_and_gives_its_law_bac
 
 
 def test_random_heads_are_found_again():
-    results = identified_heads(4, workers=1)
+    results = identified_heads(2, workers=1)
     errors = np.median([r.errors for r in results], axis=0)
     assert (errors < [1e-3, 5e-3, 5e-3]).all(), dict(zip(PARAMETERS, errors, strict=True))
     assert max(r.held_out_ratio for r in results) < 1.05
@@ -48,8 +54,8 @@ def test_the_peers_are_simulated_as_they_should_be():
         np.testing.assert_allclose(theirs, ours, rtol=0, atol=2e-6 * np.abs(ours).max())
 
 
-def test_the_papers_polynomial_is_the_published_one():
-    _, loop = published_loop()
+def test_the_papers_polynomial_is_the_published_one(alone):
+    _, loop = alone
     law, truth = paper_branch_law(loop), Printhead.published().branch_law
     x = np.linspace(0, 1, 101)
     assert np.abs(law.Q(x) - truth.Q(x) / truth.Q(1)).max() < 2e-3

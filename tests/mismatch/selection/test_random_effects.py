@@ -81,7 +81,7 @@ def look(effects):
 def test_white_noise_is_neither_hum_nor_drift(look):
     rng = np.random.default_rng(21)
     observed = recordings()
-    assert [look(observed, white(observed, rng)) for _ in range(15)] == [[]] * 15
+    assert [look(observed, white(observed, rng)) for _ in range(8)] == [[]] * 8
 
 
 def test_the_strain_gauges_own_noise_is_neither_hum_nor_drift(look):
@@ -89,7 +89,7 @@ def test_the_strain_gauges_own_noise_is_neither_hum_nor_drift(look):
     rng = np.random.default_rng(22)
     observed = recordings("strain_gauge", 2, 4, GAUGE_STEP_S)
     noise = StrainGauge().noise
-    for _ in range(12):
+    for _ in range(6):
         residuals = {o.name: noise.draw(rng, o.excitation.samples, 1 / o.excitation.step_s) for o in observed}
         assert look(observed, residuals) == []
 
@@ -98,7 +98,7 @@ def test_noise_of_a_steep_spectrum_is_neither_hum_nor_drift(look):
     """Neighbouring samples alike: an amplifier's bandwidth."""
     rng = np.random.default_rng(23)
     observed = recordings()
-    for _ in range(10):
+    for _ in range(5):
         residuals = white(observed, rng)
         for name, signal in residuals.items():
             for k in range(1, signal.size):
@@ -280,10 +280,10 @@ def test_a_drive_monitor_hums_to_nobody(look):
 
 
 def test_intervals_hold_the_truth_mostly(look):
-    """Frequency and size of a hum, size of a drift: 90 % intervals, of 15 campaigns each."""
+    """Frequency and size of a hum, size of a drift: 90 % intervals, of 6 campaigns each."""
     held = {"frequency_Hz": 0, "amplitude": 0}
     size = 0
-    for seed in range(15):
+    for seed in range(6):
         rng = np.random.default_rng([33, seed])
         observed = recordings()
         noise = white(observed, rng)
@@ -295,6 +295,5 @@ def test_intervals_hold_the_truth_mostly(look):
         draws = np.abs(np.linspace(-1, 1, 600)[:, None] ** np.arange(3) @ rng.standard_normal((3, 4000))).max(axis=0)
         truth = 3 * RMS * np.sqrt(np.mean(draws**2))
         size += drifted.estimates["amplitude"].low <= truth <= drifted.estimates["amplitude"].high
-    assert held["frequency_Hz"] >= 11  # fewer: one time in 80, if nine of ten hold it
-    assert held["amplitude"] >= 12
-    assert size >= 11
+    assert min(held["frequency_Hz"], held["amplitude"], size) >= 4  # fewer: one time in 60, if nine of ten hold it
+    assert held["frequency_Hz"] + held["amplitude"] + size >= 14  # fewer: one time in 36; half hold: one time in 65

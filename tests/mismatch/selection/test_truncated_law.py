@@ -18,8 +18,7 @@ from inkjet_env.rig.battery import default_battery
 SETTINGS = DiagnosisSettings()
 
 SUSPECTS = ("cubic_stiffness", "asymmetric_hysteresis")
-DRIVES = ("loop-1", "trapezoid-60V", "trapezoid-minus100V", "bipolar-full", "bipolar-quiet", "first-bipolar",
-          "multisine-95V-a", "multisine-95V-b", "zero")  # fmt: skip
+DRIVES = ("trapezoid-minus100V", "bipolar-full", "first-bipolar", "multisine-95V-a", "multisine-95V-b", "zero")
 PUBLISHED = Printhead.published()
 """Its law goes straight from 180 V on."""
 
