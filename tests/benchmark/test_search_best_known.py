@@ -46,7 +46,7 @@ def test_recorded_cost_is_the_cost_of_the_recorded_waveform(name):
 def test_no_small_step_improves_the_recorded_waveform(name, size):
     solved, rng = problem(name), np.random.default_rng(7)
     best = solved.bounds.to_unit(solved.best_known.waveform)
-    tries = 4000 if solved.has_gradient or solved.measurement_noise_V else 400  # heads with effects are slow
+    tries = 2000 if solved.has_gradient or solved.measurement_noise_V else 150  # heads with effects are slow
     moves = size * rng.standard_normal((tries, 7)) * (rng.random((tries, 7)) < 0.5)
     costs = solved.evaluate(np.clip(best + moves, -1, 1))
     within_V = 1e-4 if solved.spread else 1e-6  # a mean over heads breaks wherever one of them does
