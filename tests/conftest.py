@@ -1,6 +1,9 @@
+import sys
+
 import pytest
 
 from inkjet_env.experiments import cli
+from inkjet_env.plant import registry
 from tests.browser import launched
 from tests.processes import started, wait_until, written_json
 
@@ -32,8 +35,13 @@ def scheduler(start, tmp_path):
 
 @pytest.fixture
 def inkjet(capsys, tmp_path, monkeypatch):
-    """Run the command in an empty folder: exit status, standard output, standard error."""
+    """Run the command in an empty folder: exit status, standard output, standard error.
+
+    Modules that it imports from the folder, and effects that it registers, are forgotten afterwards.
+    """
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_registered", dict(registry._registered))
+    monkeypatch.setattr(sys, "path", list(sys.path))
 
     def run(*arguments):
         with pytest.raises(SystemExit) as exit_:
@@ -41,7 +49,10 @@ def inkjet(capsys, tmp_path, monkeypatch):
         out, err = capsys.readouterr()
         return exit_.value.code, out, err
 
-    return run
+    yield run
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", None)).startswith(str(tmp_path)):
+            del sys.modules[name]
 
 
 @pytest.fixture(scope="module")
