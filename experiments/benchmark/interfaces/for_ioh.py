@@ -22,7 +22,7 @@ def made(problem: str | Problem, seed: int = 0) -> Any:
     """
     objective = Objective(problem, seed)
     point, cost_V = objective.best_known_point, objective.best_known_V
-    optimum = None if point is None else (lambda *_: (point, cost_V))
+    optimum: Any = None if point is None else (lambda *_: (point, cost_V))
     return ioh.wrap_problem(
         objective, objective.name, ioh.ProblemClass.REAL, DIMENSION, lb=-1.0, ub=1.0, calculate_objective=optimum
     )

@@ -12,7 +12,7 @@ from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.typing import Real
 
 
-class PymooProblem(_Problem):  # type: ignore[misc]
+class PymooProblem(_Problem):
     """A problem over ``[-1, 1]⁷`` whose cost in volts is minimised; a generation is evaluated in one call.
 
     Parameters

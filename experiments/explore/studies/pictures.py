@@ -44,7 +44,7 @@ def draw_views(browser: Any, campaign: Path, folder: Path) -> dict[str, Path]:
         Something that should appear does not.
     """
     found = {name: folder / f"{name}.png" for name in ("waveform", "optimise", "recordings", "heads")}
-    with TemporaryDirectory() as scratch, serving(Path(scratch) / "session.json", "--campaign", campaign) as (_, address):
+    with TemporaryDirectory() as scratch, serving(Path(scratch) / "s.json", "--campaign", campaign) as (_, address):
         page = open_page(browser, address)
 
         def draw(view: str) -> None:
