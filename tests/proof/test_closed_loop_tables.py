@@ -1,6 +1,7 @@
 """The tables of the closed loop: each head once, with what it began and ended with."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -52,3 +53,14 @@ def test_a_folder_of_something_else_is_refused(tmp_path, capsys):
     with pytest.raises(SystemExit):
         closed_loop_tables.main([str(tmp_path)])
     assert "holds none of requests.json, waveforms.json and study.json" in capsys.readouterr().err
+
+
+def test_the_record_in_docs_says_what_its_files_say():
+    docs = Path(__file__).parents[2] / "docs"
+    lines = (docs / "results" / "closed-loop.md").read_text(encoding="utf-8").splitlines()
+    told = dict(closed_loop_tables.sections(docs / "closed-loop"))
+    assert {"requests: lags", "requests: concealed"} <= told.keys()
+    for heading, text in told.items():
+        if heading != "requests: strong and medium":  # the page shows the lags alone
+            missing = [line for line in text.splitlines() if line not in lines]
+            assert not missing, f"docs/results/closed-loop.md, {heading}: print its tables anew"
