@@ -122,8 +122,8 @@ class WaveformPlots:
         made.add_layout(self.resonance)
         return made
 
-    def draw(self, found: Curves, pinned: list[tuple[str, Drive, Curves]], settled: bool) -> None:
-        """Put new data into drive and response; axes shrink only once a gesture has ``settled``."""
+    def draw(self, found: Curves, head: Head, pinned: list[tuple[str, Drive, Curves]], settled: bool) -> None:
+        """Put new data into every plot; axes shrink only once a gesture has ``settled``."""
         knots_s, knots_V = self.state.drive.knots()
         time_us, knots_us = found.time_s * 1e6, knots_s * 1e6
         end_us = max(float(knots_us[-1]), *(1e6 * one.duration_s for _, one, _ in pinned), 1.0)
@@ -137,6 +137,8 @@ class WaveformPlots:
         two = slice(0, 0) if e is None else slice(e + 1, e + 2)
         for name, part in (("effective", one), ("next", two)):
             self._put(name, found.peak_times_s[part] * 1e6, found.peaks_V[part])
+        self._put("loop", found.loop_drive_V, found.loop_hysteretic_V)
+        self._put("spectrum", found.frequency_Hz / 1e3, found.spectrum_Vs * 1e6)
         self._draw_train(found)
         self._draw_pinned(pinned)
         self._draw_limits(knots_us, knots_V)
@@ -150,11 +152,6 @@ class WaveformPlots:
         heights += [float(np.abs(one).max()) for one in found.drops]
         top_V = 1.1 * max(1e-3, *heights)
         fit(self.response.y_range, -top_V, top_V, not settled)
-
-    def draw_below(self, found: Curves, head: Head, settled: bool) -> None:
-        """Put new data into hysteresis loop and spectrum."""
-        self._put("loop", found.loop_drive_V, found.loop_hysteretic_V)
-        self._put("spectrum", found.frequency_Hz / 1e3, found.spectrum_Vs * 1e6)
         for axis, values in ((self.loop.x_range, found.loop_drive_V), (self.loop.y_range, found.loop_hysteretic_V)):
             margin_V = max(1.0, 0.06 * float(np.ptp(values)))
             fit(axis, float(values.min()) - margin_V, float(values.max()) + margin_V, not settled)

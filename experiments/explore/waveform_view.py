@@ -24,8 +24,6 @@ from inkjet_env.experiments.explore.waveform_plots import WaveformPlots
 from inkjet_env.experiments.explore.waveform_state import MOST_PINNED
 from inkjet_env.printhead import DriverLimits
 
-BELOW_AFTER_MS = 60
-"""Time in milliseconds that the plots below wait while the drive is changed, so that the response is painted first."""
 PARAMETERS = (
     ("U1", "first plateau U1 (V)", 1.0, (0.0, 120.0, 0.5)),
     ("U2", "second plateau U2 (V)", 1.0, (-120.0, 0.0, 0.5)),
@@ -49,7 +47,6 @@ class WaveformView(View):
         super().__init__(exploration, guarded)
         self.state = exploration.waveform
         self._kept: list[tuple[Head, Drive, Conditions, Curves]] = []
-        self._below: Curves | None = None
         self.plots = WaveformPlots(self.state, lambda: guarded("waveform", lambda: None))
         self.sliders = [self._slider(k) for k in range(len(PARAMETERS))]
         self.frequency = QuickSlider(
@@ -179,8 +176,7 @@ class WaveformView(View):
         found = curves(head.head, state.drive, state.conditions)
         single = replace(state.conditions, drop_frequency_Hz=0.0)
         pinned = [(one.name, one.drive, self._of_pinned(head.head, one.drive, single)) for one in state.pinned]
-        self.plots.draw(found, pinned, state.settled)
-        self._draw_below_soon(found)
+        self.plots.draw(found, head.head, pinned, state.settled)
         self._show_controls()
         self.terms.object = cost_table(found.terms, state.conditions.cost, found.figures)
         rows = [("now", "#0072b2", found), *((n, c, d) for (n, _, d), c in zip(pinned, PIN_COLOURS, strict=False))]
@@ -188,22 +184,7 @@ class WaveformView(View):
         told = [f"<li>The drive {html.escape(text)}</li>" for text in state.excesses()]
         self.excesses.object = f"<ul class='excess'>{''.join(told)}</ul>" if told else ""
         self.dwell.draw()
-
-    def _draw_below_soon(self, found: Curves) -> None:
-        """Draw what stands below drive and response after them: in a page at most every `BELOW_AFTER_MS`."""
-        waiting, self._below = self._below is not None, found
-        if pn.state.curdoc is None:
-            self._draw_below()
-        elif not waiting:
-            pn.state.curdoc.add_timeout_callback(self._draw_below, BELOW_AFTER_MS)
-
-    def _draw_below(self) -> None:
-        found, self._below = self._below, None
-        if found is not None:
-            head = self.exploration.shelf.head
-            with pn.io.hold():
-                self.plots.draw_below(found, head.head, self.state.settled)
-                self.command.value = exports.command_text(head, self.state.drive, self.state.conditions)
+        self.command.value = exports.command_text(head, state.drive, state.conditions)
 
     def _of_pinned(self, head: Head, drive: Drive, conditions: Conditions) -> Curves:
         """Curves of a pinned drive, which are kept while it is pinned and nothing else changes."""

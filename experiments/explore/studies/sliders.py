@@ -46,7 +46,7 @@ def prepared(session: Path, page: str) -> Exploration:
 
 
 def python_ms(page: str, changes: int) -> list[float]:
-    """Milliseconds of each change of a slider in Python, up to the message that shows drive, response and cost."""
+    """Milliseconds that each change of a slider takes in Python, the making of the message included."""
     from bokeh.document import Document
     from bokeh.protocol import Protocol
     from panel.io.state import set_curdoc
