@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from inkjet_env import optimizers
 from inkjet_env.estimate import Estimate
 from inkjet_env.experiments.benchmark.analysis import REFERENCE, Comparison, Row, Standings
-from inkjet_env.experiments.benchmark.entrants import entrant
 
 GRADIENT_COUNTS = {3: "by computing time here", 8: "the cost of finite differences"}
 """Numbers of evaluations as which a value with its gradient could count, with the reason."""
@@ -55,7 +53,7 @@ def _with_dearer_gradients(compared: Comparison, found: Standings) -> str:
         return ""
     said = ""
     for row in found.rows:
-        if optimizers.uses_gradient(entrant(row.optimizer).optimizer):
+        if compared.outcome.settings.uses_gradient(row.optimizer):
             ranks = []
             for count, why in GRADIENT_COUNTS.items():
                 rank = compared.rank_if_ended_after(found.budget // count, row.optimizer, found)

@@ -59,14 +59,18 @@ class Entrant:
     def remark(self) -> str:
         """Remark for the reader; empty if there is none."""
         remarks = [text for prefix, text in REMARKS.items() if self.optimizer.startswith(prefix)]
-        if self.name.endswith(TUNED):
+        if self._tuned_here:
             remarks.append(f"Tuned for {tuned_settings()[self.optimizer]['budget']:,} evaluations.")
         return " ".join(remarks)
 
     @property
     def tuning_evaluations(self) -> int:
         """Number of evaluations that tuning its settings took; 0 for defaults."""
-        return int(tuned_settings()[self.optimizer]["evaluations"]) if self.name.endswith(TUNED) else 0
+        return int(tuned_settings()[self.optimizer]["evaluations"]) if self._tuned_here else 0
+
+    @property
+    def _tuned_here(self) -> bool:
+        return self.name.endswith(TUNED) and self.optimizer in tuned_settings()
 
 
 @functools.cache

@@ -11,7 +11,7 @@ import numpy as np
 from inkjet_env.cli.drive_csv import waveform_files
 from inkjet_env.experiments.benchmark.analysis import REFERENCE, SOLVED, Comparison
 from inkjet_env.experiments.benchmark.conclusions import ranking_sentences, standings_sentences, winner_sentence
-from inkjet_env.experiments.benchmark.entrants import entrant
+from inkjet_env.experiments.benchmark.entrants import Entrant
 from inkjet_env.experiments.benchmark.metrics import performance_profile
 from inkjet_env.experiments.benchmark.plots import COLOURS, DASHES, pictures
 from inkjet_env.experiments.benchmark.regret import best_known_cost, regret_quartiles_V, scale_V
@@ -57,6 +57,7 @@ def page(compared: Comparison, run: RunResult, waveforms: Figure) -> str:
         waveforms=waveforms,
         settings=settings,
         unavailable=compared.outcome.unavailable,
+        sources=settings.sources_json(),
         versions=versions(),
         reference=REFERENCE,
         suite=VERSION,
@@ -67,7 +68,8 @@ def page(compared: Comparison, run: RunResult, waveforms: Figure) -> str:
 def page_data(compared: Comparison) -> dict[str, Any]:
     """All data of the report, as plain JSON values."""
     rng = np.random.default_rng(compared.outcome.settings.seed)
-    budget, budget_of = compared.outcome.settings.budget, compared.outcome.settings.budget_of
+    settings = compared.outcome.settings
+    budget, budget_of = settings.budget, settings.budget_of
     spaced = np.round(np.geomspace(1, budget, GRID)).astype(int)
     evaluations = sorted({*spaced.tolist(), *compared.budgets})
     families = ("all", *compared.families) if len(compared.families) > 1 else ("all",)
@@ -97,7 +99,7 @@ def page_data(compared: Comparison) -> dict[str, Any]:
         "curves": {name: _curves(compared, name, evaluations) for name in compared.problems},
         "physical": {name: _physical(compared, name, order, rng) for name in compared.problems},
         "problems": [problem_json(name) for name in compared.problems],
-        "entrants": [entrant_json(name, budget_of(name)) for name in order],
+        "entrants": [entrant_json(settings.entrant(name), budget_of(name)) for name in order],
         "seconds": {name: _seconds(compared, name) for name in order},
     }
 
@@ -197,11 +199,10 @@ def _seconds(compared: Comparison, optimizer: str) -> float | None:
     return float(np.mean(known)) if known else None
 
 
-def entrant_json(name: str, budget: int) -> dict[str, Any]:
+def entrant_json(who: Entrant, budget: int) -> dict[str, Any]:
     """An entrant's options, tuning effort, budget and remark, as plain JSON values."""
-    who = entrant(name)
     return {
-        "name": name,
+        "name": who.name,
         "settings": ", ".join(f"{option} {value:.3g}" for option, value in who.options.items()) or "defaults",
         "tuning": who.tuning_evaluations,
         "budget": budget,

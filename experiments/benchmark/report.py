@@ -68,7 +68,9 @@ def ranking_json(compared: Comparison) -> dict[str, Any]:
             *ranking_sentences(compared),
         ],
         "problems": [page.problem_json(name) for name in compared.problems],
-        "entrants": [page.entrant_json(name, settings.budget_of(name)) for name in compared.optimizers],
+        "entrants": [
+            page.entrant_json(settings.entrant(name), settings.budget_of(name)) for name in compared.optimizers
+        ],
         "standings": {str(b): page.standings_json(compared, "all", b) for b in compared.budgets},
         "friedman_p": _number(ranking.standings.friedman_p),
         "critical_difference": _number(ranking.standings.critical_difference),

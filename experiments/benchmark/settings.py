@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.experiments.benchmark import suite
-from inkjet_env.experiments.benchmark.entrants import entrant
+from inkjet_env.experiments.benchmark.entrants import Entrant, entrant
 from inkjet_env.experiments.benchmark.problem import MAX_BUDGET, Problem
 from inkjet_env.experiments.benchmark.regret import best_known_cost
 from inkjet_env.experiments.benchmark.run_files import RunResult
@@ -91,6 +91,16 @@ class BenchSettings:
         """Number of evaluations of a run of that optimiser."""
         return min(self.budget, LONGEST.get(optimizer, self.budget))
 
+    def entrant(self, name: str) -> Entrant:
+        """The optimiser of that name, with its settings."""
+        return entrant(name)
+
+    def uses_gradient(self, name: str) -> bool:
+        """Whether that optimiser uses gradients."""
+        from inkjet_env import optimizers
+
+        return optimizers.uses_gradient(entrant(name).optimizer)
+
     def to_json(self) -> dict[str, Any]:
         """Everything that determines the results, as plain JSON values."""
         elsewhere = self.plugins()
@@ -107,6 +117,10 @@ class BenchSettings:
             "versions": versions(),
             **({"plugins": elsewhere} if elsewhere else {}),
         }
+
+    def sources_json(self) -> list[dict[str, Any]]:
+        """Where the runs come from, if not from this bench, as plain JSON values."""
+        return []
 
     def plugins(self) -> dict[str, dict[str, str]]:
         """Place, code and package of each ``optimizer NAME`` and ``problem NAME`` that is not this package's own."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,9 @@ from inkjet_env.cli.arguments import check_outputs, chosen_seed
 from inkjet_env.cli.exit_status import INTERRUPTED
 from inkjet_env.cli.options import JsonFile
 from inkjet_env.extras import check_installed
+
+if TYPE_CHECKING:
+    from inkjet_env.experiments.benchmark.settings import BenchOutcome
 
 
 def bench(
@@ -38,6 +41,14 @@ def bench(
         str | None,
         typer.Option(help="address of a Dask cluster, such as tcp://host:8786; local processes unless given"),
     ] = None,
+    merge: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="rank the finished runs of this folder beside those of others, which are given likewise; nothing is "
+            "run; the report goes to --results",
+        ),
+    ] = None,
     coco: Annotated[
         Path | None, typer.Option(help="folder for the runs as logs of COCO, for its post-processing cocopp")
     ] = None,
@@ -52,12 +63,23 @@ def bench(
     \b
     inkjet bench --optimizers pso,my_lab:Annealing \\
         --problems nominal,my_lab:tall_drop --repeats 5 --results results/lab
+
+    \b
+    inkjet bench --merge results/quick --merge results/lab \\
+        --results results/merged
     """
     from inkjet_env.experiments.benchmark.runner import run_bench
     from inkjet_env.experiments.benchmark.settings import BenchSettings
 
     check_installed("inkjet bench", "cli", "bench")
     check_outputs(json=json)
+    if merge:
+        from inkjet_env.experiments.benchmark.merged import merged
+
+        if problems or optimizers or scheduler:
+            raise ValueError("--merge takes optimisers and problems from its folders. Leave the other options out.")
+        _report(merged(merge, results), json, coco)
+        return
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}.")
     if scheduler is not None and workers is not None:
@@ -83,6 +105,11 @@ def bench(
     except KeyboardInterrupt:
         print(f"Interrupted; finished runs are kept in {results}. Run the same command to resume.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
+    _report(outcome, json, coco)
+
+
+def _report(outcome: BenchOutcome, json: Path | None, coco: Path | None) -> None:
+    """Write report and tables, and print the ranking."""
     from inkjet_env.experiments.benchmark.analysis import Comparison
     from inkjet_env.experiments.benchmark.report import write_report
     from inkjet_env.storage import write_json
