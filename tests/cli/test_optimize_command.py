@@ -144,7 +144,7 @@ def _heed_signals():
         signal.signal(number, signal.SIG_DFL)
 
 
-@pytest.mark.parametrize("signals", [["SIGHUP"], ["SIGINT", "SIGINT"], ["SIGTERM", "SIGINT"]])
+@pytest.mark.parametrize("signals", [["SIGINT"], ["SIGHUP"], ["SIGINT", "SIGINT"], ["SIGTERM", "SIGINT"]])
 def test_whatever_interrupts_a_running_process_its_best_is_written(tmp_path, signals):
     arguments = ["optimize", "--optimizer", "cma-es", "--budget", "1000000", "--out", "w.csv"]
     process = subprocess.Popen(

@@ -12,6 +12,6 @@ def test_nothing_is_found_in_noise(kind, diagnosed):
     assert (found.verdict, ids(found)) == ("none", []), found.headline
 
 
-@pytest.mark.parametrize("kind", ["exponential_memory", "grows_with_signal"])
+@pytest.mark.parametrize("kind", ["exponential_memory", "grows_with_signal", "level_by_recording", "heavy_tails"])
 def test_an_effect_is_named_in_noise(kind, diagnosed):
     assert ids(diagnosed("cubic_stiffness", noise_kind=kind)) == ["cubic_stiffness"]
