@@ -66,9 +66,10 @@ class Source:
             names = [*map(str, settings["optimizers"])]
             problems = {str(name): dict(of) for name, of in settings["problems"].items() if name in suite()}
             counts = int(settings["budget"]), int(settings["repeats"]), int(settings["seed"])
-            dict(settings["versions"]), [dict(one) for one in settings.get("plugins", {}).values()]
             for optimizer in names:
                 label_of(RunKey(optimizer, next(iter(settings["problems"])), 0), settings)
+            found = cls(folder.resolve().name, folder, settings, tuple(problems))
+            found.provenance()
         except (OSError, ValueError, KeyError, TypeError, AttributeError, StopIteration) as error:
             why = str(error)[:120] or type(error).__name__
             raise ValueError(f"{folder} is not the results folder of a bench ({why}). Give another folder.") from None
@@ -79,7 +80,7 @@ class Source:
         for name, of in problems.items():
             if difference := first_difference(of, suite()[name].settings(), f"problem {name}"):
                 raise ValueError(f"{folder}: its problem {name} is another one than here: {difference}.")
-        return cls(folder.resolve().name, folder, settings, tuple(problems))
+        return found
 
     def runs(self, problems: Sequence[str], repeats: int) -> list[RunResult]:
         """Its runs of these problems, each checked.
@@ -109,7 +110,8 @@ class Source:
         total = sha256()
         for file in sorted((self.folder / "runs").glob("*.parquet")):
             total.update(f"{file.name}\0{sha256(file.read_bytes()).hexdigest()}\0".encode())
-        told = {name: self.settings[name] for name in ("optimizers", "seed", "repeats", "versions")}
+        told = {name: self.settings[name] for name in ("optimizers", "seed", "repeats")}
+        told["versions"] = dict(self.settings["versions"])
         of_others = {
             str(name): {part: str(one.get(part, "none")) for part in ("place", "package", "code")}
             for name, one in self.settings.get("plugins", {}).items()
@@ -179,7 +181,7 @@ def merged(folders: Sequence[Path], out: Path) -> BenchOutcome:
     Parameters
     ----------
     folders : sequence of Path
-        Results folders of finished benches, at least two.
+        Results folders of finished benches.
     out : Path
         Folder for the report; made if missing.
 

@@ -17,7 +17,12 @@ if TYPE_CHECKING:
     from inkjet_env.experiments.benchmark.settings import BenchOutcome
 
 
+OF_RUNS = ("problems", "optimizers", "repeats", "budget", "seed", "workers", "scheduler")
+"""Options that say what is run."""
+
+
 def bench(
+    context: typer.Context,
     results: Annotated[Path, typer.Option(help="results folder; runs found there are not repeated")] = Path(
         "results/bench"
     ),
@@ -76,8 +81,8 @@ def bench(
     if merge:
         from inkjet_env.experiments.benchmark.merged import merged
 
-        if problems or optimizers or scheduler:
-            raise ValueError("--merge takes optimisers and problems from its folders. Leave the other options out.")
+        if given := [name for name in OF_RUNS if getattr(context.get_parameter_source(name), "name", "") != "DEFAULT"]:
+            raise ValueError(f"--merge runs nothing: what is compared stands in its folders. Leave out --{given[0]}.")
         _report(merged(merge, results), json, coco)
         return
     if workers is not None and workers < 1:

@@ -72,6 +72,12 @@ def test_they_are_ranked_together_by_the_numbers_of_each(mine, tmp_path, inkjet)
     assert sorted(path.name for path in (tmp_path / "logs").iterdir())[-1] == "their_lab.search.Halving"
 
 
+def test_options_of_runs_are_refused_where_nothing_is_run(mine, inkjet):
+    status, _, err = inkjet("bench", "--merge", mine, "--budget", "2000", "--results", "both")
+    assert (status, err.count("\n")) == (2, 1)
+    assert "--merge runs nothing: what is compared stands in its folders. Leave out --budget." in err
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

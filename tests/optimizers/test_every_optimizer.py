@@ -46,7 +46,7 @@ def test_all_are_available_here():
         ("nevergrad-OnePlusOne", 600, 1e-3),
         ("pymoo-pso", 1200, 0.1),
         ("pymoo-de", 1200, 2.0),
-        ("optuna-gp", 40, 0.5),
+        ("optuna-gp", 60, 0.1),
         ("scipy-differential-evolution", 1200, 2.0),
         ("scipy-dual-annealing", 600, 1e-8),
         ("scipy-direct", 1200, 1e-2),

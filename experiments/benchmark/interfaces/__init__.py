@@ -25,7 +25,7 @@ def optuna_problem(problem: Any, seed: int = 0) -> Any:
 
 
 def ioh_problem(problem: Any, seed: int = 0) -> Any:
-    """A problem as a real-valued problem of IOHprofiler's ``ioh``; see `for_ioh.made`."""
+    """A problem as a real-valued problem of IOHprofiler's ``ioh``; see `for_ioh.real_problem`."""
     with extra("a problem for ioh"):
-        from inkjet_env.experiments.benchmark.interfaces.for_ioh import made
-    return made(problem, seed)
+        from inkjet_env.experiments.benchmark.interfaces.for_ioh import real_problem
+    return real_problem(problem, seed)

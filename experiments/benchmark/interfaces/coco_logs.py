@@ -40,14 +40,18 @@ def write_coco_logs(comparison: Comparison, folder: Path) -> list[Path]:
     Raises
     ------
     ValueError
-        There are more problems than COCO has functions, or the best known cost of one is not known.
+        There are more problems than COCO has functions, or the folder holds something else: logs of other problems.
     """
     names = comparison.problems
     if len(names) > MOST_FUNCTIONS:
         raise ValueError(
             f"COCO has {MOST_FUNCTIONS} functions; the bench has {len(names)} problems. Bench fewer with --problems."
         )
+    functions, index = _table((f"f{k}", name) for k, name in enumerate(names, 1)), folder / "functions.csv"
+    if folder.exists() and any(folder.iterdir()) and not (index.is_file() and index.read_text("utf-8") == functions):
+        raise ValueError(f"{folder} holds something else than logs of these problems. Give another folder.")
     folder.mkdir(parents=True, exist_ok=True)
+    write_atomically(index, functions)
     written = []
     for optimizer in comparison.optimizers:
         place = folder / optimizer.replace(":", ".")
@@ -55,7 +59,6 @@ def write_coco_logs(comparison: Comparison, folder: Path) -> list[Path]:
             if runs := comparison.runs.get((optimizer, name)):
                 _write_function(place, number, optimizer, runs, best_known_cost(name))
         written.append(place)
-    write_atomically(folder / "functions.csv", _table((f"f{k}", name) for k, name in enumerate(names, 1)))
     return written
 
 

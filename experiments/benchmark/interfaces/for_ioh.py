@@ -10,7 +10,7 @@ from inkjet_env.experiments.benchmark.interfaces.objective import DIMENSION, Obj
 from inkjet_env.experiments.benchmark.problem import Problem
 
 
-def made(problem: str | Problem, seed: int = 0) -> Any:
+def real_problem(problem: str | Problem, seed: int = 0) -> Any:
     """A problem over ``[-1, 1]⁷`` as ``ioh.problem.RealSingleObjective``; its optimum is the best known cost.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Problems for pymoo's algorithms: one cost, or what the cost weighs as objectives of their own."""
+"""Problems for pymoo's algorithms."""
 
 from __future__ import annotations
 

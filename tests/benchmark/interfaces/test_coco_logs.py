@@ -56,6 +56,14 @@ def test_its_numbers_are_told_beside_it(comparison, tmp_path):
     write_coco_logs(comparison, tmp_path)
     rows = list(csv.DictReader((tmp_path / "functions.csv").open(encoding="utf-8")))
     assert rows == [{"function": "f1", "problem": "nominal"}, {"function": "f2", "problem": "reading-50mV"}]
+    write_coco_logs(comparison, tmp_path)  # anew, in the same place
+
+
+def test_logs_of_other_problems_are_not_mixed_with_these(comparison, tmp_path):
+    (tmp_path / "functions.csv").write_text("function,problem\nf1,stiff-head\n")
+    with pytest.raises(ValueError, match="holds something else than logs of these problems"):
+        write_coco_logs(comparison, tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == ["functions.csv"]
 
 
 def test_more_problems_than_coco_has_functions_are_refused(comparison, tmp_path, monkeypatch):
