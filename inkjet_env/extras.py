@@ -13,6 +13,7 @@ PACKAGES = {
     "hdf5": ("h5py",),
     "visa": ("pyvisa", "pyvisa_sim"),
     "rl": ("torch", "stable_baselines3"),
+    "jax": ("jax",),
     "cluster": ("distributed", "dask"),
     "human": ("pygame", "matplotlib"),
     "dev": ("pytest", "pysindy", "mpmath", "playwright", "ioh"),

@@ -33,6 +33,7 @@ EXECUTION = (*CLI, *OPTIMIZERS, "inkjet_env.envs", "inkjet_env.experiments.execu
 VALIDATION = (
     *EXECUTION,
     "inkjet_env",
+    "inkjet_env.torch",
     "inkjet_env.experiments.validation",
     "inkjet_env.experiments.validation.baselines",
 )
@@ -55,6 +56,8 @@ ALLOWED = {
     "inkjet_env.interruption": (),
     "inkjet_env.progress": (*PRINTHEAD, "inkjet_env.interruption"),
     "inkjet_env.testing": PLANT,
+    "inkjet_env.torch": PRINTHEAD,
+    "inkjet_env.jax": PRINTHEAD,
     "inkjet_env.printhead": GROUND,
     "inkjet_env.plant": PRINTHEAD,
     "inkjet_env.jetting": PLANT,

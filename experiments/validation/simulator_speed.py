@@ -96,10 +96,16 @@ def sampled_costs(waveforms: Real, head: Printhead, method: str) -> Real:
 
 def evaluations_table() -> list[tuple[str, float, float]]:
     """Rows of method, microseconds per evaluation, ratio to the closed form."""
+    import torch
+
     from inkjet_env.printhead import batch
+    from inkjet_env.torch import head_parameters, peak_cost
 
     head = Printhead.published()
     waveforms = Bounds().from_unit(np.random.default_rng(0).uniform(-1, 1, (4096, 7)))
+    tensor = torch.from_numpy(waveforms).requires_grad_()
+    heads = head_parameters(head)
+    heads = heads._replace(**{name: value.requires_grad_() for name, value in heads._asdict().items()})
     few, some = waveforms[:4], waveforms[:64]
     exact = batch.costs(some, head)
     for method in ("lfilter", "lsim"):
@@ -109,13 +115,15 @@ def evaluations_table() -> list[tuple[str, float, float]]:
         {
             "closed form, compiled batch": lambda: batch.costs(waveforms, head),
             "with its gradient": lambda: batch.costs_and_gradients(waveforms, head),
+            "torch: value and gradient": lambda: peak_cost(tensor, head).sum().backward(),
+            "torch: and the gradient in the head": lambda: peak_cost(tensor, heads).sum().backward(),
             "lfilter (first-order hold) + find_peaks": lambda: [
                 sampled_costs(some[i : i + 4], head, "lfilter") for i in range(0, len(some), 4)
             ],
             "lsim + find_peaks": lambda: sampled_costs(few, head, "lsim"),
         }
     )
-    counts = (len(waveforms), len(waveforms), len(some), len(few))
+    counts = (*[len(waveforms)] * 4, len(some), len(few))
     each = {name: 1e6 * total / n for (name, total), n in zip(seconds.items(), counts, strict=True)}
     ours = each["closed form, compiled batch"]
     return [(name, us, us / ours) for name, us in each.items()]

@@ -236,13 +236,14 @@ def costs_and_gradients(
         Derivatives with respect to ``U1 U2`` (V/V) and ``t1 … t5`` (V/s). Exact where the cost is smooth: durations
         above zero, and no peak about to appear, to leave the window or to change its role in the cost.
     """
-    from inkjet_env.printhead.compiled_gradient import batch_costs_and_gradients
+    from inkjet_env.printhead.compiled_responses import batch_costs_and_gradients
 
     arguments, capacity, result = prepare(
         waveforms, heads, cost, initial_state, window_s, hysteresis, period_s, earlier_drops
     )
     gradients = np.empty((len(result), 7))
-    while not batch_costs_and_gradients(*arguments, capacity, result, gradients):
+    in_head = np.empty((len(result), 0))
+    while not batch_costs_and_gradients(*arguments, capacity, result, gradients, in_head):
         capacity *= 2
     return result, gradients
 
