@@ -50,6 +50,14 @@ _jit = kernel_jit(__file__, fastmath=FAST)
 
 
 @_jit
+def pole_of(head):
+    """The pole λ of a row of a head table, in 1/s."""
+    pole_re = -0.5 * head[HEAD_A1]
+    omega0 = math.sqrt(head[HEAD_A0])
+    return complex(pole_re, math.sqrt((omega0 + pole_re) * (omega0 - pole_re)))
+
+
+@_jit
 def moments(z, count, result):
     """Fill ``result`` with ``m_k(z) = ∫₀¹ e^{z(1-s)} s^k ds`` for k = 0 … count - 1; see `resonator.moments`."""
     forward = 0 if abs(z) < 1.0 else min(int(abs(z)) + 1, count)
@@ -212,9 +220,7 @@ def pull_back(
     fixed_origin = np.zeros(2)
     with_head = head_gradient.shape[0] > 0
     degree = int(head[HEAD_DEGREE])
-    pole_re = -0.5 * head[HEAD_A1]
-    omega0 = math.sqrt(head[HEAD_A0])
-    pole = complex(pole_re, math.sqrt((omega0 + pole_re) * (omega0 - pole_re)))
+    pole = pole_of(head)
     gain = head[HEAD_B1] / pole.imag
     gradient[:] = 0.0
     amplitude_by[:] = 0.0

@@ -12,8 +12,6 @@ import numpy as np
 from inkjet_env.printhead.compiled import branch_pieces, peak_cost, response_extrema, start_in_train, waveform_knots
 from inkjet_env.printhead.compiled_edges import (
     FAST,
-    HEAD_A0,
-    HEAD_A1,
     HEAD_B1,
     HEAD_FULL_SCALE,
     MAX_DEGREE,
@@ -21,7 +19,7 @@ from inkjet_env.printhead.compiled_edges import (
     SERIES_TERMS,
     piece_rate,
 )
-from inkjet_env.printhead.compiled_gradient import moments, pull_back, scratch_of_pull_back
+from inkjet_env.printhead.compiled_gradient import moments, pole_of, pull_back, scratch_of_pull_back
 from inkjet_env.printhead.kernel_cache import kernel_jit
 
 _jit = kernel_jit(__file__, fastmath=FAST)
@@ -78,7 +76,7 @@ def batch_costs_and_gradients(
 
 
 @_jit
-def _forced(pole, duration, rate, n, tau, moment):
+def forced(pole, duration, rate, n, tau, moment):
     """The sum of Eq. (8b) at fraction ``tau`` of a piece, in volts."""
     moments(pole * duration * tau, n, moment)
     total = 0j
@@ -99,9 +97,7 @@ def batch_responses(waveforms, heads, warm_up_periods, one_point, period_s, earl
         head = heads[i if heads.shape[0] > 1 else 0]
         waveform_knots(waveforms[i], knots_s, knots_V)
         found = branch_pieces(knots_V, head[HEAD_FULL_SCALE], warm_up_periods, one_point, memory, pieces)
-        pole_re = -0.5 * head[HEAD_A1]
-        omega0 = math.sqrt(head[HEAD_A0])
-        pole = complex(pole_re, math.sqrt((omega0 + pole_re) * (omega0 - pole_re)))
+        pole = pole_of(head)
         gain = head[HEAD_B1] / pole.imag
         amplitude = 0j
         done = 0
@@ -119,13 +115,13 @@ def batch_responses(waveforms, heads, warm_up_periods, one_point, period_s, earl
                 while done < times.shape[0] and times[done] < start + duration:
                     value = amplitude * np.exp(pole * (times[done] - start))
                     if is_forced:
-                        value += gain * _forced(pole, duration, rate, n, (times[done] - start) / duration, moment)
+                        value += gain * forced(pole, duration, rate, n, (times[done] - start) / duration, moment)
                     responses[i, done] = value.imag
                     done += 1
                 if segment < 5:
                     amplitude *= np.exp(pole * duration)
                     if is_forced:
-                        amplitude += gain * _forced(pole, duration, rate, n, 1.0, moment)
+                        amplitude += gain * forced(pole, duration, rate, n, 1.0, moment)
                         index += 1
                 more = segment < 5 and index < found and int(pieces[index, 0]) == segment
         if period_s < math.inf:
