@@ -57,7 +57,7 @@ def jetting_batch(
     --------
     >>> found = jetting_batch([[100, -100, 1e-6, 10.481e-6, 13.769e-6, 9.613e-6, 20e-6]], Printhead.published())
     >>> found.effective_V.round(2), (found.settling_s * 1e6).round(1)
-    (array([6.94]), array([92.]))
+    (array([6.94]), array([52.1]))
     """
     from inkjet_env.jetting.compiled_figures import batch_figures
 
