@@ -41,7 +41,7 @@ def warn_of_no_render_mode() -> None:
 
 
 class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
-    """Choose a waveform and fire it; the reward is minus its peak cost. An episode has one step.
+    """Choose a waveform and fire it; the reward is minus its peak cost, or minus its regret. An episode has one step.
 
     The action, shape (7,), is ``U1, U2, t1 … t5`` scaled to ``[-1, 1]``. The observation, shape (4,), is the resonance
     frequency, damping ratio, gain and strength of the hysteresis of the head on the bench, on a scale where ±1 are the
@@ -120,7 +120,8 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         if self.render_mode == "human":
             self.render()
         info = {"waveform": waveforms[0].copy(), "cost": costs[0]}
-        return self._context.copy(), -float(read[0]), True, False, info
+        reference_V = self.task.references_V(self._context[None])[0]
+        return self._context.copy(), float(reference_V - read[0]), True, False, info
 
     @property
     def _generators(self) -> tuple[np.random.Generator, ...]:

@@ -20,6 +20,7 @@ from inkjet_env.envs.parallel import simulated_costs, simulated_peaks
 from inkjet_env.plant.augmented import AugmentedPrinthead, AugmentedResponse
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead, Response, Waveform, check_name
+from inkjet_env.printhead.waveform import as_waveform_array
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
@@ -46,6 +47,7 @@ def make_task(
     window_s: float = DEFAULT_WINDOW_S,
     hysteresis: str = "full_memory",
     limits: DriverLimits | Mapping[str, float] | None = None,
+    reference: ArrayLike | None = None,
 ) -> WaveformTask:
     """Task for the environment's keyword options.
 
@@ -72,6 +74,11 @@ def make_task(
     limits : DriverLimits or dict, optional
         What the driver can do; a dict holds the arguments of `DriverLimits`, for example ``{"rise_V_per_us": 20}``.
         Every action is then a legal waveform: see `Bounds`.
+    reference : array_like, shape (7,), optional
+        A waveform in volts and seconds, made for ``printhead``. The reward is then minus the regret: what this waveform
+        costs on the head on the bench, without noise, less the cost that is read. On a drawn head its durations are
+        stretched in proportion to the period, as somebody would who only knows the period. Rewards of different heads
+        can then be compared, and 0 V is not the reward of firing nothing.
 
     Returns
     -------
@@ -120,7 +127,19 @@ def make_task(
         initial_state,
         window_s,
         hysteresis,
+        None if reference is None else _checked_reference(reference),
     )
+
+
+def _checked_reference(reference: ArrayLike) -> tuple[float, ...]:
+    """A waveform, shape (7,), in volts and seconds; a ``ValueError`` names the option."""
+    try:
+        row = as_waveform_array(reference)
+    except ValueError as error:
+        raise ValueError(f"reference: {error}") from None
+    if len(row) != 1:
+        raise ValueError(f"reference must be one waveform, U1 U2 t1 … t5; got {len(row)}.")
+    return tuple(row[0].tolist())
 
 
 def warm_up() -> None:
@@ -188,7 +207,7 @@ class WaveformTask:
         Peak cost.
     bounds : Bounds
         Search box to which ``[-1, 1]⁷`` maps, in volts and seconds.
-    context, noise, clip_actions, initial_state, window_s, hysteresis
+    context, noise, clip_actions, initial_state, window_s, hysteresis, reference
         As in `make_task`.
     """
 
@@ -201,6 +220,7 @@ class WaveformTask:
     initial_state: str
     window_s: float
     hysteresis: str
+    reference: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         _ = self._prepared  # checks the options of the simulator
@@ -275,6 +295,30 @@ class WaveformTask:
             return self.printhead
         values = self.head_values(context)
         return self._base.varied(**{name: float(v) for name, v in zip(CONTEXT_NAMES, values, strict=True)})
+
+    def references_V(self, contexts: ArrayLike) -> Real:
+        """Cost of the reference on the heads of observations (n, 4), in volts, shape (1 or n,); zero without one."""
+        if self.reference is None:
+            return np.zeros(1)
+        if self.context == "fixed":
+            return self._fixed_reference_V
+        stretched = np.tile(self.reference, (len(np.atleast_2d(contexts)), 1))
+        stretched[:, 2:] *= self._base.frequency_Hz / self.head_values(contexts)[:, :1]
+        waveforms = self.bounds.legal(np.clip(stretched, *self._box))
+        return self._costs(waveforms, self.heads(contexts))
+
+    @cached_property
+    def _fixed_reference_V(self) -> Real:
+        waveform = self.bounds.legal(np.clip(np.array([self.reference]), *self._box))
+        return self._costs(waveform, self._fixed_head)
+
+    def _costs(self, waveforms: Real, heads: Real) -> Real:
+        """Costs without noise, in volts, shape (n,)."""
+        return self._without_noise.measure(waveforms, heads, (), threads=1)[1]
+
+    @cached_property
+    def _without_noise(self) -> WaveformTask:
+        return replace(self, noise=0.0)
 
     def respond(self, waveform: Real | None, context: ArrayLike) -> Response | AugmentedResponse | None:
         """Response of the head of one observation to a waveform, shape (7,), in volts and seconds; None for None."""

@@ -19,6 +19,8 @@ from inkjet_env.envs.waveform_tuning_task import WaveformTuningTask
 
 TRIES, PEAKS, NOISE_V = 10, 8, 0.05
 """Default steps of an episode, peaks of an observation, and standard deviation of a reading in volts."""
+NOT_OFFERED = ("context", "reference")
+"""Options of the other environment that a head to be tuned does not have."""
 
 
 class TuneWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
@@ -177,8 +179,8 @@ class TuneWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[Any],
 
 
 def _check_option_names(constructor: Callable[..., Any], options: dict[str, Any]) -> None:
-    """As `check_option_names`; ``context`` is left to `WaveformTuningTask`, which says why it cannot be given."""
-    check_option_names(constructor, [name for name in options if name != "context"], fixed=["context"])
+    """As `check_option_names`; `WaveformTuningTask` says why those of `NOT_OFFERED` cannot be given."""
+    check_option_names(constructor, [name for name in options if name not in NOT_OFFERED], fixed=NOT_OFFERED)
 
 
 def _picture(tuning: WaveformTuningTask, row: int) -> NDArray[np.uint8]:

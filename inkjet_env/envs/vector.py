@@ -85,7 +85,8 @@ class BipolarWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[An
         generators = self._generators_of(rows) if self.task.noise else ()
         read, costs = self.task.measure(waveforms, heads, generators, self.threads)
         self._shown[rows], self._shown_contexts = waveforms, self._contexts
-        return -read, np.ones(len(read), dtype=np.bool_), {"waveform": waveforms, "cost": costs}
+        rewards = self.task.references_V(self._contexts[rows]) - read
+        return rewards, np.ones(len(read), dtype=np.bool_), {"waveform": waveforms, "cost": costs}
 
     def _observations(self) -> NDArray[np.float32]:
         return self._contexts.copy()

@@ -48,8 +48,8 @@ class WaveformTuningTask:
         What each head is drawn from, by weight; see `inkjet_env.envs.given_heads.ensemble_of_heads`. By default heads
         are drawn as with ``context="random"``.
     **options
-        Options of the task; see `inkjet_env.envs.task.make_task`. ``context`` cannot be given, nor can ``printhead``
-        beside ``heads``.
+        Options of the task; see `inkjet_env.envs.task.make_task`. ``context`` and ``reference`` cannot be given,
+        nor can ``printhead`` beside ``heads``.
     """
 
     def __init__(
@@ -63,6 +63,8 @@ class WaveformTuningTask:
     ) -> None:
         if "context" in options:
             raise ValueError('context cannot be given: a head to be tuned is always drawn, as by context="random".')
+        if "reference" in options:
+            raise ValueError("reference cannot be given: the reward of a try is by how much it lowers the cost.")
         self.tries = _counted("tries", tries, MOST_TRIES)
         self.peaks = _counted("peaks", peaks, MOST_PEAKS)
         self.given = None if heads is None else GivenHeads(heads, **options)

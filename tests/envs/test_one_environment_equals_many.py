@@ -15,6 +15,7 @@ CASES = (
     {},
     {"context": "random"},
     {"noise": 0.3},
+    {"context": "random", "noise": 0.3, "reference": (100, -100, 1e-6, 10.5e-6, 13.7e-6, 9.8e-6, 20e-6)},
     {"context": "random", "noise": 0.3, "initial_state": "demagnetised", "window_s": float("inf")},
 )
 SEED, HEADS, STEPS = 11, 5, 200  # 1,000 actions
