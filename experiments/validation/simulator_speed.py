@@ -98,7 +98,7 @@ def evaluations_table() -> list[tuple[str, float, float]]:
     """Rows of method, microseconds per evaluation, ratio to the closed form."""
     import torch
 
-    from inkjet_env.printhead import batch
+    from inkjet_env.printhead import batch, lanes
     from inkjet_env.torch import head_parameters, peak_cost
 
     head = Printhead.published()
@@ -114,6 +114,7 @@ def evaluations_table() -> list[tuple[str, float, float]]:
     seconds = best_seconds(
         {
             "closed form, compiled batch": lambda: batch.costs(waveforms, head),
+            "eight side by side, in lanes": lambda: lanes.costs(waveforms, head),
             "with its gradient": lambda: batch.costs_and_gradients(waveforms, head),
             "torch: value and gradient": lambda: peak_cost(tensor, head).sum().backward(),
             "torch: and the gradient in the head": lambda: peak_cost(tensor, heads).sum().backward(),
@@ -123,7 +124,7 @@ def evaluations_table() -> list[tuple[str, float, float]]:
             "lsim + find_peaks": lambda: sampled_costs(few, head, "lsim"),
         }
     )
-    counts = (*[len(waveforms)] * 4, len(some), len(few))
+    counts = (*[len(waveforms)] * 5, len(some), len(few))
     each = {name: 1e6 * total / n for (name, total), n in zip(seconds.items(), counts, strict=True)}
     ours = each["closed form, compiled batch"]
     return [(name, us, us / ours) for name, us in each.items()]
