@@ -57,9 +57,8 @@ figures: $(READY)    ## draw the figures of README and docs
 	$(PY) -m inkjet_env.experiments.publish.figures
 	$(PY) -m inkjet_env.reporting.waveform_figures docs/figures/waveform.png
 
-speed: $(READY)      ## measure the speed of evaluations (against SciPy), environments (against Gymnasium) and plant
-	$(PY) -m inkjet_env.experiments.validation.simulator_speed
-	$(PY) -m inkjet_env.experiments.validation.plant_speed
+speed: $(READY)      ## measure speed as ratios (against SciPy, Gymnasium) into results/speed.json (ARGS="--record FILE")
+	$(PY) -m inkjet_env.experiments.validation.speed $(ARGS)
 
 accuracy: $(READY)   ## compare the closed form with an 80-digit reference
 	$(PY) -m inkjet_env.experiments.validation.closed_form_accuracy

@@ -1,6 +1,6 @@
 """Speed of the plant on one core: compared with SciPy's integrators at the same accuracy, and the cost of effects.
 
-``python -m inkjet_env.experiments.validation.plant_speed`` prints both. All methods compute the same quantity: the
+`speed` prints both. All methods compute the same quantity: the
 velocity of a head with a cubic spring at the samples of a bipolar pulse, from rest, with a given hysteretic drive that
 is linear between nodes. Errors are relative to SciPy's integrator at the tightest tolerance; a baseline's tolerance is
 the loosest of a ladder with which it is as accurate as the plant. It integrates from corner to corner of the drive,
@@ -8,9 +8,7 @@ which suits it best; its equation is in Python, as users write it."""
 
 from __future__ import annotations
 
-import argparse
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -118,29 +116,3 @@ def costs(head: Printhead) -> dict[str, float]:
         plants[effect.id] = Plant(head, effects=((effect, effect.starts(head, [excitation])[-1]),))
     calls: dict[str, Callable[[], Any]] = {name: partial(plant.signal, excitation) for name, plant in plants.items()}
     return {name: 1e9 * seconds / SAMPLES for name, seconds in best_seconds(calls, 200).items()}
-
-
-def main() -> None:
-    """Print the tables."""
-    argparse.ArgumentParser(
-        prog="python -m inkjet_env.experiments.validation.plant_speed", description=__doc__
-    ).parse_args()
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-        print("On one core.")
-    head = Printhead.published()
-    print(f"\nA cubic spring, {SAMPLES} samples, from rest, against solve_ivp")
-    for other in baselines(head):
-        print(
-            f"  {other.method:6s} rtol {other.rtol:.0e}  error {other.error:.1e} {1e3 * other.seconds:7.2f} ms"
-            f"   plant: error {other.plant_error:.1e}  {1e3 * other.plant_seconds:.3f} ms   {other.ratio:7.0f} ×"
-        )
-    print("\nThe whole plant, in steady state under a repeated pulse")
-    for name, ns in costs(head).items():
-        print(f"  {name:20s} {ns:8.0f} ns/sample")
-
-
-if __name__ == "__main__":
-    main()

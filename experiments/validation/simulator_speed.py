@@ -1,15 +1,12 @@
 """Speed as ratios to the alternatives that a user would choose, each measured in one run on one core.
 
-``python -m inkjet_env.experiments.validation.simulator_speed`` prints three tables: hysteresis by branch law compared
-with play operators, evaluations of the cost compared with two SciPy pipelines, and steps of the environments. Every
-figure is the best of several repetitions in which the alternatives take turns, so that other load on the machine does
-not affect only one of them."""
+Three tables: hysteresis by branch law compared with play operators, evaluations of the cost compared with two SciPy
+pipelines, and steps of the environments. Every figure is the best of several repetitions in which the alternatives take
+turns, so that other load on the machine does not affect only one of them. `speed` prints them."""
 
 from __future__ import annotations
 
-import argparse
 import functools
-import os
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -94,6 +91,11 @@ def sampled_costs(waveforms: Real, head: Printhead, method: str) -> Real:
     return costs
 
 
+def drawn_waveforms() -> Real:
+    """Waveforms in volts and seconds, uniform in the default box, shape (4096, 7)."""
+    return Bounds().from_unit(np.random.default_rng(0).uniform(-1, 1, (4096, 7)))
+
+
 def evaluations_table() -> list[tuple[str, float, float]]:
     """Rows of method, microseconds per evaluation, ratio to the closed form."""
     import torch
@@ -101,8 +103,7 @@ def evaluations_table() -> list[tuple[str, float, float]]:
     from inkjet_env.printhead import batch, lanes
     from inkjet_env.torch import head_parameters, peak_cost
 
-    head = Printhead.published()
-    waveforms = Bounds().from_unit(np.random.default_rng(0).uniform(-1, 1, (4096, 7)))
+    head, waveforms = Printhead.published(), drawn_waveforms()
     tensor = torch.from_numpy(waveforms).requires_grad_()
     heads = head_parameters(head)
     heads = heads._replace(**{name: value.requires_grad_() for name, value in heads._asdict().items()})
@@ -225,7 +226,7 @@ def environments_table() -> list[tuple[str, float, float]]:
     return [(name, us, us / ours) for name, us in each_us.items()]
 
 
-def _register_idle() -> None:
+def register_idle() -> None:
     """Register an environment that does nothing, which shows the cost of Gymnasium's own wrappers."""
     import gymnasium
 
@@ -243,28 +244,3 @@ def _register_idle() -> None:
             return np.zeros(7, np.float32), 0.0, True, False, {}
 
     gymnasium.register("inkjet_env/Idle-v0", entry_point=lambda **_: Idle())
-
-
-def main() -> None:
-    """Print the tables."""
-    argparse.ArgumentParser(
-        prog="python -m inkjet_env.experiments.validation.simulator_speed", description=__doc__
-    ).parse_args()
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    _register_idle()
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-        print("On one core.")
-    for title, unit, table in (
-        ("Hysteresis", "ns/sample", hysteresis_table),
-        ("Cost of a waveform", "µs/evaluation", evaluations_table),
-        ("Environments", "µs/step", environments_table),
-    ):
-        print(f"\n{title}")
-        for name, value, ratio in table():
-            print(f"  {name:58s} {value:12.2f} {unit:14s} {ratio:9.1f} ×")
-
-
-if __name__ == "__main__":
-    main()

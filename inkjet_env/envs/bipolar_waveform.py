@@ -120,8 +120,10 @@ class BipolarWaveformEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         if self.render_mode == "human":
             self.render()
         info = {"waveform": waveforms[0].copy(), "cost": costs[0]}
-        reference_V = self.task.references_V(self._context[None])[0]
-        return self._context.copy(), float(reference_V - read[0]), True, False, info
+        reward = -float(read[0])
+        if self.task.reference is not None:
+            reward += float(self.task.references_V(self._context[None])[0])
+        return self._context.copy(), reward, True, False, info
 
     @property
     def _generators(self) -> tuple[np.random.Generator, ...]:

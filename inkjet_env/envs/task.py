@@ -297,19 +297,17 @@ class WaveformTask:
         return self._base.varied(**{name: float(v) for name, v in zip(CONTEXT_NAMES, values, strict=True)})
 
     def references_V(self, contexts: ArrayLike) -> Real:
-        """Cost of the reference on the heads of observations (n, 4), in volts, shape (1 or n,); zero without one."""
-        if self.reference is None:
-            return np.zeros(1)
+        """Cost of the reference on the heads of observations (n, 4), in volts, shape (1 or n,)."""
         if self.context == "fixed":
             return self._fixed_reference_V
-        stretched = np.tile(self.reference, (len(np.atleast_2d(contexts)), 1))
+        stretched = np.tile(np.array(self.reference, dtype=np.float64), (len(np.atleast_2d(contexts)), 1))
         stretched[:, 2:] *= self._base.frequency_Hz / self.head_values(contexts)[:, :1]
         waveforms = self.bounds.legal(np.clip(stretched, *self._box))
         return self._costs(waveforms, self.heads(contexts))
 
     @cached_property
     def _fixed_reference_V(self) -> Real:
-        waveform = self.bounds.legal(np.clip(np.array([self.reference]), *self._box))
+        waveform = self.bounds.legal(np.clip(np.array([self.reference], dtype=np.float64), *self._box))
         return self._costs(waveform, self._fixed_head)
 
     def _costs(self, waveforms: Real, heads: Real) -> Real:

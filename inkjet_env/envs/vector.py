@@ -85,7 +85,7 @@ class BipolarWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[An
         generators = self._generators_of(rows) if self.task.noise else ()
         read, costs = self.task.measure(waveforms, heads, generators, self.threads)
         self._shown[rows], self._shown_contexts = waveforms, self._contexts
-        rewards = self.task.references_V(self._contexts[rows]) - read
+        rewards = -read if self.task.reference is None else self.task.references_V(self._contexts[rows]) - read
         return rewards, np.ones(len(read), dtype=np.bool_), {"waveform": waveforms, "cost": costs}
 
     def _observations(self) -> NDArray[np.float32]:
