@@ -5,10 +5,10 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="learners need Stable-Baselines3, the extra rl")
 
-from stable_baselines3 import PPO  # noqa: E402
+from stable_baselines3 import PPO
 
-from inkjet_env.envs.sb3 import BipolarWaveformVecEnv  # noqa: E402
-from inkjet_env.envs.softmax_rewards import SoftmaxRewards  # noqa: E402
+from inkjet_env.envs.sb3 import BipolarWaveformVecEnv
+from inkjet_env.envs.softmax_rewards import SoftmaxRewards
 
 
 def test_rewards_are_the_softmax_of_the_batch_at_a_falling_temperature():
