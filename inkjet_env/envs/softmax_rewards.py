@@ -18,12 +18,12 @@ with extra("inkjet_env.envs.softmax_rewards"):
 class SoftmaxRewards(VecEnvWrapper):
     """Replace the rewards of a batch by their softmax, whose temperature falls while the learner learns.
 
-    The mean reward of a Gaussian policy is best where the cost is bad but flat: on the published head PPO
-    with minibatches of 64 stops at 5 to 6 V of 22.8 V, and most descents along the gradient end at 0 V, firing nothing. With the weights
-    ``exp(r / T) / mean exp(r / T)`` of the rewards ``r`` of a batch, each relative to the others, what counts is what the
-    better part of the batch reaches; as T falls the part becomes smaller and the policy narrower. (Risk-seeking policy
-    gradients: Petersen et al., ICLR 2021; weights of this form: Peters & Schaal, ICML 2007.) It is for a fixed head: among
-    drawn heads the weights would prefer lucky heads to good waveforms.
+    The mean reward of a Gaussian policy is best where the cost is bad but flat: on the published head PPO with
+    minibatches of 64 stops at 5 to 6 V of 22.8 V, and most descents along the gradient end at 0 V, firing nothing. With
+    the weights ``exp(r / T) / mean exp(r / T)`` of the rewards ``r`` of a batch, each relative to the others, what
+    counts is what the better part of the batch reaches; as T falls the part becomes smaller and the policy narrower.
+    (Risk-seeking policy gradients: Petersen et al., ICLR 2021; weights of this form: Peters & Schaal, ICML 2007.) It is
+    for a fixed head: among drawn heads the weights would prefer lucky heads to good waveforms.
 
     Parameters
     ----------
