@@ -53,7 +53,7 @@ def cost_kernel() -> Any:
     def kernel(
         waveforms, heads, warm_up_periods, one_point, window_s, A, B, effective, threshold, target_height_V, costs
     ):
-        i = cuda.grid(1)
+        i = cuda.grid(1)  # type: ignore[call-arg, var-annotated]  # the typing context is no argument of the call
         if i < waveforms.shape[0]:
             knots_s, knots_V = cuda.local.array(6, float64), cuda.local.array(6, float64)
             memory, pieces = cuda.local.array(32, float64), cuda.local.array((40, 6), float64)
