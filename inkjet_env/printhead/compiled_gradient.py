@@ -299,7 +299,7 @@ def pull_back(
                             state[m] += forced[m]
                     index += 1
             more = segment < 5 and index < found and int(pieces[index, 0]) == segment
-    if period_s < math.inf:
+    if period_s < math.inf and earlier_drops > 0:
         turn = np.exp(pole * period_s)
         left = np.exp(pole * (period_s - knots_s[5])) / (1.0 - turn)
         delay = period_s - knots_s[5] + period_s * turn / (1.0 - turn)  # ∂ ln(left) / ∂λ

@@ -24,6 +24,7 @@ SETTINGS = [
     {"hysteresis": "one_point"},
     {"period_s": 110e-6},
     {"period_s": 110e-6, "earlier_drops": 3},
+    {"period_s": 110e-6, "earlier_drops": 0},
 ]
 
 
