@@ -38,7 +38,8 @@ class Measured:
     Attributes
     ----------
     cost_V, error_V : float
-        Peak cost and its standard error, in volts.
+        Peak cost and its standard error, in volts. Where two peaks are so nearly of the same height that the noise
+        decides which is the effective one, it is the mean of what the cost may be.
     residual_V, noise_V : float
         RMS of what the recording shows beyond the prediction, and of its part that is noise, in volts. Where the former
         is much larger, the prediction is wrong, and the cost is no better than a guess.
@@ -116,7 +117,11 @@ def measured(
     rng = np.random.default_rng(0)
     errors_V = savgol_filter(noise_V * rng.standard_normal((DRAWS, time_s.size)), width, 2, mode="wrap")
     at_peaks = np.minimum(np.rint(alone.peak_times_s / recording.step_s).astype(int), time_s.size - 1)
-    costs_V = np.array([cost(heights_V + row[at_peaks]) for row in errors_V])
-    adds_V = float(costs_V.mean()) - cost(heights_V)  # errors raise a sum of magnitudes
+    drawn_V = heights_V + errors_V[:, at_peaks]
+    costs_V = np.array([cost(row) for row in drawn_V])
+    effective = cost.effective_index(heights_V)
+    alike = np.array([cost.effective_index(row) == effective for row in drawn_V])
+    # Errors raise a sum of magnitudes: once in the recording, and once more in the draws.
+    adds_V = float(costs_V[alike].mean()) - cost(heights_V) if alike.any() else 0.0
     rms_V = float(np.sqrt(np.mean(residual_V**2)))
-    return Measured(cost(heights_V) - adds_V, float(costs_V.std()), rms_V, noise_V)
+    return Measured(float(costs_V.mean()) - 2 * adds_V, float(costs_V.std()), rms_V, noise_V)

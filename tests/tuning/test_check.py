@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from inkjet_env.experiments.tuning.check import check_request, measured
 from inkjet_env.plant import catalogue
@@ -47,3 +48,22 @@ def test_a_check_lets_the_head_come_to_rest():
     assert length_s >= WINDOW_S + 20 / HEAD.frequency_Hz
     assert request.step_s == pytest.approx(1 / (100 * HEAD.frequency_Hz), rel=0.05)
     assert request.drive_V.max() == pytest.approx(WAVEFORMS[0].U1, rel=0.05)
+
+
+def test_a_tie_that_the_noise_decides_is_not_taken_for_the_better_half():
+    """Two peaks of one height: the cost depends by tens of volts on which is the larger by a hair."""
+
+    def waveform(U2):
+        return Waveform(100, U2, 1e-6, 10.5e-6, 20e-6, 9.6e-6, 20e-6)
+
+    def lead(U2):
+        first, second = np.abs(HEAD.respond(waveform(U2)).peaks_V[:2])
+        return first - second
+
+    U2 = brentq(lead, -80.0, -60.0, xtol=1e-12)
+    apart = [HEAD.respond(waveform(U2 + by)).cost() for by in (-1e-6, 1e-6)]
+    assert max(apart) - min(apart) > 10
+    recording = VirtualRig(HEAD, 2, 40.0).record(check_request("check", waveform(U2), HEAD.frequency_Hz, WINDOW_S), 1)
+    found = measured(recording, waveform(U2), HEAD, PeakCost(), WINDOW_S)
+    assert min(apart) + 2 < found.cost_V < max(apart) + 2
+    assert found.error_V > 3
