@@ -9,6 +9,7 @@ from inkjet_env.experiments.publish import speed_tables
 from inkjet_env.experiments.validation import arithmetic
 from inkjet_env.experiments.validation.speed import FORMAT
 from inkjet_env.printhead import Bounds, Printhead
+from tests.modules import ROOT
 
 HEAD = Printhead.published()
 
@@ -52,3 +53,10 @@ def test_longer_edges_and_a_higher_law_need_more_operations():
     assert arithmetic.operations(short, HEAD) < arithmetic.operations(long, HEAD)
     assert arithmetic.operations(long, straight) < arithmetic.operations(long, HEAD)
     assert arithmetic.operations_a_second() > 0
+
+
+def test_the_page_shows_the_records_in_docs(capsys):
+    speed_tables.main([str(ROOT / "docs" / "speed")])
+    page = (ROOT / "docs" / "results" / "accuracy-and-speed.md").read_text(encoding="utf-8")
+    for line in capsys.readouterr().out.splitlines():
+        assert line.replace("## ", "### ") in page
